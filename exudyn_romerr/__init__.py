@@ -1,0 +1,64 @@
+"""Error bounds of reduced flexible bodies, beside the Exudyn simulation.
+
+Public names; those that need Exudyn are loaded when first used.
+"""
+
+from importlib import import_module
+from typing import Any
+
+from .basis import Basis, gramian_basis, krylov_basis, modal_basis
+from .body import Constants, ElasticBody
+from .errors import AssumptionError, InputError, RomErrError, RunError
+from .evaluate import Trajectory, evaluate
+from .outputs import (
+    Output,
+    mean_displacement,
+    node_displacement,
+    node_rotation,
+    node_velocity,
+    relative_displacement,
+)
+from .report import BoundReport, OutputReport, load_report
+from .residual import initial_coordinates, initial_error
+
+__version__ = "0.1.0"
+
+_NEEDS_EXUDYN = {"add_reduced_body": "mbs", "attach": "mbs"}
+
+__all__ = [
+    "AssumptionError",
+    "Basis",
+    "BoundReport",
+    "Constants",
+    "ElasticBody",
+    "InputError",
+    "Output",
+    "OutputReport",
+    "RomErrError",
+    "RunError",
+    "Trajectory",
+    "add_reduced_body",
+    "attach",
+    "evaluate",
+    "gramian_basis",
+    "initial_coordinates",
+    "initial_error",
+    "krylov_basis",
+    "load_report",
+    "mean_displacement",
+    "modal_basis",
+    "node_displacement",
+    "node_rotation",
+    "node_velocity",
+    "relative_displacement",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _NEEDS_EXUDYN:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_NEEDS_EXUDYN[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,116 @@
+"""What every estimator takes and gives: the start of a run, blocks of steps in, bounds out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..problem import Problem
+
+
+@dataclass(frozen=True)
+class Start:
+    """First instant of a run.
+
+    z : (k,) residual coordinates; y0, y0_t : columns' combinations with K e0 = L y0, M e0' = L y0' (theory.md 3),
+    None if the initial error is zero.
+    """
+
+    t: float
+    z: np.ndarray
+    y0: np.ndarray | None = None
+    y0_t: np.ndarray | None = None
+
+
+@dataclass
+class Block:
+    """S consecutive segments of a trajectory, polynomial in time.
+
+    t : (S,) ends of the segments; h : (S,) lengths; c : (S, d + 1, k) Bezier control points of z.
+    """
+
+    t: np.ndarray
+    h: np.ndarray
+    c: np.ndarray
+    _norms: dict = field(default_factory=dict)
+
+    def norms(self, norm: Callable) -> np.ndarray:
+        """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""
+        if norm not in self._norms:
+            self._norms[norm] = norm(self.c)
+        return self._norms[norm]
+
+    def integral(self, norm: Callable) -> np.ndarray:
+        """Upper bounds (S,) of int |R| over each segment: |R| <= sum_j B_j |c_j| and int B_j = h/(d + 1)."""
+        return self.h * self.norms(norm).mean(axis=1)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds at S instants: position (S,) in the M-norm, velocity (S,) in the M-norm, outputs (S, R)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    outputs: np.ndarray
+
+
+@dataclass(frozen=True)
+class InitialError:
+    """Norms of the initial error: |e0|_M, |e0|_K, |e0'|_M."""
+
+    e_M: float = 0.0
+    e_K: float = 0.0
+    v_M: float = 0.0
+
+    @property
+    def energy(self) -> float:
+        """sqrt(|e0'|_M^2 + |e0|_K^2): bounds |e'|_M of the free motion under any dissipative damping."""
+        return float(np.hypot(self.e_K, self.v_M))
+
+    @classmethod
+    def of(cls, start: Start, problem_norms: tuple[Callable, Callable, Callable] | None) -> InitialError:
+        """Evaluate the norms (M, K, static) at the start; zero if the run starts in the span of V."""
+        if start.y0 is None:
+            return cls()
+        norm_M, norm_K, norm_static = problem_norms
+        return cls(float(norm_static(start.y0)), float(norm_K(start.y0)), float(norm_M(start.y0_t)))
+
+
+class MassNormEstimator:
+    """Shared part of the estimators that bound |e|_M by the integral of |R|_{M^-1} (paper, section 4)."""
+
+    name: str
+
+    def __init__(self, problem: Problem):
+        self.norm = problem.norm_M
+        self.C2 = problem.C2
+        self.velocity_rows = problem.velocity_rows
+        self._initial_norms = (problem.norm_M, problem.norm_K, problem.norm_static) if problem.may_start_off else None
+        self.integral = 0.0
+        self.t0 = 0.0
+        self.initial = InitialError()
+
+    def start(self, start: Start) -> Bounds:
+        """Begin a run; return the bounds at its first instant."""
+        self.t0, self.integral = start.t, 0.0
+        self.initial = InitialError.of(start, self._initial_norms)
+        return self._bounds(np.array([start.t]), np.zeros(1), None)
+
+    def advance(self, block: Block) -> Bounds:
+        """Go on by one block; return the bounds at the ends of its segments."""
+        total = self.integral + np.cumsum(block.integral(self.norm))
+        self.integral = float(total[-1])
+        return self._bounds(block.t, total, block)
+
+    def _bounds(self, t: np.ndarray, integral: np.ndarray, block: Block | None) -> Bounds:
+        position, velocity = self._state_bounds(t - self.t0, integral, block)
+        outputs = np.where(self.velocity_rows, velocity[:, None], position[:, None]) * self.C2
+        return Bounds(position, velocity, outputs)
+
+    def _state_bounds(self, t, integral, block) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of |e|_M and |e'|_M after times t (S,) from the start, with int |R| up to there."""
+        raise NotImplementedError

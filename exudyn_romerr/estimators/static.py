@@ -1,0 +1,26 @@
+"""The error of a static solve: no estimate, K e = -R is solved offline for every column of R."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .base import Bounds
+
+if TYPE_CHECKING:
+    from ..problem import Problem
+
+
+class StaticError:
+    """|C e| = |C K^-1 R| and |e|_M = |K^-1 R|_M, exact; velocities are zero."""
+
+    assumes = "static equilibrium at every load step (exact, no estimate)"
+
+    def __init__(self, problem: Problem):
+        self.norm = problem.norm_static
+        self.rows = np.where(problem.velocity_rows[:, None], 0.0, problem.static_rows)
+
+    def __call__(self, z: np.ndarray) -> Bounds:
+        """Return the errors at load steps z (S, k)."""
+        return Bounds(self.norm(z), np.zeros(len(z)), np.abs(z @ self.rows.T))

@@ -1,0 +1,6 @@
+"""All that touches Exudyn: reduced bodies in an mbs, and monitors beside its solves."""
+
+from .bodies import ReducedBody, add_reduced_body
+from .monitor import Monitor, attach
+
+__all__ = ["Monitor", "ReducedBody", "add_reduced_body", "attach"]

@@ -1,0 +1,199 @@
+"""attach and Monitor: bounds beside an Exudyn simulation."""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any
+
+import exudyn as exu
+import numpy as np
+
+from ..errors import InputError, RunError
+from ..offline import prepare
+from .bodies import ReducedBody
+from .hook import StepHook, shared_hook
+from .watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from ..online import Run, StaticRun
+    from ..outputs import Output
+    from ..report import BoundReport
+
+
+class Monitor:
+    """Bounds of one body along every solve of its mbs; made by attach.
+
+    Attributes
+    ----------
+    runs : tuple of Run or StaticRun
+        One per solve, oldest first, up to the last accepted step. Never raises: what was bounded stays
+        reachable here when report() refuses. Each has report() and messages.
+    plan
+        What is computed, what is left out and why; print it.
+    """
+
+    def __init__(self, mbs: Any, hook: StepHook, watch: Watch):
+        self._mbs, self._hook, self._watch = mbs, hook, watch
+
+    @property
+    def runs(self) -> tuple[Run | StaticRun, ...]:
+        """All runs so far."""
+        self._hook.flush()
+        return tuple(self._watch.runs)
+
+    @property
+    def plan(self) -> Any:
+        """The plan, once the mbs is assembled.
+
+        Raises
+        ------
+        RunError
+            mbs.Assemble() was not called yet.
+        AssumptionError
+            Something beside the prescribed inputs acts on the body.
+        """
+        if not self._mbs.systemIsConsistent:
+            raise RunError("plan was asked before mbs.Assemble(); call it first")
+        self._watch.check(self._mbs)
+        return self._watch.offline.plan
+
+    def report(self, i: int = -1) -> BoundReport:
+        """Return the bounds of run i (default: the last), also while it is running.
+
+        Raises
+        ------
+        RunError
+            No run yet, or the hook was replaced by a PostStep function set after attach.
+        InputError
+            i is not one of the runs.
+        Exception
+            Whatever stopped the evaluation in the last solve, with its own type.
+        """
+        if not self._hook.is_in_charge(self._mbs):
+            raise RunError(
+                "a PostStep function set after attach replaced the monitor's, so steps are missing: set yours"
+                " first, or pass hook=yours to attach. monitor.runs holds what was bounded until then"
+            )
+        runs = self.runs
+        if self._watch.error is not None:
+            raise self._watch.error
+        if not runs:
+            raise RunError("report was asked before a run; call mbs.SolveDynamic() after attach")
+        if not isinstance(i, Integral) or not -len(runs) <= i < len(runs):
+            raise InputError(f"i={i!r} is not a run; allowed: {-len(runs)}..{len(runs) - 1}")
+        return runs[i].report()
+
+
+def attach(
+    mbs: Any,
+    flex: ReducedBody,
+    *,
+    outputs: Sequence[Output],
+    initial: Any = None,
+    jumps: Sequence[float] = (),
+    tolerance: dict[str, float] | float | None = None,
+    hook: Callable | None = None,
+    estimators: Any = "auto",
+    residual: str = "orthonormal",
+    kernels: str = "certified",
+    time: str = "sampled",
+    auxiliary_modes: int | str = "auto",
+) -> Monitor:
+    """Bound the error of a reduced body in every following solve of its mbs.
+
+    Before or after mbs.Assemble(). The offline work is done here; steps are gathered by a PostStep function
+    that all monitors of the mbs share, and that goes on calling the user's own.
+
+    Parameters
+    ----------
+    mbs : exudyn MainSystem
+    flex : ReducedBody
+        From add_reduced_body.
+    outputs : sequence of Output
+    initial : None, ((N,), (N,)) or "equilibrium"
+        State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
+    jumps : sequence of float
+        Times in s at which the inputs jump.
+    tolerance : dict or float, optional
+        Output name -> value in the output's unit (a float if there is one output). The best bound is
+        compared with it at every step; when it is exceeded the solve is stopped, and the report says when.
+    hook : callable, optional
+        Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
+    estimators, residual, kernels, time, auxiliary_modes
+        As in evaluate.
+
+    Returns
+    -------
+    Monitor
+
+    Raises
+    ------
+    InputError
+        Unknown names, wrong shapes, a body attached twice, two different PostStep functions.
+    AssumptionError
+        An assumption of the estimator asked for does not hold for this body.
+
+    Notes
+    -----
+    Does not cover: loads, joints and connectors on the body (refused when a solve begins); a static solver
+    called with storeSolver=False, which cannot be told from a dynamic one.
+    """
+    _check_body(mbs, flex)
+    if hook is not None and not callable(hook):
+        raise InputError(f"hook={hook!r}; needed: a function (mbs, t) -> bool")
+    offline = prepare(
+        flex.body,
+        flex.basis,
+        inputs=flex.inputs,
+        input_function=flex.input_function,
+        outputs=_checked_outputs(outputs),
+        initial=flex.initial if initial is None else initial,
+        jumps=jumps,
+        estimators=estimators,
+        residual=residual,
+        kernels=kernels,
+        time=time,
+        auxiliary_modes=auxiliary_modes,
+    )
+    watch = Watch(flex, offline, _checked_tolerance(tolerance, offline.output_names))
+    shared = shared_hook(mbs, hook)
+    shared.add(mbs, watch)
+    return Monitor(mbs, shared, watch)
+
+
+def _check_body(mbs: Any, flex: Any) -> None:
+    if not isinstance(flex, ReducedBody):
+        raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body returned")
+    if flex.mbs is not mbs:
+        raise InputError("flex was added to another mbs than the one passed to attach; pass flex.mbs")
+
+
+def _checked_outputs(outputs: Any) -> list[Output]:
+    if not isinstance(outputs, list | tuple):
+        raise InputError(f"outputs is a {type(outputs).__name__}; needed: a list of Output")
+    for out in outputs:
+        if isinstance(out, Integral | exu.SensorIndex):
+            raise InputError(
+                f"outputs contains sensor {int(out)}; a sensor on NodeGenericODE2 shows reduced coordinates, "
+                "no output of the full model: pass Output or node_displacement(...) instead"
+            )
+    return list(outputs)
+
+
+def _checked_tolerance(tolerance: Any, names: Sequence[str]) -> dict[str, float]:
+    if tolerance is None:
+        return {}
+    if isinstance(tolerance, Real):
+        if len(names) != 1:
+            raise InputError(f"tolerance={tolerance!r} for {len(names)} outputs; pass a dict name -> value")
+        tolerance = {names[0]: tolerance}
+    if not isinstance(tolerance, dict):
+        raise InputError(f"tolerance={tolerance!r}; needed: a dict name -> value (or a float if one output)")
+    for name, limit in tolerance.items():
+        if name not in names:
+            raise InputError(f"tolerance names {name!r}; allowed: {', '.join(map(repr, names))}")
+        if not isinstance(limit, Real) or not 0 < limit < np.inf:
+            raise InputError(f"tolerance[{name!r}]={limit!r}; needed: a positive finite number")
+    return tolerance

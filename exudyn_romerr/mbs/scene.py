@@ -1,0 +1,81 @@
+"""What is read from an mbs at the start of a solve: which solver runs, what acts on a reduced body."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import exudyn as exu
+
+from ..errors import AssumptionError, RunError
+
+
+def running_static_solver(mbs: Any, known: Any) -> Any:
+    """Return the static solver whose first call of the hook this is, or None; `known`: the last one returned.
+
+    Solvers stay in mbs.sys after their end; one that has just begun has taken no step. (A static solver
+    kept out of mbs.sys by storeSolver=False cannot be told from a dynamic one.)
+    """
+    solver = mbs.sys.get("staticSolver")
+    if (
+        solver is None
+        or solver is known
+        or solver.output.finishedSuccessfully
+        or solver.it.currentStepIndex > 0
+    ):
+        return None
+    return solver
+
+
+def is_in(mbs: Any, name: str, item: Any) -> bool:
+    """Tell whether the object number still belongs to the body of that name (mbs.Reset() deletes it)."""
+    try:
+        return mbs.GetObject(item)["name"] == name
+    except exu.ExudynError:
+        return False
+
+
+def require_in(mbs: Any, name: str, item: Any) -> None:
+    """Raise RunError unless the body is still part of the mbs."""
+    if not is_in(mbs, name, item):
+        raise RunError(f"body {name!r} is no longer in the mbs (mbs.Reset()?); add it again and attach again")
+
+
+def require_inputs_only(mbs: Any, node: Any, item: Any) -> None:
+    """Raise AssumptionError if a load, joint, connector or other object acts on the reduced body.
+
+    The bound knows the load B f(t) and nothing else.
+    """
+    markers = _markers_on(mbs, int(node), int(item))
+    system = mbs.systemData
+    culprits = [
+        f"load {i}" for i in range(system.NumberOfLoads()) if int(mbs.GetLoad(i)["markerNumber"]) in markers
+    ] + [
+        f"object {i}"
+        for i in range(system.NumberOfObjects())
+        if i != int(item) and _touches(mbs.GetObject(i), markers, int(node))
+    ]
+    if culprits:
+        raise AssumptionError(
+            f"on the reduced body (object {int(item)}) act beside its input_function: {', '.join(culprits)}; "
+            "a bound covers prescribed loads only, so pass them as columns of inputs= to add_reduced_body"
+        )
+
+
+def _markers_on(mbs: Any, node: int, item: int) -> set[int]:
+    found = set()
+    for i in range(mbs.systemData.NumberOfMarkers()):
+        marker = mbs.GetMarker(i)
+        bodies = _numbers(marker, "bodyNumber") | _numbers(marker, "objectNumber")
+        if item in bodies or node in _numbers(marker, "nodeNumber") | _numbers(marker, "nodeNumbers"):
+            found.add(i)
+    return found
+
+
+def _touches(item: dict, markers: set[int], node: int) -> bool:
+    nodes = _numbers(item, "nodeNumber") | _numbers(item, "nodeNumbers")
+    return node in nodes or not markers.isdisjoint(_numbers(item, "markerNumbers"))
+
+
+def _numbers(item: dict, key: str) -> set[int]:
+    value = item.get(key, [])
+    return {int(number) for number in (value if isinstance(value, list | tuple) else [value])}

@@ -1,0 +1,118 @@
+"""Watch: the bounds of one body along the solves of its mbs, fed with blocks of accepted steps."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import RunError
+from ..online import Run, StaticRun
+from .scene import require_in, require_inputs_only
+
+if TYPE_CHECKING:
+    from .bodies import ReducedBody
+
+
+class Watch:
+    """One monitored body.
+
+    It holds neither the mbs nor anything that does: the mbs holds the hook, the hook holds this, and Python
+    cannot collect a circle that runs through C++.
+
+    Attributes
+    ----------
+    runs : list of Run or StaticRun
+    error : Exception or None
+        What went wrong in the last solve.
+    stopped : bool
+        A tolerance was exceeded in the last solve.
+    """
+
+    def __init__(self, flex: ReducedBody, offline: Any, tolerance: dict[str, float]):
+        self.name, self.items = flex.name, flex.items
+        self.offline, self.tolerance = offline, tolerance
+        self.runs: list[Run | StaticRun] = []
+        self.error: Exception | None = None
+        self.stopped = False
+        self._model = flex.model
+        self._run: Run | StaticRun | None = None
+        self._last: tuple | None = None  # time, q, q_t of the last row evaluated
+
+    @property
+    def stops(self) -> bool:
+        """Whether the solve is to be stopped."""
+        return self.stopped or self.error is not None
+
+    def check(self, mbs: Any) -> None:
+        """Read the mbs; raise if the bound's assumptions do not hold there."""
+        require_in(mbs, self.name, self.items["oGenericODE2"])
+        require_inputs_only(mbs, self.items["nGenericODE2"], self.items["oGenericODE2"])
+
+    def begin(self, mbs: Any, static: bool) -> None:
+        """A solve begins: read the mbs. The first row taken will open a run."""
+        self.error, self.stopped, self._run, self._diverged = None, False, None, False
+        self._kind = StaticRun if static else Run
+        try:
+            self.check(mbs)
+            first = mbs.GetNodeODE2Index(self.items["nGenericODE2"])
+            self._columns = slice(first, first + len(self._model.M))
+        except Exception as error:
+            self.error = error
+
+    def take(self, t: np.ndarray, *states: np.ndarray) -> None:
+        """Evaluate accepted steps: t (S,) and the mbs's q, q_t, q_tt, each (S, all its coordinates)."""
+        if self.error is not None or self._diverged:
+            return
+        try:
+            self._evaluate(t.copy(), *(state[:, self._columns].copy() for state in states))
+        except Exception as error:
+            self.error = error
+
+    def note(self, message: str) -> None:
+        """Add a line to the head of the current run's report."""
+        if self._run is not None:
+            self._run.messages.append(message)
+
+    def _evaluate(self, t: np.ndarray, *states: np.ndarray) -> None:
+        finite = np.logical_and.reduce([np.isfinite(state).all(axis=1) for state in states])
+        if not finite.all():
+            self._diverge(t[np.argmin(finite)])
+            t, *states = (rows[: np.argmin(finite)] for rows in (t, *states))
+        if not t.size:
+            return
+        if self._run is None:
+            self._start(t[0], *(state[0] for state in states))
+        else:
+            self._run.extend(t, *states)
+        self._last = (t[-1], states[0][-1], states[1][-1])
+        self._compare(t[-1])
+
+    def _start(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> None:
+        run = self._kind(self.offline)
+        if self._kind is StaticRun:
+            run.start(t, q, q_t, q_tt)
+        else:
+            # explicit solvers leave the initial accelerations unset until their first step is done
+            run.start(t, q, q_t, self._model.acceleration(t, q, q_t), **self._continued(t, q, q_t))
+        self.runs.append(run)
+        self._run = run
+
+    def _continued(self, t: float, q: np.ndarray, q_t: np.ndarray) -> dict[str, Run]:
+        before = self.runs[-1] if self.runs else None
+        same = before is not None and all(map(np.array_equal, self._last, (t, q, q_t)))
+        return {"after": before} if same and isinstance(before, Run) else {}
+
+    def _diverge(self, t: float) -> None:
+        if self._run is None:
+            raise RunError(f"{self.name} starts at t = {t:g} with nan or inf among its coordinates")
+        self._diverged = True
+        self.note(f"the simulation diverged: nan or inf at t = {t:g}; bounds end before")
+
+    def _compare(self, t: float) -> None:
+        best = self._run.best_now() if self.tolerance else {}
+        for name, limit in self.tolerance.items():
+            if not np.all(best[name] <= limit):
+                self.stopped = True
+                bound = np.max(best[name])
+                self.note(f"stopped at t = {t:g}: tolerance on {name!r} exceeded, {bound:.3g} > {limit:g}")

@@ -1,0 +1,145 @@
+"""prepare: everything that is done once before a run, ending in small constants only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import InputError, check_array, check_choice
+from .estimators import ESTIMATORS
+from .estimators.static import StaticError
+from .inputs import InputSignal
+from .plan import Plan
+from .problem import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from .basis import Basis
+    from .body import ElasticBody
+    from .outputs import Output
+    from .residual import Coordinates
+
+TIMES = ("reconstructed", "sampled")
+AUTO = ("fast", "convolution")
+
+
+@dataclass(frozen=True)
+class Offline:
+    """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
+
+    estimators : name -> estimator that starts copies of itself. value_rows (R, n): C V. galerkin (n, k): W^T L.
+    jump_response (n, p): jump of qr'' per jump of u. initial: None, "equilibrium" or "state".
+    """
+
+    coordinates: Coordinates
+    signal: InputSignal | None
+    estimators: dict[str, Any]
+    outputs: tuple[Output, ...]
+    slices: tuple[slice, ...]
+    velocity_rows: np.ndarray
+    value_rows: np.ndarray
+    galerkin: np.ndarray
+    jump_response: np.ndarray
+    jumps: tuple[float, ...]
+    initial: str | None
+    time: str
+    total_mass: float | None
+    plan: Plan
+    static: Callable[[], StaticError]
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(out.name for out in self.outputs)
+
+
+def prepare(
+    body: ElasticBody,
+    basis: Basis,
+    *,
+    inputs: Any = None,
+    input_function: Callable | None = None,
+    outputs: Sequence[Output] = (),
+    initial: Any = None,
+    jumps: Sequence[float] = (),
+    estimators: Any = "auto",
+    residual: str = "orthonormal",
+    kernels: str = "certified",
+    time: str = "sampled",
+    auxiliary_modes: int | str = "auto",
+    sampled_inputs: bool = False,
+) -> Offline:
+    """Do the offline work of evaluate and attach; their docstrings describe the arguments.
+
+    sampled_inputs: the inputs come as samples with the trajectory, input_function may be missing.
+
+    Raises
+    ------
+    InputError, AssumptionError
+    """
+    names = _checked_estimators(estimators)
+    check_choice("time", time, TIMES)
+    if time == "reconstructed":
+        raise InputError("time='reconstructed' is not built yet; allowed: 'sampled'")
+    if auxiliary_modes != "auto":
+        raise InputError(f"auxiliary_modes={auxiliary_modes!r} is not built yet; leave it at 'auto'")
+    problem = Problem(
+        body, basis, inputs=inputs, outputs=outputs, initial=initial, residual=residual, kernels=kernels
+    )
+    signal = None if sampled_inputs and input_function is None else InputSignal(input_function, problem.B.shape[1])
+    V, W, B = problem.V, problem.W, problem.B
+    return Offline(
+        coordinates=problem.map.coordinates,
+        signal=signal,
+        estimators={name: ESTIMATORS[name](problem) for name in names},
+        outputs=problem.outputs,
+        slices=tuple(problem.slices),
+        velocity_rows=problem.velocity_rows,
+        value_rows=problem.C @ V,
+        galerkin=W.T @ problem.map.L,
+        jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
+        jumps=_checked_jumps(jumps, signal),
+        initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
+        time=time,
+        total_mass=body.total_mass,
+        plan=_plan(problem, names, time),
+        static=lambda: StaticError(problem),
+    )
+
+
+def _checked_estimators(estimators: Any) -> tuple[str, ...]:
+    names = AUTO if estimators == "auto" else (estimators,) if isinstance(estimators, str) else tuple(estimators)
+    if not names:
+        raise InputError(f"estimators is empty; allowed: 'auto' or some of {tuple(ESTIMATORS)}")
+    for name in names:
+        check_choice("estimators", name, ESTIMATORS)
+    return tuple(dict.fromkeys(names))
+
+
+def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[float, ...]:
+    times = check_array("jumps", jumps, (None,))
+    if times.size and (signal is None or not signal.p):
+        raise InputError("jumps need input_function, which gives the input on both sides; pass it beside inputs")
+    return tuple(sorted(times.tolist()))
+
+
+def _plan(problem: Problem, names: tuple[str, ...], time: str) -> Plan:
+    layout, body = problem.map.coordinates, problem.body
+    computed = [
+        f"body with N = {body.N} coordinates ({body.fixed.size} fixed), basis: {problem.basis.note}",
+        f"residual of {layout.k} columns, {problem.residual}; kernel {problem.kernels}",
+        *(f"estimator '{name}'" for name in names),
+        *(f"output '{out.name}' ({out.unit}, {out.of})" for out in problem.outputs),
+    ]
+    left_out = [(f"estimator '{name}'", "not asked for") for name in ESTIMATORS if name not in names]
+    if not problem.may_start_off:
+        left_out.append(("initial error", "initial=None: the full body starts in the span of V"))
+    if not layout.has_damping:
+        why = "undamped" if body.D is None else "Rayleigh damping is merged into the M V and K V columns"
+        left_out.append(("damping columns D V", why))
+    if time == "sampled":
+        left_out.append(("error of the time integration", "time='sampled'"))
+    return Plan(tuple(computed), tuple(left_out))

@@ -1,0 +1,212 @@
+"""BoundReport: the bounds of one run, printed, saved, loaded, compared with a truth and plotted."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import InputError, check_array, check_choice
+from .plan import Plan
+
+if TYPE_CHECKING:
+    import os
+
+FORMAT = 1  # of the saved file; a file of another format is refused
+
+
+@dataclass
+class OutputReport:
+    """One output along a run.
+
+    value : (T, r) output of the reduced body; bound[e] : (T, r) bound of its error by estimator e, bound["best"] the
+    smallest; reduction_bound[e] : the same for the residual at the samples only, which does not see the time
+    integration; error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
+    """
+
+    name: str
+    unit: str
+    of: str
+    value: np.ndarray
+    bound: dict[str, np.ndarray]
+    reduction_bound: dict[str, np.ndarray]
+    error: np.ndarray | None = None
+    effectivity: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def verdict(self, time: str) -> str:
+        """Return one line: the largest value, its bound at the worst instant and the estimator that gave it."""
+        largest, worst = np.max(np.abs(self.value), initial=0.0), np.max(self.bound["best"], initial=0.0)
+        share = f" ({100 * worst / largest:.2g} %)" if largest > 0 and np.isfinite(worst) else ""
+        names = [e for e in self.bound if e != "best"]
+        best = min(names, key=lambda e: np.max(self.bound[e]))
+        kind = "" if time == "reconstructed" else "reduction "
+        return (
+            f"{self.name}: up to {largest:.4g} {self.unit}, {kind}error at most {worst:.3g} {self.unit}{share}, "
+            f"by '{best}'"
+        )
+
+
+@dataclass
+class BoundReport:
+    """The bounds of one run.
+
+    t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
+    scope[e] : "complete", "coupled (linearised)" or "inputs frozen". messages : what the reader must know first.
+    """
+
+    t: np.ndarray
+    position_bound: dict[str, np.ndarray]
+    velocity_bound: dict[str, np.ndarray]
+    outputs: dict[str, OutputReport]
+    scope: dict[str, str]
+    reasons: dict[str, str]
+    plan: Plan
+    messages: list[str]
+    time: str
+    total_mass: float | None
+
+    def output(self, name: str) -> OutputReport:
+        """Return the output of that name; InputError lists the known ones."""
+        check_choice("output", name, self.outputs)
+        return self.outputs[name]
+
+    def reason(self, e: str) -> str:
+        """Return in words what estimator e assumes, and why its bound is inf where it is."""
+        check_choice("estimator", e, self.reasons)
+        return self.reasons[e]
+
+    def compare(self, name: str, t: Any, y: Any) -> OutputReport:
+        """Compare an output with a truth.
+
+        Parameters
+        ----------
+        name : str
+        t : (T,), y : (T,) or (T, r)
+            The truth at least at every instant of the report (s, unit of the output).
+
+        Returns
+        -------
+        OutputReport
+            The output, now with `.error` = y - value and `.effectivity`.
+
+        Raises
+        ------
+        InputError
+            Unknown output, wrong shapes, or an instant of the report that t lacks.
+        """
+        out = self.output(name)
+        t = check_array("t", t, (None,))
+        y = np.asarray(y, dtype=float)
+        y = check_array("y", y[:, None] if y.ndim == 1 else y, (len(t), out.value.shape[1]))
+        at = np.clip(np.searchsorted(t, self.t), 1, max(len(t) - 1, 1)) if len(t) > 1 else np.zeros(len(self.t), int)
+        at = np.where(np.abs(t[at - 1] - self.t) < np.abs(t[at] - self.t), at - 1, at)
+        gap = np.abs(t[at] - self.t)
+        # solvers add up their steps: rounding of t grows to about 1e-12 of the span
+        if gap.max() > 1e-9 * max(np.ptp(self.t), np.finfo(float).tiny):
+            raise InputError(f"t lacks the report's instant {self.t[gap.argmax()]:.6g} s; give the truth at report.t")
+        out.error = y[at] - out.value
+        truth = np.max(np.abs(out.error), axis=0)
+        out.effectivity = {e: _ratio(np.max(bound, axis=0), truth) for e, bound in out.bound.items()}
+        return out
+
+    def __str__(self) -> str:
+        lines = [f"bounds at {len(self.t)} instants, t = {self.t[0]:g} .. {self.t[-1]:g} s"]
+        lines += [f"! {message}" for message in self.messages]
+        if self.time == "sampled":
+            lines.append("! reduction error at sampled residuals; the error of the time integration is not covered")
+        for out in self.outputs.values():
+            lines.append(out.verdict(self.time))
+            if out.effectivity:
+                largest = np.max(np.abs(out.error))
+                ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")
+                lines.append(f"  true error up to {largest:.3g} {out.unit}; bound / error: {ratios}")
+        return "\n".join(lines + self._estimator_lines())
+
+    def _estimator_lines(self) -> list[str]:
+        divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
+        what = "in the mass norm" if self.total_mass is None else "mass-weighted RMS displacement"
+        return [
+            f"  {e:<12} scope {self.scope[e]}; position ({what}) <= {np.max(bound) / divisor:.3g}; {self.reasons[e]}"
+            for e, bound in self.position_bound.items()
+        ]
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write everything to one .npz file (no pickle; readable without Exudyn)."""
+        arrays = {"t": self.t}
+        arrays.update({f"position/{e}": x for e, x in self.position_bound.items()})
+        arrays.update({f"velocity/{e}": x for e, x in self.velocity_bound.items()})
+        for i, out in enumerate(self.outputs.values()):
+            arrays[f"output/{i}/value"] = out.value
+            if out.error is not None:
+                arrays[f"output/{i}/error"] = out.error
+            for kind in ("bound", "reduction_bound", "effectivity"):
+                arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
+        with open(path, "wb") as file:
+            np.savez_compressed(file, meta=np.array(json.dumps(self._meta())), **arrays)
+
+    def _meta(self) -> dict:
+        return {
+            "format": FORMAT,
+            "outputs": [(out.name, out.unit, out.of) for out in self.outputs.values()],
+            "scope": self.scope,
+            "reasons": self.reasons,
+            "plan": [self.plan.computed, self.plan.left_out],
+            "messages": self.messages,
+            "time": self.time,
+            "total_mass": self.total_mass,
+        }
+
+    def plot(self, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+        """Draw signal with band, and bound (and true error) over time; save to path if given, return the figure."""
+        from .plot import plot_report
+
+        return plot_report(self, path, outputs)
+
+
+def load_report(path: str | os.PathLike) -> BoundReport:
+    """Read a report that BoundReport.save wrote.
+
+    Raises
+    ------
+    InputError
+        No such file, truncated, not a report, or written by another format version.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {key: file[key] for key in file.files}
+        meta = json.loads(str(arrays["meta"]))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is no report of exudyn_romerr, or it is truncated: {error}") from error
+    if meta.get("format") != FORMAT:
+        raise InputError(
+            f"{path} has format {meta.get('format')!r}; this version reads format {FORMAT}: save it again"
+        )
+    outputs = [_load_output(arrays, i, *names) for i, names in enumerate(meta["outputs"])]
+    computed, left_out = meta["plan"]
+    return BoundReport(
+        t=arrays["t"],
+        position_bound=_under(arrays, "position/"),
+        velocity_bound=_under(arrays, "velocity/"),
+        outputs={out.name: out for out in outputs},
+        plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
+        **{key: meta[key] for key in ("scope", "reasons", "messages", "time", "total_mass")},
+    )
+
+
+def _load_output(arrays: dict, i: int, name: str, unit: str, of: str) -> OutputReport:
+    kinds = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in ("bound", "reduction_bound", "effectivity")}
+    return OutputReport(name, unit, of, arrays[f"output/{i}/value"], error=arrays.get(f"output/{i}/error"), **kinds)
+
+
+def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:
+    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
+
+
+def _ratio(bound: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Bound / truth; 1 where both are zero, inf where only the truth is."""
+    both_zero = (bound == 0) & (truth == 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(both_zero, 1.0, bound / truth)
