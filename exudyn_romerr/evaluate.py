@@ -65,7 +65,7 @@ def evaluate(
     estimators: Any = "auto",
     residual: str = "orthonormal",
     kernels: str = "certified",
-    time: str = "sampled",
+    time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
 ) -> BoundReport:
     """Bound the error of a stored reduced trajectory: |q - V qr|_M and |C q - C V qr| at every sample.
@@ -78,19 +78,24 @@ def evaluate(
         Input matrix B; the inputs themselves are traj.u.
     outputs : sequence of Output
     input_function : callable, optional
-        f(t) -> (p,), or a float if p = 1: the inputs between the samples; replaces traj.u. Needed with jumps.
+        f(t) -> (p,), or a float if p = 1: the inputs between the samples; replaces traj.u. Needed with jumps. Without
+        it the inputs are taken as linear between samples, and the report says so.
     initial : None, (q0, q0_t) or "equilibrium"
         State the full body starts in: the span of V, two (N,) arrays, or its own static equilibrium.
     jumps : sequence of float
         Times in s at which the inputs jump.
     estimators : "auto" or sequence of str
-        Some of "state-space", "fast", "convolution".
+        Some of "state-space", "fast", "convolution", "energy", "auxiliary". "auto": "energy", and "auxiliary" if
+        damping is Rayleigh or none.
     residual : {"orthonormal", "direct", "expanded"}
     kernels : {"certified", "spectrum", "envelope"}
-    time : {"sampled"}
-        "sampled": the residual at the samples, piecewise linear between them; the error of the time integration is
-        not covered.
+    time : {"reconstructed", "sampled"}
+        "reconstructed": a twice differentiable trajectory through the samples is bounded, the error of the time
+        integration included. "sampled": the residual at the samples, piecewise linear between them; the error of the
+        time integration is not covered.
     auxiliary_modes : int or "auto"
+        Modes of the full body carried by "auxiliary". "auto": as many as leave 5 % of |C|_{K^-1} above them, at most
+        60.
 
     Returns
     -------
@@ -105,7 +110,7 @@ def evaluate(
 
     Notes
     -----
-    Source: theory.md 1-3; paper (11), (25)-(30). Does not cover: loads that are not in inputs.
+    Source: docs/theory.md; paper (11), (25)-(30). Does not cover: loads that are not in inputs.
     """
     offline = prepare(
         body,

@@ -1,8 +1,10 @@
 """Sparse symmetric factorisation with its inertia: solves, and the count of eigenvalues below a shift."""
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import splu, spsolve_triangular
 
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
@@ -12,7 +14,8 @@ SINGULAR_PIVOT = 1e-14
 class SymmetricFactor:
     """L D L^T of a sparse symmetric matrix, without pivoting off the diagonal.
 
-    The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed.
+    The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed. Pivots stay zero
+    where the factorisation broke down.
 
     Parameters
     ----------
@@ -34,7 +37,8 @@ class SymmetricFactor:
             )
         except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
             return
-        self.pivots = self._lu.U.diagonal()
+        if np.array_equal(self._lu.perm_r, self._lu.perm_c):
+            self.pivots = self._lu.U.diagonal()
 
     @property
     def negative_pivots(self) -> int:
@@ -50,3 +54,28 @@ class SymmetricFactor:
         """Solve for one vector (n,) or many (n, k)."""
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
         return self._lu.solve(np.ascontiguousarray(right / scale)) / scale
+
+    def half_solve(self, right: np.ndarray) -> np.ndarray:
+        """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}: right in the coordinates where A^-1 is the identity.
+
+        Norms are taken there because products with A itself lose the square of the digits that this loses.
+        """
+        scaled = (right / self._scale[:, None])[self._order]
+        return spsolve_triangular(self._lower, scaled, unit_diagonal=True) / self._root
+
+    def half_multiply(self, right: np.ndarray) -> np.ndarray:
+        """Return Y (n, k) with |Y z|_2 = |right z|_A; half_multiply(A^-1 X) = half_solve(X)."""
+        scaled = (right * self._scale[:, None])[self._order]
+        return (self._lower.T @ scaled) * self._root
+
+    @cached_property
+    def _order(self) -> np.ndarray:
+        return np.argsort(self._lu.perm_r)
+
+    @cached_property
+    def _lower(self) -> sp.csr_matrix:
+        return self._lu.L.tocsr()
+
+    @cached_property
+    def _root(self) -> np.ndarray:
+        return np.sqrt(self.pivots)[:, None]

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from .residual import Coordinates
 
 TIMES = ("reconstructed", "sampled")
-AUTO = ("fast", "convolution")
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ def prepare(
     estimators: Any = "auto",
     residual: str = "orthonormal",
     kernels: str = "certified",
-    time: str = "sampled",
+    time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
     sampled_inputs: bool = False,
 ) -> Offline:
@@ -80,15 +79,18 @@ def prepare(
     ------
     InputError, AssumptionError
     """
-    names = _checked_estimators(estimators)
     check_choice("time", time, TIMES)
-    if time == "reconstructed":
-        raise InputError("time='reconstructed' is not built yet; allowed: 'sampled'")
-    if auxiliary_modes != "auto":
-        raise InputError(f"auxiliary_modes={auxiliary_modes!r} is not built yet; leave it at 'auto'")
     problem = Problem(
-        body, basis, inputs=inputs, outputs=outputs, initial=initial, residual=residual, kernels=kernels
+        body,
+        basis,
+        inputs=inputs,
+        outputs=outputs,
+        initial=initial,
+        residual=residual,
+        kernels=kernels,
+        auxiliary_modes=auxiliary_modes,
     )
+    names = _checked_estimators(estimators, body)
     signal = None if sampled_inputs and input_function is None else InputSignal(input_function, problem.B.shape[1])
     V, W, B = problem.V, problem.W, problem.B
     return Offline(
@@ -110,8 +112,11 @@ def prepare(
     )
 
 
-def _checked_estimators(estimators: Any) -> tuple[str, ...]:
-    names = AUTO if estimators == "auto" else (estimators,) if isinstance(estimators, str) else tuple(estimators)
+def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
+    """Names of the estimators; "auto": the sharp ones that the body's damping allows."""
+    if isinstance(estimators, str) and estimators == "auto":
+        return ("energy", "auxiliary") if body.rayleigh is not None else ("energy",)
+    names = (estimators,) if isinstance(estimators, str) else tuple(estimators)
     if not names:
         raise InputError(f"estimators is empty; allowed: 'auto' or some of {tuple(ESTIMATORS)}")
     for name in names:
@@ -130,8 +135,8 @@ def _plan(problem: Problem, names: tuple[str, ...], time: str) -> Plan:
     layout, body = problem.map.coordinates, problem.body
     computed = [
         f"body with N = {body.N} coordinates ({body.fixed.size} fixed), basis: {problem.basis.note}",
-        f"residual of {layout.k} columns, {problem.residual}; kernel {problem.kernels}",
-        *(f"estimator '{name}'" for name in names),
+        f"residual of {layout.k} columns, {problem.residual}",
+        *(f"estimator '{name}'{_details(problem, name)}" for name in names),
         *(f"output '{out.name}' ({out.unit}, {out.of})" for out in problem.outputs),
     ]
     left_out = [(f"estimator '{name}'", "not asked for") for name in ESTIMATORS if name not in names]
@@ -142,4 +147,14 @@ def _plan(problem: Problem, names: tuple[str, ...], time: str) -> Plan:
         left_out.append(("damping columns D V", why))
     if time == "sampled":
         left_out.append(("error of the time integration", "time='sampled'"))
+    else:
+        computed.append("error of the time integration: quintic reconstruction between steps")
     return Plan(tuple(computed), tuple(left_out))
+
+
+def _details(problem: Problem, name: str) -> str:
+    if name == "auxiliary":
+        split = problem.split
+        capped = f"; {split.capped}" if split.capped else ""
+        return f": {split.omega.size} modes up to {split.omega[-1]:.4g} rad/s, none missed{capped}"
+    return f": kernel '{problem.kernels}'" if name in ("fast", "convolution") else ""

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .assemble import assemble
 from .errors import InputError, RunError, check_finite
-from .estimators.base import Block, Bounds, Start
-from .reconstruct import Jump, linear_segments, make_jumps
-from .report import BoundReport, OutputReport
+from .estimators.base import Start
+from .reconstruct import Linear, Quintic, Samples, make_jumps
+from .stream import Stream
 
 if TYPE_CHECKING:
+    from .estimators.base import Bounds
     from .offline import Offline
+    from .report import BoundReport
 
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it a load was missed, or the solver's tolerance is coarse
+RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 
 
 class Run:
@@ -25,157 +29,152 @@ class Run:
         self.offline = offline
         self.messages: list[str] = []
         self.defect = 0.0
-        self._estimators = {name: copy.copy(e) for name, e in offline.estimators.items()}
         self._t: list[np.ndarray] = []
         self._values: list[np.ndarray] = []
-        self._bounds: dict[str, list[Bounds]] = {name: [] for name in self._estimators}
-        self._jumps = self._make_jumps()
-        self._last: tuple | None = None  # t, z, u of the last sample
+        self._last: Samples | None = None
+        layout = offline.coordinates
+        jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
+        self._segmenters = {"reduction": Linear(layout, jumps)}
+        if offline.time == "reconstructed":
+            self._segmenters["total"] = Quintic(layout, jumps, offline.signal)
+        self._streams = {name: Stream(offline.estimators) for name in self._segmenters}
+        if offline.initial is not None:
+            self._streams["initial"] = Stream(offline.estimators)
+
+    @property
+    def _total(self) -> Stream:
+        return self._streams.get("total", self._streams["reduction"])
 
     def start(self, t: float, q, q_t, q_tt, u=None, after: Run | None = None) -> None:
         """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known.
 
         after: a run whose last state this one starts in; its bounds go on.
         """
-        times, states = self._checked(np.array([t]), *(np.asarray(x)[None] for x in (q, q_t, q_tt)))
-        u = self._inputs(times, None if u is None else np.asarray(u)[None])
-        z = self.offline.coordinates(*states, u)
+        first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u)
         if after is None:
-            begin = self._start(t, z[0], *(x[0] for x in states[:2]), u[0])
-            bounds = {name: e.start(begin) for name, e in self._estimators.items()}
+            start = self._start(first)
+            for name, stream in self._streams.items():
+                stream.start(replace(start, z=0 * start.z) if name == "initial" else start)
         else:
-            self._estimators = {name: copy.copy(e) for name, e in after._estimators.items()}
-            bounds = {name: _last_instant(chunks[-1]) for name, chunks in after._bounds.items()}
+            for name, stream in self._streams.items():
+                stream.go_on(after._streams[name])
             self.messages.append(f"continues the run before from t = {t:g} s")
-        self._record(times, states, bounds)
-        self._last = (float(t), z[0], u[0])
+        self._record(first)
 
     def extend(self, t, q, q_t, q_tt, u=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
         if self._last is None:
             raise RunError("extend was called before start; give the first sample to start")
-        times, states = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt)
-        if not times.size:
+        new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u)
+        if not new.t.size:
             return
-        u = self._inputs(times, u)
-        z = self.offline.coordinates(*states, u)
-        before = self._last
-        knots = (np.append(before[0], times), np.vstack([before[1], z]), np.vstack([before[2], u]))
-        segments = linear_segments(*knots, self._jumps)
-        block = Block(segments.t, segments.h, segments.c)
-        bounds = {name: _at(e.advance(block), segments.step_end) for name, e in self._estimators.items()}
-        self._record(times, states, bounds)
-        self._measure_defect(z)
-        self._last = (float(times[-1]), z[-1], u[-1])
+        samples = new.after(self._last)
+        for name, segmenter in self._segmenters.items():
+            self._streams[name].advance(*segmenter(samples))
+        if "initial" in self._streams:
+            block, step_end = self._segmenters["reduction"](samples)
+            self._streams["initial"].advance(replace(block, c=0 * block.c), step_end)
+        self._record(new)
 
     def best_now(self) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (r,) at the last step given."""
-        best = np.min([chunks[-1].outputs[-1] for chunks in self._bounds.values()], axis=0)
+        best = self._total.best_now()
         return {out.name: best[part] for out, part in zip(self.offline.outputs, self.offline.slices, strict=True)}
 
     def report(self) -> BoundReport:
         """Return what was bounded so far; RunError before the first sample."""
         if self._last is None:
             raise RunError("report was asked before the first sample of the run")
-        bounds = {name: _joined(chunks) for name, chunks in self._bounds.items()}
-        values = np.vstack(self._values)
-        return BoundReport(
-            t=np.concatenate(self._t),
-            position_bound={name: b.position for name, b in bounds.items()},
-            velocity_bound={name: b.velocity for name, b in bounds.items()},
-            outputs=self._output_reports(values, bounds),
-            scope=dict.fromkeys(bounds, "complete"),
-            reasons={name: self._reason(name, b) for name, b in bounds.items()},
-            plan=self.offline.plan,
-            messages=self._all_messages(),
-            time=self.offline.time,
-            total_mass=self.offline.total_mass,
-        )
+        return assemble(self)
 
-    def _output_reports(self, values, bounds) -> dict[str, OutputReport]:
-        reports = {}
-        for out, part in zip(self.offline.outputs, self.offline.slices, strict=True):
-            by_estimator = {name: b.outputs[:, part] for name, b in bounds.items()}
-            best = np.min(list(by_estimator.values()), axis=0)
-            bound = {**by_estimator, "best": best}
-            reports[out.name] = OutputReport(out.name, out.unit, out.of, values[:, part], bound, dict(bound))
-        return reports
+    def streams(self) -> dict[str, dict[str, Bounds]]:
+        """Return the bounds so far: stream -> estimator -> bounds; "total" is the one that counts."""
+        found = {name: stream.bounds() for name, stream in self._streams.items()}
+        return {"total": found["reduction"], **found}
 
-    def _reason(self, name: str, bounds: Bounds) -> str:
-        assumes = f"assumes {self._estimators[name].assumes}"
-        if np.isfinite(bounds.position).all():
-            return assumes
-        t = np.concatenate(self._t)[np.argmin(np.isfinite(bounds.position))]
-        return f"{assumes}; inf from t = {t:g} s: the norm of the residual could not be computed (cancellation)"
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return t (T,) and the outputs of the reduced body (T, R) so far."""
+        return np.concatenate(self._t), np.vstack(self._values)
 
-    def _all_messages(self) -> list[str]:
-        if self.defect <= GALERKIN_DEFECT:
-            return list(self.messages)
-        return [
-            f"Galerkin defect {self.defect:.1e} of the largest term (expected below {GALERKIN_DEFECT:g}): a load on "
-            "the body is missing in inputs, or the solver's tolerance is coarse; the bound holds for the inputs given",
-            *self.messages,
-        ]
+    def assumptions(self) -> dict[str, str]:
+        """Return what each estimator assumes."""
+        return {name: e.assumes for name, e in self._total.estimators.items()}
 
-    def _checked(self, t: np.ndarray, *states) -> tuple[np.ndarray, list[np.ndarray]]:
+    def all_messages(self) -> list[str]:
+        """Return the messages, and what was found wrong along the run."""
+        messages = list(self.messages)
+        if self.defect > GALERKIN_DEFECT:
+            messages.insert(
+                0,
+                f"Galerkin defect {self.defect:.1e} of the largest term (expected below {GALERKIN_DEFECT:g}): a load "
+                "on the body is missing in inputs, or the solver's tolerance is coarse; the bound holds for the "
+                "inputs given",
+            )
+        if "total" in self._segmenters and self.offline.coordinates.p:
+            messages += self._input_messages(self._segmenters["total"])
+        return messages
+
+    def _input_messages(self, quintic: Quintic) -> list[str]:
+        if self.offline.signal is None:
+            return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
+        if quintic.largest_miss > RESOLVED:
+            return [
+                f"inputs resolved to {quintic.largest_miss:.1e} of their largest value only (estimated at twice the "
+                "nodes, added to the bounds): give jump times as jumps=, or take smaller steps"
+            ]
+        return []
+
+    def _checked(self, t: np.ndarray, q, q_t, q_tt, u) -> Samples:
         n = self.offline.coordinates.n
-        states = [np.asarray(x, dtype=float) for x in states]
+        states = [np.asarray(x, dtype=float) for x in (q, q_t, q_tt)]
         if t.ndim != 1 or any(x.shape != (len(t), n) for x in states):
             raise InputError(f"trajectory arrays have shapes {[x.shape for x in states]}; needed: ({len(t)}, {n})")
         for name, x in zip(("t", "q", "q_t", "q_tt"), (t, *states), strict=True):
             check_finite(name, x)
-        before = -np.inf if self._last is None else self._last[0]
+        before = -np.inf if self._last is None else self._last.t[-1]
         steps = np.diff(t, prepend=before)
         if np.any(steps <= 0):
             at = int(np.argmax(steps <= 0))
             raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([before, *t])[at]:.9g} s")
-        return t, states
+        return Samples(t, *states, self._inputs(t, u))
 
     def _inputs(self, t: np.ndarray, u) -> np.ndarray:
         if self.offline.signal is not None and u is None:
             return self.offline.signal(t)
         p = self.offline.coordinates.p
-        u = np.asarray(u, dtype=float)
+        u = np.zeros((len(t), 0)) if u is None else np.asarray(u, dtype=float).reshape(len(t), -1)
         if u.shape != (len(t), p):
             raise InputError(f"u has shape {u.shape}; needed: ({len(t)}, {p})")
         check_finite("u", u)
         return u
 
-    def _start(self, t, z, q, q_t, u) -> Start:
+    def _start(self, first: Samples) -> Start:
         layout = self.offline.coordinates
+        q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
+        t, z = float(first.t[0]), layout(q, q_t, q_tt, u)
         if self.offline.initial is None:
-            return Start(float(t), z)
-        if self.offline.initial == "equilibrium":
+            return Start(t, z)
+        if self.offline.initial == "equilibrium":  # K e0 = B u - K V qr
             y0, y0_t = -layout(q, 0 * q, 0 * q, u), np.zeros(layout.k)
-        else:
+        else:  # the last two columns are K q0 and M q0'
             y0, y0_t = np.zeros((2, layout.k + 2))
             y0[layout.stiffness_slot] = -q
             y0[layout.k], y0_t[layout.k + 1] = 1.0, 1.0
         y0_t[layout.mass_slot] = -q_t
-        return Start(float(t), z, y0, y0_t)
+        return Start(t, z, y0, y0_t)
 
-    def _make_jumps(self) -> list[Jump]:
-        layout = self.offline.coordinates
-
-        def response(du: np.ndarray) -> np.ndarray:
-            dz = np.zeros(layout.k)
-            dz[layout.mass_slot], dz[layout.input_slot] = self.offline.jump_response @ du, du
-            return dz
-
-        return make_jumps(self.offline.jumps, self.offline.signal.at, response) if self.offline.jumps else []
+    def _record(self, new: Samples) -> None:
+        rows = self.offline.value_rows.T
+        self._t.append(new.t)
+        self._values.append(np.where(self.offline.velocity_rows, new.q_t @ rows, new.q @ rows))
+        self._measure_defect(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
+        self._last = new.part(slice(-1, None))
 
     def _measure_defect(self, z: np.ndarray) -> None:
         rows = self.offline.galerkin
         terms = np.max(np.abs(z) @ np.abs(rows).T)
         if terms > 0:
             self.defect = max(self.defect, float(np.max(np.abs(z @ rows.T)) / terms))
-
-    def _record(self, t, states, bounds: dict[str, Bounds]) -> None:
-        rows = self.offline.value_rows.T
-        self._t.append(t)
-        self._values.append(np.where(self.offline.velocity_rows, states[1] @ rows, states[0] @ rows))
-        for name, b in bounds.items():
-            self._bounds[name].append(b)
 
 
 class StaticRun(Run):
@@ -186,40 +185,20 @@ class StaticRun(Run):
 
     def __init__(self, offline: Offline):
         super().__init__(offline)
-        self._estimators = {"static": offline.static()}
-        self._bounds = {"static": []}
+        self._segmenters = {}
+        self._streams = {"reduction": Stream({"static": offline.static()})}
 
     def start(self, t: float, q, q_t=None, q_tt=None, u=None) -> None:
         """Take the first load step: q (n,)."""
-        zero = np.zeros_like(np.asarray(q, dtype=float))
-        times, states = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, zero, zero)))
-        self._take(times, states, None if u is None else np.asarray(u)[None])
+        self._take(np.array([t], dtype=float), np.asarray(q, dtype=float)[None], u)
 
     def extend(self, t, q, q_t=None, q_tt=None, u=None) -> None:
         """Take further load steps: t (S,), q (S, n)."""
-        zero = np.zeros_like(np.asarray(q, dtype=float))
-        self._take(*self._checked(np.asarray(t, dtype=float), q, zero, zero), u)
+        self._take(np.asarray(t, dtype=float), np.asarray(q, dtype=float), u)
 
-    def _take(self, t, states, u) -> None:
+    def _take(self, t: np.ndarray, q: np.ndarray, u) -> None:
         if not t.size:
             return
-        u = self._inputs(t, u)
-        z = self.offline.coordinates(*states, u)
-        self._record(t, states, {"static": self._estimators["static"](z)})
-        self._last = (float(t[-1]), z[-1], u[-1])
-
-
-def _at(bounds: Bounds, index: np.ndarray) -> Bounds:
-    return Bounds(bounds.position[index], bounds.velocity[index], bounds.outputs[index])
-
-
-def _last_instant(bounds: Bounds) -> Bounds:
-    return _at(bounds, np.array([-1]))
-
-
-def _joined(chunks: list[Bounds]) -> Bounds:
-    return Bounds(
-        np.concatenate([b.position for b in chunks]),
-        np.concatenate([b.velocity for b in chunks]),
-        np.vstack([b.outputs for b in chunks]),
-    )
+        new = self._checked(t, q, 0 * q, 0 * q, u)
+        self._streams["reduction"].load_steps(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
+        self._record(new)

@@ -5,7 +5,6 @@ Estimators take small matrices from here when they are built; nothing of it is n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +14,11 @@ from .errors import InputError, check_array, check_choice
 from .kernels import KERNELS, Kernel, make_kernel
 from .outputs import Output, stacked_rows
 from .residual import RESIDUALS, ResidualMap, make_norm
+from .split import Split
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from .basis import Basis
     from .body import ElasticBody
 
@@ -38,11 +40,12 @@ class Problem:
         initial: Any = None,
         residual: str = "orthonormal",
         kernels: str = "certified",
+        auxiliary_modes: int | str = "auto",
     ):
         check_choice("residual", residual, RESIDUALS)
         check_choice("kernels", kernels, KERNELS)
         self.body, self.basis = body, basis
-        self.residual, self.kernels, self.initial = residual, kernels, initial
+        self.residual, self.kernels, self.initial, self.auxiliary_modes = residual, kernels, initial, auxiliary_modes
         self.V, self.W = basis.restricted_to(body)
         self.B = checked_inputs(body, inputs)
         self.map = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
@@ -61,46 +64,79 @@ class Problem:
         return make_kernel(self.body, self.kernels)
 
     @cached_property
-    def X_M(self) -> np.ndarray:
-        """M^-1 [L, K q0, M q0']."""
-        extra = () if self.initial_state is None else (self.body.K @ self.initial_state[0],)
-        solved = [self.body.mass_factor.solve(column)[:, None] for column in extra]
-        last = [] if self.initial_state is None else [self.initial_state[1][:, None]]
-        return np.hstack([self.map.mass_inverse_columns(), *solved, *last])
+    def Y_M(self) -> np.ndarray:
+        """[L, K q0, M q0'] where |.|_{M^-1} is the 2-norm; M V as it is, so that no digits are lost in it."""
+        factor = self.body.mass_factor
+        q0, q0_t = self.initial_state or (None, None)
+        rest = [*self.map.blocks[1:], *([] if q0 is None else [self.body.K @ q0[:, None]])]
+        last = [] if q0_t is None else [factor.half_multiply(q0_t[:, None])]
+        return np.hstack([factor.half_multiply(self.V), *map(factor.half_solve, filter(np.size, rest)), *last])
 
     @cached_property
-    def X_K(self) -> np.ndarray:
-        """K^-1 [L, K q0, M q0']."""
-        columns = self.map.stiffness_inverse_columns()
-        if self.initial_state is None:
-            return columns
-        q0, q0_t = self.initial_state
-        return np.column_stack([columns, q0, self.body.stiffness_factor.solve(self.body.M @ q0_t)])
+    def Y_K(self) -> np.ndarray:
+        """[L, K q0, M q0'] where |.|_{K^-1} is the 2-norm; K V as it is, so that no digits are lost in it."""
+        factor = self.body.stiffness_factor
+        before = [factor.half_solve(block) for block in self.map.blocks[:-2]]
+        after = [factor.half_solve(-self.B)] if self.B.size else []
+        if self.initial_state is not None:
+            q0, q0_t = self.initial_state
+            after += [factor.half_multiply(q0[:, None]), factor.half_solve(self.body.M @ q0_t[:, None])]
+        return np.hstack([*before, factor.half_multiply(self.V), *after])
 
     @cached_property
-    def norm_M(self):
-        """Callable z -> |R|_{M^-1} = |M^-1 L z|_M."""
-        return make_norm(self.residual, self.X_M, self.body.M)
+    def Y_static(self) -> np.ndarray:
+        """K^-1 [L, K q0, M q0'] where |.|_M is the 2-norm."""
+        solve = self.body.stiffness_factor.solve
+        columns = [*map(solve, self.map.blocks[:-2]), self.V, *([solve(-self.B)] if self.B.size else [])]
+        if self.initial_state is not None:
+            q0, q0_t = self.initial_state
+            columns += [q0[:, None], solve(self.body.M @ q0_t[:, None])]
+        return self.body.mass_factor.half_multiply(np.hstack(columns))
 
     @cached_property
-    def norm_K(self):
-        """Callable z -> |R|_{K^-1} = |K^-1 L z|_K."""
-        return make_norm(self.residual, self.X_K, self.body.K)
+    def norm_M(self) -> Callable:
+        """Return z -> |R|_{M^-1}."""
+        return make_norm(self.residual, self.Y_M)
 
     @cached_property
-    def norm_static(self):
-        """Callable z -> |K^-1 R|_M, the mass norm of the static reconstruction."""
-        return make_norm(self.residual, self.X_K, self.body.M)
+    def norm_K(self) -> Callable:
+        """Return z -> |R|_{K^-1}."""
+        return make_norm(self.residual, self.Y_K)
+
+    @cached_property
+    def norm_static(self) -> Callable:
+        """Return z -> |K^-1 R|_M, the mass norm of the static reconstruction."""
+        return make_norm(self.residual, self.Y_static)
+
+    @cached_property
+    def Y_C_M(self) -> np.ndarray:
+        """C^T where |.|_{M^-1} is the 2-norm, (n_free, R)."""
+        return self.body.mass_factor.half_solve(self.C.T)
+
+    @cached_property
+    def Y_C_K(self) -> np.ndarray:
+        """C^T where |.|_{K^-1} is the 2-norm, (n_free, R)."""
+        return self.body.stiffness_factor.half_solve(self.C.T)
 
     @cached_property
     def C2(self) -> np.ndarray:
         """|c_i|_{M^-1} of every output row (R,), paper (29)."""
-        return np.sqrt(np.einsum("ij,ji->i", self.C, self.body.mass_factor.solve(self.C.T)))
+        return np.linalg.norm(self.Y_C_M, axis=0)
+
+    @cached_property
+    def C_K(self) -> np.ndarray:
+        """|c_i|_{K^-1} of every output row (R,)."""
+        return np.linalg.norm(self.Y_C_K, axis=0)
 
     @cached_property
     def static_rows(self) -> np.ndarray:
         """C K^-1 L (R, k): outputs of the static reconstruction K^-1 R."""
-        return self.C @ self.X_K[:, : self.map.coordinates.k]
+        return self.Y_C_K.T @ self.Y_K[:, : self.map.coordinates.k]
+
+    @cached_property
+    def split(self) -> Split:
+        """Auxiliary modes and what is left above them."""
+        return Split(self, self.auxiliary_modes)
 
 
 def checked_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:

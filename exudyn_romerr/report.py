@@ -15,6 +15,14 @@ from .plan import Plan
 if TYPE_CHECKING:
     import os
 
+CAUSES = {
+    "basis": "basis: add modes",
+    "time step": "step size, not the basis: halve it",
+    "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
+    "jumps": "load jumps: add modes, or let the load grow over a short time",
+}
+DICTS = ("bound", "reduction_bound", "causes", "effectivity")  # fields of an output that are dicts of arrays
+OPTIONAL = ("corrected", "corrected_bound", "error")  # fields that may be None
 FORMAT = 1  # of the saved file; a file of another format is refused
 
 
@@ -22,9 +30,11 @@ FORMAT = 1  # of the saved file; a file of another format is refused
 class OutputReport:
     """One output along a run.
 
-    value : (T, r) output of the reduced body; bound[e] : (T, r) bound of its error by estimator e, bound["best"] the
-    smallest; reduction_bound[e] : the same for the residual at the samples only, which does not see the time
-    integration; error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
+    value : (T, r) output of the reduced body. bound[e] : (T, r) bound of its error by estimator e, bound["best"]
+    the smallest. reduction_bound[e] : the same for the residual at the samples only, which does not see the time
+    integration. corrected (T, r) : the output with the known part of its error taken out, within corrected_bound of
+    the truth; None without auxiliary modes. causes[cause] : (T, r), shares of bound["best"]. error (T, r) and
+    effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
     """
 
     name: str
@@ -33,6 +43,9 @@ class OutputReport:
     value: np.ndarray
     bound: dict[str, np.ndarray]
     reduction_bound: dict[str, np.ndarray]
+    corrected: np.ndarray | None
+    corrected_bound: np.ndarray | None
+    causes: dict[str, np.ndarray]
     error: np.ndarray | None = None
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -47,6 +60,16 @@ class OutputReport:
             f"{self.name}: up to {largest:.4g} {self.unit}, {kind}error at most {worst:.3g} {self.unit}{share}, "
             f"by '{best}'"
         )
+
+    def advice(self) -> str:
+        """Return one line: the cause that dominates the bound at its worst instant, and what to do."""
+        at = np.unravel_index(np.argmax(self.bound["best"]), self.value.shape)
+        shares = {cause: share[at] for cause, share in self.causes.items()}
+        total = sum(shares.values())
+        if not 0 < total < np.inf:
+            return "nothing to improve" if total == 0 else "no finite bound: ask for another estimator"
+        cause = max(shares, key=shares.get)
+        return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}"
 
 
 @dataclass
@@ -118,7 +141,7 @@ class BoundReport:
         if self.time == "sampled":
             lines.append("! reduction error at sampled residuals; the error of the time integration is not covered")
         for out in self.outputs.values():
-            lines.append(out.verdict(self.time))
+            lines += [out.verdict(self.time), f"  {out.advice()}"]
             if out.effectivity:
                 largest = np.max(np.abs(out.error))
                 ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")
@@ -140,9 +163,10 @@ class BoundReport:
         arrays.update({f"velocity/{e}": x for e, x in self.velocity_bound.items()})
         for i, out in enumerate(self.outputs.values()):
             arrays[f"output/{i}/value"] = out.value
-            if out.error is not None:
-                arrays[f"output/{i}/error"] = out.error
-            for kind in ("bound", "reduction_bound", "effectivity"):
+            for kind in OPTIONAL:
+                if getattr(out, kind) is not None:
+                    arrays[f"output/{i}/{kind}"] = getattr(out, kind)
+            for kind in DICTS:
                 arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
         with open(path, "wb") as file:
             np.savez_compressed(file, meta=np.array(json.dumps(self._meta())), **arrays)
@@ -197,8 +221,9 @@ def load_report(path: str | os.PathLike) -> BoundReport:
 
 
 def _load_output(arrays: dict, i: int, name: str, unit: str, of: str) -> OutputReport:
-    kinds = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in ("bound", "reduction_bound", "effectivity")}
-    return OutputReport(name, unit, of, arrays[f"output/{i}/value"], error=arrays.get(f"output/{i}/error"), **kinds)
+    dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
+    optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
+    return OutputReport(name, unit, of, arrays[f"output/{i}/value"], **dicts, **optional)
 
 
 def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:

@@ -13,15 +13,10 @@ import numpy as np
 from .errors import check_array, check_choice
 
 if TYPE_CHECKING:
-    import scipy.sparse as sp
-
     from .basis import Basis
     from .body import ElasticBody
 
 RESIDUALS = ("orthonormal", "direct", "expanded")
-# A column that keeps less than this after orthogonalisation against the others carries rounding only; leaving it out
-# changes the norm by less than its share in rounding of the direct evaluation.
-DROP = 1e-14
 
 
 @dataclass(frozen=True)
@@ -82,46 +77,36 @@ class ResidualMap:
         self.blocks = [body.M @ V, *([body.D @ V] if has_damping else []), body.K @ V, -B]
         self.L = np.hstack(self.blocks)
 
-    def mass_inverse_columns(self) -> np.ndarray:
-        """M^-1 L; V itself for M V, so that no digits are lost in it."""
-        return np.hstack([self.V, *(self.body.mass_factor.solve(block) for block in self.blocks[1:] if block.size)])
-
-    def stiffness_inverse_columns(self) -> np.ndarray:
-        """K^-1 L; V itself for K V, so that no digits are lost in it."""
-        solve = self.body.stiffness_factor.solve
-        before = [solve(block) for block in self.blocks[:-2]]
-        return np.hstack([*before, self.V, *([solve(-self.B)] if self.B.size else [])])
-
 
 class OrthonormalNorm:
-    """|X z|_G = |T z|_2 by an orthonormal basis of X's range in the G inner product; nothing cancels.
+    """|Y z|_2 = |T z|_2 by an orthonormal basis of Y's range (Householder, columns scaled first); nothing cancels.
 
     Parameters
     ----------
-    X : ndarray, (n_free, k)
-    G : sparse matrix, (n_free, n_free)
-        Symmetric positive definite.
+    Y : ndarray, (n_free, k)
     """
 
-    def __init__(self, X: np.ndarray, G: sp.csc_matrix):
-        self.T = triangular_factor(X, G)
+    def __init__(self, Y: np.ndarray):
+        length = np.linalg.norm(Y, axis=0)
+        self.T = np.linalg.qr(Y / np.where(length > 0, length, 1.0), mode="r") * length
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
-        image = z.reshape(-1, z.shape[-1]) @ self.T[:, : z.shape[-1]].T
+        k = z.shape[-1]
+        image = z.reshape(-1, k) @ self.T[:k, :k].T
         return np.sqrt(np.einsum("ij,ij->i", image, image)).reshape(z.shape[:-1])
 
 
 class DirectNorm:
-    """Method 1 (33): X z is formed in full and its norm taken. Of size N online: kept for study."""
+    """Method 1 (33): Y z is formed in full and its norm taken. Of size N online: kept for study."""
 
-    def __init__(self, X: np.ndarray, G: sp.csc_matrix):
-        self.X, self.G = X, G
+    def __init__(self, Y: np.ndarray):
+        self.Y = Y
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
-        """Norms (...) of z (..., k)."""
-        image = self.X[:, : z.shape[-1]] @ z.reshape(-1, z.shape[-1]).T
-        return np.sqrt(np.einsum("ij,ij->j", image, self.G @ image)).reshape(z.shape[:-1])
+        """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
+        k = z.shape[-1]
+        return np.linalg.norm(z.reshape(-1, k) @ self.Y[:, :k].T, axis=1).reshape(z.shape[:-1])
 
 
 class ExpandedNorm:
@@ -130,40 +115,21 @@ class ExpandedNorm:
     Where rounding makes the square negative the norm is inf: never clipped.
     """
 
-    def __init__(self, X: np.ndarray, G: sp.csc_matrix):
-        self.H = X.T @ (G @ X)
+    def __init__(self, Y: np.ndarray):
+        self.H = Y.T @ Y
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Norms (...) of z (..., k); inf where the form is negative."""
-        flat = z.reshape(-1, z.shape[-1])
-        square = np.einsum("ij,ij->i", flat @ self.H[: flat.shape[1], : flat.shape[1]], flat)
+        k = z.shape[-1]
+        flat = z.reshape(-1, k)
+        square = np.einsum("ij,ij->i", flat @ self.H[:k, :k], flat)
         return np.where(square < 0, np.inf, np.sqrt(np.abs(square))).reshape(z.shape[:-1])
 
 
-def make_norm(name: str, X: np.ndarray, G: sp.csc_matrix) -> OrthonormalNorm | DirectNorm | ExpandedNorm:
-    """Return z -> |X z|_G by the named way; InputError for unknown names."""
+def make_norm(name: str, Y: np.ndarray) -> OrthonormalNorm | DirectNorm | ExpandedNorm:
+    """Return z -> |Y z|_2 by the named way; InputError for unknown names."""
     check_choice("residual", name, RESIDUALS)
-    return {"orthonormal": OrthonormalNorm, "direct": DirectNorm, "expanded": ExpandedNorm}[name](X, G)
-
-
-def triangular_factor(X: np.ndarray, G: sp.csc_matrix) -> np.ndarray:
-    """Return T (rank, k) with |X z|_G = |T z|_2: Gram-Schmidt twice in the G inner product, columns scaled first."""
-    length = np.sqrt(np.einsum("ij,ij->j", X, G @ X))
-    Q = np.empty_like(X, order="F")
-    T = np.zeros((X.shape[1], X.shape[1]))
-    rank = 0
-    for j in np.flatnonzero(length > 0):
-        vector = X[:, j] / length[j]
-        for _ in range(2):
-            share = Q[:, :rank].T @ (G @ vector)
-            vector -= Q[:, :rank] @ share
-            T[:rank, j] += share
-        left = np.sqrt(vector @ (G @ vector))
-        if left > DROP:
-            Q[:, rank] = vector / left
-            T[rank, j] = left
-            rank += 1
-    return T[:rank] * length
+    return {"orthonormal": OrthonormalNorm, "direct": DirectNorm, "expanded": ExpandedNorm}[name](Y)
 
 
 def initial_coordinates(body: ElasticBody, basis: Basis, q0: Any, q0_t: Any) -> tuple[np.ndarray, np.ndarray]:

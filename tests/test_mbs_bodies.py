@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from mbs_scenes import INPUTS, N, SOLVERS, Recorder, chain_body, force, new_mbs, random_basis, settings
+from mbs_scenes import INPUTS, SOLVERS, N, Recorder, chain_body, force, new_mbs, random_basis, settings
 
 from exudyn_romerr.errors import InputError
 from exudyn_romerr.mbs import add_reduced_body

@@ -3,7 +3,18 @@
 import exudyn as exu
 import numpy as np
 import pytest
-from mbs_scenes import INPUTS, SOLVERS, TIP, Recorder, chain_body, force, new_mbs, random_basis, scene, settings
+from mbs_scenes import (
+    INPUTS,
+    SOLVERS,
+    TIP,
+    Recorder,
+    chain_body,
+    force,
+    new_mbs,
+    random_basis,
+    scene,
+    settings,
+)
 
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach, watch
@@ -71,7 +82,7 @@ def test_rows_come_in_few_blocks_and_the_first_at_once(gathered):
     mbs, _, monitor = scene()
     mbs.SolveDynamic(settings(steps=600, end=0.6))
     assert len(monitor.runs) == 1
-    assert [len(block[0]) for block in gathered[0]] == [1, 256, 256, 88]
+    assert [len(block[0]) for block in gathered[0]] == [1, 512, 88]
 
 
 def test_two_bodies_get_their_own_coordinates(gathered):
@@ -187,7 +198,7 @@ def test_same_body_twice_is_refused():
     assert len(monitor.report().t) == 21
 
 
-def test_reset_forgets_deleted_bodies_and_keeps_their_runs():
+def test_reset_removes_the_hook_and_keeps_the_runs():
     mbs, _, old = scene()
     mbs.SolveDynamic(settings(steps=20))
     mbs.Reset()
@@ -195,6 +206,9 @@ def test_reset_forgets_deleted_bodies_and_keeps_their_runs():
     mbs.SolveDynamic(settings(steps=30))
     assert len(new.report().t) == 31
     assert [len(run.report().t) for run in old.runs] == [21]
+    for question in (old.report, lambda: old.plan):
+        with pytest.raises(RunError, match=r"mbs\.Reset\(\) removed it"):
+            question()
 
 
 def test_assembling_again_with_another_body_before_keeps_coordinates_right(gathered):

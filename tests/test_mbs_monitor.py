@@ -8,7 +8,19 @@ import weakref
 import exudyn as exu
 import numpy as np
 import pytest
-from mbs_scenes import INPUTS, SOLVERS, TIP, N, Recorder, chain_body, force, new_mbs, random_basis, scene, settings
+from mbs_scenes import (
+    INPUTS,
+    SOLVERS,
+    TIP,
+    N,
+    Recorder,
+    chain_body,
+    force,
+    new_mbs,
+    random_basis,
+    scene,
+    settings,
+)
 
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach, watch
@@ -45,7 +57,7 @@ def test_what_attach_refuses():
     sensor = mbs.AddSensor(
         exu.itemInterface.SensorNode(nodeNumber=0, outputVariableType=exu.OutputVariableType.Coordinates)
     )
-    with pytest.raises(InputError, match="sensor 0.*pass Output"):
+    with pytest.raises(InputError, match=r"sensor 0.*pass Output"):
         attach(mbs, flex, outputs=[sensor])
     with pytest.raises(InputError, match="outputs is a Output; needed: a list"):
         attach(mbs, flex, outputs=TIP)
@@ -80,7 +92,7 @@ def test_plan_needs_assemble_and_report_a_run():
     mbs = new_mbs()
     flex = add_reduced_body(mbs, chain_body(), random_basis(), inputs=INPUTS, input_function=force)
     monitor = attach(mbs, flex, outputs=[TIP])
-    with pytest.raises(RunError, match="plan was asked before mbs.Assemble"):
+    with pytest.raises(RunError, match=r"plan was asked before mbs\.Assemble"):
         monitor.plan  # noqa: B018
     mbs.Assemble()
     assert str(monitor.plan)
@@ -128,6 +140,7 @@ def continued(monkeypatch):
             super().start(*args, **({} if after is None else {"after": after}))
 
     monkeypatch.setattr(watch, "Run", Recording)
+    monkeypatch.setattr(watch, "StaticRun", type("RecordingStatic", (StaticRun, Recording), {}))
     return seen
 
 
@@ -147,10 +160,19 @@ def test_other_state_or_time_does_not_continue(continued):
     solve(mbs, end=0.3, start=0.2)
     solve(mbs, end=0.2, start=0.1)  # starts in the state of the first run's end, but is the third
     solve(mbs, end=0.1)
-    mbs.SetNodeParameter(0, "initialCoordinates", [1e-3, 0, 0])
-    mbs.Assemble()
+    for name in ("initialCoordinates", "initialCoordinates_t"):
+        mbs.SetNodeParameter(0, name, [1e-3, 0, 0])
+        mbs.Assemble()
+        solve(mbs, end=0.2, start=0.1)
+    assert continued == [None] * 6
+
+
+def test_other_velocity_does_not_continue(continued):
+    mbs, _, _ = scene()
+    solve(mbs, end=0.1, updateInitialValues=True)
+    mbs.systemData.SetODE2Coordinates_t([1.0, 0.0, 0.0], exu.ConfigurationType.Initial)
     solve(mbs, end=0.2, start=0.1)
-    assert continued == [None] * 5
+    assert continued == [None, None]
 
 
 def test_static_solves_are_runs_of_their_own_kind(continued):
@@ -158,14 +180,18 @@ def test_static_solves_are_runs_of_their_own_kind(continued):
     SOLVERS["static"](mbs, settings())
     solve(mbs)
     SOLVERS["static"](mbs, settings())
-    SOLVERS["static"](mbs, settings())
-    SOLVERS["DOPRI5"](mbs, settings())
-    assert [isinstance(run, StaticRun) for run in monitor.runs] == [True, False, True, True, False]
+    mbs.SolveStatic(settings(), updateInitialValues=True)
+    solve(mbs, start=1.0, end=1.1)  # begins in the state and at the "time" that the static solve ended with
+    assert kinds(monitor) == ["static", "dynamic", "static", "static", "dynamic"]
     np.testing.assert_allclose(monitor.report(0).t, [0, 0.25, 0.5, 0.75, 1.0])
     assert continued == [None, None]
 
 
-def test_static_solver_stopped_or_failed_early_is_not_taken_for_the_next():
+def kinds(monitor):
+    return ["static" if isinstance(run, StaticRun) else "dynamic" for run in monitor.runs]
+
+
+def test_static_solver_that_failed_is_not_taken_for_the_next():
     fails = [True]
 
     def failing(t):
@@ -178,12 +204,34 @@ def test_static_solver_stopped_or_failed_early_is_not_taken_for_the_next():
         mbs.SolveStatic(settings())
     fails[0] = False
     solve(mbs)
-    mbs.SetPostStepUserFunction(0)
-    stopped, _, second = scene(tolerance=1e-30)
-    stopped.SolveStatic(settings())
-    solve(stopped)
-    for runs in (monitor.runs, second.runs):
-        assert [isinstance(run, StaticRun) for run in runs] == [True, False]
+    assert kinds(monitor) == ["static", "dynamic"]
+
+
+def test_static_solver_that_failed_at_its_first_call_is_not_taken_for_the_next():
+    mine = Recorder(stop_at=0.0, error=ArithmeticError("mine"))
+    mbs, _, monitor = scene(hook=mine)
+    with pytest.raises(exu.ExudynError):
+        mbs.SolveStatic(settings())
+    mine.stop_at = np.inf
+    solve(mbs)
+    assert kinds(monitor) == ["static", "dynamic"]
+
+
+def test_static_solver_stopped_by_a_tolerance_is_not_taken_for_the_next():
+    mbs, _, monitor = scene(tolerance=1e-30)
+    mbs.SolveStatic(settings())
+    solve(mbs)
+    assert kinds(monitor) == ["static", "dynamic"]
+
+
+def test_static_solve_before_attach_is_not_taken_for_the_next():
+    mbs = new_mbs()
+    flex = add_reduced_body(mbs, chain_body(), random_basis(), inputs=INPUTS, input_function=force)
+    mbs.Assemble()
+    mbs.SolveStatic(settings())
+    monitor = attach(mbs, flex, outputs=[TIP])
+    solve(mbs)
+    assert kinds(monitor) == ["dynamic"]
 
 
 def test_report_in_mid_run():
@@ -288,10 +336,11 @@ def test_newton_failure_keeps_every_accepted_step():
 def test_diverged_simulation_is_bounded_up_to_there():
     nan_after = lambda t: force(t) if t < 0.0501 else np.nan  # noqa: E731
     mbs, _, monitor = scene(input_function=nan_after)
-    solve(mbs, steps=20, end=0.1, solver=exu.DynamicSolverType.ExplicitEuler)  # accepts nan without a word
+    solve(mbs, steps=2000, end=1.0, solver=exu.DynamicSolverType.ExplicitEuler)  # accepts nan without a word
     report = monitor.report()
     assert report.t[-1] == pytest.approx(0.05)
-    assert "diverged: nan or inf at t = 0.055" in monitor.runs[0].messages[0]
+    (message,) = monitor.runs[0].messages
+    assert "diverged: nan or inf at t = 0.0505" in message
 
 
 def test_interrupt_in_the_hook_keeps_every_accepted_step():
@@ -313,7 +362,7 @@ def test_interrupt_during_evaluation_waits_for_the_block(monkeypatch):
     with pytest.raises(exu.ExudynError) as caught:
         solve(mbs, steps=600)
     assert isinstance(caught.value.__cause__, KeyboardInterrupt)
-    assert len(monitor.report().t) == 257
+    assert len(monitor.report().t) == 513
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
@@ -327,7 +376,7 @@ def test_error_found_when_the_solve_begins_is_kept_and_stops_it():
     solve(mbs)
     assert mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
     for _ in range(2):
-        with pytest.raises(AssumptionError, match="load 0.*inputs="):
+        with pytest.raises(AssumptionError, match=r"load 0.*inputs="):
             monitor.report()
     with pytest.raises(AssumptionError, match="load 0"):
         monitor.plan  # noqa: B018
@@ -356,6 +405,25 @@ def test_connector_on_the_body_is_refused_but_not_one_beside_it():
     assert len(monitor.runs) == 1
 
 
+def test_load_on_the_object_and_object_on_the_node_are_refused():
+    items = exu.itemInterface
+    mbs, flex, monitor = scene()
+    marker = mbs.AddMarker(
+        items.MarkerSuperElementPosition(
+            bodyNumber=flex.items["oGenericODE2"], meshNodeNumbers=[0], weightingFactors=[1.0]
+        )
+    )
+    mbs.AddLoad(items.LoadForceVector(markerNumber=marker, loadVector=[1, 0, 0]))
+    mbs.AddObject(
+        items.ObjectGenericODE2(
+            nodeNumbers=[flex.items["nGenericODE2"]], massMatrix=np.eye(3), stiffnessMatrix=np.eye(3)
+        )
+    )
+    mbs.Assemble()
+    with pytest.raises(AssumptionError, match=r"load 0, object 1"):
+        monitor.plan  # noqa: B018
+
+
 def test_input_of_the_wrong_shape_shows_at_the_start():
     mbs, _, monitor = scene(input_function=lambda t: np.ones(3))  # n = 3: Exudyn itself would take it
     solve(mbs)
@@ -382,10 +450,10 @@ def test_error_in_a_later_block_keeps_the_blocks_before(monkeypatch):
 
     monkeypatch.setattr(watch, "Run", Failing)
     mbs, _, monitor = scene()
-    solve(mbs, steps=1000, end=1.0)
+    solve(mbs, steps=2000, end=1.0)
     with pytest.raises(ArithmeticError, match="mine"):
         monitor.report()
-    assert len(monitor.runs[0].report().t) == 257
+    assert len(monitor.runs[0].report().t) == 513
     assert mbs.systemData.GetTime() < 0.6
 
 

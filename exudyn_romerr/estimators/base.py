@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from ..problem import Problem
 
 
@@ -31,12 +32,22 @@ class Block:
     """S consecutive segments of a trajectory, polynomial in time.
 
     t : (S,) ends of the segments; h : (S,) lengths; c : (S, d + 1, k) Bezier control points of z.
+    unresolved : (S, p) bounds of |u - u_I| in each segment, u_I the polynomial that c contains.
+    unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     """
 
     t: np.ndarray
     h: np.ndarray
     c: np.ndarray
+    unresolved: np.ndarray
+    unresolved_variation: np.ndarray
     _norms: dict = field(default_factory=dict)
+
+    @classmethod
+    def joined(cls, blocks: Sequence[Block]) -> Block:
+        """Return blocks one after another."""
+        fields = ("t", "h", "c", "unresolved", "unresolved_variation")
+        return cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in fields))
 
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""
@@ -46,16 +57,57 @@ class Block:
 
     def integral(self, norm: Callable) -> np.ndarray:
         """Upper bounds (S,) of int |R| over each segment: |R| <= sum_j B_j |c_j| and int B_j = h/(d + 1)."""
-        return self.h * self.norms(norm).mean(axis=1)
+        return self.h * (self.norms(norm).mean(axis=1) + self.unresolved @ self.input_norms(norm))
+
+    def variation(self, norm: Callable, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Upper bounds (S,) of the total variation of R inside each segment, and of the jump at its beginning.
+
+        Inside: the length of the control polygon. before (k,): z at the end of the segment before this block.
+        """
+        inside = norm(np.diff(self.c, axis=1)).sum(axis=1)
+        steps = self.c[:, 0] - np.vstack([before, self.c[:-1, -1]])
+        jumps = norm(steps) if steps.any() else np.zeros(len(self.h))
+        return inside + self.unresolved_variation @ self.input_norms(norm), jumps
+
+    def input_norms(self, norm: Callable) -> np.ndarray:
+        """Norms (p,) of the columns of B."""
+        p = self.unresolved.shape[1]
+        return norm(np.eye(self.c.shape[2])[self.c.shape[2] - p :])
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Bounds at S instants: position (S,) in the M-norm, velocity (S,) in the M-norm, outputs (S, R)."""
+    """Bounds at S instants: position (S,) and velocity (S,) in the M-norm, outputs (S, R).
+
+    jumped : (S, R), the share of load jumps in outputs. correction : (S, R), the part of the outputs' error that is
+    known with its sign; correction_bound : (S, R), what is left of the error then. None where an estimator has none.
+    """
 
     position: np.ndarray
     velocity: np.ndarray
     outputs: np.ndarray
+    jumped: np.ndarray | None = None
+    correction: np.ndarray | None = None
+    correction_bound: np.ndarray | None = None
+
+    def at(self, index: np.ndarray) -> Bounds:
+        """Return the bounds at some of the instants."""
+        return Bounds(*(None if x is None else x[index] for x in self.arrays()))
+
+    def of_rows(self, part: slice) -> Bounds:
+        """Return the bounds of some of the output rows."""
+        rows = (None if x is None else x[:, part] for x in self.arrays()[2:])
+        return Bounds(self.position, self.velocity, *rows)
+
+    def arrays(self) -> tuple:
+        """Return the fields in their order."""
+        return (self.position, self.velocity, self.outputs, self.jumped, self.correction, self.correction_bound)
+
+    @classmethod
+    def joined(cls, chunks: Sequence[Bounds]) -> Bounds:
+        """Return chunks one after another."""
+        fields = zip(*map(cls.arrays, chunks), strict=True)
+        return cls(*(None if parts[0] is None else np.concatenate(parts) for parts in fields))
 
 
 @dataclass(frozen=True)

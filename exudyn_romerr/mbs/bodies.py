@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
 
     from ..basis import Basis
     from ..body import ElasticBody
-
-_serial = count()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +70,6 @@ class ReducedBody:
     items: dict[str, Any]
     initial: tuple[np.ndarray, np.ndarray] | None
     model: ReducedModel
-    name: str
 
 
 def add_reduced_body(
@@ -116,14 +112,11 @@ def add_reduced_body(
     """
     B = _checked_inputs(body, inputs, input_function)
     model = _reduce(body, basis, B, input_function)
-    name = f"reducedBody{next(_serial)}"
-    items = _add_items(mbs, name, model, _initial_state(body, basis, initial))
-    return ReducedBody(mbs, body, basis, B, input_function, items, initial, model, name)
+    items = _add_items(mbs, model, _initial_state(body, basis, initial))
+    return ReducedBody(mbs, body, basis, B, input_function, items, initial, model)
 
 
-def _reduce(
-    body: ElasticBody, basis: Basis, B: np.ndarray | None, input_function: Callable | None
-) -> ReducedModel:
+def _reduce(body: ElasticBody, basis: Basis, B: np.ndarray | None, input_function: Callable | None) -> ReducedModel:
     V, W = basis.restricted_to(body)
     return ReducedModel(
         M=W.T @ (body.M @ V),
@@ -142,11 +135,10 @@ def _initial_state(body: ElasticBody, basis: Basis, initial: tuple | None) -> tu
     return initial_coordinates(body, basis, *initial)
 
 
-def _add_items(mbs: Any, name: str, model: ReducedModel, state: tuple) -> dict[str, Any]:
+def _add_items(mbs: Any, model: ReducedModel, state: tuple) -> dict[str, Any]:
     n = len(model.M)
     node = mbs.AddNode(
         NodeGenericODE2(
-            name=name,
             referenceCoordinates=[0.0] * n,
             initialCoordinates=list(state[0]),
             initialCoordinates_t=list(state[1]),
@@ -155,7 +147,6 @@ def _add_items(mbs: Any, name: str, model: ReducedModel, state: tuple) -> dict[s
     )
     item = mbs.AddObject(
         ObjectGenericODE2(
-            name=name,
             nodeNumbers=[node],
             massMatrix=model.M,
             dampingMatrix=model.D,
@@ -173,7 +164,5 @@ def _checked_inputs(body: ElasticBody, inputs: Any, input_function: Callable | N
     if inputs is None:
         return None
     if not callable(input_function):
-        raise InputError(
-            f"input_function={input_function!r}; needed: a function f(t) -> (p,) or a float if p = 1"
-        )
+        raise InputError(f"input_function={input_function!r}; needed: a function f(t) -> (p,) or a float if p = 1")
     return check_array("inputs", inputs, (body.N, None))

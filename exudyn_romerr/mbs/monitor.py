@@ -50,10 +50,11 @@ class Monitor:
         Raises
         ------
         RunError
-            mbs.Assemble() was not called yet.
+            mbs.Assemble() was not called yet, or the hook was replaced.
         AssumptionError
             Something beside the prescribed inputs acts on the body.
         """
+        self._require_hook()
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
         self._watch.check(self._mbs)
@@ -71,11 +72,7 @@ class Monitor:
         Exception
             Whatever stopped the evaluation in the last solve, with its own type.
         """
-        if not self._hook.is_in_charge(self._mbs):
-            raise RunError(
-                "a PostStep function set after attach replaced the monitor's, so steps are missing: set yours"
-                " first, or pass hook=yours to attach. monitor.runs holds what was bounded until then"
-            )
+        self._require_hook()
         runs = self.runs
         if self._watch.error is not None:
             raise self._watch.error
@@ -84,6 +81,14 @@ class Monitor:
         if not isinstance(i, Integral) or not -len(runs) <= i < len(runs):
             raise InputError(f"i={i!r} is not a run; allowed: {-len(runs)}..{len(runs) - 1}")
         return runs[i].report()
+
+    def _require_hook(self) -> None:
+        if not self._hook.is_in_charge(self._mbs):
+            raise RunError(
+                "a PostStep function set after attach replaced the monitor's (or mbs.Reset() removed it), so "
+                "steps are missing: set yours first, or pass hook=yours to attach. monitor.runs holds what was "
+                "bounded until then"
+            )
 
 
 def attach(
@@ -159,7 +164,7 @@ def attach(
     )
     watch = Watch(flex, offline, _checked_tolerance(tolerance, offline.output_names))
     shared = shared_hook(mbs, hook)
-    shared.add(mbs, watch)
+    shared.add(watch)
     return Monitor(mbs, shared, watch)
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import exudyn as exu
-
-from ..errors import AssumptionError, RunError
+from ..errors import AssumptionError
 
 
 def running_static_solver(mbs: Any, known: Any) -> Any:
@@ -16,47 +14,28 @@ def running_static_solver(mbs: Any, known: Any) -> Any:
     kept out of mbs.sys by storeSolver=False cannot be told from a dynamic one.)
     """
     solver = mbs.sys.get("staticSolver")
-    if (
-        solver is None
-        or solver is known
-        or solver.output.finishedSuccessfully
-        or solver.it.currentStepIndex > 0
-    ):
+    if solver is None or solver is known or solver.it.currentStepIndex > 0:
         return None
     return solver
 
 
-def is_in(mbs: Any, name: str, item: Any) -> bool:
-    """Tell whether the object number still belongs to the body of that name (mbs.Reset() deletes it)."""
-    try:
-        return mbs.GetObject(item)["name"] == name
-    except exu.ExudynError:
-        return False
-
-
-def require_in(mbs: Any, name: str, item: Any) -> None:
-    """Raise RunError unless the body is still part of the mbs."""
-    if not is_in(mbs, name, item):
-        raise RunError(f"body {name!r} is no longer in the mbs (mbs.Reset()?); add it again and attach again")
-
-
-def require_inputs_only(mbs: Any, node: Any, item: Any) -> None:
+def require_inputs_only(mbs: Any, node: int, item: int) -> None:
     """Raise AssumptionError if a load, joint, connector or other object acts on the reduced body.
 
     The bound knows the load B f(t) and nothing else.
     """
-    markers = _markers_on(mbs, int(node), int(item))
+    markers = _markers_on(mbs, node, item)
     system = mbs.systemData
     culprits = [
         f"load {i}" for i in range(system.NumberOfLoads()) if int(mbs.GetLoad(i)["markerNumber"]) in markers
     ] + [
         f"object {i}"
         for i in range(system.NumberOfObjects())
-        if i != int(item) and _touches(mbs.GetObject(i), markers, int(node))
+        if i != item and _touches(mbs.GetObject(i), markers, node)
     ]
     if culprits:
         raise AssumptionError(
-            f"on the reduced body (object {int(item)}) act beside its input_function: {', '.join(culprits)}; "
+            f"on the reduced body (object {item}) act beside its input_function: {', '.join(culprits)}; "
             "a bound covers prescribed loads only, so pass them as columns of inputs= to add_reduced_body"
         )
 

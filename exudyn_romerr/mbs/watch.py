@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..online import Run, StaticRun
-from .scene import require_in, require_inputs_only
+from .scene import require_inputs_only
 
 if TYPE_CHECKING:
     from .bodies import ReducedBody
@@ -30,7 +30,7 @@ class Watch:
     """
 
     def __init__(self, flex: ReducedBody, offline: Any, tolerance: dict[str, float]):
-        self.name, self.items = flex.name, flex.items
+        self.node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
         self.offline, self.tolerance = offline, tolerance
         self.runs: list[Run | StaticRun] = []
         self.error: Exception | None = None
@@ -46,8 +46,7 @@ class Watch:
 
     def check(self, mbs: Any) -> None:
         """Read the mbs; raise if the bound's assumptions do not hold there."""
-        require_in(mbs, self.name, self.items["oGenericODE2"])
-        require_inputs_only(mbs, self.items["nGenericODE2"], self.items["oGenericODE2"])
+        require_inputs_only(mbs, self.node, self.item)
 
     def begin(self, mbs: Any, static: bool) -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
@@ -55,7 +54,7 @@ class Watch:
         self._kind = StaticRun if static else Run
         try:
             self.check(mbs)
-            first = mbs.GetNodeODE2Index(self.items["nGenericODE2"])
+            first = mbs.GetNodeODE2Index(self.node)
             self._columns = slice(first, first + len(self._model.M))
         except Exception as error:
             self.error = error
@@ -99,13 +98,14 @@ class Watch:
         self._run = run
 
     def _continued(self, t: float, q: np.ndarray, q_t: np.ndarray) -> dict[str, Run]:
-        before = self.runs[-1] if self.runs else None
-        same = before is not None and all(map(np.array_equal, self._last, (t, q, q_t)))
-        return {"after": before} if same and isinstance(before, Run) else {}
+        if not self.runs or type(self.runs[-1]) is not self._kind:
+            return {}
+        same = all(map(np.array_equal, self._last, (t, q, q_t)))
+        return {"after": self.runs[-1]} if same else {}
 
     def _diverge(self, t: float) -> None:
         if self._run is None:
-            raise RunError(f"{self.name} starts at t = {t:g} with nan or inf among its coordinates")
+            raise RunError(f"object {self.item} starts at t = {t:g} with nan or inf among its coordinates")
         self._diverged = True
         self.note(f"the simulation diverged: nan or inf at t = {t:g}; bounds end before")
 

@@ -1,0 +1,97 @@
+"""From the bounds of a run to its report: the best bound, the corrected output, the causes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .report import BoundReport, OutputReport
+
+if TYPE_CHECKING:
+    from .estimators.base import Bounds
+    from .online import Run
+
+
+def assemble(run: Run) -> BoundReport:
+    """Return the report of what the run has bounded so far."""
+    offline, streams = run.offline, run.streams()
+    t, values = run.samples()
+    total = streams["total"]
+    outputs = {
+        out.name: _output_report(out, values[:, part], {s: _rows(b, part) for s, b in streams.items()})
+        for out, part in zip(offline.outputs, offline.slices, strict=True)
+    }
+    return BoundReport(
+        t=t,
+        position_bound={name: b.position for name, b in total.items()},
+        velocity_bound={name: b.velocity for name, b in total.items()},
+        outputs=outputs,
+        scope=dict.fromkeys(total, "complete"),
+        reasons={name: _reason(text, t, total[name]) for name, text in run.assumptions().items()},
+        plan=offline.plan,
+        messages=run.all_messages(),
+        time=offline.time,
+        total_mass=offline.total_mass,
+    )
+
+
+def _rows(bounds: dict[str, Bounds], part: slice) -> dict[str, Bounds]:
+    """The bounds of one output's rows."""
+    return {name: b.of_rows(part) for name, b in bounds.items()}
+
+
+def _output_report(out, value: np.ndarray, streams: dict[str, dict[str, Bounds]]) -> OutputReport:
+    bound = _with_best(streams["total"])
+    corrected, corrected_bound = _corrected(value, streams["total"])
+    return OutputReport(
+        name=out.name,
+        unit=out.unit,
+        of=out.of,
+        value=value,
+        bound=bound,
+        reduction_bound=_with_best(streams["reduction"]),
+        corrected=corrected,
+        corrected_bound=corrected_bound,
+        causes=_causes(bound["best"], streams),
+    )
+
+
+def _with_best(bounds: dict[str, Bounds]) -> dict[str, np.ndarray]:
+    outputs = {name: b.outputs for name, b in bounds.items()}
+    return {**outputs, "best": np.min(list(outputs.values()), axis=0)}
+
+
+def _corrected(value: np.ndarray, bounds: dict[str, Bounds]) -> tuple[np.ndarray | None, np.ndarray | None]:
+    for b in bounds.values():
+        if b.correction is not None:
+            return value + b.correction, b.correction_bound
+    return None, None
+
+
+def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]]) -> dict[str, np.ndarray]:
+    """Shares of the best bound by cause, each (T, r), with sum `best`.
+
+    The bound of the initial error alone, the share of load jumps, what the sampled residual adds to these (the basis)
+    and what the reconstruction adds to that (the time step), scaled to the sum.
+    """
+    reduction = _with_best(streams["reduction"])["best"]
+    initial = _with_best(streams["initial"])["best"] if "initial" in streams else np.zeros_like(best)
+    jumped = [b.jumped for b in streams["total"].values() if b.jumped is not None]
+    jumps = np.min(jumped, axis=0) if jumped else np.zeros_like(best)
+    weights = {
+        "basis": np.maximum(reduction - initial - jumps, 0.0),
+        "time step": np.maximum(best - reduction, 0.0),
+        "initial": initial,
+        "jumps": jumps,
+    }
+    total = sum(weights.values())
+    scale = np.where(total > 0, best / np.where(total > 0, total, 1.0), 0.0)
+    return {name: scale * weight for name, weight in weights.items()}
+
+
+def _reason(assumes: str, t: np.ndarray, bounds: Bounds) -> str:
+    finite = np.isfinite(bounds.position)
+    if finite.all():
+        return f"assumes {assumes}"
+    return f"assumes {assumes}; inf from t = {t[np.argmin(finite)]:g} s: the residual's square cancelled below zero"

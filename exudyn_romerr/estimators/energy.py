@@ -1,0 +1,122 @@
+"""Estimator "energy": static reconstruction and the total variation of the residual (theory.md 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..forgetting import Forgetting, body_rates
+from ..recurrence import decaying_sum
+from .base import Block, Bounds, Start
+
+if TYPE_CHECKING:
+    from ..problem import Problem
+
+
+class Energy:
+    """|e + K^-1 R|_K <= g and |e'|_M <= g, with g growing by the total variation of R in the K^-1 norm.
+
+        |C e| <= |C K^-1 R| + |C|_{K^-1} g ,   |C e'| <= |C|_{M^-1} g ,   |e|_M <= |K^-1 R|_M + g/omega_1
+
+    For a few admissible rates r, g forgets: g <- exp(-r h) g + variation (constants then change a little); the
+    smallest result counts.
+    """
+
+    name = "energy"
+    assumes = "dissipative damping"
+
+    def __init__(self, problem: Problem):
+        self.rates = body_rates(problem.body)
+        self.growth = Growth(problem.norm_K, self.rates)
+        self.norm_static = problem.norm_static
+        self.start_norms = (problem.norm_K, problem.norm_static, problem.norm_M) if problem.may_start_off else None
+        self.static_rows = np.where(problem.velocity_rows[:, None], 0.0, problem.static_rows)
+        self.C_K, self.C_M = problem.C_K, problem.C2
+        self.velocity_rows = problem.velocity_rows
+
+    def start(self, start: Start) -> Bounds:
+        """Begin a run; return the bounds at its first instant."""
+        self.growth = self.growth.started(start, self.start_norms)
+        return self._bounds(start.z[None], *self.growth.at_start())
+
+    def advance(self, block: Block) -> Bounds:
+        """Go on by one block; return the bounds at the ends of its segments."""
+        self.growth, g, g_jump = self.growth.advanced(block)
+        return self._bounds(block.c[:, -1], g, g_jump)
+
+    def _bounds(self, z: np.ndarray, g: np.ndarray, g_jump: np.ndarray) -> Bounds:
+        _, d_M, v_M = smallest(self.rates, g)
+        static = np.abs(z @ self.static_rows.T)
+        outputs = static + output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)
+        jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
+        return Bounds(self.norm_static(z) + d_M, v_M, outputs, jumped)
+
+
+class Growth:
+    """The energy g of every rate along a run: bounds |d|_{K_r}, d = e + K^-1 R.
+
+    norm is |R|_{K^-1} of whatever residual is bounded (the whole, or the rest above auxiliary modes). g_jump is the
+    part of g that load jumps made.
+    """
+
+    def __init__(self, norm: Callable, rates: Sequence[Forgetting]):
+        self.norm, self.rates = norm, rates
+        self.g = self.g_jump = [0.0] * len(rates)
+        self._before: np.ndarray | None = None
+
+    def _next(self, g: list[float], g_jump: list[float], before: np.ndarray) -> Growth:
+        following = Growth(self.norm, self.rates)
+        following.g, following.g_jump, following._before = g, g_jump, before
+        return following
+
+    def at_start(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return g and g_jump now, each (rates, 1)."""
+        return np.array(self.g)[:, None], np.array(self.g_jump)[:, None]
+
+    def started(self, start: Start, norms: Sequence[Callable] | None) -> Growth:
+        """Return the growth at a start.
+
+        g(0)^2 = |e0' + r d0|_M^2 + |d0|_{K_r}^2 with K d0 = L (y0 + z0) and |d0|_{K_r}^2 <= |d0|_K^2 + r^2 |d0|_M^2;
+        norms: z -> |K^-1 L z|_K, |K^-1 L z|_M, |M^-1 L z|_M.
+        """
+        if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0); |d0|_M from |d0|_K and the lowest frequency
+            d_K, v_M = float(self.norm(start.z)), 0.0
+            d_M = d_K * self.rates[0].per_mass if self.rates else 0.0
+        else:
+            w = start.y0.copy()
+            w[: len(start.z)] += start.z
+            d_K, d_M, v_M = float(norms[0](w)), float(norms[1](w)), float(norms[2](start.y0_t))
+        g = [float(np.hypot(v_M + rate.r * d_M, np.hypot(d_K, rate.r * d_M))) for rate in self.rates]
+        return self._next(g, [0.0] * len(g), start.z)
+
+    def advanced(self, block: Block) -> tuple[Growth, np.ndarray, np.ndarray]:
+        """Return the growth after a block, and g and g_jump (rates, S) at the ends of its segments."""
+        inside, jumps = block.variation(self.norm, self._before)
+        decays = [np.exp(-rate.r * block.h) for rate in self.rates]
+        g = self._summed(decays, [e * jumps + inside for e in decays], self.g)
+        if any(self.g_jump) or jumps.any():
+            g_jump = self._summed(decays, [e * jumps for e in decays], self.g_jump)
+        else:
+            g_jump = np.zeros_like(g)
+        return self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1]), g, g_jump
+
+    @staticmethod
+    def _summed(decays, added, starts) -> np.ndarray:
+        sums = [decaying_sum(e, a, x) for e, a, x in zip(decays, added, starts, strict=True)]
+        return np.array(sums).reshape(len(sums), -1)
+
+
+def smallest(rates: Sequence[Forgetting], g: np.ndarray) -> np.ndarray:
+    """Return the bounds (3, S) of |d|_K, |d|_M and |e'|_M: the smallest over the rates of g (rates, S)."""
+    if not rates:  # nothing is left to bound: all modes are auxiliary
+        return np.zeros((3, 1))
+    factors = np.array([(rate.c, rate.per_mass, rate.velocity) for rate in rates])
+    return np.min(factors[:, :, None] * g[:, None, :], axis=0)
+
+
+def output_share(rates: Sequence[Forgetting], g: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
+    """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R)."""
+    d_K, _, v_M = smallest(rates, g)
+    return np.where(velocity_rows, np.outer(v_M, C_M), np.outer(d_K, C_K))

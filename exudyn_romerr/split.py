@@ -1,0 +1,129 @@
+"""Split: the error space cut into auxiliary modes and the rest (theory.md 4)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from numbers import Integral
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .errors import InputError
+from .residual import make_norm
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from .problem import Problem
+
+AUTO_SHARE = 0.05  # of |C|_{K^-1} that may be left above the auxiliary modes
+AUTO_CAP = 60
+AUTO_WITHOUT_OUTPUTS = 20
+
+
+class Split:
+    """m modes P of the full body and the rest R_rest = (I - M P P^T) R; full-size, offline.
+
+    Attributes
+    ----------
+    omega (m,), cut : rad/s; every other mode has omega >= cut (inf if P is complete).
+    CP : (R, m). PL : (m, k), P^T [L, K q0, M q0'].
+    capped : the note for the plan if "auto" stopped at its cap, else None.
+    """
+
+    def __init__(self, problem: Problem, asked: int | str):
+        body = problem.body
+        body.require_rayleigh("auxiliary modes")
+        self._problem = problem
+        self.capped: str | None = None
+        m = self._auto_count() if asked == "auto" else _checked_count(asked, body.free.size)
+        modes = body.modes(m)
+        self.omega, self.P, self.cut = modes.omega, modes.shapes, modes.cut
+        self.CP = problem.C @ self.P
+        self.PL = self.P.T @ self._columns()
+
+    @cached_property
+    def C_K(self) -> np.ndarray:
+        """|C| in the K^-1 norm on the rest (R,)."""
+        return np.linalg.norm(self._rest_C_K, axis=0)
+
+    @cached_property
+    def C_M(self) -> np.ndarray:
+        """|C| in the M^-1 norm on the rest (R,)."""
+        return np.linalg.norm(_without(self._modes_M, self._problem.Y_C_M), axis=0)
+
+    @cached_property
+    def norm_K(self) -> Callable:
+        """Return z -> |R_rest|_{K^-1}."""
+        return make_norm(self._problem.residual, _without(self._modes_K, self._problem.Y_K))
+
+    @cached_property
+    def norm_static(self) -> Callable:
+        """Return z -> |K^-1 R_rest|_M."""
+        return make_norm(self._problem.residual, _without(self._modes_M, self._problem.Y_static))
+
+    @cached_property
+    def norm_M(self) -> Callable:
+        """Return z -> |R_rest|_{M^-1}."""
+        return make_norm(self._problem.residual, _without(self._modes_M, self._problem.Y_M))
+
+    @cached_property
+    def static_rows(self) -> np.ndarray:
+        """C K^-1 L_rest (R, k)."""
+        return self._rest_C_K.T @ self._problem.Y_K[:, : self._problem.map.coordinates.k]
+
+    @cached_property
+    def mode_residual(self) -> np.ndarray:
+        """|K phi - omega^2 M phi|_{K^-1} / |phi|_K of every mode (m,): how exact the computed modes are."""
+        body = self._problem.body
+        left = self.P - body.stiffness_factor.solve(body.M @ (self.P * self.omega**2))
+        return np.sqrt(np.einsum("ij,ij->j", left, body.K @ left)) / self.omega
+
+    @cached_property
+    def _modes_K(self) -> np.ndarray:
+        """K P Omega^-1 where |.|_{K^-1} is the 2-norm: orthonormal columns."""
+        return self._problem.body.stiffness_factor.half_multiply(self.P / self.omega)
+
+    @cached_property
+    def _modes_M(self) -> np.ndarray:
+        """M P where |.|_{M^-1} is the 2-norm, P where |.|_M is: orthonormal columns."""
+        return self._problem.body.mass_factor.half_multiply(self.P)
+
+    @cached_property
+    def _rest_C_K(self) -> np.ndarray:
+        return _without(self._modes_K, self._problem.Y_C_K)
+
+    def _columns(self) -> np.ndarray:
+        problem = self._problem
+        if problem.initial_state is None:
+            return problem.map.L
+        q0, q0_t = problem.initial_state
+        return np.column_stack([problem.map.L, problem.body.K @ q0, problem.body.M @ q0_t])
+
+    def _auto_count(self) -> int:
+        """Smallest m with |C|_rest <= 5 % of |C|_{K^-1} for every output, at most 60."""
+        problem, body = self._problem, self._problem.body
+        cap = min(AUTO_CAP, body.free.size)
+        if not len(problem.C):
+            return min(AUTO_WITHOUT_OUTPUTS, cap)
+        modes = body.modes(cap)
+        share = np.cumsum((problem.C @ modes.shapes / modes.omega) ** 2, axis=1) / problem.C_K[:, None] ** 2
+        enough = np.all(1 - share <= AUTO_SHARE**2, axis=0)
+        if not enough.any():
+            left = np.sqrt(np.max(1 - share[:, -1]))
+            self.capped = f"'auto' stopped at {cap} modes with {100 * left:.2g} % of |C| above them"
+            return cap
+        return int(np.argmax(enough)) + 1
+
+
+def _without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """Y less its part in the span of the orthonormal modes."""
+    for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
+        Y = Y - modes @ (modes.T @ Y)
+    return Y
+
+
+def _checked_count(asked: int | str, largest: int) -> int:
+    if isinstance(asked, bool) or not isinstance(asked, Integral) or not 1 <= asked <= largest:
+        raise InputError(f"auxiliary_modes={asked!r}; allowed: 'auto' or 1..{largest} (free coordinates)")
+    return int(asked)

@@ -1,0 +1,51 @@
+"""Stream: one way of looking at a trajectory (sampled, reconstructed, initial error alone) through all estimators."""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .estimators.base import Block, Bounds, Start
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import Any
+
+
+class Stream:
+    """Copies of the estimators, fed with blocks; remembers their bounds at the ends of steps."""
+
+    def __init__(self, estimators: Mapping[str, Any]):
+        self.estimators = {name: copy.copy(e) for name, e in estimators.items()}
+        self._chunks: dict[str, list[Bounds]] = {name: [] for name in estimators}
+
+    def start(self, start: Start) -> None:
+        """Begin at the first instant of a run."""
+        for name, e in self.estimators.items():
+            self._chunks[name].append(e.start(start))
+
+    def go_on(self, before: Stream) -> None:
+        """Begin where another stream ended."""
+        self.estimators = {name: copy.copy(e) for name, e in before.estimators.items()}
+        for name, chunks in before._chunks.items():
+            self._chunks[name].append(chunks[-1].at(np.array([-1])))
+
+    def advance(self, block: Block, step_end: np.ndarray) -> None:
+        """Take a block; step_end: index of the segment that ends each step."""
+        for name, e in self.estimators.items():
+            self._chunks[name].append(e.advance(block).at(step_end))
+
+    def load_steps(self, z: np.ndarray) -> None:
+        """Take load steps z (S, k) of a static solve, which do not depend on one another."""
+        for name, e in self.estimators.items():
+            self._chunks[name].append(e(z))
+
+    def best_now(self) -> np.ndarray:
+        """Return the smallest bound of every output row (R,) at the last instant."""
+        return np.min([chunks[-1].outputs[-1] for chunks in self._chunks.values()], axis=0)
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of every estimator so far."""
+        return {name: Bounds.joined(chunks) for name, chunks in self._chunks.items()}
