@@ -14,8 +14,8 @@ SINGULAR_PIVOT = 1e-14
 class SymmetricFactor:
     """L D L^T of a sparse symmetric matrix, without pivoting off the diagonal.
 
-    The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed. Pivots stay zero
-    where the factorisation broke down.
+    The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed. Pivots stay
+    zero where the factorisation broke down.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class SymmetricFactor:
         return spsolve_triangular(self._lower, scaled, unit_diagonal=True) / self._root
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
-        """Return Y (n, k) with |Y z|_2 = |right z|_A; half_multiply(A^-1 X) = half_solve(X)."""
+        """Return right in the coordinates of half_solve: Y (n, k) with |Y z|_2 = |right z|_A."""
         scaled = (right * self._scale[:, None])[self._order]
         return (self._lower.T @ scaled) * self._root
 

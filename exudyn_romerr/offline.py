@@ -30,7 +30,8 @@ class Offline:
     """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
 
     estimators : name -> estimator that starts copies of itself. value_rows (R, n): C V. galerkin (n, k): W^T L.
-    jump_response (n, p): jump of qr'' per jump of u. initial: None, "equilibrium" or "state".
+    jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z)
+    that knots of the reconstruction are chosen by. initial: None, "equilibrium" or "state".
     """
 
     coordinates: Coordinates
@@ -42,6 +43,9 @@ class Offline:
     value_rows: np.ndarray
     galerkin: np.ndarray
     jump_response: np.ndarray
+    mass_root: np.ndarray
+    measure: Callable
+    omega_1: float
     jumps: tuple[float, ...]
     initial: str | None
     time: str
@@ -103,6 +107,9 @@ def prepare(
         value_rows=problem.C @ V,
         galerkin=W.T @ problem.map.L,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
+        mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
+        measure=_sharpest_norm(problem, names),
+        omega_1=float(body.modes(1).omega[0]),
         jumps=_checked_jumps(jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
@@ -122,6 +129,13 @@ def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
     for name in names:
         check_choice("estimators", name, ESTIMATORS)
     return tuple(dict.fromkeys(names))
+
+
+def _sharpest_norm(problem: Problem, names: tuple[str, ...]) -> Callable:
+    """The norm of R that the sharpest estimator accumulates."""
+    if "auxiliary" in names:
+        return problem.split.norm_K
+    return problem.norm_K if "energy" in names else problem.norm_M
 
 
 def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[float, ...]:

@@ -14,11 +14,12 @@ from .reconstruct import Linear, Quintic, Samples, make_jumps
 from .stream import Stream
 
 if TYPE_CHECKING:
-    from .estimators.base import Bounds
+    from .estimators.base import Block, Bounds
     from .offline import Offline
     from .report import BoundReport
 
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it a load was missed, or the solver's tolerance is coarse
+ROUNDING = 0.1  # share of the residual's variation above which the report speaks of it
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 
 
@@ -36,7 +37,7 @@ class Run:
         jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(layout, jumps)}
         if offline.time == "reconstructed":
-            self._segmenters["total"] = Quintic(layout, jumps, offline.signal)
+            self._segmenters["total"] = Quintic(layout, jumps, offline.signal, offline.measure, offline.omega_1)
         self._streams = {name: Stream(offline.estimators) for name in self._segmenters}
         if offline.initial is not None:
             self._streams["initial"] = Stream(offline.estimators)
@@ -70,7 +71,8 @@ class Run:
             return
         samples = new.after(self._last)
         for name, segmenter in self._segmenters.items():
-            self._streams[name].advance(*segmenter(samples))
+            block, step_end = segmenter(samples)
+            self._streams[name].advance(block, step_end, self._widening(block, step_end))
         if "initial" in self._streams:
             block, step_end = self._segmenters["reduction"](samples)
             self._streams["initial"].advance(replace(block, c=0 * block.c), step_end)
@@ -110,12 +112,17 @@ class Run:
                 "on the body is missing in inputs, or the solver's tolerance is coarse; the bound holds for the "
                 "inputs given",
             )
-        if "total" in self._segmenters and self.offline.coordinates.p:
-            messages += self._input_messages(self._segmenters["total"])
+        if "total" in self._segmenters:
+            messages += self._reconstruction_messages(self._segmenters["total"])
         return messages
 
-    def _input_messages(self, quintic: Quintic) -> list[str]:
-        if self.offline.signal is None:
+    def _reconstruction_messages(self, quintic: Quintic) -> list[str]:
+        if quintic.rounding_share > ROUNDING:
+            share = f"{100 * quintic.rounding_share:.0f} %"
+            return [
+                f"steps so short that rounding makes about {share} of the bound: longer steps are better"
+            ]
+        if self.offline.signal is None and self.offline.coordinates.p:
             return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
         if quintic.largest_miss > RESOLVED:
             return [
@@ -148,6 +155,18 @@ class Run:
         check_finite("u", u)
         return u
 
+    def _widening(self, block: Block, step_end: np.ndarray) -> tuple | None:
+        """Distance of the samples from the trajectory that is bounded: position, velocity, outputs."""
+        if block.skipped is None:
+            return None
+        dq, dq_t = block.skipped[step_end, 0], block.skipped[step_end, 1]
+        position, velocity = (np.linalg.norm(x @ self.offline.mass_root.T, axis=1) for x in (dq, dq_t))
+        return position, velocity, np.abs(self._outputs_of(dq, dq_t))
+
+    def _outputs_of(self, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
+        rows = self.offline.value_rows.T
+        return np.where(self.offline.velocity_rows, q_t @ rows, q @ rows)
+
     def _start(self, first: Samples) -> Start:
         layout = self.offline.coordinates
         q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
@@ -164,9 +183,8 @@ class Run:
         return Start(t, z, y0, y0_t)
 
     def _record(self, new: Samples) -> None:
-        rows = self.offline.value_rows.T
         self._t.append(new.t)
-        self._values.append(np.where(self.offline.velocity_rows, new.q_t @ rows, new.q @ rows))
+        self._values.append(self._outputs_of(new.q, new.q_t))
         self._measure_defect(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
         self._last = new.part(slice(-1, None))
 

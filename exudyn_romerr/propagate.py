@@ -69,7 +69,7 @@ class ModalOscillators:
 
     def __init__(self, omega: np.ndarray, zeta: np.ndarray):
         self.omega, self.zeta = omega, zeta
-        self._cached: tuple = (0, 0.0)  # degree, step length, transition, weights
+        self._cached: dict[int, tuple] = {}  # degree -> step length, transition, weights
 
     def advance(self, state: np.ndarray, t: np.ndarray, h: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Return (eta, eta') at the ends of S segments, (S, 2, m), from state (2, m); F is (S, d + 1, m).
@@ -91,9 +91,9 @@ class ModalOscillators:
         return states
 
     def _equal_step(self, d: int, h: float, rounding: float) -> tuple[np.ndarray, np.ndarray]:
-        if self._cached[0] != d or abs(self._cached[1] - h) > rounding:
-            self._cached = (d, h, *self._step(d, h))
-        return self._cached[2:]
+        if d not in self._cached or abs(self._cached[d][0] - h) > rounding:
+            self._cached[d] = (h, *self._step(d, h))
+        return self._cached[d][1:]
 
     def _step(self, d: int, h) -> tuple[np.ndarray, np.ndarray]:
         """Transition A (2, 2, ..., m) and weights W (2, d + 1, ..., m) of (eta, eta')."""

@@ -1,17 +1,17 @@
 """From samples to segments: the trajectory between samples as Bezier control points of z (theory.md 1, 5).
 
-Sampled: z piecewise linear. Reconstructed: the quintic Hermite interpolant through (q, q', q'') at both ends of a step, a
-twice differentiable trajectory whose residual holds the error of the time integration too.
+Sampled: z piecewise linear. Reconstructed: the quintic Hermite interpolant through (q, q', q'') at both ends of a
+step, a twice differentiable trajectory whose residual holds the error of the time integration too.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .bezier import AT_CHECKS, CHECKS, FROM_NODES, NODES, hermite_controls, subdivided
 from .estimators.base import Block
 
 if TYPE_CHECKING:
@@ -20,21 +20,10 @@ if TYPE_CHECKING:
     from .inputs import InputSignal
     from .residual import Coordinates
 
-DEGREE = 5
-NODES = np.arange(DEGREE + 1) / DEGREE  # where the input is interpolated
-CHECKS = (NODES[:-1] + NODES[1:]) / 2  # where what the polynomial misses is looked at
 SNAP = 1e-9  # of a step: a jump this close to a sample is at the sample; solvers add up their steps
 SAFETY = 2.0  # what lies between the checks may be larger than at them
-
-
-def _bernstein(x: np.ndarray) -> np.ndarray:
-    j = np.arange(DEGREE + 1)
-    binomials = np.array([comb(DEGREE, i) for i in j])
-    return binomials * x[:, None] ** j * (1 - x[:, None]) ** (DEGREE - j)
-
-
-FROM_NODES = np.linalg.inv(_bernstein(NODES))
-AT_CHECKS = _bernstein(CHECKS)
+SHORT = 0.02  # rad of the first mode per step: below, rounding of q'' from differences of q may dominate
+LONG = 0.2  # rad of the first mode per knot interval: longer ones are not tried
 
 
 @dataclass(frozen=True)
@@ -112,28 +101,77 @@ class Linear:
 class Quintic:
     """Samples to segments of degree 5; inputs between samples from the signal (None: linear between samples).
 
-    largest_miss: largest part of the inputs that the polynomials miss, over the largest input seen.
+    Where steps are so short that rounding of q'' from differences of q would dominate, only every s-th sample is a
+    knot of the interpolant; the known differences at the samples between come with the block. measure: z -> norm of R
+    by which s is chosen.
     """
 
-    def __init__(self, layout: Coordinates, jumps: Sequence[Jump], signal: InputSignal | None):
-        self.layout, self.jumps, self.signal = layout, jumps, signal
-        self._miss = self._size = 0.0
+    def __init__(
+        self,
+        layout: Coordinates,
+        jumps: Sequence[Jump],
+        signal: InputSignal | None,
+        measure: Callable,
+        omega_1: float,
+    ):
+        self.layout, self.jumps, self.signal, self.measure, self.omega_1 = layout, jumps, signal, measure, omega_1
+        self._miss = self._size = self._rounding = self._variation = 0.0
 
     @property
     def largest_miss(self) -> float:
         """Largest |u - u_I| at the check points over the largest |u|."""
         return self._miss / self._size if self._size else 0.0
 
+    @property
+    def rounding_share(self) -> float:
+        """Estimated share of rounding in the variation of R, where steps are short."""
+        return self._rounding / self._variation if self._variation else 0.0
+
     def __call__(self, samples: Samples) -> tuple[Block, np.ndarray]:
         """Return the segments of all steps, and the index of the segment that ends each step."""
         return _by_steps(samples, self.jumps, self._smooth, self._with_jumps)
 
     def _smooth(self, s: Samples) -> Block:
+        every = np.arange(len(s.t))
+        if np.diff(s.t).max() * self.omega_1 >= SHORT or len(s.t) == 2:
+            return self._through(s, every)
+        inputs = self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
+        found, stride = [], 1
+        while stride == 1 or (stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG):
+            knots = np.unique(np.append(every[::stride], every[-1]))
+            found.append((knots, self._through(s, knots, inputs)))
+            stride *= 2
+        sizes = [self._size_of(block) for _, block in found]
+        best = int(np.argmin(sizes))
+        self._variation += sizes[best]
+        self._rounding += self._rounding_of(s.part(found[best][0]))
+        return found[best][1]
+
+    def _through(self, s: Samples, knots: np.ndarray, inputs: tuple | None = None) -> Block:
+        """Segments between all samples, of the interpolant through those at the knots."""
         h = np.diff(s.t)
-        controls = hermite_controls(h, s.q, s.q_t, s.q_tt)
-        u, missed, variation = self._inputs(s.t[:-1], h, s.u[:-1], s.u[1:])
-        c = self.layout(*controls, u)
-        return Block(s.t[1:], h, c, missed, variation)
+        u, missed, variation = inputs or self._inputs(s.t[:-1], h, s.u[:-1], s.u[1:])
+        curves = hermite_controls(np.diff(s.t[knots]), s.q[knots], s.q_t[knots], s.q_tt[knots])
+        if len(knots) == len(s.t):
+            return Block(s.t[1:], h, self.layout(*curves, u), missed, variation)
+        curves = [_cut(s.t, knots, c) for c in curves]
+        skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
+        return Block(s.t[1:], h, self.layout(*curves, u), missed, variation, skipped)
+
+    def _size_of(self, block: Block) -> float:
+        """Variation of R over a block and the size of the differences at skipped samples, in the measure's norm."""
+        size = float(self.measure(np.diff(block.c, axis=1)).sum())
+        if block.skipped is None:
+            return size
+        z = np.zeros((len(block.h), self.layout.k))
+        z[:, self.layout.stiffness_slot] = block.skipped[:, 0]
+        return size + float(self.measure(z).max())
+
+    def _rounding_of(self, s: Samples) -> float:
+        """Estimated variation of R from rounding of 20 dq/H^2 in the control points of q''."""
+        z = np.zeros((len(s.t) - 1, self.layout.k))
+        z[:, self.layout.mass_slot] = 40 * np.finfo(float).eps * np.abs(s.q[1:]) / np.diff(s.t)[:, None] ** 2
+        return float(self.measure(z).sum())
 
     def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
         # a sample that coincides with a jump has the acceleration of one side: each step takes that of its own side
@@ -142,8 +180,8 @@ class Quintic:
         q_tt[0] += sum(j.dq_tt for j, t in zip(here, edges[1:-1], strict=True) if t == s.t[0])
         q_tt[1] -= sum(j.dq_tt for j, t in zip(here, edges[1:-1], strict=True) if t == s.t[1])
         shares = (edges - s.t[0]) / (s.t[1] - s.t[0])
-        whole = hermite_controls(np.diff(s.t), s.q, s.q_t, q_tt)
-        pieces = [np.vstack([subdivided(x[0], a, b)[None] for a, b in _pairs(shares)]) for x in whole]
+        curves = hermite_controls(np.diff(s.t), s.q, s.q_t, q_tt)
+        pieces = [subdivided(np.repeat(c, len(shares) - 1, axis=0), shares[:-1], shares[1:]) for c in curves]
         starts = np.vstack([s.u[:1], *(j.u_right[None] for j in here)])
         ends = np.vstack([*(j.u_left[None] for j in here), s.u[1:]])
         u, missed, variation = self._inputs(edges[:-1], np.diff(edges), starts, ends)
@@ -163,52 +201,6 @@ class Quintic:
         miss = np.abs(values[:, 0::2] - np.einsum("ij,sjp->sip", AT_CHECKS, controls))
         self._miss, self._size = max(self._miss, miss.max()), max(self._size, np.abs(at_nodes).max())
         return controls, SAFETY * miss.max(axis=1), SAFETY * 2 * miss.sum(axis=1)
-
-
-def hermite_controls(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return control points (S, 6, n) of the quintic Hermite interpolants, of their first and second derivatives.
-
-    First and last control points are the samples themselves, bit for bit, so that R is continuous between steps.
-    """
-    q0, q1, v0, v1, a0, a1 = (x[part] for x in (q, q_t, q_tt) for part in (slice(None, -1), slice(1, None)))
-    h = h[:, None]
-    dq = q1 - q0
-    position = [
-        q0,
-        q0 + h * v0 / 5,
-        q0 + 2 * h * v0 / 5 + h**2 * a0 / 20,
-        q1 - 2 * h * v1 / 5 + h**2 * a1 / 20,
-        q1 - h * v1 / 5,
-        q1,
-    ]
-    middle = 5 * dq / h - 2 * (v0 + v1) + h * (a1 - a0) / 4
-    velocity = [v0, v0 + h * a0 / 4, middle, v1 - h * a1 / 4, v1]
-    bend = 20 * dq / h**2
-    acceleration = [a0, bend - (8 * v1 + 12 * v0) / h + a1 - 2 * a0, -bend + (12 * v1 + 8 * v0) / h + a0 - 2 * a1, a1]
-    return np.stack(position, axis=1), _raised(np.stack(velocity, axis=1)), _raised(np.stack(acceleration, axis=1))
-
-
-def _raised(c: np.ndarray) -> np.ndarray:
-    """Control points (S, d + 1, n) of the same polynomials with degree 5."""
-    for d in range(c.shape[1], DEGREE + 1):
-        share = (np.arange(1, d) / d)[:, None]
-        c = np.concatenate([c[:, :1], share * c[:, :-1] + (1 - share) * c[:, 1:], c[:, -1:]], axis=1)
-    return c
-
-
-def subdivided(c: np.ndarray, a: float, b: float) -> np.ndarray:
-    """Return the control points (d + 1, n) of the part [a, b] of a curve with control points c (de Casteljau)."""
-    right = c if a == 0 else _halves(c, a)[1]
-    return right if b == 1 else _halves(right, (b - a) / (1 - a) if a < 1 else 1.0)[0]
-
-
-def _halves(c: np.ndarray, x: float) -> tuple[np.ndarray, np.ndarray]:
-    left, right, rest = [c[0]], [c[-1]], c
-    while len(rest) > 1:
-        rest = (1 - x) * rest[:-1] + x * rest[1:]
-        left.append(rest[0])
-        right.append(rest[-1])
-    return np.array(left), np.array(right[::-1])
 
 
 def _by_steps(s: Samples, jumps: Sequence[Jump], smooth: Callable, with_jumps: Callable) -> tuple[Block, np.ndarray]:
@@ -238,8 +230,14 @@ def _edges(t: np.ndarray, here: list[Jump]) -> np.ndarray:
     return np.array([t[0], *inner, t[1]])
 
 
-def _pairs(x: np.ndarray) -> list[tuple[float, float]]:
-    return list(zip(x[:-1].tolist(), x[1:].tolist(), strict=True))
+def _cut(t: np.ndarray, knots: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Control points (S, 6, n) between all samples of curves given between knots."""
+    interval = np.searchsorted(knots, np.arange(len(t) - 1), side="right") - 1
+    start, length = t[knots[interval]], np.diff(t[knots])[interval]
+    last = np.isin(np.arange(1, len(t)), knots)
+    pieces = subdivided(c[interval], (t[:-1] - start) / length, np.where(last, 1.0, (t[1:] - start) / length))
+    pieces[1:, 0] = pieces[:-1, -1]  # continuous to the last bit
+    return pieces
 
 
 def _block(t, h, c, p: int) -> Block:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import check_array, check_choice
+from .products import rows_times
 
 if TYPE_CHECKING:
     from .basis import Basis
@@ -93,8 +94,8 @@ class OrthonormalNorm:
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
         k = z.shape[-1]
-        image = z.reshape(-1, k) @ self.T[:k, :k].T
-        return np.sqrt(np.einsum("ij,ij->i", image, image)).reshape(z.shape[:-1])
+        image = rows_times(z, self.T[:k, :k].T)
+        return np.sqrt(np.einsum("...j,...j->...", image, image))
 
 
 class DirectNorm:

@@ -32,10 +32,11 @@ class Stream:
         for name, chunks in before._chunks.items():
             self._chunks[name].append(chunks[-1].at(np.array([-1])))
 
-    def advance(self, block: Block, step_end: np.ndarray) -> None:
-        """Take a block; step_end: index of the segment that ends each step."""
+    def advance(self, block: Block, step_end: np.ndarray, widening: tuple | None = None) -> None:
+        """Take a block; step_end: index of the segment that ends each step; widening: added there to the bounds."""
         for name, e in self.estimators.items():
-            self._chunks[name].append(e.advance(block).at(step_end))
+            bounds = e.advance(block).at(step_end)
+            self._chunks[name].append(bounds if widening is None else bounds.widened(*widening))
 
     def load_steps(self, z: np.ndarray) -> None:
         """Take load steps z (S, k) of a static solve, which do not depend on one another."""

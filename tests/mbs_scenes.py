@@ -37,7 +37,7 @@ def new_mbs():
     return exu.SystemContainer().AddSystem()
 
 
-def scene(mbs=None, basis=None, input_function=force, initial=None, **options):
+def scene(basis=None, mbs=None, input_function=force, initial=None, **options):
     """Return (mbs, flex, monitor), assembled."""
     mbs = new_mbs() if mbs is None else mbs
     flex = add_reduced_body(

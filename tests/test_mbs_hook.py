@@ -88,17 +88,29 @@ def test_rows_come_in_few_blocks_and_the_first_at_once(gathered):
 def test_two_bodies_get_their_own_coordinates(gathered):
     mine = Recorder()
     mbs, _, first = scene(basis=random_basis(3), hook=mine)
-    _, _, second = scene(mbs, basis=random_basis(2, seed=4))
+    _, _, second = scene(random_basis(2, seed=4), mbs=mbs)
     mbs.SolveDynamic(settings(steps=300))
     assert len(first.report().t) == len(second.report().t) == 301
     np.testing.assert_array_equal(joined(gathered[0], 1), mine.rows(0)[:, :3])
     np.testing.assert_array_equal(joined(gathered[1], 2), mine.rows(1)[:, 3:])
 
 
+def test_body_attached_after_a_solve_gets_none_of_its_rows():
+    mbs, _, first = scene()
+    mbs.SolveDynamic(settings(steps=20))
+    _, _, second = scene(random_basis(2), mbs=mbs)
+    assert len(first.report().t) == 21
+    with pytest.raises(RunError, match="before a run"):
+        second.report()
+    mbs.SolveDynamic(settings(steps=20))
+    assert len(first.runs) == 2
+    assert len(second.runs) == 1
+
+
 def test_one_hook_is_shared():
     mbs, _, _ = scene()
     shared = mbs.GetPostStepUserFunction()["function"]
-    scene(mbs)
+    scene(mbs=mbs)
     assert mbs.GetPostStepUserFunction()["function"] is shared
 
 
@@ -106,8 +118,8 @@ def test_users_hook_set_before_is_called_every_step_with_its_arguments():
     mine = Recorder()
     mbs = new_mbs()
     mbs.SetPostStepUserFunction(mine)
-    _, _, monitor = scene(mbs)
-    scene(mbs, basis=random_basis(2))
+    _, _, monitor = scene(mbs=mbs)
+    scene(random_basis(2), mbs=mbs)
     mbs.SolveDynamic(settings(steps=20))
     assert len(mine.t) == 21
     np.testing.assert_array_equal(monitor.report().t, mine.t)
@@ -178,11 +190,11 @@ def test_hook_keyword_with_the_same_function_is_fine_with_another_refused():
     mine = Recorder()
     mbs = new_mbs()
     mbs.SetPostStepUserFunction(mine)
-    scene(mbs, hook=mine)
+    scene(mbs=mbs, hook=mine)
     mbs.SolveDynamic(settings(steps=20))
     assert len(mine.t) == 21
     with pytest.raises(InputError, match="another PostStep function already"):
-        scene(mbs, hook=Recorder())
+        scene(mbs=mbs, hook=Recorder())
 
 
 def test_hook_that_is_no_function_is_refused():
@@ -202,7 +214,7 @@ def test_reset_removes_the_hook_and_keeps_the_runs():
     mbs, _, old = scene()
     mbs.SolveDynamic(settings(steps=20))
     mbs.Reset()
-    _, _, new = scene(mbs, basis=random_basis(2))
+    _, _, new = scene(random_basis(2), mbs=mbs)
     mbs.SolveDynamic(settings(steps=30))
     assert len(new.report().t) == 31
     assert [len(run.report().t) for run in old.runs] == [21]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..forgetting import rayleigh_rates
+from ..products import rows_times
 from ..propagate import ModalOscillators
 from .base import Block, Bounds, Start
 from .energy import Growth, output_share, smallest
@@ -57,7 +58,7 @@ class Auxiliary:
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        states = self.oscillators.advance(self.state, block.t, block.h, block.c @ self.forcing.T)
+        states = self.oscillators.advance(self.state, block.t, block.h, rows_times(block.c, self.forcing.T))
         self.growth, g, g_jump = self.growth.advanced(block)
         omega = self.oscillators.omega
         # each segment rounds by a few units in the last place and turns by the error of the computed frequency

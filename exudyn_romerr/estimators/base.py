@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,7 @@ class Block:
     t : (S,) ends of the segments; h : (S,) lengths; c : (S, d + 1, k) Bezier control points of z.
     unresolved : (S, p) bounds of |u - u_I| in each segment, u_I the polynomial that c contains.
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
+    skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
     """
 
     t: np.ndarray
@@ -41,13 +42,20 @@ class Block:
     c: np.ndarray
     unresolved: np.ndarray
     unresolved_variation: np.ndarray
+    skipped: np.ndarray | None = None
     _norms: dict = field(default_factory=dict)
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
         """Return blocks one after another."""
         fields = ("t", "h", "c", "unresolved", "unresolved_variation")
-        return cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in fields))
+        joined = cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in fields))
+        shapes = {block.skipped.shape[1:] for block in blocks if block.skipped is not None}
+        if shapes:
+            none = np.zeros((1, *shapes.pop()))
+            parts = [np.repeat(none, len(b.h), axis=0) if b.skipped is None else b.skipped for b in blocks]
+            joined.skipped = np.concatenate(parts)
+        return joined
 
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""
@@ -93,6 +101,17 @@ class Bounds:
     def at(self, index: np.ndarray) -> Bounds:
         """Return the bounds at some of the instants."""
         return Bounds(*(None if x is None else x[index] for x in self.arrays()))
+
+    def widened(self, position: np.ndarray, velocity: np.ndarray, outputs: np.ndarray) -> Bounds:
+        """Return the bounds with something added at every instant."""
+        left = None if self.correction_bound is None else self.correction_bound + outputs
+        return replace(
+            self,
+            position=self.position + position,
+            velocity=self.velocity + velocity,
+            outputs=self.outputs + outputs,
+            correction_bound=left,
+        )
 
     def of_rows(self, part: slice) -> Bounds:
         """Return the bounds of some of the output rows."""

@@ -103,7 +103,7 @@ def attach(
     estimators: Any = "auto",
     residual: str = "orthonormal",
     kernels: str = "certified",
-    time: str = "sampled",
+    time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
 ) -> Monitor:
     """Bound the error of a reduced body in every following solve of its mbs.

@@ -36,6 +36,7 @@ class Watch:
         self.error: Exception | None = None
         self.stopped = False
         self._model = flex.model
+        self._listens = False  # from the begin of a solve on, until the simulation diverges
         self._run: Run | StaticRun | None = None
         self._last: tuple | None = None  # time, q, q_t of the last row evaluated
 
@@ -50,7 +51,7 @@ class Watch:
 
     def begin(self, mbs: Any, static: bool) -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
-        self.error, self.stopped, self._run, self._diverged = None, False, None, False
+        self.error, self.stopped, self._run, self._listens = None, False, None, True
         self._kind = StaticRun if static else Run
         try:
             self.check(mbs)
@@ -61,7 +62,7 @@ class Watch:
 
     def take(self, t: np.ndarray, *states: np.ndarray) -> None:
         """Evaluate accepted steps: t (S,) and the mbs's q, q_t, q_tt, each (S, all its coordinates)."""
-        if self.error is not None or self._diverged:
+        if self.error is not None or not self._listens:
             return
         try:
             self._evaluate(t.copy(), *(state[:, self._columns].copy() for state in states))
@@ -106,7 +107,7 @@ class Watch:
     def _diverge(self, t: float) -> None:
         if self._run is None:
             raise RunError(f"object {self.item} starts at t = {t:g} with nan or inf among its coordinates")
-        self._diverged = True
+        self._listens = False
         self.note(f"the simulation diverged: nan or inf at t = {t:g}; bounds end before")
 
     def _compare(self, t: float) -> None:

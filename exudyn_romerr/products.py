@@ -1,0 +1,18 @@
+"""Products of many short rows with one small matrix, kept on one core."""
+
+import numpy as np
+
+# Multiplications of one product. BLAS libraries start threads above a few 1e5; for blocks of steps these cost more
+# than they give, and on cores that are shared with a simulation they wait for one another.
+ONE_THREAD = 250_000
+
+
+def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Return rows @ matrix for rows (..., k) and matrix (k, m)."""
+    k, m = matrix.shape
+    flat = rows.reshape(-1, k)
+    count = max(1, ONE_THREAD // max(k * m, 1))
+    result = np.empty((len(flat), m))
+    for first in range(0, len(flat), count):
+        np.matmul(flat[first : first + count], matrix, out=result[first : first + count])
+    return result.reshape(*rows.shape[:-1], m)
