@@ -30,8 +30,8 @@ class Offline:
     """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
 
     estimators : name -> estimator that starts copies of itself. value_rows (R, n): C V. galerkin (n, k): W^T L.
-    jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z)
-    that knots of the reconstruction are chosen by. initial: None, "equilibrium" or "state".
+    jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of
+    R(z) that knots of the reconstruction are chosen by. initial: None, "equilibrium" or "state".
     """
 
     coordinates: Coordinates

@@ -10,7 +10,7 @@ import numpy as np
 from .assemble import assemble
 from .errors import InputError, RunError, check_finite
 from .estimators.base import Start
-from .reconstruct import Linear, Quintic, Samples, make_jumps
+from .reconstruct import ROUNDING, Linear, Quintic, Samples, make_jumps
 from .stream import Stream
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from .report import BoundReport
 
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it a load was missed, or the solver's tolerance is coarse
-ROUNDING = 0.1  # share of the residual's variation above which the report speaks of it
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 
 
@@ -119,9 +118,7 @@ class Run:
     def _reconstruction_messages(self, quintic: Quintic) -> list[str]:
         if quintic.rounding_share > ROUNDING:
             share = f"{100 * quintic.rounding_share:.0f} %"
-            return [
-                f"steps so short that rounding makes about {share} of the bound: longer steps are better"
-            ]
+            return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
         if self.offline.signal is None and self.offline.coordinates.p:
             return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
         if quintic.largest_miss > RESOLVED:

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 SNAP = 1e-9  # of a step: a jump this close to a sample is at the sample; solvers add up their steps
 SAFETY = 2.0  # what lies between the checks may be larger than at them
-SHORT = 0.02  # rad of the first mode per step: below, rounding of q'' from differences of q may dominate
+SHORT = 0.02  # rad of the first mode per step: below, rounding of q'' from differences of q is looked at
 LONG = 0.2  # rad of the first mode per knot interval: longer ones are not tried
+ROUNDING = 0.1  # of the variation of R: above, fewer samples are taken as knots, and the report speaks of it
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,20 @@ class Linear:
         return _without_empty(edges, controls, self.layout.p)
 
 
+@dataclass(frozen=True)
+class _Choice:
+    """Segments through some samples as knots, the size of what they add to the bounds, rounding's part of it."""
+
+    block: Block
+    size: float
+    rounding: float
+
+    @property
+    def rounds(self) -> bool:
+        """Whether rounding matters."""
+        return self.rounding > ROUNDING * self.size
+
+
 class Quintic:
     """Samples to segments of degree 5; inputs between samples from the signal (None: linear between samples).
 
@@ -136,16 +151,18 @@ class Quintic:
         if np.diff(s.t).max() * self.omega_1 >= SHORT or len(s.t) == 2:
             return self._through(s, every)
         inputs = self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
-        found, stride = [], 1
-        while stride == 1 or (stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG):
-            knots = np.unique(np.append(every[::stride], every[-1]))
-            found.append((knots, self._through(s, knots, inputs)))
+        choices = [self._choice(s, every, inputs)]
+        stride = 2
+        while choices[0].rounds and stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG:
+            choices.append(self._choice(s, np.unique(np.append(every[::stride], every[-1])), inputs))
             stride *= 2
-        sizes = [self._size_of(block) for _, block in found]
-        best = int(np.argmin(sizes))
-        self._variation += sizes[best]
-        self._rounding += self._rounding_of(s.part(found[best][0]))
-        return found[best][1]
+        best = min(choices, key=lambda choice: choice.size)
+        self._variation, self._rounding = self._variation + best.size, self._rounding + best.rounding
+        return best.block
+
+    def _choice(self, s: Samples, knots: np.ndarray, inputs: tuple) -> _Choice:
+        block = self._through(s, knots, inputs)
+        return _Choice(block, self._size_of(block), self._rounding_of(s.part(knots)))
 
     def _through(self, s: Samples, knots: np.ndarray, inputs: tuple | None = None) -> Block:
         """Segments between all samples, of the interpolant through those at the knots."""

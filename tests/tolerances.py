@@ -26,3 +26,9 @@ CANCELLED = 1e-10
 REPEATED = 1e-8
 # R is 1e-12 of its terms, which are (omega_N/omega_1)^2 = 1e2 times those of the motion, integrated over some periods.
 ZERO_BOUND = 1e-9
+# Closed forms: a few dozen roundings of exp, sin and sinh, arguments up to 1e3 (1e-16 * 1e3 in exp).
+CLOSED_FORM = 1e-11
+# scipy's expm on matrices of norm up to 200: some squarings, each doubling 1e-16.
+EXPM = 1e-11
+# Root of an eigenvalue that carries EXPM-like rounding of a pencil with condition 1e3.
+ROOT = 1e-8
