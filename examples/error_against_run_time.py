@@ -162,7 +162,9 @@ def draw(rows: list[Row], path: Path) -> None:
         name = r.basis if r.step is None else f"{r.basis}, gen.-alpha"
         ax.plot([r.seconds] * 2, [max(r.reduction, TRUTH_FLOOR), r.bound["convolution"]], color="#cccccc", zorder=0)
         at = (r.seconds, r.bound["convolution"])
-        ax.annotate(name, at, (-8, 0), textcoords="offset points", ha="right", va="center", fontsize=8, bbox=PLAIN)
+        ax.annotate(
+            name, at, (-8, 0), textcoords="offset points", ha="right", va="center", fontsize=8, bbox=PLAIN, zorder=1
+        )
     ax.axhline(TRUTH_FLOOR, color="#999999", ls=":", label="rounding of the closed-form truth")
     ax.xaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
     ax.margins(x=0.22)

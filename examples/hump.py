@@ -1,7 +1,7 @@
 """The hump: why first-order error estimators fail for mechanics (figures 2 and 3 of the paper).
 
-A one-mass oscillator, k = 10 N/m, d = 0.2 N s/m. The lighter the mass, the higher its frequency and the higher the norm
-of its fundamental matrix Phi(t) rises before it decays. All of that comes from the entry Phi21; Phi12, which the
+A one-mass oscillator, k = 10 N/m, d = 0.2 N s/m. The lighter the mass, the higher its frequency, and the higher rises
+the norm of its fundamental matrix Phi(t) before it decays. All of that comes from the entry Phi21; Phi12, which the
 second-order estimators use, falls instead.
 
     python examples/hump.py
@@ -23,7 +23,7 @@ MASSES = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0001)  # kg; the last one is overdamped
 STIFFNESS, DAMPING = 10.0, 0.2  # N/m, N s/m
 TIMES = np.geomspace(1e-5, 20, 4000)  # s
 # One hue from light to dark: the masses are an ordered quantity, told apart in grey print too
-COLOURS = ("#c6dbef", "#9ecae1", "#6baed6", "#3182bd", "#08519c", "#000000")
+COLOURS = ("#9ecae1", "#6baed6", "#4292c6", "#2171b5", "#084594", "#000000")
 STYLES = ("-", "--", "-", "--", "-", ":")
 
 

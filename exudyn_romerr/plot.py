@@ -18,11 +18,20 @@ COLOURS = {
     "state-space": "#999999",
     "fast": "#56B4E9",
     "convolution": "#0072B2",
+    "output-kernel": "#E69F00",
     "energy": "#CC79A7",
     "auxiliary": "#009E73",
     "static": "#009E73",
 }
-STYLES = {"state-space": ":", "fast": "--", "convolution": "-", "energy": "-.", "auxiliary": "-", "static": "-"}
+STYLES = {
+    "state-space": ":",
+    "fast": "--",
+    "convolution": "-",
+    "output-kernel": (0, (5, 1, 1, 1, 1, 1)),
+    "energy": "-.",
+    "auxiliary": "-",
+    "static": "-",
+}
 
 
 def plot_report(report: BoundReport, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:

@@ -26,9 +26,13 @@ CANCELLED = 1e-10
 REPEATED = 1e-8
 # R is 1e-12 of its terms, which are (omega_N/omega_1)^2 = 1e2 times those of the motion, integrated over some periods.
 ZERO_BOUND = 1e-9
-# Closed forms: a few dozen roundings of exp, sin and sinh, arguments up to 1e3 (1e-16 * 1e3 in exp).
-CLOSED_FORM = 1e-11
+# Closed forms: rounding of exp, sin and sinh at arguments up to 1e3 (1e-16 * 1e3), frequencies good to 1e-14.
+CLOSED_FORM = 1e-10
 # scipy's expm on matrices of norm up to 200: some squarings, each doubling 1e-16.
 EXPM = 1e-11
 # Root of an eigenvalue that carries EXPM-like rounding of a pencil with condition 1e3.
 ROOT = 1e-8
+# The issue: the orthonormal residual reaches 1e-12 relative to its terms.
+RESIDUAL = 1e-12
+# Solves with W^T V of random columns, condition below 1e4 for the seeds here.
+PROJECTED = 1e-11

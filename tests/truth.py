@@ -111,9 +111,7 @@ def linear_inputs(left, right):
 
 def modal_solution(M, K, rayleigh, B, h, F, q0, q0_t):
     """Return q (S + 1, n), q_t of the same equation by closed forms of the modes; Rayleigh, degree <= 1."""
-    compliance, shapes = la.eigh(M, K)
-    omega = 1 / np.sqrt(compliance)
-    shapes = shapes * omega
+    omega, shapes = _modes(M, K)
     zeta = (rayleigh[0] / omega + rayleigh[1] * omega) / 2
     x, v = [shapes.T @ M @ q0], [shapes.T @ M @ q0_t]
     for length, f in zip(h, F @ (B.T @ shapes), strict=True):
@@ -121,6 +119,15 @@ def modal_solution(M, K, rayleigh, B, h, F, q0, q0_t):
         x.append(new[0])
         v.append(new[1])
     return np.array(x) @ shapes.T, np.array(v) @ shapes.T
+
+
+def _modes(M, K):
+    """All modes; the solver's rounding is relative to its largest eigenvalue: low modes from 1/omega^2, high from it."""
+    compliance, low = la.eigh(M, K)
+    squares, high = la.eigh(K, M)
+    omega = 1 / np.sqrt(compliance[::-1])
+    take_low = omega < np.sqrt(omega[0] * omega[-1])
+    return np.where(take_low, omega, np.sqrt(squares)), np.where(take_low, low[:, ::-1] * omega, high)
 
 
 def _linear_step(omega, zeta, h, f, x, v):

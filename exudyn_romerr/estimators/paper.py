@@ -90,9 +90,17 @@ class Convolution(Fast):
         return np.min([a * x for (a, _), x in zip(self.kernel.envelopes, sums, strict=True)], axis=0)
 
     def _by_history(self, block: Block) -> np.ndarray:
+        self._remember(block)
+        return self._summed(block, self.table)
+
+    def _remember(self, block: Block) -> None:
         new = (block.t, block.h, block.integral(self.norm))
-        self.history = ends, lengths, added = tuple(map(np.concatenate, zip(self.history, new, strict=True)))
+        self.history = tuple(map(np.concatenate, zip(self.history, new, strict=True)))
+
+    def _summed(self, block: Block, table: LagTable) -> np.ndarray:
+        """Sum over all segments so far of the kernel's maximum over the lag interval times int |R|."""
+        ends, lengths, added = self.history
         hi = block.t[:, None] - (ends - lengths)
         lo = np.maximum(block.t[:, None] - ends, 0.0)
         past = ends <= block.t[:, None]
-        return np.where(past, self.table(lo, np.maximum(hi, lo)), 0.0) @ added
+        return np.where(past, table(lo, np.maximum(hi, lo)), 0.0) @ added
