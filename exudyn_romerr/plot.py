@@ -33,6 +33,8 @@ STYLES = {
     "static": "-",
 }
 
+WIDE, THIN = 2.5, 1.0  # a sharp bound lies on the true error: the wide line shows on both sides of the thin one
+
 
 def plot_report(report: BoundReport, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw for every output row: the signal with its band on top, bound and true error (semilog) below.
@@ -70,14 +72,15 @@ def _draw_signal(ax, report: BoundReport, out: OutputReport, i: int) -> None:
 
 def _draw_bounds(ax, report: BoundReport, out: OutputReport, i: int) -> None:
     for name in (name for name in out.bound if name != "best"):
-        _semilog(ax, report.t, out.bound[name][:, i], STYLES[name], COLOURS[name], f"bound '{name}'")
+        _semilog(ax, report.t, out.bound[name][:, i], STYLES[name], COLOURS[name], f"bound '{name}'", WIDE)
     if out.error is not None:
-        _semilog(ax, report.t, np.abs(out.error[:, i]), "-", COLOURS["error"], "true error")
+        _semilog(ax, report.t, np.abs(out.error[:, i]), "-", COLOURS["error"], "|true error|", THIN)
     kind = "error" if report.time == "reconstructed" else "reduction error"
     ax.set(xlabel="t / s", ylabel=f"{kind} of {out.name} / {out.unit}", yscale="log")
-    ax.legend()
+    ax.grid(which="major", alpha=0.3)
+    ax.legend(loc="best")
 
 
-def _semilog(ax, t, y, style: str, colour: str, label: str) -> None:
+def _semilog(ax, t, y, style: str, colour: str, label: str, width: float) -> None:
     # a log axis has no place for zeros (the first sample, often): they are left out, not moved
-    ax.plot(t, np.where(y > 0, y, np.nan), style, color=colour, label=label)
+    ax.plot(t, np.where(y > 0, y, np.nan), linestyle=style, color=colour, label=label, linewidth=width)

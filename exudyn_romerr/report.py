@@ -142,6 +142,9 @@ class BoundReport:
             lines.append("! reduction error at sampled residuals; the error of the time integration is not covered")
         for out in self.outputs.values():
             lines += [out.verdict(self.time), f"  {out.advice()}"]
+            if out.corrected is not None:
+                left = np.max(out.corrected_bound)
+                lines.append(f"  the corrected output is within {left:.3g} {out.unit} of the full model")
             if out.effectivity:
                 largest = np.max(np.abs(out.error))
                 ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")

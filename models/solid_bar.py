@@ -13,11 +13,9 @@ from pathlib import Path
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 import exudyn_romerr as romerr
 from models.beam3d import STEEL
-from models.exact import ForcedModes
 
 DATA = Path(__file__).parent / "data"
 LEVELS = (0, 1, 2)  # 1113, 3231 and 9885 coordinates
@@ -147,67 +145,41 @@ def build(
     return body, inputs, outputs
 
 
-@dataclass(frozen=True)
-class TipMotion:
-    """Outputs C q of a body that a load a sin(W t) sets in motion from rest.
-
-    The forced motion is a solve with the whole body; the free motion is summed over the modes that are given.
-    """
-
-    free: ForcedModes
-    rows: np.ndarray
-    forced: np.ndarray
-    remainder: np.ndarray
-
-    def __call__(self, t: np.ndarray) -> np.ndarray:
-        """Return C q at times t >= 0 (T,), as (T, r); within `remainder` (r,) of the exact motion."""
-        wave = np.exp(1j * self.free.W * t)
-        return self.free.output(self.rows, t) + np.outer(wave, self.forced).imag
-
-
-def exact_outputs(
-    body: romerr.ElasticBody, inputs: np.ndarray, rows: np.ndarray, W: float, modes: int | None = None
-) -> TipMotion:
-    """Exact outputs under the load sin(W t) from rest, without the dense eigenproblem of models.exact.
+def craig_bampton(body: romerr.ElasticBody, n: int, level: int = 0) -> romerr.Basis:
+    """Six static modes of the tip face as a rigid body, and n eigenmodes with the tip face fixed as well.
 
     Parameters
     ----------
-    inputs : ndarray, (N, 1)
-    rows : ndarray, (r, N)
-    W : float
-        Angular frequency in rad/s, below that of the last mode taken.
-    modes : int, optional
-        Modes of the free motion; default all of them. What is left out is bounded: a mode above moves by at most
-        2 W c_i b_i/(omega_i (omega_i^2 - W^2)), its modal velocity at the start over omega_i and twice that for its
-        damped start displacement, and the sum of |c_i b_i|/omega_i^2 by completeness.
+    body : ElasticBody
+        From build(level).
+    n : int
+        Fixed-interface modes.
+    level : int
+        Mesh of the body.
 
     Returns
     -------
-    TipMotion
+    Basis
+        6 + n columns.
     """
-    found = body.modes(body.free.size if modes is None else modes)
-    B, C = inputs[body.free, 0], rows[:, body.free]
-    load, zeta = found.shapes.T @ B, body.damping_ratios(found.omega)
-    dynamic = body.K - W**2 * body.M + 1j * W * body.D
-    forced = C @ splu(sparse.csc_matrix(dynamic)).solve(B.astype(complex))
-    modal = load / (found.omega**2 - W**2 + 2j * zeta * found.omega * W)
-    free = ForcedModes(
-        found.omega, zeta, 0 * load, body.expand(found.shapes), W, start=-modal.imag, start_t=-W * modal.real
-    )
-    return TipMotion(free, rows, forced, _remainder(body, B, C, found, W))
+    tip = read_mesh(level).tip
+    held = np.searchsorted(body.free, (3 * tip[:, None] + np.arange(3)).ravel())
+    inner = np.setdiff1d(np.arange(body.free.size), held)
+    K, M = body.K[inner], body.M[inner]
+    fixed_body = romerr.ElasticBody(M[:, inner], K[:, inner])
+    rigid = _rigid_motions(body.positions[tip])
+    V = np.zeros((body.free.size, 6 + n))
+    V[held, :6] = rigid
+    V[inner, :6] = fixed_body.stiffness_factor.solve(-K[:, held] @ rigid)
+    V[inner, 6:] = fixed_body.modes(n).shapes
+    return romerr.Basis(body.expand(V), note=f"Craig-Bampton, 6 static and {n} fixed-interface modes")
 
 
-def _remainder(body, B, C, found, W) -> np.ndarray:
-    """Bound (r,) of the free motion of all modes above those found."""
-    if found.omega.size == body.free.size:
-        return np.zeros(len(C))
-    solve, shapes = body.stiffness_factor.solve, found.shapes / found.omega
-    left_B = np.sum(B * solve(B)) - np.sum((shapes.T @ B) ** 2)
-    left_C = np.sum(C * solve(C.T).T, axis=1) - np.sum((C @ shapes) ** 2, axis=1)
-    alpha, beta = body.rayleigh
-    far = 1 - (W / found.cut) ** 2
-    start = W * (alpha / found.cut**2 + beta) / far**2 + W / found.cut / far
-    return start * np.sqrt(np.maximum(left_B * left_C, 0.0))
+def _rigid_motions(positions: np.ndarray) -> np.ndarray:
+    """Three translations and three small rotations about the mean position, (3 n, 6)."""
+    arms = positions - positions.mean(axis=0)
+    turns = np.stack([np.cross(axis, arms) for axis in np.eye(3)], axis=-1)
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=-1).reshape(-1, 6)
 
 
 def _stiffness_density(point: np.ndarray, slopes: np.ndarray) -> np.ndarray:

@@ -36,3 +36,15 @@ ROOT = 1e-8
 RESIDUAL = 1e-12
 # Solves with W^T V of random columns, condition below 1e4 for the seeds here.
 PROJECTED = 1e-11
+# Twice orthogonalised: rounding of N products of size 1.
+ORTHONORMAL = 1e-13
+# LAPACK's eigenvalues, 1e-16 relative to the largest one, 400 times the smallest.
+EIGEN = 1e-10
+# Moments by solves with matrices of condition 1e3, each from the one before.
+MOMENT = 1e-9
+# What Gram-Schmidt deflates at is 1e-10 of a vector (basis.DEFLATION).
+DEFLATED = 1e-8
+# Scaled and summed matrix entries, fewer than 100 roundings.
+ENTRIES = 1e-13
+# Gauss quadrature with 2 n + 8 nodes of responses without a sharp peak in the band; measured below 1e-6.
+QUADRATURE = 1e-4
