@@ -1,6 +1,6 @@
 """The first bound: a reduced body in Exudyn, and two lines that tell how wrong its tip displacement is.
 
-    python examples/first_bound.py [FOLDER]     prints the bound, writes FOLDER/first_bound.png (default: examples/results)
+python examples/first_bound.py [FOLDER]     prints the bound, writes FOLDER/first_bound.png (default: examples/results)
 """
 
 import sys

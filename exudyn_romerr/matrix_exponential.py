@@ -1,6 +1,7 @@
-"""Norms of the fundamental matrix by the matrix exponential: the paper's reference, for study only.
+"""Norms in any weight G and the matrix exponential: the paper's reference, for study only.
 
-Everything else in the package avoids this: it costs minutes where kernels.py needs microseconds.
+Everything else in the package works in the mass norm and avoids this: it costs minutes where kernels.py needs
+microseconds.
 """
 
 from __future__ import annotations
@@ -11,10 +12,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.linalg as la
 
-from .errors import AssumptionError, InputError, check_array
+from .errors import AssumptionError, InputError, check_array, check_choice
+from .problem import checked_inputs
+from .residual import RESIDUALS, ResidualMap, make_norm
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from .basis import Basis
     from .body import ElasticBody
+    from .residual import Coordinates
 
 LIMIT = 500  # coordinates: a 1000 x 1000 exponential and four singular value problems per instant
 
@@ -58,6 +65,31 @@ def fundamental_matrix_norms(body: ElasticBody, t: Any, G: Any = None) -> Fundam
     A = R @ _state_matrix(body) @ np.linalg.inv(R)  # in the coordinates where the G-norm is the 2-norm
     rows = np.array([_block_norms(la.expm(A * time), n) for time in t])
     return FundamentalMatrixNorms(t, *rows.T)
+
+
+def residual_norm(
+    body: ElasticBody, basis: Basis, inputs: Any, residual: str = "direct", G: Any = None
+) -> tuple[Coordinates, Callable]:
+    """Return the layout of z and the function z -> |Rt|_G, Rt = -M^-1 R (paper, 15, 33-35).
+
+    Parameters
+    ----------
+    inputs : ndarray, (N, p), or None
+    residual : {"direct", "expanded", "orthonormal"}
+        Method 1, Method 2, or the orthonormal factor.
+    G : ndarray, (n_free, n_free), optional
+        Symmetric positive definite weight on the free coordinates; default M.
+
+    Raises
+    ------
+    InputError
+        G not symmetric positive definite or of the wrong shape; unknown way.
+    """
+    check_choice("residual", residual, RESIDUALS)
+    map_ = ResidualMap(
+        body, basis.restricted_to(body)[0], checked_inputs(body, inputs), merged=residual != "expanded"
+    )
+    return map_.coordinates, make_norm(residual, weight_factor(body, G) @ body.mass_factor.solve(map_.L))
 
 
 def weight_factor(body: ElasticBody, G: Any = None) -> np.ndarray:

@@ -65,7 +65,7 @@ class Case:
 
     @cached_property
     def errors(self):
-        """e and e' at the samples, each (T, N)."""
+        """E and e' at the samples, each (T, N)."""
         return self.full[0] - self.reduced[0] @ self.basis.V.T, self.full[1] - self.reduced[1] @ self.basis.V.T
 
     @property

@@ -101,6 +101,8 @@ def test_exudyn_is_imported_by_mbs_only(name):
 
 def test_importing_the_package_loads_neither_exudyn_nor_matplotlib():
     """`import exudyn_romerr` is light; mbs is loaded when first used."""
-    code = "import sys, exudyn_romerr; print(sorted({'exudyn', 'matplotlib', 'exudyn_romerr.mbs'} & set(sys.modules)))"
+    code = (
+        "import sys, exudyn_romerr; print(sorted({'exudyn', 'matplotlib', 'exudyn_romerr.mbs'} & set(sys.modules)))"
+    )
     run = subprocess.run([sys.executable, "-c", code], cwd=PACKAGE.parent, capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"

@@ -1,6 +1,6 @@
 """Norms of the fundamental matrix: certified >= spectrum, envelopes, lag intervals, the matrix exponential."""
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def random_spectrum(kind, rng):
     return omega, float(alpha), float(beta)
 
 
-@lru_cache(maxsize=None)
+@cache
 def spectra(kind):
     """Seeded random spectra of a kind, as bodies."""
     rng = np.random.default_rng([KINDS.index(kind), 1])
@@ -76,7 +76,7 @@ def test_certified_maximum_is_within_a_factor_of_the_spectrum(kind):
 
 @pytest.mark.parametrize("zeta", [0.0, 1e-9, 0.3, *ON_THE_EDGE, 1 + 1e-6, 4.0, 1e3])
 def test_oscillator_closed_forms(zeta):
-    """s and p against the exponential of the scaled 2 x 2 matrix, and the peak against a dense search."""
+    """S and p against the exponential of the scaled 2 x 2 matrix, and the peak against a dense search."""
     omega, t = 3.0, np.geomspace(1e-4, 8, 200) / 3.0
     Phi = la.expm(omega * t[:, None, None] * np.array([[0.0, 1.0], [-1.0, -2 * zeta]]))
     allowed = tol.EXPM * max(1.0, zeta)

@@ -44,7 +44,11 @@ def test_node_makers_pick_one_coordinate_a_row(maker, node, component):
 def test_units_and_kinds():
     """Displacement in m, velocity in m/s and of="velocity", rotation in rad."""
     made = [maker("o", node=1) for maker in MAKERS]
-    assert [(out.unit, out.of) for out in made] == [("m", "displacement"), ("m/s", "velocity"), ("rad", "displacement")]
+    assert [(out.unit, out.of) for out in made] == [
+        ("m", "displacement"),
+        ("m/s", "velocity"),
+        ("rad", "displacement"),
+    ]
     assert Output("own", np.ones(3)).unit == "m"
 
 

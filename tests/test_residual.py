@@ -16,7 +16,9 @@ SIZES = [10.0**-k for k in range(0, 15, 2)]
 
 def exact_product(A, x):
     """A x of floats without any rounding, rounded once at the end."""
-    return np.array([float(sum(Fraction(a) * Fraction(b) for a, b in zip(row, x, strict=True))) for row in A.tolist()])
+    return np.array(
+        [float(sum(Fraction(a) * Fraction(b) for a, b in zip(row, x, strict=True))) for row in A.tolist()]
+    )
 
 
 class NearlyComplete:
@@ -32,7 +34,7 @@ class NearlyComplete:
         self.maps = {name: ResidualMap(full.body, V, self.B, merged=name != "expanded") for name in RESIDUALS}
 
     def coordinates(self, size):
-        """z with R = size * direction, the direction being as large as M V qr'' at size 1."""
+        """Z with R = size * direction, the direction being as large as M V qr'' at size 1."""
         f, V = self.full, self.V
         rest = f.D @ V @ self.q_t + f.K @ V @ self.q - self.B @ self.u
         q_tt = la.solve(f.M @ V, size * la.norm(rest) / la.norm(self.direction) * self.direction - rest)
@@ -96,7 +98,11 @@ def test_initial_error(seed, petrov):
     """(31)-(32): e0 = (I - V (W^T V)^-1 W^T) q0, e0' = (I - V Mr^-1 W^T M) q0'; zero in the span of V."""
     full = model("chain", "under", seed)
     rng = np.random.default_rng(seed)
-    V, W, states = rng.standard_normal((full.N, 3)), rng.standard_normal((full.N, 3)), rng.standard_normal((2, full.N))
+    V, W, states = (
+        rng.standard_normal((full.N, 3)),
+        rng.standard_normal((full.N, 3)),
+        rng.standard_normal((2, full.N)),
+    )
     basis = Basis(V, W if petrov else None)
     W = basis.W
     eye = np.eye(full.N)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ PAPER = ("fast", "convolution")
 WITH_RAYLEIGH = [d for d in DAMPINGS if d not in ("matrix", "gyroscopic")]
 
 
-@lru_cache(maxsize=None)
+@cache
 def effectivities(seed):
     """Check the case of this seed by all estimators that apply; return its effectivities."""
     case = random_case(seed)
@@ -136,7 +136,9 @@ def test_the_full_basis_has_a_zero_bound(damping, petrov):
     source = random_case(0, steps=100)
     q0, q0_t = la.solve(full.K, rng.standard_normal((full.N, 2))).T
     B = rng.standard_normal((full.N, source.B.shape[1]))
-    case = Case(full, Basis(V, W if petrov else None), B, source.t, source.load, "state", q0, q0_t, np.eye(full.N)[:2])
+    case = Case(
+        full, Basis(V, W if petrov else None), B, source.t, source.load, "state", q0, q0_t, np.eye(full.N)[:2]
+    )
     report = case.report(estimators=PAPER)
     size = np.max(np.abs(case.full[0])) * np.sqrt(np.trace(full.M))
     for e in PAPER:

@@ -14,11 +14,15 @@ MODAL = [d for d in DAMPINGS if d not in ("matrix", "gyroscopic")]
 @pytest.mark.parametrize("damping", MODAL)
 @pytest.mark.parametrize("kind", BODIES)
 def test_exponential_and_modal_solution_agree(kind, damping):
-    """expm of the state form against closed forms of the modes, piecewise linear load, uneven steps, stiff bodies."""
+    """Expm of the state form against closed forms of the modes, piecewise linear load, uneven steps, stiff bodies."""
     full = model(kind, damping, 5)
     omega = full.modes[0]
     rng = np.random.default_rng(5)
-    B, h, F = rng.standard_normal((full.N, 2)), np.tile([0.1, 0.03, 0.2], 15) / omega[0], rng.standard_normal((45, 2, 2))
+    B, h, F = (
+        rng.standard_normal((full.N, 2)),
+        np.tile([0.1, 0.03, 0.2], 15) / omega[0],
+        rng.standard_normal((45, 2, 2)),
+    )
     q0 = la.solve(full.K, rng.standard_normal(full.N))
     found = state_form(full.M, full.D, full.K, B).propagate(h, F, q0, omega[0] * q0)
     q, q_t = modal_solution(full.M, full.K, full.rayleigh, B, h, F, q0, omega[0] * q0)
@@ -52,7 +56,9 @@ def test_a_polynomial_motion_is_met(degree, damping):
 
 def local_load(full, a, start, h):
     """Coefficients in s = (t - start)/h of M q'' + D q' + K q, (d + 1, N)."""
-    shifted = poly.polyfit(np.linspace(0, 1, len(a)), poly.polyval(start + h * np.linspace(0, 1, len(a)), a).T, len(a) - 1)
+    shifted = poly.polyfit(
+        np.linspace(0, 1, len(a)), poly.polyval(start + h * np.linspace(0, 1, len(a)), a).T, len(a) - 1
+    )
     load = shifted @ full.K
     load[:-1] += poly.polyder(shifted) @ full.D.T / h
     if len(a) > 2:

@@ -130,7 +130,9 @@ def sampling_gap(bound, coarse, rounding, name):
     """|coarse - bound| at every sample (in the middle of a coarse step: at its end); assert that it is below 1 %."""
     gap = np.abs(coarse - bound[::2])
     changed, size = np.max(gap), np.max(bound) + rounding
-    assert changed <= tol.HALVED_STEP * size, f"{name}: halving the step changes the bound {size:.3e} by {changed:.1e}"
+    assert changed <= tol.HALVED_STEP * size, (
+        f"{name}: halving the step changes the bound {size:.3e} by {changed:.1e}"
+    )
     return np.repeat(gap, 2, axis=0)[1:]
 
 
