@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from .body import ElasticBody
 
 RANK = 1e-10  # columns of unit length closer than this to the others' span carry mostly rounding
+PER_INTERVAL = 16  # quadrature nodes from the middle between two resonances to one of them
+RESONANCES = 60  # at most so many are looked for in a band; higher ones are narrow for the nodes between them
 DEFLATION = 1e-10  # share of a Krylov vector that must be new; less is rounding of what is already spanned
 
 
@@ -132,14 +135,14 @@ def gramian_basis(body: ElasticBody, inputs: Any, n: int, band: tuple[float, flo
     ------
     InputError
         band or n out of range; fewer than n directions respond in the band.
+    AssumptionError
+        An undamped body with a resonance inside the band.
     """
     B = _restricted_inputs(body, inputs)
     lo, hi = check_array("band", band, (2,))
     if not 0 <= lo < hi:
         raise InputError(f"band={tuple(band)!r}; needed: 0 <= w_lo < w_hi in rad/s")
-    nodes, weights = np.polynomial.legendre.leggauss(2 * n + 8)  # each node adds 2 directions per input
-    frequencies, weights = (lo + hi) / 2 + (hi - lo) / 2 * nodes, (hi - lo) / 2 * weights
-    snapshots = [np.sqrt(w) * _frequency_response(body, B, f) for f, w in zip(frequencies, weights, strict=True)]
+    snapshots = [np.sqrt(w) * _frequency_response(body, B, f) for f, w in _quadrature(body, float(lo), float(hi), n)]
     Z = np.hstack([part for X in snapshots for part in (X.real, X.imag)])
     V = m_orthonormal(body.M, Z)
     directions, size, _ = np.linalg.svd(V.T @ (body.M @ Z), full_matrices=False)
@@ -147,6 +150,31 @@ def gramian_basis(body: ElasticBody, inputs: Any, n: int, band: tuple[float, flo
     if not 1 <= n <= responding:
         raise InputError(f"n={n} columns asked; {responding} directions respond in the band {band}: widen it")
     return Basis(body.expand(V @ directions[:, :n]), note=f"Gramian, {n} columns, band {lo:g}..{hi:g} rad/s")
+
+
+def _quadrature(body: ElasticBody, lo: float, hi: float, n: int) -> list[tuple[float, float]]:
+    """Frequencies and weights: Gauss nodes between resonances, drawn towards these (at least n/2 in all)."""
+    inside = min(SymmetricFactor(body.K - hi**2 * body.M).negative_pivots, RESONANCES)
+    omega = body.modes(inside).omega if inside else np.zeros(0)
+    if body.D is None and np.any(omega >= lo):
+        raise AssumptionError(
+            f"the undamped body is in resonance at {omega[omega >= lo][0]:g} rad/s, inside the band: its Gramian is "
+            "infinite: shift the band, or give the body damping"
+        )
+    edges = np.unique([lo, *omega[omega > lo], hi])
+    x, weights = np.polynomial.legendre.leggauss(max(PER_INTERVAL, n // (2 * len(edges))))
+    angle = np.pi / 4 * (x + 1)
+    # over half an interval, from its middle to the resonance: distance (1 - sin)^2 resolves a peak of any width
+    near, slope = (1 - np.sin(angle)) ** 2, np.pi / 2 * (1 - np.sin(angle)) * np.cos(angle)
+    found = []
+    for a, b in pairwise(edges.tolist()):
+        half = (b - a) / 2
+        found += [
+            (end, half * w)
+            for y, w in zip(near, slope * weights, strict=True)
+            for end in (a + half * y, b - half * y)
+        ]
+    return found
 
 
 def m_orthonormal(M: sp.csc_matrix, columns: np.ndarray) -> np.ndarray:
@@ -209,10 +237,7 @@ def _arnoldi(M, start: np.ndarray, step: Callable, n: int) -> np.ndarray:
 
 def _frequency_response(body: ElasticBody, B: np.ndarray, frequency: float) -> np.ndarray:
     dynamic = body.K - frequency**2 * body.M + (0 if body.D is None else 1j * frequency * body.D)
-    try:
-        return splu(sp.csc_matrix(dynamic, dtype=complex)).solve(B.astype(complex))
-    except RuntimeError as error:
-        raise AssumptionError(f"the undamped body is in resonance at {frequency:g} rad/s: shift the band") from error
+    return splu(sp.csc_matrix(dynamic, dtype=complex)).solve(B.astype(complex))
 
 
 def _restricted_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:

@@ -104,7 +104,7 @@ class ElasticBody:
         """
         if reference is not None:
             raise InputError("reference= belongs to floating bodies and is not built yet; pass fixed= here")
-        if not np.size(fem.massMatrix) or not np.size(fem.stiffnessMatrix):
+        if any(matrix is None or not np.size(matrix) for matrix in (fem.massMatrix, fem.stiffnessMatrix)):
             raise InputError("fem has no mass or stiffness matrix; import or compute them before from_fem")
         return cls(
             fem.GetMassMatrix(sparse=True),
@@ -228,8 +228,9 @@ class ElasticBody:
             raise AssumptionError("damping feeds energy in: x^T D x < 0 for some x; bounds need x^T D x >= 0")
 
     def _singular_stiffness_message(self) -> str:
-        # relative to the stiffest coordinate: above rounding (1e-16), below the elastic modes of meshed bodies
-        tiny = 1e-13 * np.max(self.K.diagonal() / self.M.diagonal())
+        # relative to the stiffest coordinate: above rounding (1e-16), below the elastic modes of meshed bodies; a
+        # body without any stiffness takes any shift
+        tiny = 1e-13 * np.max(self.K.diagonal() / self.M.diagonal()) or 1.0
         rigid = SymmetricFactor(self.K - tiny * self.M).negative_pivots
         return (
             f"stiffness is not positive definite with {self.fixed.size} fixed coordinates: {rigid} rigid-body "

@@ -74,10 +74,12 @@ def _missing_below(M, K, omega, limit) -> int:
 def _dense_modes(M, K, m) -> Modes:
     # (M, K), not (K, M): LAPACK's error is relative to the largest eigenvalue, so 1/omega^2 as the eigenvalue
     # keeps the digits of the low modes, which carry the response
-    compliance, shapes = la.eigh(M.toarray(), K.toarray())
+    n = M.shape[0]
+    wanted = [n - m - 1, n - 1] if m < n // 4 else None  # few modes: twice as fast as all
+    compliance, shapes = la.eigh(M.toarray(), K.toarray(), subset_by_index=wanted)
     omega = 1 / np.sqrt(compliance[::-1])
     shapes = shapes[:, ::-1] * omega
-    cut = np.inf if m == omega.size else omega[m] * (1 - GAP)
+    cut = np.inf if m == n else omega[m] * (1 - GAP)
     return Modes(omega[:m], shapes[:, :m], float(cut))
 
 

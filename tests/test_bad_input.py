@@ -1,70 +1,19 @@
-"""Bad input: the right type of error, a message that names the argument and says what is allowed or what to do."""
-
-import re
+"""Bad bodies and bases: the right type of error, and a message that names the argument and what to do."""
 
 import numpy as np
 import pytest
-from bodies import model
+from bad_input import BODY, FREE, GENERAL, B, K, M, N, V, changed, check_error, run
 
 from exudyn_romerr import (
     AssumptionError,
     Basis,
     ElasticBody,
     InputError,
-    Output,
-    RomErrError,
     RunError,
-    Trajectory,
-    evaluate,
     gramian_basis,
-    initial_coordinates,
     krylov_basis,
-    mean_displacement,
     modal_basis,
-    node_displacement,
-    node_rotation,
-    node_velocity,
-    relative_displacement,
 )
-from exudyn_romerr.matrix_exponential import fundamental_matrix_norms
-from exudyn_romerr.offline import prepare
-from exudyn_romerr.online import Run
-
-N = 10
-FULL = model("chain", "under", 0)
-M, K, BODY = FULL.M, FULL.K, FULL.body
-GENERAL = model("chain", "matrix", 0).body
-V = np.random.default_rng(0).standard_normal((N, 3))
-B = np.ones((N, 1))
-FREE = 2 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1)  # springs in a row that nothing holds
-FREE[0, 0] = FREE[-1, -1] = 1.0
-T = np.linspace(0, 1, 5)
-ZERO = np.zeros((5, 3))
-
-
-def changed(matrix, at, value):
-    """A copy with one entry replaced."""
-    matrix = np.array(matrix, dtype=float)
-    matrix[at] = value
-    return matrix
-
-
-def with_nodes(per_node=6):
-    """A body of two nodes."""
-    return ElasticBody(np.eye(2 * per_node), np.eye(2 * per_node), positions=np.zeros((2, 3)))
-
-
-def trajectory(**arrays):
-    return Trajectory(**{"t": T, "q": ZERO, "q_t": ZERO, "q_tt": ZERO, "u": np.ones(5), **arrays})
-
-
-def run(body=BODY, basis=None, **options):
-    """Evaluate with one thing wrong; estimators and time are given, as defaults may change."""
-    common = {"inputs": B, "estimators": "fast", "time": "sampled"}
-    return evaluate(
-        body, Basis(V) if basis is None else basis, options.pop("traj", trajectory()), **{**common, **options}
-    )
-
 
 BODIES = {
     "mass unsymmetric": (lambda: ElasticBody(changed(M, (0, 1), 9.0), K), InputError, "mass is not symmetric"),
@@ -167,188 +116,17 @@ BASES = {
     "gramian n": (lambda: gramian_basis(BODY, B, 11, band=(0.0, 1.0)), InputError, "n=11 columns asked"),
 }
 
-OUTPUTS = {
-    "rows too short": (
-        lambda: run(outputs=[Output("y", np.ones(9))]),
-        InputError,
-        r"rows of output 'y' has shape \(1, 9\)",
-    ),
-    "rows nan": (
-        lambda: run(outputs=[Output("y", changed(np.ones(N), 3, np.nan))]),
-        InputError,
-        "rows of output 'y'.*nan",
-    ),
-    "no name": (lambda: Output("", np.ones(N)), InputError, "name='' of an Output"),
-    "unknown kind": (
-        lambda: Output("y", np.ones(N), of="speed"),
-        InputError,
-        "of .*'speed'.*'displacement', 'velocity'",
-    ),
-    "node out of range": (
-        lambda: node_displacement("y", node=2).resolve(with_nodes()),
-        InputError,
-        r"node 2; allowed:.*0\.\.1",
-    ),
-    "component": (
-        lambda: node_displacement("y", node=0, component="r"),
-        InputError,
-        "component='r'; allowed:.*'xyz'",
-    ),
-    "rotation of a solid": (
-        lambda: node_rotation("y", node=0).resolve(with_nodes(3)),
-        InputError,
-        "node_rotation needs",
-    ),
-    "weights": (
-        lambda: mean_displacement("y", nodes=[0, 1], weights=[1.0, -1.0]).resolve(with_nodes()),
-        InputError,
-        "weights must have a positive sum",
-    ),
-    "no nodes": (lambda: mean_displacement("y", nodes=[]).resolve(with_nodes()), InputError, "node list is empty"),
-    **{
-        f"{maker.__name__} without positions": (
-            lambda maker=maker, arguments=arguments: run(outputs=[maker("y", **arguments)]),
-            InputError,
-            r"no node positions; pass positions=",
-        )
-        for maker, arguments in (
-            (node_displacement, {"node": 0}),
-            (node_velocity, {"node": 0}),
-            (node_rotation, {"node": 0}),
-            (mean_displacement, {"nodes": [0]}),
-            (relative_displacement, {"node": 0, "other": 1}),
-        )
-    },
-}
 
-RUNS = {
-    "unknown estimator": (
-        lambda: run(estimators="slow"),
-        InputError,
-        "estimators='slow' is unknown; allowed:.*'fast'",
-    ),
-    "unknown among known": (lambda: run(estimators=("fast", "slow")), InputError, "estimators='slow' is unknown"),
-    "no estimator": (lambda: run(estimators=()), InputError, "estimators is empty; allowed"),
-    "unknown kernel": (lambda: run(kernels="exact"), InputError, "kernels='exact' is unknown; allowed: 'certified'"),
-    "unknown residual": (
-        lambda: run(residual="exact"),
-        InputError,
-        "residual='exact' is unknown; allowed: 'orthonormal'",
-    ),
-    "unknown time": (lambda: run(time="exact"), InputError, "time='exact' is unknown; allowed"),
-    "time stands still": (lambda: trajectory(t=[0, 1, 1, 2, 3]), InputError, "t does not increase at entry 2"),
-    "time runs back": (lambda: trajectory(t=[0, 1, 0.5, 2, 3]), InputError, "t does not increase at entry 2"),
-    "no time": (lambda: Trajectory([], ZERO[:0], ZERO[:0], ZERO[:0]), InputError, "t is empty"),
-    "time nan": (lambda: trajectory(t=[0, 1, np.nan, 2, 3]), InputError, "t has a nan or inf"),
-    **{
-        f"{name} nan": (
-            lambda name=name: trajectory(**{name: changed(ZERO, (1, 1), np.nan)}),
-            InputError,
-            f"{name} has a nan",
-        )
-        for name in ("q", "q_t", "q_tt", "u")
-    },
-    **{
-        f"{name} of another shape": (
-            lambda name=name: trajectory(**{name: ZERO[:, :2]}),
-            InputError,
-            f"{name} has shape",
-        )
-        for name in ("q_t", "q_tt")
-    },
-    "u too short": (lambda: trajectory(u=np.ones(4)), InputError, r"u has shape \(4, 1\)"),
-    "u of another width": (lambda: run(traj=trajectory(u=np.ones((5, 2)))), InputError, r"u has shape \(\d, 2\)"),
-    "trajectory of another basis": (lambda: run(basis=Basis(V[:, :2])), InputError, r"needed: \(\d, 2\)"),
-    "inputs of another body": (lambda: run(inputs=B[:3]), InputError, "inputs has shape"),
-    "inputs inf": (lambda: run(inputs=changed(B, (0, 0), np.inf)), InputError, "inputs has a nan or inf"),
-    "initial a word": (lambda: run(initial="rest"), InputError, "initial='rest'; allowed: None, 'equilibrium' or"),
-    "initial too short": (
-        lambda: run(initial=(np.zeros(3), np.zeros(N))),
-        InputError,
-        r"initial\[0\] has shape \(3,\)",
-    ),
-    "initial nan": (lambda: run(initial=(np.zeros(N), np.full(N, np.nan))), InputError, r"initial\[1\] has a nan"),
-    "jumps without function": (lambda: run(jumps=[0.5]), InputError, "jumps need input_function"),
-    "jumps nan": (lambda: run(jumps=[np.nan], input_function=np.sin), InputError, "jumps has a nan"),
-    "input function no function": (
-        lambda: run(input_function=3.0),
-        InputError,
-        "input_function=3.0; needed: a function",
-    ),
-    "input function nan": (
-        lambda: run(input_function=lambda t: np.nan),
-        InputError,
-        "input_function's values has a nan",
-    ),
-    "input function of two": (
-        lambda: run(input_function=lambda t: [1, 2]),
-        InputError,
-        "input_function's values has shape",
-    ),
-    "spectrum of general damping": (
-        lambda: run(GENERAL, kernels="spectrum"),
-        AssumptionError,
-        "kernels='spectrum'.*Rayleigh",
-    ),
-    "envelope of general damping": (
-        lambda: run(GENERAL, kernels="envelope"),
-        AssumptionError,
-        "kernels='envelope'.*Rayleigh",
-    ),
-    "state-space of general damping": (
-        lambda: run(GENERAL, estimators="state-space"),
-        AssumptionError,
-        "Rayleigh.*certified",
-    ),
-    "projected state too short": (
-        lambda: initial_coordinates(BODY, Basis(V), np.zeros(3), np.zeros(N)),
-        InputError,
-        "q0",
-    ),
-    "G not symmetric": (
-        lambda: fundamental_matrix_norms(BODY, T, changed(M, (0, 1), 9.0)),
-        InputError,
-        "G is not symmetric",
-    ),
-    "G indefinite": (lambda: fundamental_matrix_norms(BODY, T, -M), InputError, "G is not positive definite"),
-    "G of another size": (lambda: fundamental_matrix_norms(BODY, T, M[:3, :3]), InputError, "G has shape"),
-    "negative times": (lambda: fundamental_matrix_norms(BODY, [-1.0]), InputError, "t contains -1; allowed: t >= 0"),
-    "report before a run": (lambda: Run(offline()).report(), RunError, "report was asked before the first sample"),
-    "steps before the start": (
-        lambda: Run(offline()).extend(T, ZERO, ZERO, ZERO),
-        RunError,
-        "give the first sample to start",
-    ),
-}
+@pytest.mark.parametrize("name", BODIES)
+def test_bodies(name):
+    """Matrices, damping, fixed coordinates, positions."""
+    check_error(*BODIES[name])
 
 
-def offline():
-    return prepare(BODY, Basis(V), inputs=B, input_function=np.sin, estimators="fast", time="sampled")
-
-
-ALL = {
-    f"{group}: {name}": case
-    for group, cases in (("body", BODIES), ("basis", BASES), ("output", OUTPUTS), ("run", RUNS))
-    for name, case in cases.items()
-}
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_error_type_and_message(name):
-    """The wrong argument raises its type of RomErrError with a message that names it."""
-    action, kind, message = ALL[name]
-    with pytest.raises(RomErrError) as caught:
-        action()
-    assert type(caught.value) is kind
-    assert re.search(message, str(caught.value)), str(caught.value)
-
-
-def test_nothing_is_wrong_without_the_mistake():
-    """The frame of the cases above is valid: the errors come from the one thing changed."""
-    report = run(outputs=[Output("y", np.ones(N))], initial=(np.zeros(N), np.zeros(N)))
-    assert np.all(np.isfinite(report.position_bound["fast"]))
-    assert np.all(np.isfinite(run(GENERAL).position_bound["fast"]))
-    assert run(input_function=np.sin, jumps=[0.5]).t.size == 5
+@pytest.mark.parametrize("name", BASES)
+def test_bases(name):
+    """V and W, and what the makers of bases take."""
+    check_error(*BASES[name])
 
 
 def test_types_are_also_the_builtin_ones():

@@ -65,7 +65,7 @@ def test_modal_basis_is_the_lowest_modes():
 @pytest.mark.parametrize("shifts", [(0.0,), (15.0,), (0.0, 30.0)])
 @pytest.mark.parametrize("damping", ["none", "under", "overdamped", "matrix", "gyroscopic"])
 def test_krylov_matches_moments(damping, shifts, p):
-    """V times the reduced moments are the full ones: n / (p shifts) of them at every shift, and not one column less."""
+    """V times the reduced moments are the full ones: n / (p shifts) of them at every shift."""
     full = model("pencil", damping, 3)
     B, count = inputs_of(full, p), 2
     V = krylov_basis(full.body, B, count * p * len(shifts), shifts=shifts).V

@@ -9,7 +9,8 @@ import tolerances as tol
 from bodies import model
 
 from exudyn_romerr import Basis, initial_coordinates, initial_error
-from exudyn_romerr.residual import RESIDUALS, ResidualMap, make_norm
+from exudyn_romerr.problem import Problem
+from exudyn_romerr.residual import RESIDUALS, ResidualMap
 
 SIZES = [10.0**-k for k in range(0, 15, 2)]
 
@@ -31,22 +32,22 @@ class NearlyComplete:
         self.q, self.q_t, self.direction = rng.standard_normal((3, full.N))
         self.u = rng.standard_normal(1)
         self.V = V
-        self.maps = {name: ResidualMap(full.body, V, self.B, merged=name != "expanded") for name in RESIDUALS}
+        self.problems = {n: Problem(full.body, Basis(V), inputs=self.B, residual=n) for n in RESIDUALS}
 
     def coordinates(self, size):
         """Z with R = size * direction, the direction being as large as M V qr'' at size 1."""
         f, V = self.full, self.V
         rest = f.D @ V @ self.q_t + f.K @ V @ self.q - self.B @ self.u
         q_tt = la.solve(f.M @ V, size * la.norm(rest) / la.norm(self.direction) * self.direction - rest)
-        return {name: m.coordinates(self.q, self.q_t, q_tt, self.u) for name, m in self.maps.items()}
+        return {name: p.map.coordinates(self.q, self.q_t, q_tt, self.u) for name, p in self.problems.items()}
 
     def norms(self, name, size):
         """(found, exact, largest term) of |R|_{M^-1}."""
-        z, residual = self.coordinates(size)[name], self.maps[name]
-        X, M = residual.mass_inverse_columns(), self.full.body.M
-        exact = exact_product(residual.L, z.tolist())
-        terms = np.sqrt(np.einsum("ij,ij->j", X, M @ X)) * np.abs(z)
-        return float(make_norm(name, X, M)(z)), np.sqrt(exact @ la.solve(self.full.M, exact)), terms.sum()
+        z, problem = self.coordinates(size)[name], self.problems[name]
+        exact = exact_product(problem.map.L, z.tolist())
+        columns = np.sqrt(np.einsum("ij,ij->j", problem.map.L, la.solve(self.full.M, problem.map.L)))
+        found = float(problem.norm_M(z[None])[0])
+        return found, np.sqrt(exact @ la.solve(self.full.M, exact)), columns @ np.abs(z)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -79,9 +80,8 @@ def test_three_ways_agree_on_moderate_residuals(damping, seed):
     R = full.M @ V @ q_tt.T + full.D @ V @ q_t.T + full.K @ V @ q.T - B @ u.T
     wanted = np.sqrt(np.einsum("ij,ij->j", R, la.solve(full.M, R)))
     for name in RESIDUALS:
-        residual = ResidualMap(full.body, V, B, merged=name != "expanded")
-        norm = make_norm(name, residual.mass_inverse_columns(), full.body.M)
-        assert norm(residual.coordinates(q, q_t, q_tt, u)) == pytest.approx(wanted, rel=tol.CANCELLED)
+        problem = Problem(full.body, Basis(V), inputs=B, residual=name)
+        assert problem.norm_M(problem.map.coordinates(q, q_t, q_tt, u)) == pytest.approx(wanted, rel=tol.CANCELLED)
 
 
 def test_rayleigh_damping_is_merged():

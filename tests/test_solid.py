@@ -21,12 +21,19 @@ STEP, STEPS = 1e-5, 2000  # s; 0.9 rad of the fastest mode of the bases below
 TIPS = ("tip z", "tip x")
 BASES = ("modal 4", "modal 12", "krylov 2", "krylov 6", "krylov 8", "craig-bampton 1", "craig-bampton 6")
 
+# Krylov bases of more columns are so good that only the first 0.1 ms, when the load's kink travels through the bar, has
+# an error above rounding: 3e-8 of the output with 10 columns, 4e-9 with 12. That error lies above the 40th mode, and
+# the bound is 5.9 and 17 times it (1.6 and 5.1 times with 400 modes).
+
 # Rounding of the truth, as a share of the output: an eigenproblem whose largest eigenvalue is (2e7/1e3)^2 = 4e8 times
 # its smallest, solved at 1e-16, moves the low frequencies by some 1e-10 to 1e-12 of themselves, and with them the
-# output after a few periods. True errors below that are not seen, and effectivities are measured well above it only.
+# output after a few periods; the bounds' own factors of K are rounded alike. Measured against a truth in 80 bits: 2e-11
+# in the truth, 6e-11 in bounds (Krylov 10). Below that nothing is claimed; effectivities are measured well above it.
 ROUNDING_FLOOR = 1e-10
 SEEN = 1e3 * ROUNDING_FLOOR
 SHARP = 3.0  # the issue, with 40 auxiliary modes; 1.00 to 1.16 measured
+# Energy alone, random force for 300 ms, linkage with a dashpot: 30 to 600 measured, 6000 where the error is smallest.
+LOOSEST = 2e4
 # Exudyn's matrices and ours agree to 1e-14 of the largest entry; the first frequencies amplify that by 4e8 / 2.
 SAME_FREQUENCIES = 1e-9
 
@@ -139,7 +146,7 @@ class TestSharpness:
             assert effectivity(report, tip, "auxiliary") <= SHARP
 
     def test_corrected_output_is_within_its_bound(self):
-        out = bounded("krylov 6", STEP * np.arange(STEPS)).output("tip z")
+        out = bounded("modal 12", STEP * np.arange(STEPS)).output("tip z")
         y = out.value + out.error
         floor = ROUNDING_FLOOR * np.max(np.abs(y))
         assert np.all(np.abs(y - out.corrected) <= out.corrected_bound + floor)
@@ -207,7 +214,7 @@ class TestLongRun:
 
 @cache
 def dashpot_body(alpha):
-    """The linkage with alpha M and a dashpot at its tip in z: 60 % of critical in the first modes, none in others."""
+    """The linkage with alpha M and a dashpot at its tip in z: second mode 65 % of critical, first mode nearly none."""
     mass, stiffness = (matrix.toarray() for matrix in linkage.matrices())
     damping = alpha * mass
     damping[linkage.TIP_Z, linkage.TIP_Z] += 100.0  # N s/m
@@ -215,56 +222,58 @@ def dashpot_body(alpha):
 
 
 class TestDashpot:
-    H, STEPS = 2e-4, 1500
+    """Non-modal damping; truth by matrix exponentials, exact for a load that is linear between samples."""
 
-    def noise(self):
-        """New random force every 25 steps, linear between: the exponential is exact for it."""
-        t = self.H * np.arange(self.STEPS + 1)
-        knots = t[::25]
-        values = 100 * np.random.default_rng(0).standard_normal(knots.size)
-        return t, lambda time: np.interp(time, knots, values)
+    T = 2e-4 * np.arange(1501)
+    KNOTS = T[::25]
+    VALUES = 100 * np.random.default_rng(0).standard_normal(KNOTS.size)  # N
+    INPUTS = np.eye(linkage.matrices()[0].shape[0])[:, [linkage.TIP_Z]]
+    OUTPUTS = (
+        romerr.node_displacement("z", node=linkage.TIP, component="z"),
+        romerr.node_velocity("v", node=linkage.TIP, component="z"),
+    )
 
-    def exact(self, M, D, K, B, t, f):
-        u = f(t)[:, None]
-        h = np.full(len(t) - 1, self.H)
-        start = np.linalg.solve(K, B @ u[0])  # equilibrium: no step at the start
+    def force(self, t):
+        return np.interp(t, self.KNOTS, self.VALUES)
+
+    def exact(self, M, D, K, B):
+        u = self.force(self.T)[:, None]
+        start = np.linalg.solve(K, B @ u[0])  # equilibrium: the load does not jump at the start
+        h = np.full(len(u) - 1, self.T[1])
         return state_form(M, D, K, B).propagate(h, linear_inputs(u[:-1], u[1:]), start, 0 * start)
 
-    @pytest.mark.parametrize("alpha", [0.0, 5.0])
-    @pytest.mark.parametrize("n", [2, 6])
-    def test_energy_bound_of_non_modal_damping(self, n, alpha):
-        body = dashpot_body(alpha)
-        t, f = self.noise()
-        M, D, K = (matrix.toarray() for matrix in (body.M, body.D, body.K))
-        inputs = np.zeros((body.N, 1))
-        inputs[linkage.TIP_Z] = 1.0
-        basis = romerr.krylov_basis(body, inputs, n)
-        V, B = basis.V[body.free], inputs[body.free]
-        full = self.exact(M, D, K, B, t, f)
-        reduced = self.exact(*(V.T @ A @ V for A in (M, D, K)), V.T @ B, t, f)
-        outputs = [
-            romerr.node_displacement("z", node=linkage.TIP, component="z"),
-            romerr.node_velocity("v", node=linkage.TIP, component="z"),
-        ]
-        report = romerr.evaluate(
+    def motions(self, body, V):
+        """Full and reduced motion, exact."""
+        matrices, B = [matrix.toarray() for matrix in (body.M, body.D, body.K)], self.INPUTS[body.free]
+        return self.exact(*matrices, B), self.exact(*(V.T @ A @ V for A in matrices), V.T @ B)
+
+    def report(self, body, basis, motion):
+        return romerr.evaluate(
             body,
             basis,
-            romerr.Trajectory(t, reduced.q, reduced.q_t, reduced.q_tt, f(t)),
-            inputs=inputs,
-            input_function=f,
-            outputs=outputs,
+            romerr.Trajectory(self.T, motion.q, motion.q_t, motion.q_tt),
+            inputs=self.INPUTS,
+            input_function=self.force,
+            outputs=self.OUTPUTS,
             initial="equilibrium",
             estimators="energy",
         )
+
+    @pytest.mark.parametrize("alpha", [0.0, 5.0])
+    @pytest.mark.parametrize("n", [2, 6])
+    def test_energy_bound_holds(self, n, alpha):
+        body = dashpot_body(alpha)
+        basis = romerr.krylov_basis(body, self.INPUTS, n)
+        V = basis.V[body.free]
+        full, reduced = self.motions(body, V)
+        report = self.report(body, basis, reduced)
         e, e_t = full.q - reduced.q @ V.T, full.q_t - reduced.q_t @ V.T
-        root = la.cholesky(M)
-        pairs = {
-            "position": (np.linalg.norm(e @ root.T, axis=1), report.position_bound["energy"]),
-            "velocity": (np.linalg.norm(e_t @ root.T, axis=1), report.velocity_bound["energy"]),
-            "z": (np.abs(e @ B[:, 0]), report.output("z").bound["energy"][:, 0]),
-            "v": (np.abs(e_t @ B[:, 0]), report.output("v").bound["energy"][:, 0]),
-        }
-        for name, (error, bound) in pairs.items():
-            size = np.max(np.abs(full.q if name in ("position", "z") else full.q_t))
-            assert np.all(error <= bound + ROUNDING_FLOOR * size), name
-            print(n, alpha, name, np.max(bound) / np.max(error), np.max(error))
+        root, row = la.cholesky(body.M.toarray()), self.INPUTS[body.free, 0]
+        for error, bound, size in (
+            (la.norm(e @ root.T, axis=1), report.position_bound["energy"], la.norm(full.q @ root.T, axis=1)),
+            (la.norm(e_t @ root.T, axis=1), report.velocity_bound["energy"], la.norm(full.q_t @ root.T, axis=1)),
+            (np.abs(e @ row), report.output("z").bound["energy"][:, 0], np.abs(full.q @ row)),
+            (np.abs(e_t @ row), report.output("v").bound["energy"][:, 0], np.abs(full.q_t @ row)),
+        ):
+            assert np.all(error <= bound + ROUNDING_FLOOR * np.max(size))
+            assert np.max(bound) < LOOSEST * np.max(error)

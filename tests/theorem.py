@@ -16,7 +16,7 @@ SMOOTH_BASES = ("modal", "krylov", "gramian", "petrov-static")
 PETROV_GROWTH = 2.0  # exponent: a reduced Petrov-Galerkin model need not be stable
 
 
-class Violation(AssertionError):
+class ViolationError(AssertionError):
     """A true error above its bound."""
 
 
@@ -108,7 +108,7 @@ def check_theorem(case, estimators=("fast", "convolution"), **options):
     """Assert |e|_M, |e'|_M and |C e| <= their bounds at every time, and convolution <= fast; return effectivities.
 
     Sampled bounds take R as linear between samples; what that leaves open is the change of "fast", which is C12 times
-    the integral of |R|, when the step is halved (Richardson: the error left is a third of it): below 1 % of the bound.
+    the integral of |R|, when the step is halved (Richardson: the error left is a third of it): below 1 %.
     """
     asked = tuple(dict.fromkeys(("fast", *estimators)))
     fine, coarse = (case.report(stride, estimators=asked, **options) for stride in (1, 2))
@@ -141,7 +141,7 @@ def check_bound(truth, bound, allowed, name):
     excess = truth - bound - allowed
     worst = np.unravel_index(np.argmax(excess), excess.shape)
     if excess[worst] > 0:
-        raise Violation(f"{name}: true {truth[worst]:.6e} > bound {bound[worst]:.6e} at sample {worst}")
+        raise ViolationError(f"{name}: true {truth[worst]:.6e} > bound {bound[worst]:.6e} at sample {worst}")
 
 
 def check_order(report):

@@ -20,11 +20,11 @@ MEDIAN_EFFECTIVITY = {"position": 55.0, "velocity": 30.0, "y": 220.0, "v": 140.0
 # attained but for the pulse's length and, damped, for the certified kernel's factor of at most 1.5.
 NEARLY_ATTAINED = 1.02
 CERTIFIED_FACTOR = 1.5
-# The square of the expanded residual carries 1e-16 of the square of its terms: 1e-10 of residuals that are 1e-3 of them.
+# The square of the expanded residual carries 1e-16 of its terms' square: 1e-10 of residuals that are 1e-3 of them.
 CANCELLED = 1e-10
 # Two exact propagations in other coordinates, cond(T) below 1e3: rounding of PROPAGATED times that.
 REPEATED = 1e-8
-# R is 1e-12 of its terms, which are (omega_N/omega_1)^2 = 1e2 times those of the motion, integrated over some periods.
+# R is 1e-12 of its terms, which are (omega_N/omega_1)^2 = 1e2 times the motion's, integrated over some periods.
 ZERO_BOUND = 1e-9
 # Closed forms: rounding of exp, sin and sinh at arguments up to 1e3 (1e-16 * 1e3), frequencies good to 1e-14.
 CLOSED_FORM = 1e-10

@@ -122,7 +122,7 @@ def modal_solution(M, K, rayleigh, B, h, F, q0, q0_t):
 
 
 def _modes(M, K):
-    """All modes; the solver's rounding is relative to its largest eigenvalue: low modes from 1/omega^2, high from it."""
+    """All modes: the low ones from 1/omega^2, as the solver's rounding is relative to its largest eigenvalue."""
     compliance, low = la.eigh(M, K)
     squares, high = la.eigh(K, M)
     omega = 1 / np.sqrt(compliance[::-1])
