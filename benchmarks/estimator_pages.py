@@ -52,10 +52,8 @@ class Measured:
     def __str__(self) -> str:
         online = " / ".join(f"{1e6 * x:.1f}" for x in self.online)
         covers = COVERS.get(self.name.split(",")[0], "")
-        return (
-            f"| {self.name} | {figures(self.reduction)} | {figures(self.total)} | {online} | {1e3 * self.offline:.1f} "
-            f"| {self.assumes} | {covers} |"
-        )
+        ratios = f"{figures(self.reduction)} | {figures(self.total)}"
+        return f"| {self.name} | {ratios} | {online} | {1e3 * self.offline:.1f} | {self.assumes} | {covers} |"
 
 
 @dataclass(frozen=True)
@@ -85,9 +83,8 @@ def table(heading: str, lines: Sequence[Measured]) -> str:
     found = "No bound was exceeded" if worst <= 0 else f"Largest excess of a true error: {worst:.0e} of the output"
     return (
         f"## {title}\n\n{samples.capitalize()}. True errors: reduction {first.reduction_error:.2g} m, "
-        f"total {first.total_error:.2g} m. {found} (rounding of the truth: 1e-10).\n\n"
-        + "\n".join([HEADER, *map(str, lines)])
-        + "\n"
+        f"total {first.total_error:.2g} m. {found} (truths are rounded at 1e-10; sampled residuals are blind between "
+        "samples).\n\n" + "\n".join([HEADER, *map(str, lines)]) + "\n"
     )
 
 
@@ -95,7 +92,8 @@ def refinement(meshes: Sequence[Refined]) -> str:
     """Return the table of meshes."""
     names = list(meshes[0].effectivity)
     lines = [
-        f"| {mesh.coordinates} | {mesh.error:.3g} | " + " | ".join(f"{figures(mesh.effectivity[e])}" for e in names) + " |"
+        " | ".join([f"| {mesh.coordinates}", f"{mesh.error:.3g}", *(figures(mesh.effectivity[e]) for e in names)])
+        + " |"
         for mesh in meshes
     ]
     return (
@@ -117,10 +115,12 @@ def draw(t: np.ndarray, lines: Sequence[Measured], meshes: Sequence[Refined], pa
         left.semilogy(1e3 * t[1:], line.curve[1][1:], label=line.name)
     left.semilogy(1e3 * t[1:], np.abs(lines[0].curve[0][1:]), "k", linewidth=0.8, label="true error")
     left.set(xlabel="time / ms", ylabel="tip z, total error / m", ylim=(1e-14, None))
-    left.legend(fontsize="small", ncols=2)
-    for e in meshes[0].effectivity:
-        right.loglog([mesh.coordinates for mesh in meshes], [mesh.effectivity[e] for mesh in meshes], "o-", label=e)
+    left.legend(fontsize="small", ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+    for i, e in enumerate(meshes[0].effectivity):
+        right.loglog(
+            [mesh.coordinates for mesh in meshes], [mesh.effectivity[e] for mesh in meshes], "os^x"[i] + "-", label=e
+        )
     right.set(xlabel="coordinates of the mesh", ylabel="largest bound / largest true error")
-    right.legend(fontsize="small")
+    right.legend(fontsize="small", ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)

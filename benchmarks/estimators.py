@@ -1,7 +1,8 @@
 """All estimators side by side on the stabiliser linkage and on a solid body; writes docs/estimators.md and a figure.
 
-    python benchmarks/estimators.py            # under 3 minutes, writes
-    python benchmarks/estimators.py --quick    # under 30 s, prints only
+Over one minute with everything; --quick takes ten seconds and prints only:
+
+    python benchmarks/estimators.py [--quick]
 """
 
 from __future__ import annotations
@@ -10,11 +11,11 @@ import os
 import sys
 from pathlib import Path
 
-# Small matrices: a second BLAS thread only waits for the first. Read when numpy is imported.
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+# One thread: small matrices, and CPU times that can be compared. Read when numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("MKL_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import argparse
 from collections.abc import Callable
@@ -33,8 +34,10 @@ from exudyn_romerr.online import Run
 from models import exact, linkage, solid_bar
 from models.solid_exact import full_outputs, reduced_motion
 
+ROOT = Path(__file__).resolve().parents[1]
 ONCE = ("state-space", "fast", "convolution", "output-kernel", "energy")
 CASES = [(e, 20) for e in ONCE if e in ESTIMATORS] + [("auxiliary", 20), ("auxiliary", 40)]
+TIMES = ("sampled", "reconstructed")
 WITH_MODES = ("output-kernel", "auxiliary")
 SOLID_W = 2 * np.pi * 100.0  # rad/s; the first mode is at 174 Hz
 
@@ -153,7 +156,7 @@ def measured(scene: Scene, e: str, m: int, repeats: int) -> Measured:
         total_error=float(np.max(np.abs(total.error))),
         violation=max(excess(reduction, e), excess(total, e)),
         offline=median(offline_seconds(scene, e, m) for _ in range(repeats)),
-        online=tuple(online_seconds(scene, body, stepped, e, m, time, repeats) for time in ("sampled", "reconstructed")),
+        online=tuple(online_seconds(scene, body, stepped, e, m, time, repeats) for time in TIMES),
         assumes=ESTIMATORS[e].assumes,
         curve=(total.error[:, 0], total.bound[e][:, 0]),
     )
@@ -204,9 +207,8 @@ def refined(level: int, end: float = 0.01) -> Refined:
     truth = full_outputs(body, inputs, outputs[0].resolve(body), SOLID_W, modes=None if level == 0 else 100)
     traj = romerr.Trajectory(t, *reduced_motion(body, basis, inputs, SOLID_W).motion(t), solid_load(t))
     names = ("fast", "convolution", "energy", "auxiliary")
-    report = romerr.evaluate(
-        body, basis, traj, inputs=inputs, input_function=solid_load, outputs=outputs, estimators=names, auxiliary_modes=40
-    )
+    options = {"inputs": inputs, "input_function": solid_load, "outputs": outputs[:1]}
+    report = romerr.evaluate(body, basis, traj, estimators=names, auxiliary_modes=40, **options)
     out = report.compare("tip z", t, truth(t)[:, 0])
     return Refined(body.N, float(np.max(np.abs(out.error))), {e: float(out.effectivity[e][0]) for e in names})
 

@@ -115,9 +115,11 @@ def _apply(A: np.ndarray, state: np.ndarray) -> np.ndarray:
 
 def _scan(A: np.ndarray, driven: np.ndarray) -> np.ndarray:
     """Return y_k = A y_{k-1} + driven_k for all k by doubling: log2(S) array operations instead of S."""
-    y, shift = driven, 1
-    while shift < len(y):
-        moved = _apply(A, y[:-shift])
-        y = np.concatenate([y[:shift], y[shift:] + moved])
+    x, v = driven[:, 0].copy(), driven[:, 1].copy()
+    shift = 1
+    while shift < len(x):
+        moved = A[0, 0] * x[:-shift] + A[0, 1] * v[:-shift], A[1, 0] * x[:-shift] + A[1, 1] * v[:-shift]
+        x[shift:] += moved[0]
+        v[shift:] += moved[1]
         A, shift = np.einsum("abm,bcm->acm", A, A), 2 * shift
-    return y
+    return np.stack([x, v], axis=1)

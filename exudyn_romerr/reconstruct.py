@@ -151,12 +151,12 @@ class Quintic:
         if np.diff(s.t).max() * self.omega_1 >= SHORT or len(s.t) == 2:
             return self._through(s, every)
         inputs = self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
-        choices = [self._choice(s, every, inputs)]
-        stride = 2
-        while choices[0].rounds and stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG:
-            choices.append(self._choice(s, np.unique(np.append(every[::stride], every[-1])), inputs))
-            stride *= 2
-        best = min(choices, key=lambda choice: choice.size)
+        best, stride = self._choice(s, every, inputs), 2
+        while best.rounds and stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG:
+            choice = self._choice(s, np.unique(np.append(every[::stride], every[-1])), inputs)
+            if choice.size > best.size:
+                break
+            best, stride = choice, 2 * stride
         self._variation, self._rounding = self._variation + best.size, self._rounding + best.rounding
         return best.block
 

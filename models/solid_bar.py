@@ -133,9 +133,7 @@ def build(
     """
     mesh = read_mesh(level)
     fixed = (3 * mesh.clamped[:, None] + np.arange(3)).ravel()
-    body = romerr.ElasticBody(
-        *matrices(mesh.nodes, mesh.tets), rayleigh=rayleigh, fixed=fixed, positions=mesh.nodes
-    )
+    body = romerr.ElasticBody(*matrices(mesh.nodes, mesh.tets), rayleigh=rayleigh, fixed=fixed, positions=mesh.nodes)
     weights = face_weights(mesh, mesh.tip)
     inputs = np.zeros((body.N, 1))
     inputs[3 * mesh.tip + 2, 0] = weights / weights.sum()

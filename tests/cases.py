@@ -9,7 +9,7 @@ from bodies import Model
 from loads import Load
 from truth import linear_inputs, state_form
 
-from exudyn_romerr import Basis, Output, Trajectory, evaluate, gramian_basis, krylov_basis, modal_basis
+from exudyn_romerr import Basis, ElasticBody, Output, Trajectory, evaluate, gramian_basis, krylov_basis, modal_basis
 
 BASES = ("modal", "krylov", "gramian", "random", "petrov-static", "petrov-random")
 INITIALS = ("rest", "span", "state", "equilibrium")
@@ -95,7 +95,9 @@ def make_basis(kind, model, B, n, rng):
         shifts = ((0.0,), (omega[0],), (0.0, 2 * omega[0]))[rng.integers(0, 3)]
         return krylov_basis(model.body, B, n, shifts=shifts)
     if kind == "gramian":
-        return gramian_basis(model.body, B, n, band=(0.0, 1.1 * omega[n]))
+        # an undamped body's Gramian is infinite in resonance: take that of a damped twin
+        damped = ElasticBody(M, K, rayleigh=(0.02 * omega[0], 0.0)) if model.rayleigh == (0.0, 0.0) else model.body
+        return gramian_basis(damped, B, n, band=(0.0, 1.1 * omega[n]))
     V = np.linalg.qr(rng.standard_normal((model.N, n)))[0]
     if kind == "petrov-static":
         V = krylov_basis(model.body, B, n).V if model.N > n + 4 else V
