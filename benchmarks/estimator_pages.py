@@ -115,12 +115,12 @@ def draw(t: np.ndarray, lines: Sequence[Measured], meshes: Sequence[Refined], pa
         left.semilogy(1e3 * t[1:], line.curve[1][1:], label=line.name)
     left.semilogy(1e3 * t[1:], np.abs(lines[0].curve[0][1:]), "k", linewidth=0.8, label="true error")
     left.set(xlabel="time / ms", ylabel="tip z, total error / m", ylim=(1e-14, None))
-    left.legend(fontsize="small", ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+    left.legend(fontsize="x-small", ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
     for i, e in enumerate(meshes[0].effectivity):
         right.loglog(
             [mesh.coordinates for mesh in meshes], [mesh.effectivity[e] for mesh in meshes], "os^x"[i] + "-", label=e
         )
     right.set(xlabel="coordinates of the mesh", ylabel="largest bound / largest true error")
-    right.legend(fontsize="small", ncols=4, loc="lower left", bbox_to_anchor=(0, 1))
+    right.legend(fontsize="x-small", ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)

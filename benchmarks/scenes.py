@@ -248,7 +248,7 @@ def solve(mbs, integrator, h, T):
         name = "generalised-alpha"
     if name == "DOPRI5":
         ss.timeIntegration.relativeTolerance, ss.timeIntegration.absoluteTolerance = 1e-4, 1e-7
-        ss.timeIntegration.minimumStepSize = 1e-6 * T
+        ss.timeIntegration.minimumStepSize = 0.05 * h
     SOLVERS[name](mbs, ss)
 
 

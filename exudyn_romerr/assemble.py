@@ -11,15 +11,16 @@ from .report import BoundReport, OutputReport
 if TYPE_CHECKING:
     from .estimators.base import Bounds
     from .online import Run
+    from .outputs import Output
 
 
 def assemble(run: Run) -> BoundReport:
     """Return the report of what the run has bounded so far."""
     offline, streams = run.offline, run.streams()
-    t, values = run.samples()
+    t, values, round_off = run.samples()
     total = streams["total"]
     outputs = {
-        out.name: _output_report(out, values[:, part], {s: _rows(b, part) for s, b in streams.items()})
+        out.name: _output_report(out, values[:, part], round_off[:, part], _rows_of(streams, part))
         for out, part in zip(offline.outputs, offline.slices, strict=True)
     }
     return BoundReport(
@@ -36,12 +37,14 @@ def assemble(run: Run) -> BoundReport:
     )
 
 
-def _rows(bounds: dict[str, Bounds], part: slice) -> dict[str, Bounds]:
+def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, dict[str, Bounds]]:
     """The bounds of one output's rows."""
-    return {name: b.of_rows(part) for name, b in bounds.items()}
+    return {stream: {name: b.of_rows(part) for name, b in bounds.items()} for stream, bounds in streams.items()}
 
 
-def _output_report(out, value: np.ndarray, streams: dict[str, dict[str, Bounds]]) -> OutputReport:
+def _output_report(
+    out: Output, value: np.ndarray, round_off: np.ndarray, streams: dict[str, dict[str, Bounds]]
+) -> OutputReport:
     bound = _with_best(streams["total"])
     corrected, corrected_bound = _corrected(value, streams["total"])
     return OutputReport(
@@ -49,6 +52,7 @@ def _output_report(out, value: np.ndarray, streams: dict[str, dict[str, Bounds]]
         unit=out.unit,
         of=out.of,
         value=value,
+        round_off=round_off,
         bound=bound,
         reduction_bound=_with_best(streams["reduction"]),
         corrected=corrected,

@@ -10,7 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from .errors import AssumptionError, InputError, check_array
+from .errors import AssumptionError, InputError, check_array, check_count
 from .factor import SymmetricFactor
 
 if TYPE_CHECKING:
@@ -107,16 +107,16 @@ def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float]
     matches the damped moments too. General damping: Arnoldi on the companion form, positions kept.
     """
     B = _restricted_inputs(body, inputs)
-    if not 1 <= n <= body.free.size:
-        raise InputError(f"n={n} columns asked; allowed: 1..{body.free.size}")
-    if not len(shifts) or min(shifts) < 0:
-        raise InputError(f"shifts={tuple(shifts)!r}; needed: one or more real numbers >= 0 in 1/s")
+    n = check_count("n", n, body.free.size, "free coordinates")
+    shifts = check_array("shifts", shifts, (None,)).tolist()
+    if not shifts or min(shifts) < 0:
+        raise InputError(f"shifts={shifts!r}; needed: one or more real numbers >= 0 in 1/s")
     shares = [n // len(shifts) + (k < n % len(shifts)) for k in range(len(shifts))]
     chain = _companion_chain if body.rayleigh is None else _undamped_chain
     columns = [chain(body, B, s, share) for s, share in zip(shifts, shares, strict=True) if share]
     V = m_orthonormal(body.M, np.hstack(columns))[:, :n]
     deflated = n - V.shape[1]
-    note = f"Krylov, {V.shape[1]} columns, shifts {tuple(float(s) for s in shifts)} 1/s"
+    note = f"Krylov, {V.shape[1]} columns, shifts {tuple(shifts)} 1/s"
     return Basis(body.expand(V), note=note + (f", {deflated} of {n} deflated" if deflated else ""))
 
 
@@ -138,6 +138,7 @@ def gramian_basis(body: ElasticBody, inputs: Any, n: int, band: tuple[float, flo
     AssumptionError
         An undamped body with a resonance inside the band.
     """
+    n = check_count("n", n, body.free.size, "free coordinates")
     B = _restricted_inputs(body, inputs)
     lo, hi = check_array("band", band, (2,))
     if not 0 <= lo < hi:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from . import oscillator
-from .errors import AssumptionError, InputError
+from .errors import AssumptionError, InputError, check_count
 from .factor import SINGULAR_PIVOT, SymmetricFactor
 from .matrices import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, is_dissipative
 from .modes import Modes, lowest_modes
@@ -168,8 +168,7 @@ class ElasticBody:
         AssumptionError
             The inertia count found more modes than the solver did; the message names the interval.
         """
-        if not 1 <= m <= self.free.size:
-            raise InputError(f"m={m} modes asked; allowed: 1..{self.free.size} (free coordinates)")
+        m = check_count("number of modes", m, self.free.size, "free coordinates")
         if self._modes is None or self._modes.omega.size < m:
             self._modes = lowest_modes(self.M, self.K, m, self.stiffness_factor)
         return self._modes.first(m)

@@ -1,6 +1,7 @@
 """The three kinds of failure, kept apart, and the checks that every input goes through."""
 
 from collections.abc import Iterable
+from numbers import Integral
 
 import numpy as np
 
@@ -24,16 +25,13 @@ class RunError(RomErrError, RuntimeError):
 def check_choice(name: str, value: object, known: Iterable[str]) -> None:
     """Raise InputError unless `value` is one of the `known` names."""
     known = list(known)
-    if value not in known:
+    if not isinstance(value, str) or value not in known:
         raise InputError(f"{name}={value!r} is unknown; allowed: {', '.join(map(repr, known))}")
 
 
 def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> np.ndarray:
     """Return `value` as a finite float array of the given shape (None: any length) or raise InputError."""
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} is not an array of real numbers: {error}") from error
+    array = real_array(name, value)
     fits = array.ndim == len(shape) and all(
         want in (None, have) for want, have in zip(shape, array.shape, strict=True)
     )
@@ -42,6 +40,30 @@ def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> np.n
         raise InputError(f"{name} has shape {array.shape}; needed: ({wanted})")
     check_finite(name, array)
     return array
+
+
+def real_array(name: str, value: object) -> np.ndarray:
+    """Return `value` as a float array or raise InputError; complex numbers are refused, not cut."""
+    try:
+        array = np.asarray(value)
+        if np.iscomplexobj(array):
+            raise TypeError("complex numbers found")
+        return array.astype(float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is not an array of real numbers: {error}") from error
+
+
+def check_count(name: str, value: object, most: int, of: str) -> int:
+    """Return `value` as an int in 1..most or raise InputError; `of` says what is counted."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= value <= most:
+        raise InputError(f"{name}={value!r}; allowed: a whole number 1..{most} ({of})")
+    return int(value)
+
+
+def check_type(name: str, value: object, kind: type) -> None:
+    """Raise InputError unless `value` is a `kind`."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name} is a {type(value).__name__}; needed: {kind.__name__}")
 
 
 def check_finite(name: str, array: np.ndarray) -> None:

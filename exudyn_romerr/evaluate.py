@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InputError, check_array
+from .errors import InputError, check_array, check_type, real_array
 from .offline import prepare
 from .online import Run
 
@@ -48,7 +48,7 @@ class Trajectory:
         self.q_t, self.q_tt = (
             check_array(name, x, self.q.shape) for name, x in (("q_t", self.q_t), ("q_tt", self.q_tt))
         )
-        u = np.zeros((len(self.t), 0)) if self.u is None else np.asarray(self.u, dtype=float)
+        u = np.zeros((len(self.t), 0)) if self.u is None else real_array("u", self.u)
         self.u = check_array("u", u[:, None] if u.ndim == 1 else u, (len(self.t), None))
 
 
@@ -112,6 +112,7 @@ def evaluate(
     -----
     Source: docs/theory.md; paper (11), (25)-(30). Does not cover: loads that are not in inputs.
     """
+    check_type("traj", traj, Trajectory)
     offline = prepare(
         body,
         basis,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from .errors import AssumptionError, InputError, check_array, check_finite
+from .errors import AssumptionError, InputError, check_array, check_finite, real_array
 from .factor import SymmetricFactor
 
 if TYPE_CHECKING:
@@ -18,9 +19,10 @@ SYMMETRY = 1e-9  # relative to the largest entry: assembled FE matrices printed 
 
 def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = True) -> sp.csc_matrix:
     try:
-        matrix = sp.csc_matrix(matrix, dtype=float)
+        matrix = sp.csc_matrix(matrix)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} is not a real matrix: {error}") from error
+    matrix = sp.csc_matrix((real_array(name, matrix.data), matrix.indices, matrix.indptr), shape=matrix.shape)
     if matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0 or size not in (None, matrix.shape[0]):
         raise InputError(f"{name} has shape {matrix.shape}; needed: square" + (f", {size} rows" if size else ""))
     check_finite(name, matrix.data)
@@ -30,7 +32,9 @@ def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = T
 
 
 def checked_dofs(fixed: Sequence[int], size: int) -> np.ndarray:
-    dofs = np.unique(np.asarray(list(fixed), dtype=float))
+    if isinstance(fixed, str) or not isinstance(fixed, Iterable):
+        raise InputError(f"fixed={fixed!r}; needed: a sequence of coordinate numbers 0..{size - 1}")
+    dofs = np.unique(check_array("fixed", list(fixed), (None,)))
     wrong = dofs[(dofs < 0) | (dofs >= size) | (dofs != np.round(dofs))]
     if wrong.size:
         raise InputError(f"fixed contains {wrong[0]:g}; allowed: coordinate numbers 0..{size - 1}")

@@ -31,7 +31,8 @@ class Offline:
 
     estimators : name -> estimator that starts copies of itself. value_rows (R, n): C V. galerkin (n, k): W^T L.
     jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of
-    R(z) that knots of the reconstruction are chosen by. initial: None, "equilibrium" or "state".
+    R(z) that knots of the reconstruction are chosen by. round_off (R, n): what rounding of K moves per coordinate.
+    initial: None, "equilibrium" or "state".
     """
 
     coordinates: Coordinates
@@ -44,6 +45,7 @@ class Offline:
     galerkin: np.ndarray
     jump_response: np.ndarray
     mass_root: np.ndarray
+    round_off: np.ndarray
     measure: Callable
     omega_1: float
     jumps: tuple[float, ...]
@@ -108,6 +110,7 @@ def prepare(
         galerkin=W.T @ problem.map.L,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
+        round_off=np.outer(np.where(problem.velocity_rows, problem.C2, problem.C_K), problem.round_off),
         measure=_sharpest_norm(problem, names),
         omega_1=float(body.modes(1).omega[0]),
         jumps=_checked_jumps(jumps, signal),
@@ -123,9 +126,9 @@ def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
     """Names of the estimators; "auto": the sharp ones that the body's damping allows."""
     if isinstance(estimators, str) and estimators == "auto":
         return ("energy", "auxiliary") if body.rayleigh is not None else ("energy",)
-    names = (estimators,) if isinstance(estimators, str) else tuple(estimators)
-    if not names:
-        raise InputError(f"estimators is empty; allowed: 'auto' or some of {tuple(ESTIMATORS)}")
+    names = (estimators,) if isinstance(estimators, str) else estimators
+    if not isinstance(names, tuple | list | set) or not names:
+        raise InputError(f"estimators={estimators!r}; allowed: 'auto' or some of {tuple(ESTIMATORS)}")
     for name in names:
         check_choice("estimators", name, ESTIMATORS)
     return tuple(dict.fromkeys(names))

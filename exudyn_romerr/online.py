@@ -31,6 +31,7 @@ class Run:
         self.defect = 0.0
         self._t: list[np.ndarray] = []
         self._values: list[np.ndarray] = []
+        self._round_off: list[np.ndarray] = []
         self._last: Samples | None = None
         layout = offline.coordinates
         jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
@@ -93,9 +94,9 @@ class Run:
         found = {name: stream.bounds() for name, stream in self._streams.items()}
         return {"total": found["reduction"], **found}
 
-    def samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return t (T,) and the outputs of the reduced body (T, R) so far."""
-        return np.concatenate(self._t), np.vstack(self._values)
+    def samples(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return t (T,), the outputs of the reduced body (T, R) and their round-off (T, R) so far."""
+        return np.concatenate(self._t), np.vstack(self._values), np.vstack(self._round_off)
 
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""
@@ -182,6 +183,7 @@ class Run:
     def _record(self, new: Samples) -> None:
         self._t.append(new.t)
         self._values.append(self._outputs_of(new.q, new.q_t))
+        self._round_off.append(np.abs(new.q) @ self.offline.round_off.T)
         self._measure_defect(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
         self._last = new.part(slice(-1, None))
 

@@ -135,8 +135,10 @@ def _node_rows(nodes, weights, component: str, offset: int) -> Callable:
 
 def checked_nodes(nodes: Sequence[int], count: int) -> np.ndarray:
     """Return node numbers as an int array; InputError names the first outside 0..count-1."""
-    numbers = np.asarray(nodes)
+    numbers = check_array("node numbers", nodes, (None,))
     wrong = numbers[(numbers < 0) | (numbers >= count) | (numbers != np.round(numbers))]
     if numbers.size == 0 or wrong.size:
-        raise InputError(f"node {wrong[0] if wrong.size else 'list is empty'}; allowed: node numbers 0..{count - 1}")
+        raise InputError(
+            f"node {f'{wrong[0]:g}' if wrong.size else 'list is empty'}; allowed: node numbers 0..{count - 1}"
+        )
     return numbers.astype(int)

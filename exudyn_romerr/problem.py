@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InputError, check_array, check_choice
+from .basis import Basis
+from .body import ElasticBody
+from .errors import InputError, check_array, check_choice, check_type
 from .kernels import KERNELS, Kernel, make_kernel
 from .outputs import Output, stacked_rows
 from .residual import RESIDUALS, ResidualMap, make_norm
@@ -18,9 +20,6 @@ from .split import Split
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from .basis import Basis
-    from .body import ElasticBody
 
 
 class Problem:
@@ -42,6 +41,8 @@ class Problem:
         kernels: str = "certified",
         auxiliary_modes: int | str = "auto",
     ):
+        check_type("body", body, ElasticBody)
+        check_type("basis", basis, Basis)
         check_choice("residual", residual, RESIDUALS)
         check_choice("kernels", kernels, KERNELS)
         self.body, self.basis = body, basis
@@ -49,7 +50,7 @@ class Problem:
         self.V, self.W = basis.restricted_to(body)
         self.B = checked_inputs(body, inputs)
         self.map = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
-        self.C, self.velocity_rows, self.slices = stacked_rows(outputs, body)
+        self.C, self.velocity_rows, self.slices = stacked_rows(_checked_outputs(outputs), body)
         self.outputs = tuple(outputs)
         self.initial_state = _checked_initial(initial, body)
 
@@ -134,9 +135,23 @@ class Problem:
         return self.Y_C_K.T @ self.Y_K[:, : self.map.coordinates.k]
 
     @cached_property
+    def round_off(self) -> np.ndarray:
+        """Eps | |K| |V_j| |_{K^-1} (n,): energy norm of what rounding of K's entries does to unit coordinates."""
+        moved = self.body.stiffness_factor.half_solve(abs(self.body.K) @ np.abs(self.V))
+        return np.finfo(float).eps * np.linalg.norm(moved, axis=0)
+
+    @cached_property
     def split(self) -> Split:
         """Auxiliary modes and what is left above them."""
         return Split(self, self.auxiliary_modes)
+
+
+def _checked_outputs(outputs: Any) -> Sequence[Output]:
+    if not isinstance(outputs, list | tuple):
+        raise InputError(f"outputs is a {type(outputs).__name__}; needed: a list of Output")
+    for out in outputs:
+        check_type("an entry of outputs", out, Output)
+    return outputs
 
 
 def checked_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:
@@ -149,7 +164,7 @@ def checked_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:
 def _checked_initial(initial: Any, body: ElasticBody) -> tuple[np.ndarray, np.ndarray] | None:
     if initial is None or (isinstance(initial, str) and initial == "equilibrium"):
         return None
-    if isinstance(initial, str) or len(initial) != 2:
+    if not isinstance(initial, tuple | list) or len(initial) != 2:
         raise InputError(f"initial={initial!r}; allowed: None, 'equilibrium' or (q0, q0_t), two arrays of N entries")
     state = tuple(check_array(f"initial[{i}]", part, (body.N,)) for i, part in enumerate(initial))
     moved = max(np.max(np.abs(part[body.fixed]), initial=0.0) for part in state)

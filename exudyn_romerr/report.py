@@ -21,6 +21,10 @@ CAUSES = {
     "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
     "jumps": "load jumps: add modes, or let the load grow over a short time",
 }
+SAMPLED = (
+    "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
+    "does between the samples"
+)
 DICTS = ("bound", "reduction_bound", "causes", "effectivity")  # fields of an output that are dicts of arrays
 OPTIONAL = ("corrected", "corrected_bound", "error")  # fields that may be None
 FORMAT = 1  # of the saved file; a file of another format is refused
@@ -41,6 +45,7 @@ class OutputReport:
     unit: str
     of: str
     value: np.ndarray
+    round_off: np.ndarray
     bound: dict[str, np.ndarray]
     reduction_bound: dict[str, np.ndarray]
     corrected: np.ndarray | None
@@ -61,11 +66,17 @@ class OutputReport:
             f"by '{best}'"
         )
 
+    def at_round_off(self) -> bool:
+        """Whether the largest bound is below what rounding of the FE matrices alone does to the output."""
+        return bool(np.max(self.bound["best"]) < np.max(self.round_off))
+
     def advice(self) -> str:
         """Return one line: the cause that dominates the bound at its worst instant, and what to do."""
         at = np.unravel_index(np.argmax(self.bound["best"]), self.value.shape)
         shares = {cause: share[at] for cause, share in self.causes.items()}
         total = sum(shares.values())
+        if self.at_round_off():
+            return f"at round-off: the FE matrices' own rounding moves it by {np.max(self.round_off):.1g} {self.unit}"
         if not 0 < total < np.inf:
             return "nothing to improve" if total == 0 else "no finite bound: ask for another estimator"
         cause = max(shares, key=shares.get)
@@ -139,7 +150,7 @@ class BoundReport:
         lines = [f"bounds at {len(self.t)} instants, t = {self.t[0]:g} .. {self.t[-1]:g} s"]
         lines += [f"! {message}" for message in self.messages]
         if self.time == "sampled":
-            lines.append("! reduction error at sampled residuals; the error of the time integration is not covered")
+            lines.append(f"! {SAMPLED}")
         for out in self.outputs.values():
             lines += [out.verdict(self.time), f"  {out.advice()}"]
             if out.corrected is not None:
@@ -165,7 +176,7 @@ class BoundReport:
         arrays.update({f"position/{e}": x for e, x in self.position_bound.items()})
         arrays.update({f"velocity/{e}": x for e, x in self.velocity_bound.items()})
         for i, out in enumerate(self.outputs.values()):
-            arrays[f"output/{i}/value"] = out.value
+            arrays[f"output/{i}/value"], arrays[f"output/{i}/round_off"] = out.value, out.round_off
             for kind in OPTIONAL:
                 if getattr(out, kind) is not None:
                     arrays[f"output/{i}/{kind}"] = getattr(out, kind)
@@ -226,7 +237,8 @@ def load_report(path: str | os.PathLike) -> BoundReport:
 def _load_output(arrays: dict, i: int, name: str, unit: str, of: str) -> OutputReport:
     dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
     optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
-    return OutputReport(name, unit, of, arrays[f"output/{i}/value"], **dicts, **optional)
+    plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
+    return OutputReport(name, unit, of, **plain, **dicts, **optional)
 
 
 def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
-from numbers import Integral
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .errors import InputError
+from .errors import check_count
 from .residual import make_norm
 
 if TYPE_CHECKING:
@@ -36,8 +35,9 @@ class Split:
         body.require_rayleigh("auxiliary modes")
         self._problem = problem
         self.capped: str | None = None
-        m = self._auto_count() if asked == "auto" else _checked_count(asked, body.free.size)
-        modes = body.modes(m)
+        if asked == "auto":
+            asked = self._auto_count()
+        modes = body.modes(check_count("auxiliary_modes", asked, body.free.size, "free coordinates; or 'auto'"))
         self.omega, self.P, self.cut = modes.omega, modes.shapes, modes.cut
         self.CP = problem.C @ self.P
         self.PL = self.P.T @ self._columns()
@@ -121,9 +121,3 @@ def _without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
     for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
         Y = Y - modes @ (modes.T @ Y)
     return Y
-
-
-def _checked_count(asked: int | str, largest: int) -> int:
-    if isinstance(asked, bool) or not isinstance(asked, Integral) or not 1 <= asked <= largest:
-        raise InputError(f"auxiliary_modes={asked!r}; allowed: 'auto' or 1..{largest} (free coordinates)")
-    return int(asked)

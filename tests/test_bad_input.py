@@ -77,7 +77,7 @@ BODIES = {
         "positions lists 4",
     ),
     "positions nan": (lambda: ElasticBody(np.eye(6), np.eye(6), positions=[[0, 0, np.nan]]), InputError, "positions"),
-    "too many modes": (lambda: BODY.modes(N + 1), InputError, r"m=11 modes asked; allowed: 1\.\.10"),
+    "too many modes": (lambda: BODY.modes(N + 1), InputError, r"number of modes=11; allowed: a whole number 1\.\.10"),
     "constants without modal damping": (lambda: GENERAL.constants(), AssumptionError, "C1, C11, C12 need Rayleigh"),
 }
 
@@ -102,8 +102,8 @@ BASES = {
     ),
     "V of another body": (lambda: run(basis=Basis(V[:8])), InputError, "V has 8 rows.*N = 10"),
     "V moves fixed": (lambda: run(ElasticBody(M, K, fixed=[0])), InputError, "V moves fixed coordinates.*must be 0"),
-    "modal n": (lambda: modal_basis(BODY, 11), InputError, r"m=11 modes asked; allowed: 1\.\.10"),
-    "krylov n": (lambda: krylov_basis(BODY, B, 0), InputError, r"n=0 columns asked; allowed: 1\.\.10"),
+    "modal n": (lambda: modal_basis(BODY, 11), InputError, r"number of modes=11; allowed: a whole number 1\.\.10"),
+    "krylov n": (lambda: krylov_basis(BODY, B, 0), InputError, r"n=0; allowed: a whole number 1\.\.10"),
     "krylov shifts": (lambda: krylov_basis(BODY, B, 3, shifts=(-1.0,)), InputError, "shifts=.*>= 0"),
     "krylov no shifts": (lambda: krylov_basis(BODY, B, 3, shifts=()), InputError, "shifts"),
     "krylov inputs": (
@@ -113,7 +113,11 @@ BASES = {
     ),
     "krylov no load": (lambda: krylov_basis(BODY, 0 * B, 3), InputError, "inputs do not move"),
     "gramian band": (lambda: gramian_basis(BODY, B, 3, band=(2.0, 1.0)), InputError, "band=.*0 <= w_lo < w_hi"),
-    "gramian n": (lambda: gramian_basis(BODY, B, 11, band=(0.0, 1.0)), InputError, "n=11 columns asked"),
+    "gramian n": (
+        lambda: gramian_basis(BODY, B, 11, band=(0.0, 1.0)),
+        InputError,
+        r"n=11; allowed: a whole number 1\.\.10",
+    ),
 }
 
 
@@ -127,6 +131,12 @@ def test_bodies(name):
 def test_bases(name):
     """V and W, and what the makers of bases take."""
     check_error(*BASES[name])
+
+
+@pytest.mark.parametrize("shift", [np.nan, np.inf])
+def test_krylov_shifts_must_be_finite(shift):
+    """Nan or inf anywhere is an InputError."""
+    check_error(lambda: krylov_basis(BODY, B, 3, shifts=(shift,)), InputError, "shifts has a nan or inf")
 
 
 def test_types_are_also_the_builtin_ones():

@@ -82,7 +82,7 @@ RUNS = {
         "estimators='slow' is unknown; allowed:.*'fast'",
     ),
     "unknown among known": (lambda: run(estimators=("fast", "slow")), InputError, "estimators='slow' is unknown"),
-    "no estimator": (lambda: run(estimators=()), InputError, "estimators is empty; allowed"),
+    "no estimator": (lambda: run(estimators=()), InputError, r"estimators=\(\); allowed"),
     "unknown kernel": (lambda: run(kernels="exact"), InputError, "kernels='exact' is unknown; allowed: 'certified'"),
     "unknown residual": (
         lambda: run(residual="exact"),

@@ -89,7 +89,7 @@ def test_lanczos_finds_the_same_modes_as_lapack():
     n = 700
     K = sp.diags([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], [-1, 0, 1])
     modes = ElasticBody(sp.identity(n), K).modes(8)
-    assert modes.omega == pytest.approx(2 * np.sin(np.arange(1, 9) * np.pi / (2 * n + 2)), rel=1e-7)
+    assert modes.omega == pytest.approx(2 * np.sin(np.arange(1, 9) * np.pi / (2 * n + 2)), rel=tol.EIGEN)
 
 
 def test_a_missed_mode_is_noticed():

@@ -101,9 +101,7 @@ def test_rigid_translation_has_the_energy_of_the_total_mass():
     shift = rigid_motions(nodes)[:, :3]
     lengths = np.linalg.norm(nodes[elements[:, 1]] - nodes[elements[:, 0]], axis=1)
     total = MASS_PER_LENGTH * lengths.sum()
-    assert shift.T @ (mass @ shift) == pytest.approx(
-        total * np.eye(3), rel=MULTIPLIED, abs=MULTIPLIED * total
-    )
+    assert shift.T @ (mass @ shift) == pytest.approx(total * np.eye(3), rel=MULTIPLIED, abs=MULTIPLIED * total)
 
 
 def test_rigid_rotation_has_the_energy_of_a_slender_rod():

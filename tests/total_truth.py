@@ -41,12 +41,12 @@ class Signal:
         return self.knots[1:][jumped].tolist()
 
     def __call__(self, t):
-        """u (p,) at one time; a float, or (T,) at many times, if p = 1."""
+        """U (p,) at one time; a float, or (T,) at many times, if p = 1."""
         values = self.at(np.atleast_1d(t))
         return (values[:, 0] if np.ndim(t) else float(values[0, 0])) if self.p == 1 else values[0]
 
     def at(self, t):
-        """u (T, p) at times t (T,)."""
+        """U (T, p) at times t (T,)."""
         i = np.maximum(np.searchsorted(self.knots, t, side="right") - 1, 0)
         straight = self.start[i] + self.slope[i] * (t - self.knots[i])[:, None]
         return straight + self.size * np.sin(np.outer(t, self.W) + self.phase)
