@@ -54,13 +54,13 @@ def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes) -> No
     """
     if _missing_below(M, K, modes.omega, modes.cut) == 0:
         return
-    lo, hi = 0, modes.omega.size  # bisection over the gaps: missing below omega[hi], none below omega[lo]
+    lo, hi = -1, modes.omega.size  # bisection over the gaps: missing below omega[hi], none below omega[lo]
     while hi - lo > 1:
         middle = (lo + hi) // 2
         missing = _missing_below(M, K, modes.omega, modes.omega[middle] * (1 - GAP))
         lo, hi = (lo, middle) if missing else (middle, hi)
     upper = modes.omega[hi] if hi < modes.omega.size else modes.cut
-    lower = modes.omega[lo] if lo else 0.0
+    lower = modes.omega[lo] if lo >= 0 else 0.0
     raise AssumptionError(
         f"a mode is missing between {lower:.6g} and {upper:.6g} rad/s: the eigenvalue solver did not find it; "
         "ask for a few modes more or fewer, or check the body for nearly equal frequencies there"
