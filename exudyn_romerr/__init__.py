@@ -20,6 +20,7 @@ from .outputs import (
 )
 from .report import BoundReport, OutputReport, load_report
 from .residual import initial_coordinates, initial_error
+from .space import MeanMotion, mean_motion
 
 __version__ = "0.1.0"
 
@@ -32,6 +33,7 @@ __all__ = [
     "Constants",
     "ElasticBody",
     "InputError",
+    "MeanMotion",
     "Output",
     "OutputReport",
     "RomErrError",
@@ -46,6 +48,7 @@ __all__ = [
     "krylov_basis",
     "load_report",
     "mean_displacement",
+    "mean_motion",
     "modal_basis",
     "node_displacement",
     "node_rotation",

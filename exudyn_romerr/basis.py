@@ -66,11 +66,8 @@ class Basis:
             raise InputError(
                 f"V has {self.V.shape[0]} rows; the body has N = {body.N} coordinates, fixed ones included"
             )
-        moved = np.max(np.abs(self.V[body.fixed]), initial=0.0)
-        if moved > 0:
-            raise InputError(f"V moves fixed coordinates (largest entry there {moved:.3g}); its rows there must be 0")
-        V = self.V[body.free]
-        return V, V if self.is_galerkin else self.W[body.free]
+        V = body.space.coordinates("V", self.V)
+        return V, V if self.is_galerkin else body.space.coordinates("W", self.W)
 
 
 def modal_basis(body: ElasticBody, n: int) -> Basis:
@@ -242,7 +239,7 @@ def _frequency_response(body: ElasticBody, B: np.ndarray, frequency: float) -> n
 
 
 def _restricted_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:
-    return check_array("inputs", inputs, (body.N, None))[body.free]
+    return body.space.loads(check_array("inputs", inputs, (body.N, None)))
 
 
 def _check_rank(name: str, matrix: np.ndarray) -> None:

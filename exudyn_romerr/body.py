@@ -14,6 +14,7 @@ from .errors import AssumptionError, InputError, check_count
 from .factor import SINGULAR_PIVOT, SymmetricFactor
 from .matrices import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, is_dissipative
 from .modes import Modes, lowest_modes
+from .space import MeanMotion, Space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,6 +49,9 @@ class ElasticBody:
         Coordinates held at zero. They count in N and keep their rows in V, B and output rows.
     positions : ndarray, (nodes, 3), optional
         Node positions in the length unit of the model; N / nodes must be 3 or 6 coordinates a node.
+    reference : mean_motion(nodes, weights), optional
+        Holds the body by conditions instead of `fixed`: the mean motion of some nodes is zero, as at Exudyn's RBE3
+        interfaces. V must meet them; loads that would move the nodes are taken up where they are held.
 
     Raises
     ------
@@ -70,20 +74,22 @@ class ElasticBody:
         damping: Any = None,
         fixed: Sequence[int] = (),
         positions: Any = None,
+        reference: MeanMotion | None = None,
     ):
         self.mass = checked_matrix("mass", mass, None)
         self.N = self.mass.shape[0]
         self.stiffness = checked_matrix("stiffness", stiffness, self.N)
+        self.positions = checked_positions(positions, self.N)
         self.fixed = checked_dofs(fixed, self.N)
-        self.free = np.setdiff1d(np.arange(self.N), self.fixed)
-        if self.free.size == 0:
+        if self.fixed.size == self.N:
             raise InputError(f"fixed lists all {self.N} coordinates; at least one must stay free")
-        self.M, self.K = self.restrict_matrix(self.mass), self.restrict_matrix(self.stiffness)
+        self.space = Space(self.N, self.fixed, self._conditions(reference))
+        self.free = self.space.free
+        self.M, self.K = self.space.matrix(self.mass), self.space.matrix(self.stiffness)
         if rayleigh is not None and damping is not None:
             raise InputError("rayleigh and damping were both given; pass one of them (or neither: undamped)")
         self.rayleigh = checked_rayleigh(rayleigh) if damping is None else None
         self.damping = None if damping is None else checked_matrix("damping", damping, self.N, symmetric=False)
-        self.positions = checked_positions(positions, self.N)
         self._check_definite()
         self._modes: Modes | None = None
 
@@ -102,8 +108,6 @@ class ElasticBody:
         InputError
             The fem has no matrices yet, or one of the checks of ElasticBody fails.
         """
-        if reference is not None:
-            raise InputError("reference= belongs to floating bodies and is not built yet; pass fixed= here")
         if any(matrix is None or not np.size(matrix) for matrix in (fem.massMatrix, fem.stiffnessMatrix)):
             raise InputError("fem has no mass or stiffness matrix; import or compute them before from_fem")
         return cls(
@@ -112,13 +116,14 @@ class ElasticBody:
             rayleigh=rayleigh,
             fixed=fixed,
             positions=fem.GetNodePositionsAsArray(),
+            reference=reference,
         )
 
     @cached_property
     def D(self) -> sp.csc_matrix | None:
         """Damping on the free coordinates; None if undamped."""
         if self.damping is not None:
-            return self.restrict_matrix(self.damping)
+            return self.space.matrix(self.damping)
         alpha, beta = self.rayleigh
         return sp.csc_matrix(alpha * self.M + beta * self.K) if alpha or beta else None
 
@@ -148,15 +153,9 @@ class ElasticBody:
         """Factorisation of K on the free coordinates, made once."""
         return SymmetricFactor(self.K)
 
-    def restrict_matrix(self, matrix: sp.csc_matrix) -> sp.csc_matrix:
-        """Rows and columns of the free coordinates."""
-        return matrix if self.fixed.size == 0 else matrix[self.free][:, self.free]
-
     def expand(self, values: np.ndarray) -> np.ndarray:
-        """Put rows of the free coordinates back among all N, zero where fixed."""
-        full = np.zeros((self.N, *values.shape[1:]))
-        full[self.free] = values
-        return full
+        """Return displacements of all N coordinates (N, ...) from those of the free ones."""
+        return self.space.expand(values)
 
     def modes(self, m: int) -> Modes:
         """Return the m lowest undamped modes on the free coordinates, none missed (Sylvester's inertia count).
@@ -211,6 +210,17 @@ class ElasticBody:
         s_max = oscillator.largest_impulse_response(omega, self.damping_ratios(omega))
         C1 = np.sqrt(np.max((omega**2 * s_max) ** 2 + s_max**2 + 2.0))  # |Phi11|, |Phi22| <= 1
         return Constants(C1=float(C1), C11=1.0, C12=float(np.max(s_max)))
+
+    def _conditions(self, reference: MeanMotion | None) -> np.ndarray | None:
+        if reference is None:
+            return None
+        if not isinstance(reference, MeanMotion):
+            raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights)")
+        if self.fixed.size:
+            raise InputError("fixed and reference were both given; a body is held by one of them")
+        if self.dofs_per_node != 3:
+            raise InputError("reference needs 3 coordinates a node (solids); hold nodes with rotations by fixed=")
+        return reference.rows(self.positions)
 
     def _check_definite(self) -> None:
         massless = self.free[self.M.diagonal() <= 0]

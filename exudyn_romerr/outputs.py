@@ -53,7 +53,7 @@ class Output:
 
         C2_i = sqrt(c_i M^-1 c_i^T), paper (27)-(30); joint: largest singular value of C M^-1/2, (28).
         """
-        C = self.resolve(body)[:, body.free]
+        C = body.space.rows(self.resolve(body))
         gram = C @ body.mass_factor.solve(C.T)
         return float(np.sqrt(np.linalg.eigvalsh(gram)[-1])) if joint else np.sqrt(np.diag(gram))
 
@@ -106,7 +106,7 @@ def stacked_rows(outputs: Sequence[Output], body: ElasticBody) -> tuple[np.ndarr
     double = {name for name in names if names.count(name) > 1}
     if double:
         raise InputError(f"outputs: the name {sorted(double)[0]!r} is used more than once")
-    rows = [out.resolve(body)[:, body.free] for out in outputs]
+    rows = [body.space.rows(out.resolve(body)) for out in outputs]
     ends = np.cumsum([0, *(len(r) for r in rows)])
     slices = [slice(a, b) for a, b in pairwise(ends)]
     velocity = np.array([out.of == "velocity" for out, r in zip(outputs, rows, strict=True) for _ in r], dtype=bool)

@@ -158,7 +158,7 @@ def checked_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:
     """Return B on the free coordinates, (n_free, 0) for None."""
     if inputs is None:
         return np.zeros((body.free.size, 0))
-    return check_array("inputs", inputs, (body.N, None))[body.free]
+    return body.space.loads(check_array("inputs", inputs, (body.N, None)))
 
 
 def _checked_initial(initial: Any, body: ElasticBody) -> tuple[np.ndarray, np.ndarray] | None:
@@ -166,8 +166,5 @@ def _checked_initial(initial: Any, body: ElasticBody) -> tuple[np.ndarray, np.nd
         return None
     if not isinstance(initial, tuple | list) or len(initial) != 2:
         raise InputError(f"initial={initial!r}; allowed: None, 'equilibrium' or (q0, q0_t), two arrays of N entries")
-    state = tuple(check_array(f"initial[{i}]", part, (body.N,)) for i, part in enumerate(initial))
-    moved = max(np.max(np.abs(part[body.fixed]), initial=0.0) for part in state)
-    if moved > 0:
-        raise InputError(f"initial moves fixed coordinates (largest entry there {moved:.3g}); they must be 0")
-    return tuple(part[body.free] for part in state)
+    parts = ((f"initial[{i}]", check_array(f"initial[{i}]", part, (body.N,))) for i, part in enumerate(initial))
+    return tuple(body.space.coordinates(name, part) for name, part in parts)

@@ -145,7 +145,8 @@ def initial_coordinates(body: ElasticBody, basis: Basis, q0: Any, q0_t: Any) -> 
     qr0, qr0_t : ndarray, (n,)
     """
     V, W = basis.restricted_to(body)
-    q0, q0_t = (check_array(name, x, (body.N,))[body.free] for name, x in (("q0", q0), ("q0_t", q0_t)))
+    pairs = (("q0", q0), ("q0_t", q0_t))
+    q0, q0_t = (body.space.coordinates(name, check_array(name, x, (body.N,))) for name, x in pairs)
     return np.linalg.solve(W.T @ V, W.T @ q0), np.linalg.solve(W.T @ (body.M @ V), W.T @ (body.M @ q0_t))
 
 

@@ -56,7 +56,7 @@ def full_outputs(
     OutputMotion
     """
     found = body.modes(body.free.size if modes is None else modes)
-    B, C = inputs[body.free, 0], rows[:, body.free]
+    B, C = body.space.loads(inputs)[:, 0], body.space.rows(rows)
     load, zeta = found.shapes.T @ B, body.damping_ratios(found.omega)
     dynamic = sparse.csc_matrix(body.K - W**2 * body.M + 1j * W * body.D)
     modal = load / (found.omega**2 - W**2 + 2j * zeta * found.omega * W)

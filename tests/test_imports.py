@@ -1,7 +1,7 @@
 """A module imports only from modules above it in this list; Exudyn only below the line (design.md, Layout)."""
 
 ORDER = """
-errors factor matrices oscillator modes body basis outputs kernels lagtable
+errors factor matrices oscillator modes space body basis outputs kernels lagtable
 products residual recurrence inputs propagate forgetting split problem matrix_exponential
 estimators.base estimators.paper estimators.energy estimators.auxiliary estimators.output_kernel
 estimators.static estimators

@@ -122,7 +122,7 @@ def _reduce(body: ElasticBody, basis: Basis, B: np.ndarray | None, input_functio
         M=W.T @ (body.M @ V),
         D=np.zeros((basis.n, basis.n)) if body.D is None else W.T @ (body.D @ V),
         K=W.T @ (body.K @ V),
-        G=None if B is None else W.T @ B[body.free],
+        G=None if B is None else W.T @ body.space.loads(B),
         input_function=input_function,
     )
 

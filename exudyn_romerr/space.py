@@ -1,0 +1,123 @@
+"""The admissible space of displacements: coordinates fixed, or reference conditions C_0 q = 0 that hold the body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from .errors import AssumptionError, InputError, check_array
+
+RIGID_MODES = 6
+RANK = 1e-10  # of scaled reference rows; below, some rigid motion is not held
+HELD = 1e-8  # |C_0 v| relative to |C_0| |v|: what Exudyn's own modes keep of the conditions they were made with
+
+
+@dataclass(frozen=True)
+class MeanMotion:
+    """Reference conditions: weighted mean displacement and rotation of some nodes are zero (mean_motion)."""
+
+    nodes: np.ndarray
+    weights: np.ndarray
+
+    def rows(self, positions: np.ndarray) -> np.ndarray:
+        """Return C_0 (6, 3 nodes): sum w_i u_i and sum w_i (x_i - x_mean) x u_i."""
+        where = positions[self.nodes]
+        C = np.zeros((RIGID_MODES, *positions.shape))
+        for node, arm, w in zip(self.nodes, where - self.weights @ where, self.weights, strict=True):
+            C[:3, node] += w * np.eye(3)
+            C[3:, node] += w * np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
+        return C.reshape(RIGID_MODES, -1)
+
+
+def mean_motion(nodes: Sequence[int], weights: Sequence[float] | None = None) -> MeanMotion:
+    """Return the reference conditions that hold a body by the mean motion of some nodes, as RBE3 interfaces do.
+
+    Parameters
+    ----------
+    nodes : sequence of int
+        At least three, not on one line.
+    weights : sequence of float, optional
+        Positive, scaled to sum 1; default: equal.
+
+    Raises
+    ------
+    InputError
+        Too few nodes, or weights that do not fit them.
+    """
+    numbers = check_array("nodes", nodes, (None,))
+    if len(numbers) < 3:
+        raise InputError(f"nodes lists {len(numbers)} nodes; needed: at least three that are not on one line")
+    share = np.ones(len(numbers)) if weights is None else check_array("weights", weights, (len(numbers),))
+    if np.any(share <= 0):
+        raise InputError(f"weights contains {share.min():g}; allowed: positive numbers")
+    return MeanMotion(numbers.astype(int), share / share.sum())
+
+
+class Space:
+    """q = Z y: y are the coordinates that are neither fixed nor given by the reference conditions.
+
+    Parameters
+    ----------
+    N : int
+    fixed : ndarray of int
+        Coordinates held at zero.
+    conditions : ndarray, (6, N), optional
+        C_0 with C_0 q = 0.
+    """
+
+    def __init__(self, N: int, fixed: np.ndarray, conditions: np.ndarray | None = None):
+        self.N, self.fixed, self.conditions = N, fixed, conditions
+        taken = fixed if conditions is None else _eliminated(conditions)
+        self.free = np.setdiff1d(np.arange(N), taken)
+        selection = sp.eye(N, format="csc")[:, self.free]
+        if conditions is None:
+            self.Z = selection
+            return
+        dependent = -np.linalg.solve(conditions[:, taken], conditions[:, self.free])
+        rows = sp.csc_matrix((np.ones(RIGID_MODES), (taken, np.arange(RIGID_MODES))), shape=(N, RIGID_MODES))
+        self.Z = sp.csc_matrix(selection + rows @ sp.csc_matrix(dependent))
+
+    def matrix(self, A: sp.csc_matrix) -> sp.csc_matrix:
+        """Return Z^T A Z."""
+        return sp.csc_matrix(self.Z.T @ A @ self.Z)
+
+    def loads(self, B: np.ndarray) -> np.ndarray:
+        """Return Z^T B."""
+        return self.Z.T @ B
+
+    def rows(self, C: np.ndarray) -> np.ndarray:
+        """Return C Z."""
+        return np.ascontiguousarray((self.Z.T @ C.T).T)
+
+    def coordinates(self, name: str, q: np.ndarray) -> np.ndarray:
+        """Return y of q = Z y; InputError if q, called `name`, is not in the space."""
+        moved = np.max(np.abs(q[self.fixed]), initial=0.0)
+        if moved > 0:
+            raise InputError(f"{name} moves fixed coordinates (largest entry there {moved:.3g}); they must be 0")
+        if self.conditions is not None:
+            columns = q.reshape(self.N, -1)
+            size = np.outer(np.linalg.norm(self.conditions, axis=1), np.linalg.norm(columns, axis=0))
+            worst = np.max(np.abs(self.conditions @ columns) / np.where(size > 0, size, 1.0))
+            if worst > HELD:
+                raise InputError(
+                    f"{name} misses the reference conditions by {worst:.1e} of its size; allowed {HELD:g}"
+                )
+        return q[self.free]
+
+    def expand(self, y: np.ndarray) -> np.ndarray:
+        """Return q = Z y."""
+        return self.Z @ y
+
+
+def _eliminated(conditions: np.ndarray) -> np.ndarray:
+    """Six coordinates that the conditions determine, chosen by pivoting."""
+    length = np.linalg.norm(conditions, axis=1)[:, None]
+    _, triangle, order = la.qr(conditions / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(triangle))
+    if diagonal[-1] <= RANK * diagonal[0]:
+        raise AssumptionError("reference conditions do not hold all six rigid motions: nodes on one line?")
+    return np.sort(order[:RIGID_MODES])
