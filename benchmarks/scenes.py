@@ -102,7 +102,7 @@ class Scene:
         jumps = {"jumps": self.u.jumps, **self.options}
         monitor = romerr.attach(mbs, flex, hook=seen, outputs=self.outputs, initial=self.initial, **jumps)
         mbs.Assemble()
-        solve(mbs, self.pick.integrator, self.h, self.T)
+        solve(mbs, flex, self.pick.integrator, self.h, self.T)
         return monitor.report(), seen.rows(0), seen.rows(1)
 
     def _stored(self):
@@ -239,16 +239,17 @@ def _options(full, rng):
     }
 
 
-def solve(mbs, integrator, h, T):
-    """Solve with one of INTEGRATORS that Exudyn has."""
+def solve(mbs, flex, integrator, h, T):
+    """Solve with one of INTEGRATORS that Exudyn has; tolerances follow the size of the motion."""
     ss = settings(steps=max(1, round(T / h)), end=T)
-    name, *radius = integrator.split()
+    time, (name, *radius) = ss.timeIntegration, integrator.split()
     if radius:
-        ss.timeIntegration.generalizedAlpha.spectralRadius = float(radius[0])
-        name = "generalised-alpha"
-    if name == "DOPRI5":
-        ss.timeIntegration.relativeTolerance, ss.timeIntegration.absoluteTolerance = 1e-4, 1e-7
-        ss.timeIntegration.minimumStepSize = 0.05 * h
+        time.generalizedAlpha.spectralRadius, name = float(radius[0]), "generalised-alpha"
+    model, start = flex.model, flex.initial or (np.zeros(flex.basis.n),) * 2
+    size = np.linalg.norm(la.solve(model.K, model.G)) + np.linalg.norm(start[0])
+    time.adaptiveStep = name == "DOPRI5"
+    time.newton.absoluteTolerance = 1e-9 * np.linalg.norm(model.K, 2) * size
+    time.relativeTolerance, time.absoluteTolerance, time.minimumStepSize = 1e-4, 1e-4 * size, 0.05 * h
     SOLVERS[name](mbs, ss)
 
 
