@@ -1,4 +1,4 @@
-"""Seeded scenes of sweep.py: body, basis, load, damping, initial state, steps and integrator, and their exact solution.
+"""Seeded scenes of sweep.py: body, basis, load, damping, initial state, steps, integrator, and the exact solution.
 
 Bodies, bases and truth are those of tests/, which also hold a small selection of these scenes.
 """
@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import scipy.linalg as la
 from bodies import DAMPINGS, RAYLEIGH, Model, model, pencil
 from cases import make_basis, reduced_rates
 from mbs_scenes import SOLVERS, Recorder, new_mbs, settings
-from total_truth import Exact, Signal, piecewise_linear, signal
+from total_truth import LOADS, Exact, Signal
 
 import exudyn_romerr as romerr
 from models import solid_bar
@@ -28,7 +28,6 @@ INITIALS = ("rest", "span", "state", "equilibrium")
 TOO_STIFF = 1000.0  # fastest reduced rate times the span: more takes an explicit integrator too long
 GROWTH = 2.0  # exponent: a reduced Petrov-Galerkin model need not be stable
 DISTURBED = 1e-3  # of the largest q, q', q'': any trajectory may be bounded
-RESOLVED = 3.0  # rad of the load per step: more needs more than the points at which the bound looks at the load
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ def choice(seed):
 
 @dataclass(frozen=True)
 class Scene:
-    """Model, basis, B (N, p), load u, full initial state, nominal step h, span T, rows C (2, N), keywords of attach."""
+    """Model, basis, B (N, p), load u, full initial state, nominal step h, span T, rows C (2, N), keywords."""
 
     pick: Choice
     model: Model
@@ -139,8 +138,7 @@ def scene(seed):
     h, p = T / steps, int(rng.integers(1, 3))
     B = _columns(full, p, rng) * 10 ** rng.uniform(-3, 3)
     pick, basis = _basis(pick, full, B, T, rng)
-    u = LOADS[pick.load](p, T, h, omega, rng)
-    C = _columns(full, 2, rng).T
+    u, C = LOADS[pick.load](p, T, h, omega, rng), _columns(full, 2, rng).T
     return Scene(pick, full, basis, B, u, *_start(pick, full, basis, B, u, rng), h, T, C, _options(full, rng))
 
 
@@ -193,7 +191,7 @@ def _columns(full, count, rng):
 
 
 def _basis(pick, full, B, T, rng):
-    """The choice (an explicit integrator replaced where the reduced body is too stiff) and a basis of 1..N columns."""
+    """The choice (no explicit integrator where the reduced body is too stiff) and a basis of 1..N columns."""
     while True:
         if pick.basis == "full":
             basis = romerr.Basis(np.linalg.qr(rng.standard_normal((full.N, full.N)))[0])
@@ -213,12 +211,11 @@ def _basis(pick, full, B, T, rng):
 
 def _start(pick, full, basis, B, u, rng):
     """Initial state of the full model."""
-    zero = np.zeros(full.N)
     if pick.initial == "rest":
-        return zero, zero
+        return np.zeros((2, full.N))
     size = np.linalg.norm(la.solve(full.K, B)) * (pick.load != "none") or 1.0
     if pick.initial == "equilibrium":
-        return la.solve(full.K, B @ u.at(np.zeros(1))[0]), zero
+        return la.solve(full.K, B @ u.at(np.zeros(1))[0]), np.zeros(full.N)
     if pick.initial == "span":
         parts = (basis.V @ rng.standard_normal((basis.n, 2))).T
     else:
@@ -249,55 +246,5 @@ def solve(mbs, flex, integrator, h, T):
     size = np.linalg.norm(la.solve(model.K, model.G)) + np.linalg.norm(start[0])
     time.adaptiveStep = name == "DOPRI5"
     time.newton.absoluteTolerance = 1e-9 * np.linalg.norm(model.K, 2) * size
-    time.relativeTolerance, time.absoluteTolerance, time.minimumStepSize = 1e-4, 1e-4 * size, 0.05 * h
+    time.relativeTolerance, time.absoluteTolerance, time.minimumStepSize = 1e-4, 1e-4 * size, 1e-9 * T
     SOLVERS[name](mbs, ss)
-
-
-def _sine(p, T, h, omega, rng):
-    """Anywhere up to what the steps resolve, now and then next to a resonance."""
-    top = min(RESOLVED / h, omega[-1])
-    W = np.exp(rng.uniform(np.log(min(0.2 * omega[0], 0.5 * top)), np.log(top), p))
-    near = omega[omega <= top]
-    if near.size and rng.random() < 0.25:
-        W = rng.choice(near, p) * 1.003
-    return signal(p, size=np.ones(p), W=W, phase=rng.uniform(0, np.pi, p) * rng.integers(0, 2))
-
-
-def _constant(p, T, h, omega, rng):
-    return signal(p, start=rng.standard_normal((1, p)))
-
-
-def _step(p, T, h, omega, rng):
-    """One or two jumps, at samples, next to them or inside steps."""
-    at = np.sort(rng.uniform(0, 0.8 * T, rng.integers(1, 3)))
-    if rng.random() < 0.5:
-        at = h * np.unique(np.ceil(at / h)) * (1 + rng.choice([0, 1e-15, -1e-15, 1e-7]))
-    start = rng.standard_normal((len(at) + 1, p))
-    return signal(p, knots=[0.0, *at], start=start, slope=0.1 / T * rng.standard_normal(start.shape))
-
-
-def _ramp(p, T, h, omega, rng):
-    return piecewise_linear(np.array([0, rng.uniform(0.02, 1) * T]), np.vstack([np.zeros(p), rng.standard_normal(p)]))
-
-
-def _pulse(p, T, h, omega, rng):
-    """A rectangle: two jumps, often inside one step."""
-    first, width = rng.uniform(0, 0.5 * T), h * 10 ** rng.uniform(-2, 1)
-    return signal(p, knots=[0, first, first + width], start=[np.zeros(p), rng.standard_normal(p), np.zeros(p)])
-
-
-def _noise(p, T, h, omega, rng):
-    """Kinks anywhere, from several in a step to one in thirty."""
-    knots = np.cumsum(h * 10 ** rng.uniform(-0.5, 1.5) * np.concatenate([[0], rng.uniform(0.3, 1.7, 500)]))
-    return piecewise_linear(knots, rng.standard_normal((len(knots), p)))
-
-
-LOADS = {
-    "sine": _sine,
-    "constant": _constant,
-    "step": _step,
-    "ramp": _ramp,
-    "pulse": _pulse,
-    "noise": _noise,
-    "none": lambda p, T, h, omega, rng: signal(p),
-}

@@ -32,7 +32,7 @@ def assemble(run: Run) -> BoundReport:
         reasons={name: _reason(text, t, total[name]) for name, text in run.assumptions().items()},
         plan=offline.plan,
         messages=run.all_messages(),
-        time=offline.time,
+        time=run.time,
         total_mass=offline.total_mass,
     )
 
@@ -83,15 +83,18 @@ def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]]) -> dict[str
     initial = _with_best(streams["initial"])["best"] if "initial" in streams else np.zeros_like(best)
     jumped = [b.jumped for b in streams["total"].values() if b.jumped is not None]
     jumps = np.min(jumped, axis=0) if jumped else np.zeros_like(best)
-    weights = {
-        "basis": np.maximum(reduction - initial - jumps, 0.0),
-        "time step": np.maximum(best - reduction, 0.0),
-        "initial": initial,
-        "jumps": jumps,
-    }
-    total = sum(weights.values())
-    scale = np.where(total > 0, best / np.where(total > 0, total, 1.0), 0.0)
-    return {name: scale * weight for name, weight in weights.items()}
+    with np.errstate(invalid="ignore"):  # inf - inf: sorted out below
+        weights = {
+            "basis": np.maximum(reduction - initial - jumps, 0.0),
+            "time step": np.maximum(best - reduction, 0.0),
+            "initial": initial,
+            "jumps": jumps,
+        }
+        total = sum(weights.values())
+        scale = np.where(total > 0, best / np.where(total > 0, total, 1.0), 0.0)
+        shares = {name: scale * weight for name, weight in weights.items()}
+    # an infinite bound has no shares: all of it is put down to the basis
+    return {name: np.where(np.isfinite(best), x, np.inf if name == "basis" else 0.0) for name, x in shares.items()}
 
 
 def _reason(assumes: str, t: np.ndarray, bounds: Bounds) -> str:

@@ -10,13 +10,14 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from .errors import AssumptionError, InputError, check_array, check_count
+from .body import ElasticBody
+from .errors import AssumptionError, InputError, check_array, check_count, check_type
 from .factor import SymmetricFactor
+from .matrices import checked_inputs
+from .modes import count_below
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from .body import ElasticBody
 
 RANK = 1e-10  # columns of unit length closer than this to the others' span carry mostly rounding
 PER_INTERVAL = 16  # quadrature nodes from the middle between two resonances to one of them
@@ -78,6 +79,7 @@ def modal_basis(body: ElasticBody, n: int) -> Basis:
     InputError
         n out of range.
     """
+    check_type("body", body, ElasticBody)
     return Basis(body.expand(body.modes(n).shapes), note=f"modal, {n} modes")
 
 
@@ -104,6 +106,7 @@ def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float]
     matches the damped moments too. General damping: Arnoldi on the companion form, positions kept.
     """
     B = _restricted_inputs(body, inputs)
+    check_type("body", body, ElasticBody)
     n = check_count("n", n, body.free.size, "free coordinates")
     shifts = check_array("shifts", shifts, (None,)).tolist()
     if not shifts or min(shifts) < 0:
@@ -135,6 +138,7 @@ def gramian_basis(body: ElasticBody, inputs: Any, n: int, band: tuple[float, flo
     AssumptionError
         An undamped body with a resonance inside the band.
     """
+    check_type("body", body, ElasticBody)
     n = check_count("n", n, body.free.size, "free coordinates")
     B = _restricted_inputs(body, inputs)
     lo, hi = check_array("band", band, (2,))
@@ -152,7 +156,7 @@ def gramian_basis(body: ElasticBody, inputs: Any, n: int, band: tuple[float, flo
 
 def _quadrature(body: ElasticBody, lo: float, hi: float, n: int) -> list[tuple[float, float]]:
     """Frequencies and weights: Gauss nodes between resonances, drawn towards these (at least n/2 in all)."""
-    inside = min(SymmetricFactor(body.K - hi**2 * body.M).negative_pivots, RESONANCES)
+    inside = min(count_below(body.M, body.K, hi), RESONANCES)
     omega = body.modes(inside).omega if inside else np.zeros(0)
     if body.D is None and np.any(omega >= lo):
         raise AssumptionError(
@@ -239,7 +243,7 @@ def _frequency_response(body: ElasticBody, B: np.ndarray, frequency: float) -> n
 
 
 def _restricted_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:
-    return body.space.loads(check_array("inputs", inputs, (body.N, None)))
+    return body.space.loads(checked_inputs(inputs, body.N))
 
 
 def _check_rank(name: str, matrix: np.ndarray) -> None:

@@ -13,7 +13,7 @@ from . import oscillator
 from .errors import AssumptionError, InputError, check_count
 from .factor import SINGULAR_PIVOT, SymmetricFactor
 from .matrices import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, is_dissipative
-from .modes import Modes, lowest_modes
+from .modes import Modes, count_below, lowest_modes
 from .space import MeanMotion, Space
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class ElasticBody:
 
     Notes
     -----
-    Does not cover: frames that move (see floating_body), nonlinear stiffness.
+    Does not cover: frames that move, nonlinear stiffness.
     """
 
     def __init__(
@@ -190,7 +190,7 @@ class ElasticBody:
         if self.rayleigh is None:
             raise AssumptionError(
                 f"{who} need Rayleigh damping, found a general damping matrix; pass rayleigh=(alpha, beta), "
-                "or use kernels='certified' with estimators that take any dissipative damping"
+                "or ask for estimators=('energy', 'fast') and kernels='certified': they take any dissipative damping"
             )
         return self.rayleigh
 
@@ -239,10 +239,10 @@ class ElasticBody:
     def _singular_stiffness_message(self) -> str:
         # relative to the stiffest coordinate: above rounding (1e-16), below the elastic modes of meshed bodies; a
         # body without any stiffness takes any shift
-        tiny = 1e-13 * np.max(self.K.diagonal() / self.M.diagonal()) or 1.0
-        rigid = SymmetricFactor(self.K - tiny * self.M).negative_pivots
+        tiny = 1e-13 * np.max(np.abs(self.K.diagonal()) / self.M.diagonal()) or 1.0
+        rigid = count_below(self.M, self.K, np.sqrt(tiny))
         return (
             f"stiffness is not positive definite with {self.fixed.size} fixed coordinates: {rigid} rigid-body "
-            "(or unstable) modes are left; fix coordinates that hold the body (fixed=...), or use "
-            "floating_body for a body that moves"
+            "(or unstable) modes are left; hold the body by fixed=... (coordinate numbers: 3 node + 0, 1, 2 for "
+            "solids, not node numbers) or reference=mean_motion(nodes). Frames that move are not covered yet"
         )

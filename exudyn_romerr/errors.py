@@ -45,12 +45,19 @@ def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> np.n
 def real_array(name: str, value: object) -> np.ndarray:
     """Return `value` as a float array or raise InputError; complex numbers are refused, not cut."""
     try:
-        array = np.asarray(value)
-        if np.iscomplexobj(array):
-            raise TypeError("complex numbers found")
+        array = value.toarray() if hasattr(value, "toarray") else np.asarray(value)  # scipy.sparse too
+        if array.dtype.kind not in "fiub":
+            raise TypeError(f"{array.dtype.name} found")
         return array.astype(float)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} is not an array of real numbers: {error}") from error
+
+
+def check_numbers(name: str, value: object) -> np.ndarray:
+    """Return `value` as a float array (n,) of node or coordinate numbers; InputError for a mask of bools."""
+    if np.asarray(value).dtype == bool:
+        raise InputError(f"{name} holds bools; pass numbers, such as np.flatnonzero(mask)")
+    return check_array(name, value, (None,))
 
 
 def check_count(name: str, value: object, most: int, of: str) -> int:

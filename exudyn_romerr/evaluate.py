@@ -10,15 +10,13 @@ import numpy as np
 
 from .errors import InputError, check_array, check_type, real_array
 from .offline import prepare
-from .online import Run
+from .online import BLOCK, Run
 
 if TYPE_CHECKING:
     from .basis import Basis
     from .body import ElasticBody
     from .outputs import Output
     from .report import BoundReport
-
-BLOCK = 256  # steps evaluated at once: large enough for matrix products, small enough to stay in the cache
 
 
 @dataclass

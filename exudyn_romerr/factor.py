@@ -14,8 +14,8 @@ SINGULAR_PIVOT = 1e-14
 class SymmetricFactor:
     """L D L^T of a sparse symmetric matrix, without pivoting off the diagonal.
 
-    The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed. Pivots stay
-    zero where the factorisation broke down.
+    The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed. Where the
+    factorisation breaks down, `complete` is False, the pivots stay zero and nothing can be solved.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class SymmetricFactor:
         self._scale = np.where(scale > 0, scale, 1.0)
         inverse = sp.diags(1 / self._scale)
         scaled = sp.csc_matrix(inverse @ matrix @ inverse)
-        self.pivots = np.zeros(matrix.shape[0])
+        self.pivots, self.complete = np.zeros(matrix.shape[0]), False
         try:
             self._lu = splu(
                 scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
@@ -39,10 +39,13 @@ class SymmetricFactor:
             return
         if np.array_equal(self._lu.perm_r, self._lu.perm_c):
             self.pivots = self._lu.U.diagonal()
+            self.complete = bool(np.all(self.pivots != 0))
 
     @property
     def negative_pivots(self) -> int:
-        """Number of negative eigenvalues of the matrix."""
+        """Number of negative eigenvalues of the matrix; RuntimeError if the factorisation broke down."""
+        if not self.complete:
+            raise RuntimeError("the factorisation broke down: no inertia")
         return int(np.sum(self.pivots < 0))
 
     @property

@@ -10,6 +10,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from .factor import SINGULAR_PIVOT, SymmetricFactor
 from .modes import GAP, lowest_modes
+from .oscillator import largest_decay_rate
 
 if TYPE_CHECKING:
     from .body import ElasticBody
@@ -33,10 +34,7 @@ class Forgetting:
 
 def rayleigh_rates(omega: float, alpha: float, beta: float) -> list[Forgetting]:
     """Return rates for all modes with angular frequency >= omega under D = alpha M + beta K."""
-    a = (alpha + beta * omega**2) / 2
-    limit = min(a, 1 / beta if beta else np.inf)
-    if a >= omega:  # K_r > 0 ends at the slow root of the overdamped mode
-        limit = min(limit, omega**2 / (a + np.sqrt((a - omega) * (a + omega))))
+    limit, a = largest_decay_rate(omega, alpha, beta), (alpha + beta * omega**2) / 2
     rates = limit * np.array(SHARES if limit > 0 else SHARES[:1])
     return [_rayleigh_rate(r, omega, a, beta) for r in rates.tolist()]
 
@@ -71,14 +69,23 @@ def _general_rate(body: ElasticBody) -> Forgetting | None:
         factor = SymmetricFactor(K_r)
         if factor.smallest_pivot > SINGULAR_PIVOT:
             kappa = (lowest_modes(M, K_r, 1, factor).omega[0] * (1 - GAP)) ** 2
-            c = np.sqrt(_largest_ratio(K, K_r, factor))
+            c = np.sqrt(_bound_of_ratio(K, K_r, _largest_ratio(K, K_r, factor)))
             return Forgetting(float(r), float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
         r /= 2
     return None
 
 
+def _bound_of_ratio(K, K_r, ratio: float) -> float:
+    """Raise the ratio until ratio K_r - K >= 0 is proved by its pivots."""
+    while True:
+        ratio *= 1 + 1e-6
+        factor = SymmetricFactor(ratio * K_r - K)
+        if factor.complete and factor.negative_pivots == 0:
+            return ratio
+
+
 def _largest_ratio(K, K_r, factor: SymmetricFactor) -> float:
-    """Upper bound of x^T K x / x^T K_r x."""
+    """Largest x^T K x / x^T K_r x, as the eigenvalue solver finds it."""
     n = K.shape[0]
     if n < 4:  # ARPACK wants more coordinates than eigenvalues
         return float(np.max(np.linalg.eigvals(factor.solve(K.toarray())).real) * (1 + GAP))

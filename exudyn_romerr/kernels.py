@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import oscillator
-from .errors import AssumptionError, InputError, check_choice
+from .errors import AssumptionError, check_choice
 
 if TYPE_CHECKING:
     from .body import ElasticBody
@@ -97,9 +97,7 @@ class CertifiedKernel(Kernel):
     def _set_rates(self, alpha: float, beta: float) -> None:
         w = self.omega_1
         a = (alpha + beta * w**2) / 2
-        limit = min(a, 1 / beta if beta else np.inf)
-        if a >= w:  # kappa >= 0 ends at the slow root of the overdamped first mode
-            limit = min(limit, w**2 / (a + np.sqrt((a - w) * (a + w))) * (1 - 1e-12))
+        limit = oscillator.largest_decay_rate(w, alpha, beta)
         self.r = r = limit * np.array(DECAY_SHARES if limit > 0 else (0.0,))
         self.kappa = w**2 - 2 * a * r + r**2
         self.c = c = 2 * (a - r)
@@ -110,7 +108,9 @@ class CertifiedKernel(Kernel):
         self.peak = np.minimum(bend, top)
         amplitude = np.minimum(np.where(c > 0, 1 / np.where(c > 0, c, 1.0), np.inf), self.cap)
         self.envelopes = list(zip(amplitude.tolist(), r.tolist(), strict=True))
-        self.C12 = float(np.min(self._at(np.minimum(self.peak, 1e300)[:, None])))
+        finite = np.isfinite(self.peak)
+        tops = self._at(np.where(finite, self.peak, 0.0)[:, None])[:, 0]
+        self.C12 = float(np.min(np.where(finite, tops, amplitude)))
 
     def _at(self, t: np.ndarray) -> np.ndarray:
         """Bounds of |s| for every r (rows) at times t (r, T)."""
@@ -172,8 +172,9 @@ class EnvelopeKernel(Kernel):
         omega = body.modes(k).omega
         zeta = oscillator.damping_ratios(omega, alpha, beta)
         if np.any(zeta >= 1):
-            raise InputError(
-                f"k={k}: mode {int(np.argmax(zeta >= 1)) + 1} is overdamped and has no envelope; lower k"
+            raise AssumptionError(
+                f"kernels='envelope' needs underdamped modes; mode {int(np.argmax(zeta >= 1)) + 1} is not: use "
+                "kernels='certified'"
             )
         self.omega_1, self.rate, damped = omega[0], zeta * omega, omega * np.sqrt((1 - zeta) * (1 + zeta))
         self.amplitude11, self.amplitude12 = omega / damped, 1 / damped

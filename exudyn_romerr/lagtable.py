@@ -19,6 +19,7 @@ class LagTable:
         self.kernel = kernel
         self.cell = 1 / (CELLS_PER_RADIAN * kernel.omega_1)
         self.levels = [np.zeros(0)]
+        self.stack = np.zeros((1, 0))
 
     def __call__(self, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
         """Upper bounds of max |Phi12| over [lo, hi] (any shape), never below it."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from .errors import AssumptionError, InputError, check_array, check_finite, real_array
+from .errors import AssumptionError, InputError, check_array, check_finite, check_numbers, real_array
 from .factor import SymmetricFactor
 
 if TYPE_CHECKING:
@@ -31,10 +31,18 @@ def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = T
     return sp.csc_matrix((matrix + matrix.T) / 2) if symmetric else matrix
 
 
+def checked_inputs(inputs: Any, size: int) -> np.ndarray:
+    """Return the input matrix B (size, p); one column may come as a vector, None means no inputs."""
+    if inputs is None:
+        return np.zeros((size, 0))
+    B = real_array("inputs", inputs)
+    return check_array("inputs", B[:, None] if B.ndim == 1 else B, (size, None))
+
+
 def checked_dofs(fixed: Sequence[int], size: int) -> np.ndarray:
     if isinstance(fixed, str) or not isinstance(fixed, Iterable):
         raise InputError(f"fixed={fixed!r}; needed: a sequence of coordinate numbers 0..{size - 1}")
-    dofs = np.unique(check_array("fixed", list(fixed), (None,)))
+    dofs = np.unique(check_numbers("fixed", list(fixed)))
     wrong = dofs[(dofs < 0) | (dofs >= size) | (dofs != np.round(dofs))]
     if wrong.size:
         raise InputError(f"fixed contains {wrong[0]:g}; allowed: coordinate numbers 0..{size - 1}")
@@ -71,4 +79,8 @@ def is_dissipative(damping: sp.csc_matrix) -> bool:
         return True
     block = symmetric[active][:, active]
     # semidefinite is allowed: 1e-10 of the diagonal keeps rounding of zero eigenvalues from counting as negative
-    return SymmetricFactor(block + 1e-10 * sp.diags(diagonal[active])).negative_pivots == 0
+    lifted = block + 1e-10 * sp.diags(diagonal[active])
+    factor = SymmetricFactor(lifted)
+    if factor.complete:
+        return factor.negative_pivots == 0
+    return bool(np.linalg.eigvalsh(lifted.toarray())[0] >= 0)  # rare: a pivot of exactly zero

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 
 from .errors import AssumptionError, InputError, check_array, check_choice
-from .problem import checked_inputs
+from .matrices import checked_inputs
 from .residual import RESIDUALS, ResidualMap, make_norm
 
 if TYPE_CHECKING:
@@ -86,9 +86,8 @@ def residual_norm(
         G not symmetric positive definite or of the wrong shape; unknown way.
     """
     check_choice("residual", residual, RESIDUALS)
-    map_ = ResidualMap(
-        body, basis.restricted_to(body)[0], checked_inputs(body, inputs), merged=residual != "expanded"
-    )
+    V, B = basis.restricted_to(body)[0], body.space.loads(checked_inputs(inputs, body.N))
+    map_ = ResidualMap(body, V, B, merged=residual != "expanded")
     return map_.coordinates, make_norm(residual, weight_factor(body, G) @ body.mass_factor.solve(map_.L))
 
 

@@ -13,6 +13,7 @@ from .errors import AssumptionError
 from .factor import SymmetricFactor
 
 DENSE_LIMIT = 600  # below: LAPACK is faster than Lanczos and finds all modes by construction
+RETRIES = 5
 GAP = 1e-9  # relative distance of the inertia count from an eigenvalue: above the solvers' rounding
 
 
@@ -67,8 +68,23 @@ def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes) -> No
     )
 
 
+def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float) -> int:
+    """Return the number of modes with omega < limit (rad/s), by Sylvester's law of inertia.
+
+    Raises
+    ------
+    AssumptionError
+        No factorisation of K - limit^2 M without pivoting, nor of neighbours of it.
+    """
+    for retry in range(RETRIES):  # a shift that meets an eigenvalue of a leading block: the next one does not
+        factor = SymmetricFactor(K - (limit * (1 - 0.1 * GAP * retry)) ** 2 * M)
+        if factor.complete:
+            return factor.negative_pivots
+    raise AssumptionError(f"the modes below {limit:.6g} rad/s cannot be counted: K - sigma M has no L D L^T there")
+
+
 def _missing_below(M, K, omega, limit) -> int:
-    return SymmetricFactor(K - limit**2 * M).negative_pivots - int(np.sum(omega < limit))
+    return count_below(M, K, limit) - int(np.sum(omega < limit))
 
 
 def _dense_modes(M, K, m) -> Modes:

@@ -32,7 +32,8 @@ class Offline:
     estimators : name -> estimator that starts copies of itself. value_rows (R, n): C V. galerkin (n, k): W^T L.
     jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of
     R(z) that knots of the reconstruction are chosen by. round_off (R, n): what rounding of K moves per coordinate.
-    initial: None, "equilibrium" or "state".
+    initial: None, "equilibrium" or "state". static, from_static: made when a static solve, or a run from its end,
+    begins.
     """
 
     coordinates: Coordinates
@@ -54,6 +55,7 @@ class Offline:
     total_mass: float | None
     plan: Plan
     static: Callable[[], StaticError]
+    from_static: Callable[[], Offline]
 
     @property
     def output_names(self) -> tuple[str, ...]:
@@ -85,6 +87,17 @@ def prepare(
     ------
     InputError, AssumptionError
     """
+    options = {
+        "inputs": inputs,
+        "input_function": input_function,
+        "outputs": outputs,
+        "jumps": jumps,
+        "estimators": estimators,
+        "residual": residual,
+        "kernels": kernels,
+        "time": time,
+        "auxiliary_modes": auxiliary_modes,
+    }
     check_choice("time", time, TIMES)
     problem = Problem(
         body,
@@ -97,6 +110,8 @@ def prepare(
         auxiliary_modes=auxiliary_modes,
     )
     names = _checked_estimators(estimators, body)
+    if input_function is not None and not problem.B.shape[1]:
+        raise InputError("input_function was given without inputs=B, the matrix it multiplies; pass both or neither")
     signal = None if sampled_inputs and input_function is None else InputSignal(input_function, problem.B.shape[1])
     V, W, B = problem.V, problem.W, problem.B
     return Offline(
@@ -117,15 +132,16 @@ def prepare(
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
         total_mass=body.total_mass,
-        plan=_plan(problem, names, time),
+        plan=_plan(problem, names, time, estimators),
+        from_static=lambda: prepare(body, basis, **(options | {"initial": "equilibrium"})),
         static=lambda: StaticError(problem),
     )
 
 
 def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
-    """Names of the estimators; "auto": the sharp ones that the body's damping allows."""
+    """Names of the estimators; "auto": the sharp one if damping allows it, else two that neither is always best."""
     if isinstance(estimators, str) and estimators == "auto":
-        return ("energy", "auxiliary") if body.rayleigh is not None else ("energy",)
+        return ("energy", "auxiliary") if body.rayleigh is not None else ("fast", "energy")
     names = (estimators,) if isinstance(estimators, str) else estimators
     if not isinstance(names, tuple | list | set) or not names:
         raise InputError(f"estimators={estimators!r}; allowed: 'auto' or some of {tuple(ESTIMATORS)}")
@@ -148,7 +164,7 @@ def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[
     return tuple(sorted(times.tolist()))
 
 
-def _plan(problem: Problem, names: tuple[str, ...], time: str) -> Plan:
+def _plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any) -> Plan:
     layout, body = problem.map.coordinates, problem.body
     computed = [
         f"body with N = {body.N} coordinates ({body.fixed.size} fixed), basis: {problem.basis.note}",
@@ -156,8 +172,11 @@ def _plan(problem: Problem, names: tuple[str, ...], time: str) -> Plan:
         *(f"estimator '{name}'{_details(problem, name)}" for name in names),
         *(f"output '{out.name}' ({out.unit}, {out.of})" for out in problem.outputs),
     ]
-    left_out = [(f"estimator '{name}'", "not asked for") for name in ESTIMATORS if name not in names]
-    if not problem.may_start_off:
+    left_out = [(f"estimator '{name}'", _why_not(name, asked, body)) for name in ESTIMATORS if name not in names]
+    if problem.may_start_off:
+        where = "its own static equilibrium" if problem.initial_state is None else "the state given as initial="
+        computed.append(f"initial error: the full body starts in {where}")
+    else:
         left_out.append(("initial error", "initial=None: the full body starts in the span of V"))
     if not layout.has_damping:
         why = "undamped" if body.D is None else "Rayleigh damping is merged into the M V and K V columns"
@@ -167,6 +186,14 @@ def _plan(problem: Problem, names: tuple[str, ...], time: str) -> Plan:
     else:
         computed.append("error of the time integration: quintic reconstruction between steps")
     return Plan(tuple(computed), tuple(left_out))
+
+
+def _why_not(name: str, asked: Any, body: ElasticBody) -> str:
+    if asked != "auto":
+        return "not asked for"
+    if name == "auxiliary" and body.rayleigh is None:
+        return "needs Rayleigh damping"
+    return "'auto' takes sharper ones"
 
 
 def _details(problem: Problem, name: str) -> str:

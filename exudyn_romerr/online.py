@@ -18,7 +18,12 @@ if TYPE_CHECKING:
     from .offline import Offline
     from .report import BoundReport
 
+BLOCK = 512  # steps evaluated at once: large enough for matrix products, small enough to stay in the cache
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it a load was missed, or the solver's tolerance is coarse
+IN_THE_SPAN = (
+    "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
+    "equilibrium say, pass initial='equilibrium' or initial=(q0, q0_t)"
+)
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 
 
@@ -29,15 +34,16 @@ class Run:
         self.offline = offline
         self.messages: list[str] = []
         self.defect = 0.0
+        self.end_time: float | None = None  # where the solver was to go, if known
         self._t: list[np.ndarray] = []
         self._values: list[np.ndarray] = []
         self._round_off: list[np.ndarray] = []
         self._last: Samples | None = None
         layout = offline.coordinates
-        jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
-        self._segmenters = {"reduction": Linear(layout, jumps)}
+        self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
+        self._segmenters = {"reduction": Linear(layout, self._jumps)}
         if offline.time == "reconstructed":
-            self._segmenters["total"] = Quintic(layout, jumps, offline.signal, offline.measure, offline.omega_1)
+            self._segmenters["total"] = Quintic(layout, self._jumps, offline.signal, offline.measure, offline.omega_1)
         self._streams = {name: Stream(offline.estimators) for name in self._segmenters}
         if offline.initial is not None:
             self._streams["initial"] = Stream(offline.estimators)
@@ -49,17 +55,19 @@ class Run:
     def start(self, t: float, q, q_t, q_tt, u=None, after: Run | None = None) -> None:
         """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known.
 
-        after: a run whose last state this one starts in; its bounds go on.
+        after: a run whose last state this one starts in; its bounds go on. After a static run the full body starts in
+        its own equilibrium under the static run's last loads (the run's offline part must be `from_static`).
         """
         first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u)
-        if after is None:
-            start = self._start(first)
+        if isinstance(after, StaticRun) or after is None:
+            start = self._start(first, after)
             for name, stream in self._streams.items():
                 stream.start(replace(start, z=0 * start.z) if name == "initial" else start)
         else:
             for name, stream in self._streams.items():
                 stream.go_on(after._streams[name])
             self.messages.append(f"continues the run before from t = {t:g} s")
+            self.defect = after.defect
         self._record(first)
 
     def extend(self, t, q, q_t, q_tt, u=None) -> None:
@@ -83,6 +91,11 @@ class Run:
         best = self._total.best_now()
         return {out.name: best[part] for out, part in zip(self.offline.outputs, self.offline.slices, strict=True)}
 
+    @property
+    def time(self) -> str:
+        """What the bounds cover of time: "reconstructed", "sampled", or "static"."""
+        return self.offline.time
+
     def report(self) -> BoundReport:
         """Return what was bounded so far; RunError before the first sample."""
         if self._last is None:
@@ -105,6 +118,10 @@ class Run:
     def all_messages(self) -> list[str]:
         """Return the messages, and what was found wrong along the run."""
         messages = list(self.messages)
+        if self.end_time is not None and self._last.t[-1] < self.end_time * (1 - 1e-9):
+            messages.append(
+                f"the run ends at t = {self._last.t[-1]:g} s; the solver was to go to {self.end_time:g} s"
+            )
         if self.defect > GALERKIN_DEFECT:
             messages.insert(
                 0,
@@ -118,14 +135,15 @@ class Run:
 
     def _reconstruction_messages(self, quintic: Quintic) -> list[str]:
         if quintic.rounding_share > ROUNDING:
-            share = f"{100 * quintic.rounding_share:.0f} %"
+            share = f"{min(100 * quintic.rounding_share, 100):.0f} %"
             return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
         if self.offline.signal is None and self.offline.coordinates.p:
             return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
         if quintic.largest_miss > RESOLVED:
             return [
-                f"inputs resolved to {quintic.largest_miss:.1e} of their largest value only (estimated at twice the "
-                "nodes, added to the bounds): give jump times as jumps=, or take smaller steps"
+                f"the inputs change within single steps: up to {quintic.largest_miss:.1e} of their largest value is "
+                "not followed by the reconstruction (estimated, and added to the bounds): give jump times as jumps=, "
+                "or take smaller steps"
             ]
         return []
 
@@ -165,13 +183,16 @@ class Run:
         rows = self.offline.value_rows.T
         return np.where(self.offline.velocity_rows, q_t @ rows, q @ rows)
 
-    def _start(self, first: Samples) -> Start:
+    def _start(self, first: Samples, after: StaticRun | None) -> Start:
         layout = self.offline.coordinates
         q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
         t, z = float(first.t[0]), layout(q, q_t, q_tt, u)
         if self.offline.initial is None:
+            if q.any() or q_t.any():
+                self.messages.append(IN_THE_SPAN)
             return Start(t, z)
         if self.offline.initial == "equilibrium":  # K e0 = B u - K V qr
+            u, z = self._before_the_first_jump(first, u, z) if after is None else (after._last.u[0], z)
             y0, y0_t = -layout(q, 0 * q, 0 * q, u), np.zeros(layout.k)
         else:  # the last two columns are K q0 and M q0'
             y0, y0_t = np.zeros((2, layout.k + 2))
@@ -179,6 +200,15 @@ class Run:
             y0[layout.k], y0_t[layout.k + 1] = 1.0, 1.0
         y0_t[layout.mass_slot] = -q_t
         return Start(t, z, y0, y0_t)
+
+    def _before_the_first_jump(self, first: Samples, u, z) -> tuple[np.ndarray, np.ndarray]:
+        """Inputs and z that the body was in equilibrium with: those before a load jump at the start itself."""
+        layout, at_start = self.offline.coordinates, [jump for jump in self._jumps if jump.t == first.t[0]]
+        for jump in at_start:
+            if not jump.is_before(jump.t, u):
+                q, q_t, q_tt = (x[0] for x in (first.q, first.q_t, first.q_tt))
+                return jump.u_left, layout(q, q_t, q_tt - jump.dq_tt, jump.u_left)
+        return u, z
 
     def _record(self, new: Samples) -> None:
         self._t.append(new.t)
@@ -199,6 +229,8 @@ class StaticRun(Run):
 
     t is the load factor. q_t and q_tt are ignored; dynamic estimators are left out.
     """
+
+    time = "static"
 
     def __init__(self, offline: Offline):
         super().__init__(offline)

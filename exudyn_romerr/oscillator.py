@@ -14,6 +14,15 @@ def damping_ratios(omega: np.ndarray, alpha: float, beta: float) -> np.ndarray:
     return 0.5 * (alpha / omega + beta * omega)
 
 
+def largest_decay_rate(omega: float, alpha: float, beta: float) -> float:
+    """Return the largest r (1/s) such that exp(r t) s(t) has damping and stiffness >= 0 for all modes >= omega."""
+    a = (alpha + beta * omega**2) / 2
+    limit = min(a, 1 / beta if beta else np.inf)
+    if a >= omega:  # the stiffness vanishes at the slow root of the overdamped lowest mode
+        limit = min(limit, omega**2 / (a + np.sqrt((a - omega) * (a + omega))) * (1 - 1e-12))
+    return limit
+
+
 def impulse_response(omega: np.ndarray, zeta: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Return s(t) in seconds: the displacement after a unit initial velocity."""
     return _solve(omega, zeta, t)[0]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InputError, check_array, check_choice
+from .errors import InputError, check_array, check_choice, check_numbers, real_array
 
 if TYPE_CHECKING:
     from .body import ElasticBody
@@ -45,8 +45,9 @@ class Output:
 
     def resolve(self, body: ElasticBody) -> np.ndarray:
         """Return the rows as (r, N) for this body; InputError if the width is wrong or an entry not finite."""
-        rows = self.rows(body) if callable(self.rows) else self.rows
-        return check_array(f"rows of output {self.name!r}", np.atleast_2d(rows), (None, body.N))
+        name = f"rows of output {self.name!r}"
+        rows = real_array(name, self.rows(body) if callable(self.rows) else self.rows)
+        return check_array(name, np.atleast_2d(rows), (None, body.N))
 
     def constant(self, body: ElasticBody, joint: bool = False) -> np.ndarray | float:
         """Return C2 with |C e|_i <= C2_i |e|_M, shape (r,); joint: the one constant of |C e|_2 <= C2 |e|_M.
@@ -114,7 +115,7 @@ def stacked_rows(outputs: Sequence[Output], body: ElasticBody) -> tuple[np.ndarr
 
 
 def _node_rows(nodes, weights, component: str, offset: int) -> Callable:
-    if not component or set(component) - set(AXES):
+    if not isinstance(component, str) or not component or set(component) - set(AXES):
         raise InputError(f"component={component!r}; allowed: letters out of {AXES!r}, such as 'z' or 'xyz'")
 
     def rows(body: ElasticBody) -> np.ndarray:
@@ -135,7 +136,7 @@ def _node_rows(nodes, weights, component: str, offset: int) -> Callable:
 
 def checked_nodes(nodes: Sequence[int], count: int) -> np.ndarray:
     """Return node numbers as an int array; InputError names the first outside 0..count-1."""
-    numbers = check_array("node numbers", nodes, (None,))
+    numbers = check_numbers("node numbers", nodes)
     wrong = numbers[(numbers < 0) | (numbers >= count) | (numbers != np.round(numbers))]
     if numbers.size == 0 or wrong.size:
         raise InputError(

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .errors import InputError
+
 if TYPE_CHECKING:
     import os
 
@@ -33,6 +35,7 @@ STYLES = {
     "static": "-",
 }
 
+COLUMNS = 2  # of outputs side by side: what fits a page
 WIDE, THIN = 2.5, 1.0  # a sharp bound lies on the true error: the wide line shows on both sides of the thin one
 
 
@@ -45,13 +48,23 @@ def plot_report(report: BoundReport, path: str | os.PathLike | None = None, outp
     """
     from matplotlib.figure import Figure  # not pyplot: no window, no global list of figures
 
-    shown = [report.output(name) for name in (outputs or report.outputs)]
-    rows = [(out, i) for out in shown for i in range(out.value.shape[1])]
-    figure = Figure(figsize=(6.4 * max(len(rows), 1), 6.4), layout="constrained")
-    axes = figure.subplots(2, max(len(rows), 1), squeeze=False, sharex=True)
-    for (out, i), (top, bottom) in zip(rows, axes.T, strict=True):
+    names = [outputs] if isinstance(outputs, str) else outputs or list(report.outputs)
+    rows = [(report.output(name), i) for name in names for i in range(report.output(name).value.shape[1])]
+    if not rows:
+        raise InputError("the report has no outputs to plot; pass outputs= to attach or evaluate")
+    columns = min(COLUMNS, len(rows))
+    bands = -(-len(rows) // columns)
+    figure = Figure(figsize=(6.4 * columns, 6.4 * bands), layout="constrained")
+    axes = figure.subplots(2 * bands, columns, squeeze=False)
+    for place, (out, i) in enumerate(rows):
+        band, column = divmod(place, columns)
+        top, bottom = axes[2 * band, column], axes[2 * band + 1, column]
+        top.sharex(bottom)
         _draw_signal(top, report, out, i)
         _draw_bounds(bottom, report, out, i)
+    for place in range(len(rows), bands * columns):
+        for axis in axes[2 * (place // columns) :, place % columns]:
+            axis.remove()
     if path is not None:
         figure.savefig(path, dpi=150)
     return figure
@@ -65,8 +78,8 @@ def _draw_signal(ax, report: BoundReport, out: OutputReport, i: int) -> None:
     ax.plot(report.t, value, color=COLOURS["value"], label="reduced model")
     if out.error is not None:
         ax.plot(report.t, value + out.error[:, i], ":", color=COLOURS["error"], label="truth")
-    row = f", row {i + 1}" if out.value.shape[1] > 1 else ""
-    ax.set(ylabel=f"{out.name}{row} / {out.unit}", title=f"{out.name}{row}: reduced model with its error bound")
+    name = _name(out, i)
+    ax.set(ylabel=f"{name} / {out.unit}", title=f"{name}: reduced model with its error bound")
     ax.legend()
 
 
@@ -75,10 +88,15 @@ def _draw_bounds(ax, report: BoundReport, out: OutputReport, i: int) -> None:
         _semilog(ax, report.t, out.bound[name][:, i], STYLES[name], COLOURS[name], f"bound '{name}'", WIDE)
     if out.error is not None:
         _semilog(ax, report.t, np.abs(out.error[:, i]), "-", COLOURS["error"], "|true error|", THIN)
-    kind = "error" if report.time == "reconstructed" else "reduction error"
-    ax.set(xlabel="t / s", ylabel=f"{kind} of {out.name} / {out.unit}", yscale="log")
+    kind = "reduction error" if report.time == "sampled" else "error"
+    axis = "load factor" if report.time == "static" else "t / s"
+    ax.set(xlabel=axis, ylabel=f"{kind} of {_name(out, i)} / {out.unit}", yscale="log")
     ax.grid(which="major", alpha=0.3)
     ax.legend(loc="best")
+
+
+def _name(out: OutputReport, i: int) -> str:
+    return f"{out.name}, row {i + 1}" if out.value.shape[1] > 1 else out.name
 
 
 def _semilog(ax, t, y, style: str, colour: str, label: str, width: float) -> None:

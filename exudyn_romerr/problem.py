@@ -14,8 +14,9 @@ from .basis import Basis
 from .body import ElasticBody
 from .errors import InputError, check_array, check_choice, check_type
 from .kernels import KERNELS, Kernel, make_kernel
+from .matrices import checked_inputs
 from .outputs import Output, stacked_rows
-from .residual import RESIDUALS, ResidualMap, make_norm
+from .residual import RESIDUALS, ResidualMap, StartNorms, make_norm
 from .split import Split
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Problem:
         self.body, self.basis = body, basis
         self.residual, self.kernels, self.initial, self.auxiliary_modes = residual, kernels, initial, auxiliary_modes
         self.V, self.W = basis.restricted_to(body)
-        self.B = checked_inputs(body, inputs)
+        self.B = body.space.loads(checked_inputs(inputs, body.N))
         self.map = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
         self.C, self.velocity_rows, self.slices = stacked_rows(_checked_outputs(outputs), body)
         self.outputs = tuple(outputs)
@@ -110,6 +111,11 @@ class Problem:
         return make_norm(self.residual, self.Y_static)
 
     @cached_property
+    def start_norms(self) -> StartNorms | None:
+        """Norms of an initial error; None if there is none."""
+        return StartNorms(self.norm_K, self.norm_static, self.norm_M) if self.may_start_off else None
+
+    @cached_property
     def Y_C_M(self) -> np.ndarray:
         """C^T where |.|_{M^-1} is the 2-norm, (n_free, R)."""
         return self.body.mass_factor.half_solve(self.C.T)
@@ -154,17 +160,11 @@ def _checked_outputs(outputs: Any) -> Sequence[Output]:
     return outputs
 
 
-def checked_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:
-    """Return B on the free coordinates, (n_free, 0) for None."""
-    if inputs is None:
-        return np.zeros((body.free.size, 0))
-    return body.space.loads(check_array("inputs", inputs, (body.N, None)))
-
-
 def _checked_initial(initial: Any, body: ElasticBody) -> tuple[np.ndarray, np.ndarray] | None:
     if initial is None or (isinstance(initial, str) and initial == "equilibrium"):
         return None
-    if not isinstance(initial, tuple | list) or len(initial) != 2:
-        raise InputError(f"initial={initial!r}; allowed: None, 'equilibrium' or (q0, q0_t), two arrays of N entries")
+    if not isinstance(initial, tuple | list | np.ndarray) or len(initial) != 2:
+        found = repr(initial) if np.isscalar(initial) else f"of type {type(initial).__name__}"
+        raise InputError(f"initial is {found}; allowed: None, 'equilibrium' or (q0, q0_t), two arrays of N entries")
     parts = ((f"initial[{i}]", check_array(f"initial[{i}]", part, (body.N,))) for i, part in enumerate(initial))
     return tuple(body.space.coordinates(name, part) for name, part in parts)

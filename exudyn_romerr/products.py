@@ -1,4 +1,4 @@
-"""Products of many short rows with one small matrix, kept on one core."""
+"""Products of many short rows with one small matrix, kept on one core, and norms of rows."""
 
 import numpy as np
 
@@ -16,3 +16,12 @@ def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     for first in range(0, len(flat), count):
         np.matmul(flat[first : first + count], matrix, out=result[first : first + count])
     return result.reshape(*rows.shape[:-1], m)
+
+
+def row_norms(rows: np.ndarray) -> np.ndarray:
+    """Return the 2-norms (...) of rows (..., m), scaled so that squares neither overflow nor vanish."""
+    largest = np.max(np.abs(rows), initial=0.0)
+    if not 0 < largest < np.inf:
+        return np.full(rows.shape[:-1], largest)
+    scaled = rows / largest
+    return largest * np.sqrt(np.einsum("...j,...j->...", scaled, scaled))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, comb, factorial, log2
+from math import comb, factorial
 
 import numpy as np
 
@@ -14,6 +14,10 @@ class Element:
 
     def __init__(self, a, b):
         self.a, self.b = a, b
+
+    def where(self, chosen: np.ndarray, other: Element) -> Element:
+        """Return this element where chosen, the other elsewhere."""
+        return Element(np.where(chosen, self.a, other.a), np.where(chosen, self.b, other.b))
 
     def times(self, other: Element, square, double) -> Element:
         """Return the product; square = w^2 and double = 2 zeta w of the present Z."""
@@ -29,13 +33,14 @@ def phi_functions(w: np.ndarray, zeta: np.ndarray, count: int) -> list[Element]:
     """
     w, zeta = np.broadcast_arrays(np.asarray(w, dtype=float), np.asarray(zeta, dtype=float))
     radius = w * (zeta + np.sqrt(np.maximum((zeta - 1) * (zeta + 1), 0.0)) + 1)
-    doublings = max(0, ceil(log2(max(np.max(radius), 1.0))))
-    w = w / 2**doublings
+    doublings = np.ceil(np.log2(np.maximum(radius, 1.0))).astype(int)  # each mode its own: doubling doubles rounding
+    w = w / 2.0**doublings
     square, double = w * w, 2 * zeta * w
     phis = _taylor(square, double, count)
-    for _ in range(doublings):
-        phis = _doubled(phis, square, double)
-        square, double = 4 * square, 2 * double
+    for done in range(int(doublings.max(initial=0))):
+        active = doublings > done
+        phis = [new.where(active, old) for new, old in zip(_doubled(phis, square, double), phis, strict=True)]
+        square, double = np.where(active, 4 * square, square), np.where(active, 2 * double, double)
     return phis
 
 

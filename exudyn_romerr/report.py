@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InputError, check_array, check_choice
+from .errors import InputError, check_array, check_choice, real_array
 from .plan import Plan
 
 if TYPE_CHECKING:
@@ -54,17 +54,18 @@ class OutputReport:
     error: np.ndarray | None = None
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
 
-    def verdict(self, time: str) -> str:
-        """Return one line: the largest value, its bound at the worst instant and the estimator that gave it."""
-        largest, worst = np.max(np.abs(self.value), initial=0.0), np.max(self.bound["best"], initial=0.0)
+    def verdict(self, time: str) -> list[str]:
+        """Return a line for each row: largest value, bound at the worst instant, the estimator that gave it."""
+        return [self._row_verdict(row, time) for row in range(self.value.shape[1])]
+
+    def _row_verdict(self, row: int, time: str) -> str:
+        largest = np.max(np.abs(self.value[:, row]), initial=0.0)
+        worst = np.max(self.bound["best"][:, row], initial=0.0)
         share = f" ({100 * worst / largest:.2g} %)" if largest > 0 and np.isfinite(worst) else ""
-        names = [e for e in self.bound if e != "best"]
-        best = min(names, key=lambda e: np.max(self.bound[e]))
-        kind = "" if time == "reconstructed" else "reduction "
-        return (
-            f"{self.name}: up to {largest:.4g} {self.unit}, {kind}error at most {worst:.3g} {self.unit}{share}, "
-            f"by '{best}'"
-        )
+        best = min((e for e in self.bound if e != "best"), key=lambda e: np.max(self.bound[e][:, row]))
+        name = f"{self.name}, row {row + 1}" if self.value.shape[1] > 1 else self.name
+        kind = "reduction error" if time == "sampled" else "error"
+        return f"{name}: up to {largest:.4g} {self.unit}, {kind} at most {worst:.3g} {self.unit}{share}, by '{best}'"
 
     def at_round_off(self) -> bool:
         """Whether the largest bound is below what rounding of the FE matrices alone does to the output."""
@@ -80,7 +81,9 @@ class OutputReport:
         if not 0 < total < np.inf:
             return "nothing to improve" if total == 0 else "no finite bound: ask for another estimator"
         cause = max(shares, key=shares.get)
-        return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}"
+        rest = np.max(self.bound["best"] - self.causes[cause])
+        left = f"; the rest alone bounds it by {rest:.3g} {self.unit}" if rest > 0 else ""
+        return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}{left}"
 
 
 @dataclass
@@ -88,7 +91,8 @@ class BoundReport:
     """The bounds of one run.
 
     t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
-    scope[e] : "complete", "coupled (linearised)" or "inputs frozen". messages : what the reader must know first.
+    scope[e] : "complete" (loads and supports do not depend on the body's deformation). time : "reconstructed",
+    "sampled" or "static". messages : what the reader must know first.
     """
 
     t: np.ndarray
@@ -132,8 +136,9 @@ class BoundReport:
             Unknown output, wrong shapes, or an instant of the report that t lacks.
         """
         out = self.output(name)
-        t = check_array("t", t, (None,))
-        y = np.asarray(y, dtype=float)
+        t, y = check_array("t", t, (None,)), real_array("y", y)
+        if not t.size:
+            raise InputError("t is empty; give the truth at report.t")
         y = check_array("y", y[:, None] if y.ndim == 1 else y, (len(t), out.value.shape[1]))
         at = np.clip(np.searchsorted(t, self.t), 1, max(len(t) - 1, 1)) if len(t) > 1 else np.zeros(len(self.t), int)
         at = np.where(np.abs(t[at - 1] - self.t) < np.abs(t[at] - self.t), at - 1, at)
@@ -147,12 +152,13 @@ class BoundReport:
         return out
 
     def __str__(self) -> str:
-        lines = [f"bounds at {len(self.t)} instants, t = {self.t[0]:g} .. {self.t[-1]:g} s"]
+        axis = "load factor" if self.time == "static" else "t / s"
+        lines = [f"bounds at {len(self.t)} instants, {axis} = {self.t[0]:g} .. {self.t[-1]:g}"]
         lines += [f"! {message}" for message in self.messages]
         if self.time == "sampled":
             lines.append(f"! {SAMPLED}")
         for out in self.outputs.values():
-            lines += [out.verdict(self.time), f"  {out.advice()}"]
+            lines += [*out.verdict(self.time), f"  {out.advice()}"]
             if out.corrected is not None:
                 left = np.max(out.corrected_bound)
                 lines.append(f"  the corrected output is within {left:.3g} {out.unit} of the full model")
@@ -164,9 +170,9 @@ class BoundReport:
 
     def _estimator_lines(self) -> list[str]:
         divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
-        what = "in the mass norm" if self.total_mass is None else "mass-weighted RMS displacement"
+        what = "error in the mass norm" if self.total_mass is None else "mass-weighted RMS error of position"
         return [
-            f"  {e:<12} scope {self.scope[e]}; position ({what}) <= {np.max(bound) / divisor:.3g}; {self.reasons[e]}"
+            f"  {e:<13} scope {self.scope[e]}; {what} <= {np.max(bound) / divisor:.3g}; {self.reasons[e]}"
             for e, bound in self.position_bound.items()
         ]
 
@@ -216,12 +222,15 @@ def load_report(path: str | os.PathLike) -> BoundReport:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {key: file[key] for key in file.files}
         meta = json.loads(str(arrays["meta"]))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        found = meta["format"]
+        if found == FORMAT:
+            return _assembled(arrays, meta)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} is no report of exudyn_romerr, or it is truncated: {error}") from error
-    if meta.get("format") != FORMAT:
-        raise InputError(
-            f"{path} has format {meta.get('format')!r}; this version reads format {FORMAT}: save it again"
-        )
+    raise InputError(f"{path} has format {found!r}; this version reads format {FORMAT}: save it again")
+
+
+def _assembled(arrays: dict, meta: dict) -> BoundReport:
     outputs = [_load_output(arrays, i, *names) for i, names in enumerate(meta["outputs"])]
     computed, left_out = meta["plan"]
     return BoundReport(

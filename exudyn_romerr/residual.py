@@ -6,14 +6,16 @@ Sign and equations: paper (2), (15), (33)-(35); the orthonormal factor: theory.m
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .errors import check_array, check_choice
-from .products import rows_times
+from .products import row_norms, rows_times
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from .basis import Basis
     from .body import ElasticBody
 
@@ -94,8 +96,7 @@ class OrthonormalNorm:
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
         k = z.shape[-1]
-        image = rows_times(z, self.T[:k, :k].T)
-        return np.sqrt(np.einsum("...j,...j->...", image, image))
+        return row_norms(rows_times(z, self.T[:k, :k].T))
 
 
 class DirectNorm:
@@ -125,6 +126,14 @@ class ExpandedNorm:
         flat = z.reshape(-1, k)
         square = np.einsum("ij,ij->i", flat @ self.H[:k, :k], flat)
         return np.where(square < 0, np.inf, np.sqrt(np.abs(square))).reshape(z.shape[:-1])
+
+
+class StartNorms(NamedTuple):
+    """z -> |R|_{K^-1}, |K^-1 R|_M and |R|_{M^-1}, taken of combinations of columns that make an initial error."""
+
+    K: Callable
+    static: Callable
+    M: Callable
 
 
 def make_norm(name: str, Y: np.ndarray) -> OrthonormalNorm | DirectNorm | ExpandedNorm:

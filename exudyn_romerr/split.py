@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .errors import check_count
-from .residual import make_norm
+from .forgetting import Forgetting, rayleigh_rates
+from .residual import StartNorms, make_norm
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,6 +52,16 @@ class Split:
     def C_M(self) -> np.ndarray:
         """|C| in the M^-1 norm on the rest (R,)."""
         return np.linalg.norm(_without(self._modes_M, self._problem.Y_C_M), axis=0)
+
+    @cached_property
+    def rates(self) -> list[Forgetting]:
+        """Rates at which the rest may be forgotten; none if nothing is left."""
+        return rayleigh_rates(self.cut, *self._problem.body.rayleigh) if np.isfinite(self.cut) else []
+
+    @cached_property
+    def start_norms(self) -> StartNorms | None:
+        """Norms of the rest of an initial error; None if there is none."""
+        return StartNorms(self.norm_K, self.norm_static, self.norm_M) if self._problem.may_start_off else None
 
     @cached_property
     def norm_K(self) -> Callable:
@@ -107,7 +118,8 @@ class Split:
         if not len(problem.C):
             return min(AUTO_WITHOUT_OUTPUTS, cap)
         modes = body.modes(cap)
-        share = np.cumsum((problem.C @ modes.shapes / modes.omega) ** 2, axis=1) / problem.C_K[:, None] ** 2
+        seen = problem.C_K > 0  # rows that see free coordinates
+        share = np.cumsum((problem.C[seen] @ modes.shapes / modes.omega) ** 2, axis=1) / problem.C_K[seen, None] ** 2
         enough = np.all(1 - share <= AUTO_SHARE**2, axis=0)
         if not enough.any():
             left = np.sqrt(np.max(1 - share[:, -1]))

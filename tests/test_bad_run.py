@@ -115,7 +115,7 @@ RUNS = {
     "trajectory of another basis": (lambda: run(basis=Basis(V[:, :2])), InputError, r"needed: \(\d, 2\)"),
     "inputs of another body": (lambda: run(inputs=B[:3]), InputError, "inputs has shape"),
     "inputs inf": (lambda: run(inputs=changed(B, (0, 0), np.inf)), InputError, "inputs has a nan or inf"),
-    "initial a word": (lambda: run(initial="rest"), InputError, "initial='rest'; allowed: None, 'equilibrium' or"),
+    "initial a word": (lambda: run(initial="rest"), InputError, "initial is 'rest'; allowed: None, 'equilibrium' or"),
     "initial too short": (
         lambda: run(initial=(np.zeros(3), np.zeros(N))),
         InputError,

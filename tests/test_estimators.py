@@ -9,7 +9,7 @@ import scipy.sparse as sp
 import tolerances as tol
 from bodies import DAMPINGS, model
 from numpy.polynomial import polynomial as poly
-from total_truth import Exact, piecewise_linear, signal
+from total_truth import Exact, bezier_curve, oscillator_step, piecewise_linear, signal
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output, Trajectory, evaluate, load_report, modal_basis
 from exudyn_romerr.bezier import DEGREE, hermite_controls, subdivided
@@ -22,38 +22,22 @@ MODAL = [d for d in DAMPINGS if d not in ("matrix", "gyroscopic")]
 RNG = np.random.default_rng(4)
 
 
-@pytest.mark.parametrize(("wh", "zeta"), [(0.3, 0.0), (0.3, 1.0), (2.0, 1e3), (500.0, 0.0), (500.0, 0.4), (1e-6, 0.1)])
+@pytest.mark.parametrize(
+    ("wh", "zeta"), [(0.3, 0.0), (0.3, 1.0), (2.0, 1e3), (500.0, 0.0), (500.0, 0.4), (1e-6, 0.1)]
+)
 @pytest.mark.parametrize("degree", [1, 5])
 def test_oscillators_against_the_matrix_exponential(degree, wh, zeta):
     """Undamped, critical, overdamped, stiff, nearly rigid; control points of degree 1 and 5."""
     h, steps = 0.01, 6
     F = RNG.standard_normal((steps, degree + 1, 1))
     state = np.array([[0.3], [0.2 * wh / h]])
-    found = ModalOscillators(np.array([wh / h]), np.array([zeta])).advance(state, h * np.arange(1, 7), np.full(6, h), F)
+    oscillator = ModalOscillators(np.array([wh / h]), np.array([float(zeta)]))
+    found = oscillator.advance(state, h * np.arange(1, 7), np.full(6, h), F)
     x, scale = state[:, 0], np.abs(found[:, :, 0]).max(axis=0) + np.abs(state[:, 0])
     for k in range(steps):
-        x = _by_exponential(wh / h, zeta, h, F[k, :, 0], x)
+        x = oscillator_step(wh / h, zeta, h, F[k, :, 0], x)
         # six exponentials of matrices of norm w h (1 + zeta), each losing 1e-14 of that
         assert np.max(np.abs(found[k, :, 0] - x) / scale) < 1e-13 * (1 + wh * (1 + zeta))
-
-
-def _by_exponential(omega, zeta, h, controls, state):
-    """One step of x'' + 2 zeta omega x' + omega^2 x = Bezier curve, by expm of the chain of its derivatives."""
-    s = np.linspace(0, 1, len(controls))
-    force = poly.polyfit(s, _curve(controls[:, None], s)[:, 0], len(controls) - 1)
-    derivatives = force * np.cumprod([1, *range(1, len(force))])
-    A = la.block_diag([[0, h * omega], [-h * omega, -2 * h * zeta * omega]], np.eye(len(force), k=1))  # of omega x, x'
-    A[1, 2] = h
-    x, v = (la.expm(A) @ np.concatenate([[omega * state[0], state[1]], derivatives]))[:2]
-    return np.array([x / omega, v])
-
-
-def _curve(c, s):
-    """Points (len(s), n) of the Bezier curve with control points c (d + 1, n), by de Casteljau."""
-    points = np.repeat(c[None], len(s), axis=0)
-    while points.shape[1] > 1:
-        points = (1 - s)[:, None, None] * points[:, :-1] + s[:, None, None] * points[:, 1:]
-    return points[:, 0]
 
 
 @pytest.mark.parametrize("degree", [1, 5])
@@ -66,7 +50,8 @@ def test_oscillators_take_variable_steps_as_constant_ones(degree):
     uneven = np.full(40, h)
     uneven[0] *= 1 + 1e-9  # above the rounding of t: one by one
     assert np.max(np.abs(ModalOscillators(omega, zeta).advance(state, t, uneven, F) - equal)) < 1e-7
-    halves = np.concatenate([subdivided(_raised(F), a * np.ones(40), b * np.ones(40)) for a, b in ((0, 0.5), (0.5, 1))])
+    parts = ((0.0, 0.5), (0.5, 1.0))
+    halves = np.concatenate([subdivided(_raised(F), np.full(40, a), np.full(40, b)) for a, b in parts])
     order = np.ravel(np.column_stack([np.arange(40), 40 + np.arange(40)]))
     ends = h / 2 * np.arange(1, 81)
     split = ModalOscillators(omega, zeta).advance(state, ends, np.full(80, h / 2), halves[order])
@@ -90,7 +75,7 @@ def test_hermite_reproduces_polynomials_of_degree_5():
         for i, part in enumerate(subdivided(controls, lo, hi)):
             h = t[i + 1] - t[i]
             wanted = poly.polyval(t[i] + h * (lo[i] + (hi[i] - lo[i]) * s), poly.polyder(a, k)).T
-            assert np.max(np.abs(_curve(part, s) - wanted)) < 1e-11
+            assert np.max(np.abs(bezier_curve(part, s) - wanted)) < 1e-11
 
 
 def test_hermite_is_continuous_to_the_last_bit():
@@ -186,7 +171,7 @@ def test_estimators_of_modal_damping_refuse_a_matrix(name):
     full = model("chain", "matrix", 1)
     with pytest.raises(AssumptionError, match="Rayleigh"):
         _evaluate(full, estimators=(name,))
-    assert list(_evaluate(full).position_bound) == ["energy"]
+    assert list(_evaluate(full).position_bound) == ["fast", "energy"]
 
 
 def test_auto_takes_the_fewest_modes_that_leave_5_percent_of_every_output():
@@ -217,3 +202,44 @@ def _evaluate(full, u=None, steps=60, h=None, initial=None, **options):
 def _truth(full, u, report, initial=None):
     q0, q0_t = (np.zeros(full.N),) * 2 if initial is None else initial
     return Exact(full.M, full.D, full.K, full.rayleigh).motion(np.ones((full.N, 1)), u, q0, q0_t, report.t)
+
+
+LOADS = {
+    "jump at a sample": signal(1, knots=[0, 3.0], start=[0.5, -1.0]),
+    "jump next to a sample": signal(1, knots=[0, 3.0 * (1 + 1e-15)], start=[0.5, -1.0]),
+    "jump inside a step": signal(1, knots=[0, 3.1], start=[0.5, -1.0]),
+    "pulse inside a step": signal(1, knots=[0, 3.1, 3.15], start=[0.0, 1.0, 0.0]),
+    "kinks": piecewise_linear(np.array([0, 0.7, 3.33, 4.1]), np.array([[0.0], [1.0], [-1.0], [0.0]])),
+    "sine": signal(1, size=[1.0], W=[2.0], phase=[0.3]),
+}
+
+
+@pytest.mark.parametrize("start", [False, True])
+@pytest.mark.parametrize("damping", ["none", "overdamped"])
+@pytest.mark.parametrize("load", LOADS)
+def test_causes_sum_to_best_and_the_corrected_output_is_as_close_as_it_says(load, damping, start):
+    """Steps of 0.3; loads at, next to and between samples."""
+    full, u = model("pencil", damping, 6), LOADS[load]
+    initial = tuple(RNG.standard_normal((2, full.N)) * [[1e-3], [1e-3]]) if start else None
+    report = _evaluate(full, u, h=0.3, initial=initial)
+    states = _truth(full, u, report, initial)
+    for name, x in zip("yv", (states[0][:, :2], states[1][:, :1]), strict=True):
+        out, floor = report.output(name), 1e-12 * np.max(np.abs(x))
+        assert np.all(np.abs(sum(out.causes.values()) - out.bound["best"]) <= 1e-12 * np.max(out.bound["best"]))
+        assert np.all(np.abs(x - out.value) <= out.bound["best"] + floor)
+        assert np.all(np.abs(x - out.corrected) <= out.corrected_bound + floor)
+        assert np.all(out.corrected_bound <= out.bound["auxiliary"] + floor)
+    assert (np.max(report.output("y").causes["initial"]) > 0) == start
+    assert (np.max(report.output("y").causes["jumps"]) > 0) == bool(u.jumps)
+
+
+def test_reports_keep_the_new_fields(tmp_path):
+    report = _evaluate(model("chain", "under", 7))
+    report.save(tmp_path / "run.npz")
+    again, before = load_report(tmp_path / "run.npz").output("y"), report.output("y")
+    for name in ("corrected", "corrected_bound"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(before, name))
+    for name in ("bound", "reduction_bound", "causes"):
+        assert list(getattr(again, name)) == list(getattr(before, name))
+        for key, x in getattr(before, name).items():
+            np.testing.assert_array_equal(getattr(again, name)[key], x)

@@ -8,7 +8,7 @@ import scipy.linalg as la
 import tolerances as tol
 from bodies import model
 
-from exudyn_romerr import AssumptionError, ElasticBody, InputError, oscillator
+from exudyn_romerr import AssumptionError, ElasticBody, oscillator
 from exudyn_romerr.kernels import CertifiedKernel, EnvelopeKernel, SpectrumKernel, make_kernel
 from exudyn_romerr.lagtable import LagTable
 from exudyn_romerr.matrix_exponential import fundamental_matrix_norms
@@ -146,7 +146,7 @@ def test_the_papers_envelope_is_a_bound_otherwise(kind):
     checked = 0
     for body in spectra(kind):
         if body.damping_ratios(body.modes(1).omega)[0] >= 1:
-            with pytest.raises(InputError, match="overdamped"):
+            with pytest.raises(AssumptionError, match="underdamped"):
                 EnvelopeKernel(body)
             continue
         envelope, spectrum, t = EnvelopeKernel(body), SpectrumKernel(body), telling_times(body)

@@ -184,7 +184,8 @@ def test_static_solves_are_runs_of_their_own_kind(continued):
     solve(mbs, start=1.0, end=1.1)  # begins in the state and at the "time" that the static solve ended with
     assert kinds(monitor) == ["static", "dynamic", "static", "static", "dynamic"]
     np.testing.assert_allclose(monitor.report(0).t, [0, 0.25, 0.5, 0.75, 1.0])
-    assert continued == [None, None]
+    assert continued[0] is None
+    assert continued[1] is monitor.runs[3]  # released from the static solve's equilibrium
 
 
 def kinds(monitor):
@@ -424,18 +425,25 @@ def test_load_on_the_object_and_object_on_the_node_are_refused():
         monitor.plan  # noqa: B018
 
 
-def test_input_of_the_wrong_shape_shows_at_the_start():
-    mbs, _, monitor = scene(input_function=lambda t: np.ones(3))  # n = 3: Exudyn itself would take it
-    solve(mbs)
-    assert mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
-    with pytest.raises(InputError, match=r"input_function\(0\).*\(3,\)"):
-        monitor.report()
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda t: np.ones(3), r"input_function\(0\).*\(3,\)"),  # n = 3: Exudyn itself would take it
+        (lambda t: 1j, r"input_function\(0\).*complex"),
+        (lambda mbs, t: 1.0, r"input_function\(0\) raised TypeError"),
+    ],
+)
+def test_input_function_that_cannot_be_used_shows_when_the_body_is_added(wrong, message):
+    with pytest.raises(InputError, match=message):
+        scene(input_function=wrong)
 
 
 def test_error_of_one_solve_does_not_stay_for_the_next():
     wrong = [True]
-    mbs, _, monitor = scene(input_function=lambda t: np.ones(3) if wrong[0] else force(t))
+    mbs, _, monitor = scene(input_function=lambda t: np.ones(3) if wrong[0] and t > 0 else force(t))
     solve(mbs)
+    with pytest.raises(InputError, match="input_function's values"):
+        monitor.report()
     wrong[0] = False
     solve(mbs)
     assert len(monitor.report().t) == 21

@@ -1,8 +1,8 @@
 """Exact solutions in continuous time, at any instants: loads of sines and of straight pieces with kinks and jumps.
 
 Nothing here uses exudyn_romerr. On each straight piece the forced motion is known in closed form; what is left moves
-freely: closed forms of the modes for Rayleigh damping, eigenvectors of the state form (matrix exponentials where these
-are nearly dependent) for any other.
+freely: closed forms of the modes for Rayleigh damping, eigenvectors of the state form for any other (and matrix
+exponentials where these are nearly dependent).
 """
 
 from dataclasses import dataclass
@@ -10,8 +10,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
+from numpy.polynomial import polynomial as poly
 from truth import _modes, impulse
 
+RESOLVED = 3.0  # rad of the load per step: more needs more than the points at which the bound looks at the load
 DEPENDENT = 1e5  # condition number of eigenvectors above which matrix exponentials are taken: they lose fewer digits
 
 
@@ -142,3 +144,76 @@ class Exact:
 
 def _sines(u):
     return zip(u.size, u.W, u.phase, strict=True)
+
+
+def oscillator_step(omega, zeta, h, controls, state):
+    """One step of x'' + 2 zeta omega x' + omega^2 x = Bezier curve, by expm of the chain of its derivatives."""
+    s = np.linspace(0, 1, len(controls))
+    force = poly.polyfit(s, bezier_curve(controls[:, None], s)[:, 0], len(controls) - 1)
+    derivatives = force * np.cumprod([1, *range(1, len(force))])
+    free = h * omega * np.array([[0, 1], [-1, -2 * zeta]])  # of omega x, x'
+    A = la.block_diag(free, np.eye(len(force), k=1))
+    A[1, 2] = h
+    x, v = (la.expm(A) @ np.concatenate([[omega * state[0], state[1]], derivatives]))[:2]
+    return np.array([x / omega, v])
+
+
+def bezier_curve(c, s):
+    """Points (len(s), n) of the Bezier curve with control points c (d + 1, n), by de Casteljau."""
+    points = np.repeat(c[None], len(s), axis=0)
+    while points.shape[1] > 1:
+        points = (1 - s)[:, None, None] * points[:, :-1] + s[:, None, None] * points[:, 1:]
+    return points[:, 0]
+
+
+# Seeded loads: makers of Signals of p inputs over the span T, sampled with steps of about h; omega: all frequencies.
+
+
+def _sine(p, T, h, omega, rng):
+    """Anywhere up to what the steps resolve, now and then next to a resonance."""
+    top = min(RESOLVED / h, omega[-1])
+    W = np.exp(rng.uniform(np.log(min(0.2 * omega[0], 0.5 * top)), np.log(top), p))
+    near = omega[omega <= top]
+    if near.size and rng.random() < 0.25:
+        W = rng.choice(near, p) * 1.003
+    return signal(p, size=np.ones(p), W=W, phase=rng.uniform(0, np.pi, p) * rng.integers(0, 2))
+
+
+def _constant(p, T, h, omega, rng):
+    return signal(p, start=rng.standard_normal((1, p)))
+
+
+def _step(p, T, h, omega, rng):
+    """One or two jumps, at samples, next to them or inside steps."""
+    at = np.sort(rng.uniform(0, 0.8 * T, rng.integers(1, 3)))
+    if rng.random() < 0.5:
+        at = h * np.unique(np.ceil(at / h)) * (1 + rng.choice([0, 1e-15, -1e-15, 1e-7]))
+    start = rng.standard_normal((len(at) + 1, p))
+    return signal(p, knots=[0.0, *at], start=start, slope=0.1 / T * rng.standard_normal(start.shape))
+
+
+def _ramp(p, T, h, omega, rng):
+    return piecewise_linear(np.array([0, rng.uniform(0.02, 1) * T]), np.vstack([np.zeros(p), rng.standard_normal(p)]))
+
+
+def _pulse(p, T, h, omega, rng):
+    """A rectangle: two jumps, often inside one step."""
+    first, width = rng.uniform(0, 0.5 * T), h * 10 ** rng.uniform(-2, 1)
+    return signal(p, knots=[0, first, first + width], start=[np.zeros(p), rng.standard_normal(p), np.zeros(p)])
+
+
+def _noise(p, T, h, omega, rng):
+    """Kinks anywhere, from several in a step to one in thirty."""
+    knots = np.cumsum(h * 10 ** rng.uniform(-0.5, 1.5) * np.concatenate([[0], rng.uniform(0.3, 1.7, 500)]))
+    return piecewise_linear(knots, rng.standard_normal((len(knots), p)))
+
+
+LOADS = {
+    "sine": _sine,
+    "constant": _constant,
+    "step": _step,
+    "ramp": _ramp,
+    "pulse": _pulse,
+    "noise": _noise,
+    "none": lambda p, T, h, omega, rng: signal(p),
+}

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..forgetting import rayleigh_rates
-from ..products import rows_times
+from ..products import row_norms, rows_times
 from ..propagate import ModalOscillators
 from .base import Block, Bounds, Start
 from .energy import Growth, output_share, smallest
@@ -33,10 +32,10 @@ class Auxiliary:
     def __init__(self, problem: Problem):
         split = problem.split
         self.oscillators = ModalOscillators(split.omega, problem.body.damping_ratios(split.omega))
-        self.rates = rayleigh_rates(split.cut, *problem.body.rayleigh) if np.isfinite(split.cut) else []
+        self.rates = split.rates
         self.growth = Growth(split.norm_K, self.rates)
         self.norm_static = split.norm_static
-        self.start_norms = (split.norm_K, split.norm_static, split.norm_M) if problem.may_start_off else None
+        self.start_norms = split.start_norms
         self.forcing = -split.PL[:, : problem.map.coordinates.k]
         self.start_rows = split.PL
         self.CP, self.C_K, self.C_M = split.CP, split.C_K, split.C_M
@@ -61,8 +60,10 @@ class Auxiliary:
         states = self.oscillators.advance(self.state, block.t, block.h, rows_times(block.c, self.forcing.T))
         self.growth, g, g_jump = self.growth.advanced(block)
         omega = self.oscillators.omega
-        # each segment rounds by a few units in the last place and turns by the error of the computed frequency
-        turned = 8 * EPS + self.mode_residual * omega * block.h[:, None]
+        # each segment rounds by a few units in the last place, its angle omega h too, and turns by the error of the
+        # computed frequency
+        angle = omega * block.h[:, None]
+        turned = 8 * EPS * (1 + angle) + self.mode_residual * angle
         rounding = self.rounding + np.cumsum(turned * _amplitude(states, omega), axis=0)
         self.state, self.rounding = states[-1], rounding[-1]
         unresolved = self._unresolved(block)
@@ -76,16 +77,16 @@ class Auxiliary:
         omega = np.where(self.velocity_rows[:, None], self.oscillators.omega, 1.0)
         rest = output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)
         slack = rest + inexact @ (np.abs(self.CP) * omega).T
-        position = np.hypot(np.linalg.norm(eta, axis=1), self.norm_static(z) + d_M) + np.linalg.norm(inexact, axis=1)
-        turned = np.linalg.norm(inexact * self.oscillators.omega, axis=1)
-        velocity = np.hypot(np.linalg.norm(eta_t, axis=1), v_M) + turned
+        position = np.hypot(row_norms(eta), self.norm_static(z) + d_M) + row_norms(inexact)
+        turned = row_norms(inexact * self.oscillators.omega)
+        velocity = np.hypot(row_norms(eta_t), v_M) + turned
         jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
         return Bounds(position, velocity, np.abs(known) + slack, jumped, known, slack)
 
     def _unresolved(self, block: Block) -> np.ndarray:
         """Bounds (S, m) of eta's response to the part of the inputs that the polynomial does not contain."""
-        if not block.unresolved.any():
-            return np.zeros((1, 1))
+        if not block.unresolved.any():  # what earlier blocks missed stays
+            return self.missed[None]
         p = block.unresolved.shape[1]
         rows = np.abs(self.forcing[:, self.forcing.shape[1] - p :])
         impulse = (block.h[:, None] * block.unresolved) @ rows.T / self.oscillators.omega

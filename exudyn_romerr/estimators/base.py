@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ..problem import Problem
+    from ..residual import StartNorms
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Block:
     unresolved: np.ndarray
     unresolved_variation: np.ndarray
     skipped: np.ndarray | None = None
-    _norms: dict = field(default_factory=dict)
+    _norms: dict = field(default_factory=dict, init=False)
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
@@ -143,12 +144,11 @@ class InitialError:
         return float(np.hypot(self.e_K, self.v_M))
 
     @classmethod
-    def of(cls, start: Start, problem_norms: tuple[Callable, Callable, Callable] | None) -> InitialError:
-        """Evaluate the norms (M, K, static) at the start; zero if the run starts in the span of V."""
+    def of(cls, start: Start, norms: StartNorms | None) -> InitialError:
+        """Evaluate the norms at the start; zero if the run starts in the span of V."""
         if start.y0 is None:
             return cls()
-        norm_M, norm_K, norm_static = problem_norms
-        return cls(float(norm_static(start.y0)), float(norm_K(start.y0)), float(norm_M(start.y0_t)))
+        return cls(float(norms.static(start.y0)), float(norms.K(start.y0)), float(norms.M(start.y0_t)))
 
 
 class MassNormEstimator:
@@ -160,7 +160,7 @@ class MassNormEstimator:
         self.norm = problem.norm_M
         self.C2 = problem.C2
         self.velocity_rows = problem.velocity_rows
-        self._initial_norms = (problem.norm_M, problem.norm_K, problem.norm_static) if problem.may_start_off else None
+        self._start_norms = problem.start_norms
         self.integral = 0.0
         self.t0 = 0.0
         self.initial = InitialError()
@@ -168,7 +168,7 @@ class MassNormEstimator:
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.t0, self.integral = start.t, 0.0
-        self.initial = InitialError.of(start, self._initial_norms)
+        self.initial = InitialError.of(start, self._start_norms)
         return self._bounds(np.array([start.t]), np.zeros(1), None)
 
     def advance(self, block: Block) -> Bounds:

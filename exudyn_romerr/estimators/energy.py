@@ -13,6 +13,7 @@ from .base import Block, Bounds, Start
 
 if TYPE_CHECKING:
     from ..problem import Problem
+    from ..residual import StartNorms
 
 
 class Energy:
@@ -31,7 +32,7 @@ class Energy:
         self.rates = body_rates(problem.body)
         self.growth = Growth(problem.norm_K, self.rates)
         self.norm_static = problem.norm_static
-        self.start_norms = (problem.norm_K, problem.norm_static, problem.norm_M) if problem.may_start_off else None
+        self.start_norms = problem.start_norms
         self.static_rows = np.where(problem.velocity_rows[:, None], 0.0, problem.static_rows)
         self.C_K, self.C_M = problem.C_K, problem.C2
         self.velocity_rows = problem.velocity_rows
@@ -75,43 +76,42 @@ class Growth:
         """Return g and g_jump now, each (rates, 1)."""
         return np.array(self.g)[:, None], np.array(self.g_jump)[:, None]
 
-    def started(self, start: Start, norms: Sequence[Callable] | None) -> Growth:
+    def started(self, start: Start, norms: StartNorms | None) -> Growth:
         """Return the growth at a start.
 
-        g(0)^2 = |e0' + r d0|_M^2 + |d0|_{K_r}^2 with K d0 = L (y0 + z0) and |d0|_{K_r}^2 <= |d0|_K^2 + r^2 |d0|_M^2;
-        norms: z -> |K^-1 L z|_K, |K^-1 L z|_M, |M^-1 L z|_M.
+        g(0)^2 = |e0' + r d0|_M^2 + |d0|_{K_r}^2 <= |e0'|_M^2 + 2 r |e0'|_M |d0|_M + |d0|_K^2 since K_r <= K - r^2 M,
+        with K d0 = L (y0 + z0). norms: of the initial error.
         """
-        if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0); |d0|_M from |d0|_K and the lowest frequency
-            d_K, v_M = float(self.norm(start.z)), 0.0
-            d_M = d_K * self.rates[0].per_mass if self.rates else 0.0
+        if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0)
+            g = [float(self.norm(start.z))] * len(self.rates)
         else:
             w = start.y0.copy()
             w[: len(start.z)] += start.z
-            d_K, d_M, v_M = float(norms[0](w)), float(norms[1](w)), float(norms[2](start.y0_t))
-        g = [float(np.hypot(v_M + rate.r * d_M, np.hypot(d_K, rate.r * d_M))) for rate in self.rates]
+            d_K, d_M, v_M = float(norms.K(w)), float(norms.static(w)), float(norms.M(start.y0_t))
+            g = [float(np.hypot(d_K, np.sqrt(v_M * (v_M + 2 * rate.r * d_M)))) for rate in self.rates]
         return self._next(g, [0.0] * len(g), start.z)
 
     def advanced(self, block: Block) -> tuple[Growth, np.ndarray, np.ndarray]:
         """Return the growth after a block, and g and g_jump (rates, S) at the ends of its segments."""
         inside, jumps = block.variation(self.norm, self._before)
         decays = [np.exp(-rate.r * block.h) for rate in self.rates]
-        g = self._summed(decays, [e * jumps + inside for e in decays], self.g)
+        g = self._summed(decays, [e * jumps + inside for e in decays], self.g, block)
         if any(self.g_jump) or jumps.any():
-            g_jump = self._summed(decays, [e * jumps for e in decays], self.g_jump)
+            g_jump = self._summed(decays, [e * jumps for e in decays], self.g_jump, block)
         else:
             g_jump = np.zeros_like(g)
         return self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1]), g, g_jump
 
     @staticmethod
-    def _summed(decays, added, starts) -> np.ndarray:
+    def _summed(decays, added, starts, block: Block) -> np.ndarray:
         sums = [decaying_sum(e, a, x) for e, a, x in zip(decays, added, starts, strict=True)]
-        return np.array(sums).reshape(len(sums), -1)
+        return np.array(sums).reshape(len(sums), len(block.h))
 
 
 def smallest(rates: Sequence[Forgetting], g: np.ndarray) -> np.ndarray:
     """Return the bounds (3, S) of |d|_K, |d|_M and |e'|_M: the smallest over the rates of g (rates, S)."""
     if not rates:  # nothing is left to bound: all modes are auxiliary
-        return np.zeros((3, 1))
+        return np.zeros((3, g.shape[1]))
     factors = np.array([(rate.c, rate.per_mass, rate.velocity) for rate in rates])
     return np.min(factors[:, :, None] * g[:, None, :], axis=0)
 

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import oscillator
-from ..forgetting import rayleigh_rates
-from ..kernels import Kernel
 from ..lagtable import LagTable
 from .base import Block, Bounds
 from .paper import Convolution
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
     from ..split import Split
 
 
-class OutputKernel(Kernel):
+class OutputKernel:
     """Bound of |c Phi12(t)| (dual to the M-norm) for one output row c.
 
         |c Phi12(t)|^2 = sum_i (c phi_i)^2 s_i(t)^2
@@ -56,8 +54,7 @@ class OutputConvolution(Convolution):
         super().__init__(problem)
         split = problem.split
         zeta = problem.body.damping_ratios(split.omega)
-        rates = rayleigh_rates(split.cut, *problem.body.rayleigh) if np.isfinite(split.cut) else []
-        pairs = [(rate.r, rate.c) for rate in rates]
+        pairs = [(rate.r, rate.c) for rate in split.rates]
         rows = np.flatnonzero(~self.velocity_rows)
         self.tables = {int(row): LagTable(OutputKernel(split, zeta, int(row), pairs)) for row in rows}
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 
-from ..errors import InputError, check_array
+from ..basis import Basis
+from ..body import ElasticBody
+from ..errors import InputError, check_array, check_type
+from ..matrices import checked_inputs
 from ..residual import initial_coordinates
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from ..basis import Basis
-    from ..body import ElasticBody
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,10 @@ class ReducedModel:
         if self.G is None:
             return np.zeros(len(self.M))
         p = self.G.shape[1]
-        u = self.input_function(t)
+        try:
+            u = self.input_function(t)
+        except Exception as error:
+            raise InputError(f"input_function({t:g}) raised {type(error).__name__}: {error}") from error
         u = check_array(f"input_function({t:g})", np.atleast_1d(u) if p == 1 else u, (p,))
         return self.G @ u
 
@@ -110,8 +113,14 @@ def add_reduced_body(
     -----
     Does not cover: loads and connectors added to the node by markers; attach refuses them.
     """
+    if not hasattr(mbs, "AddObject"):
+        raise InputError(f"mbs is a {type(mbs).__name__}; needed: the MainSystem that SC.AddSystem() returns")
+    check_type("body", body, ElasticBody)
+    check_type("basis", basis, Basis)
     B = _checked_inputs(body, inputs, input_function)
     model = _reduce(body, basis, B, input_function)
+    model.force(0.0)  # a function that fails would stop Exudyn's solver without a word of what is wrong
+    model.force(0.0)  # a function that fails would stop Exudyn's solver without a word of what is wrong
     items = _add_items(mbs, model, _initial_state(body, basis, initial))
     return ReducedBody(mbs, body, basis, B, input_function, items, initial, model)
 
@@ -165,4 +174,4 @@ def _checked_inputs(body: ElasticBody, inputs: Any, input_function: Callable | N
         return None
     if not callable(input_function):
         raise InputError(f"input_function={input_function!r}; needed: a function f(t) -> (p,) or a float if p = 1")
-    return check_array("inputs", inputs, (body.N, None))
+    return checked_inputs(inputs, body.N)

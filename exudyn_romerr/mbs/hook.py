@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
+from ..online import BLOCK
 from .gather import gatherer
 from .scene import running_static_solver
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
     from .watch import Watch
 
-BLOCK = 512  # rows evaluated at once: 256 cost 6 % more, larger blocks gain nothing
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
 
 

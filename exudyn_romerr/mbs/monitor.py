@@ -74,7 +74,7 @@ class Monitor:
         """
         self._require_hook()
         runs = self.runs
-        if self._watch.error is not None:
+        if self._watch.error is not None and (i == -1 or not runs):
             raise self._watch.error
         if not runs:
             raise RunError("report was asked before a run; call mbs.SolveDynamic() after attach")

@@ -19,6 +19,12 @@ def running_static_solver(mbs: Any, known: Any) -> Any:
     return solver
 
 
+def end_time(mbs: Any, static: bool) -> float | None:
+    """Return the time the running dynamic solver is to go to; None if it is not kept in mbs.sys."""
+    solver = None if static else mbs.sys.get("dynamicSolver")
+    return None if solver is None else float(solver.it.endTime)
+
+
 def require_inputs_only(mbs: Any, node: int, item: int) -> None:
     """Raise AssumptionError if a load, joint, connector or other object acts on the reduced body.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..online import Run, StaticRun
-from .scene import require_inputs_only
+from .scene import end_time, require_inputs_only
 
 if TYPE_CHECKING:
     from .bodies import ReducedBody
@@ -55,6 +55,7 @@ class Watch:
         self._kind = StaticRun if static else Run
         try:
             self.check(mbs)
+            self._end_time = end_time(mbs, static)
             first = mbs.GetNodeODE2Index(self.node)
             self._columns = slice(first, first + len(self._model.M))
         except Exception as error:
@@ -89,20 +90,27 @@ class Watch:
         self._compare(t[-1])
 
     def _start(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> None:
-        run = self._kind(self.offline)
         if self._kind is StaticRun:
+            run = StaticRun(self.offline)
             run.start(t, q, q_t, q_tt)
         else:
+            before = self._run_before(t, q, q_t)
+            run = Run(self.offline.from_static() if isinstance(before, StaticRun) else self.offline)
             # explicit solvers leave the initial accelerations unset until their first step is done
-            run.start(t, q, q_t, self._model.acceleration(t, q, q_t), **self._continued(t, q, q_t))
+            run.start(t, q, q_t, self._model.acceleration(t, q, q_t), after=before)
+        run.end_time = self._end_time
         self.runs.append(run)
         self._run = run
 
-    def _continued(self, t: float, q: np.ndarray, q_t: np.ndarray) -> dict[str, Run]:
-        if not self.runs or type(self.runs[-1]) is not self._kind:
-            return {}
-        same = all(map(np.array_equal, self._last, (t, q, q_t)))
-        return {"after": self.runs[-1]} if same else {}
+    def _run_before(self, t: float, q: np.ndarray, q_t: np.ndarray) -> Run | None:
+        """Return the run in whose last state this one starts: also a static one, if no initial state was given."""
+        if not self.runs:
+            return None
+        before, (t_last, q_last, q_t_last) = self.runs[-1], self._last
+        if isinstance(before, StaticRun):
+            released = self.offline.initial is None and np.array_equal(q, q_last) and not q_t.any()
+            return before if released else None
+        return before if t == t_last and np.array_equal(q, q_last) and np.array_equal(q_t, q_t_last) else None
 
     def _diverge(self, t: float) -> None:
         if self._run is None:
