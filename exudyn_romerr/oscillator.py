@@ -62,7 +62,10 @@ def peak_time(omega: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     q = omega**2 * (1 - zeta) * (1 + zeta)
     root = np.sqrt(np.abs(q))
     safe = np.where(root == 0, 1.0, root)
-    over = np.arctanh(np.where(q < 0, root / np.where(a > 0, a, 1.0), 0.0)) / safe
+    # log((a + root)/omega), not arctanh(root/a): keeps the digits of very strong damping
+    over = (
+        np.log1p((omega * (zeta - 1) + np.where(q < 0, root, 0.0)) / omega, where=q < 0, out=np.zeros_like(q)) / safe
+    )
     return np.where(q > 0, np.arctan2(root, a) / safe, np.where(q < 0, over, 1 / np.where(a > 0, a, 1.0)))
 
 

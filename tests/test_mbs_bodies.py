@@ -77,7 +77,6 @@ def test_items_name_what_was_added():
         ({"input_function": force}, "inputs is missing"),
         ({"inputs": INPUTS, "input_function": 3.0}, r"input_function=3.0.*f\(t\)"),
         ({"inputs": INPUTS[1:], "input_function": force}, r"inputs has shape \(7, 1\)"),
-        ({"inputs": INPUTS[:, 0], "input_function": force}, r"inputs has shape \(8,\)"),
         ({"inputs": INPUTS * np.nan, "input_function": force}, "inputs has a nan"),
         ({"initial": np.zeros(N)}, "initial=.*q0, q0_t"),
         ({"initial": (np.zeros(N), np.zeros(3))}, r"q0_t has shape \(3,\)"),

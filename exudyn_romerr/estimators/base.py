@@ -130,6 +130,14 @@ class Bounds:
         return cls(*(None if parts[0] is None else np.concatenate(parts) for parts in fields))
 
 
+def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    """Return bound (S,) times constants (R,) as (S, R); an output that sees nothing has bound 0, also of inf."""
+    seen = constants > 0
+    product = np.zeros((len(bound), len(constants)))
+    product[:, seen] = np.outer(bound, constants[seen])
+    return product
+
+
 @dataclass(frozen=True)
 class InitialError:
     """Norms of the initial error: |e0|_M, |e0|_K, |e0'|_M."""
@@ -179,7 +187,7 @@ class MassNormEstimator:
 
     def _bounds(self, t: np.ndarray, integral: np.ndarray, block: Block | None) -> Bounds:
         position, velocity = self._state_bounds(t - self.t0, integral, block)
-        outputs = np.where(self.velocity_rows, velocity[:, None], position[:, None]) * self.C2
+        outputs = np.where(self.velocity_rows, times(velocity, self.C2), times(position, self.C2))
         return Bounds(position, velocity, outputs)
 
     def _state_bounds(self, t, integral, block) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..forgetting import Forgetting, body_rates
 from ..recurrence import decaying_sum
-from .base import Block, Bounds, Start
+from .base import Block, Bounds, Start, times
 
 if TYPE_CHECKING:
     from ..problem import Problem
@@ -119,4 +119,4 @@ def smallest(rates: Sequence[Forgetting], g: np.ndarray) -> np.ndarray:
 def output_share(rates: Sequence[Forgetting], g: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
     """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R)."""
     d_K, _, v_M = smallest(rates, g)
-    return np.where(velocity_rows, np.outer(v_M, C_M), np.outer(d_K, C_K))
+    return np.where(velocity_rows, times(v_M, C_M), times(d_K, C_K))

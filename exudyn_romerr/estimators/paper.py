@@ -103,4 +103,6 @@ class Convolution(Fast):
         hi = block.t[:, None] - (ends - lengths)
         lo = np.maximum(block.t[:, None] - ends, 0.0)
         past = ends <= block.t[:, None]
-        return np.where(past, table(lo, np.maximum(hi, lo)), 0.0) @ added
+        finite = np.isfinite(added)
+        sums = np.where(past, table(lo, np.maximum(hi, lo)), 0.0)[:, finite] @ added[finite]
+        return np.where(past[:, ~finite].any(axis=1), np.inf, sums)
