@@ -70,7 +70,8 @@ def measure(case):
     e, e_t = q - qr @ case.basis.V.T, q_t - qr_t @ case.basis.V.T
     omega = case.exact.omega
     floor = FLOOR + PENCIL * (omega[-1] / omega[0]) ** 2
-    static = np.linalg.solve(case.model.K, case.B @ case.u.at(report.t).T).T
+    loads = np.vstack([case.u.at(report.t), case.u.start])
+    static = np.linalg.solve(case.model.K, case.B @ loads.T).T
     energy = max(omega[0] * np.max(mass_norm(case, np.vstack([q, static]))), np.max(mass_norm(case, q_t)))
     found = [
         compared("position", mass_norm(case, e), report.position_bound, energy / omega[0], floor),
