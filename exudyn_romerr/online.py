@@ -10,7 +10,8 @@ import numpy as np
 from .assemble import assemble
 from .errors import InputError, RunError, check_finite
 from .estimators.base import Start
-from .reconstruct import ROUNDING, Linear, Quintic, Samples, make_jumps
+from .reconstruct import ROUNDING, Linear, Quintic
+from .samples import Samples, make_jumps
 from .stream import Stream
 
 if TYPE_CHECKING:

@@ -13,62 +13,19 @@ import numpy as np
 
 from .bezier import AT_CHECKS, CHECKS, FROM_NODES, NODES, hermite_controls, subdivided
 from .estimators.base import Block
+from .samples import by_steps, piece_ends, without_empty
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from .inputs import InputSignal
     from .residual import Coordinates
+    from .samples import Jump, Samples
 
-SNAP = 1e-9  # of a step: a jump this close to a sample is at the sample; solvers add up their steps
 SAFETY = 2.0  # what lies between the checks may be larger than at them
 SHORT = 0.02  # rad of the first mode per step: below, rounding of q'' from differences of q is looked at
 LONG = 0.2  # rad of the first mode per knot interval: longer ones are not tried
 ROUNDING = 0.1  # of the variation of R: above, fewer samples are taken as knots, and the report speaks of it
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Consecutive samples: t (S,), q, q_t, q_tt (S, n), u (S, p)."""
-
-    t: np.ndarray
-    q: np.ndarray
-    q_t: np.ndarray
-    q_tt: np.ndarray
-    u: np.ndarray
-
-    def after(self, last: Samples) -> Samples:
-        """Return these samples with the last one of `last` before them."""
-        pairs = zip(vars(last).values(), vars(self).values(), strict=True)
-        return Samples(*(np.concatenate([before[-1:], new]) for before, new in pairs))
-
-    def part(self, which: slice) -> Samples:
-        """Return some of the samples."""
-        return Samples(*(x[which] for x in vars(self).values()))
-
-
-@dataclass(frozen=True)
-class Jump:
-    """A load jump at time t: inputs u_left before and u_right after it (p,), dq_tt = q''_right - q''_left (n,)."""
-
-    t: float
-    u_left: np.ndarray
-    u_right: np.ndarray
-    dq_tt: np.ndarray
-
-    def is_before(self, t: float, u: np.ndarray) -> bool:
-        """Whether a sample at t with input u was taken before the jump."""
-        at_left = np.linalg.norm(u - self.u_left) < np.linalg.norm(u - self.u_right)
-        return t < self.t or (t == self.t and bool(at_left))
-
-
-def make_jumps(times: Sequence[float], signal: InputSignal, response: np.ndarray) -> list[Jump]:
-    """Read the one-sided inputs at jump times; response (n, p) is the jump of qr'' per jump of u."""
-    jumps = []
-    for t in sorted(times):
-        left, right = signal.at(np.nextafter(t, -np.inf)), signal.at(np.nextafter(t, np.inf))
-        jumps.append(Jump(float(t), left, right, response @ (right - left)))
-    return jumps
 
 
 class Linear:
@@ -79,7 +36,7 @@ class Linear:
 
     def __call__(self, samples: Samples) -> tuple[Block, np.ndarray]:
         """Return the segments of all steps, and the index of the segment that ends each step."""
-        return _by_steps(samples, self.jumps, self._smooth, self._with_jumps)
+        return by_steps(samples, self.jumps, self._smooth, self._with_jumps)
 
     def _smooth(self, s: Samples) -> Block:
         z = self.layout(s.q, s.q_t, s.q_tt, s.u)
@@ -91,12 +48,12 @@ class Linear:
         zero = np.zeros_like(s.q[0])
         offsets = np.cumsum([self.layout(zero, zero, j.dq_tt, j.u_right - j.u_left) for j in here], axis=0)
         offsets = np.vstack([np.zeros_like(z0), offsets])
-        edges = _edges(s.t, here)
+        edges = piece_ends(s.t, here)
         share = ((edges - s.t[0]) / (s.t[1] - s.t[0]))[:, None]
         line = z0 + share * (z1 - offsets[-1] - z0)
         controls = np.stack([line[:-1] + offsets, line[1:] + offsets], axis=1)
         controls[-1, -1] = z1
-        return _without_empty(edges, controls, self.layout.p)
+        return without_empty(edges, controls, self.layout.p)
 
 
 @dataclass(frozen=True)
@@ -144,7 +101,7 @@ class Quintic:
 
     def __call__(self, samples: Samples) -> tuple[Block, np.ndarray]:
         """Return the segments of all steps, and the index of the segment that ends each step."""
-        return _by_steps(samples, self.jumps, self._smooth, self._with_jumps)
+        return by_steps(samples, self.jumps, self._smooth, self._with_jumps)
 
     def _smooth(self, s: Samples) -> Block:
         every = np.arange(len(s.t))
@@ -193,7 +150,7 @@ class Quintic:
     def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
         # a sample that coincides with a jump has the acceleration of one side: each step takes that of its own side
         q_tt = s.q_tt.copy()
-        edges = _edges(s.t, here)
+        edges = piece_ends(s.t, here)
         q_tt[0] += sum(j.dq_tt for j, t in zip(here, edges[1:-1], strict=True) if t == s.t[0])
         q_tt[1] -= sum(j.dq_tt for j, t in zip(here, edges[1:-1], strict=True) if t == s.t[1])
         shares = (edges - s.t[0]) / (s.t[1] - s.t[0])
@@ -202,7 +159,7 @@ class Quintic:
         starts = np.vstack([s.u[:1], *(j.u_right[None] for j in here)])
         ends = np.vstack([*(j.u_left[None] for j in here), s.u[1:]])
         u, missed, variation = self._inputs(edges[:-1], np.diff(edges), starts, ends)
-        return _without_empty(edges, self.layout(*pieces, u), self.layout.p, missed, variation)
+        return without_empty(edges, self.layout(*pieces, u), self.layout.p, missed, variation)
 
     def _inputs(self, start, h, first, last) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Control points (S, 6, p) of the inputs' interpolant with given ends; bounds of what it misses."""
@@ -220,33 +177,6 @@ class Quintic:
         return controls, SAFETY * miss.max(axis=1), SAFETY * 2 * miss.sum(axis=1)
 
 
-def _by_steps(s: Samples, jumps: Sequence[Jump], smooth: Callable, with_jumps: Callable) -> tuple[Block, np.ndarray]:
-    """Segments of all steps: the smooth ones at once, those that hold jumps one by one."""
-    before = np.array([[jump.is_before(t, u) for t, u in zip(s.t, s.u, strict=True)] for jump in jumps], dtype=bool)
-    crossed = before[:, :-1] & ~before[:, 1:] if len(jumps) else np.zeros((0, len(s.t) - 1), dtype=bool)
-    special = np.flatnonzero(crossed.any(axis=0))
-    if not special.size:
-        return smooth(s), np.arange(len(s.t) - 1)
-    blocks, ends, first = [], [], 0
-    for step in [*special.tolist(), len(s.t) - 1]:
-        if step > first:
-            blocks.append(smooth(s.part(slice(first, step + 1))))
-            ends.extend([1] * (step - first))
-        if step < len(s.t) - 1:
-            here = [jump for jump, hit in zip(jumps, crossed[:, step], strict=True) if hit]
-            blocks.append(with_jumps(s.part(slice(step, step + 2)), here))
-            ends.append(len(blocks[-1].h))
-        first = step + 1
-    return Block.joined(blocks), np.cumsum(ends) - 1
-
-
-def _edges(t: np.ndarray, here: list[Jump]) -> np.ndarray:
-    """Ends of the pieces of a step."""
-    near = SNAP * (t[1] - t[0])
-    inner = [t[0] if jump.t <= t[0] + near else t[1] if jump.t >= t[1] - near else jump.t for jump in here]
-    return np.array([t[0], *inner, t[1]])
-
-
 def _cut(t: np.ndarray, knots: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Control points (S, 6, n) between all samples of curves given between knots."""
     interval = np.searchsorted(knots, np.arange(len(t) - 1), side="right") - 1
@@ -259,11 +189,3 @@ def _cut(t: np.ndarray, knots: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 def _block(t, h, c, p: int) -> Block:
     return Block(t, h, c, np.zeros((len(h), p)), np.zeros((len(h), p)))
-
-
-def _without_empty(edges: np.ndarray, c: np.ndarray, p: int, *missed: np.ndarray) -> Block:
-    """Segments between edges; those of no length (a jump at a sample) are left out."""
-    h = np.diff(edges)
-    kept = h > 0
-    missed = [x[kept] for x in missed] or np.zeros((2, int(kept.sum()), p))
-    return Block(edges[1:][kept], h[kept], c[kept], *missed)

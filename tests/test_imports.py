@@ -5,7 +5,7 @@ errors factor matrices oscillator modes space body basis outputs kernels lagtabl
 products residual recurrence inputs propagate forgetting split problem matrix_exponential
 estimators.base estimators.paper estimators.energy estimators.auxiliary estimators.output_kernel
 estimators.static estimators
-bezier reconstruct stream plan plot report assemble offline online evaluate
+samples bezier reconstruct stream plan plot report assemble offline online evaluate
 mbs.scene mbs.gather mbs.hook mbs.watch mbs.bodies mbs.monitor mbs
 study __main__
 """.split()
