@@ -1,6 +1,8 @@
 """The first bound: a reduced body in Exudyn, and two lines that tell how wrong its tip displacement is.
 
-python examples/first_bound.py [FOLDER]     prints the bound, writes FOLDER/first_bound.png (default: examples/results)
+    python examples/first_bound.py [FOLDER]     prints the bound, writes FOLDER/first_bound.png
+
+FOLDER is examples/results if left out.
 """
 
 import sys
@@ -32,7 +34,10 @@ def simulate(steps: int = 400) -> romerr.BoundReport:
     return monitor.report()  # line two
 
 
-def main(folder: str | Path = Path(__file__).resolve().parent / "results", steps: int = 400) -> romerr.BoundReport:
+RESULTS = Path(__file__).resolve().parent / "results"
+
+
+def main(folder: str | Path = RESULTS, steps: int = 400) -> romerr.BoundReport:
     """Print the report, with the true error beside it, and save its picture."""
     report = simulate(steps)
     body, inputs, tip = linkage.build()

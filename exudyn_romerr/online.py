@@ -34,7 +34,7 @@ class Run:
     def __init__(self, offline: Offline):
         self.offline = offline
         self.messages: list[str] = []
-        self.defect = 0.0
+        self._left = self._terms = 0.0  # what is left of W^T R, and the largest of its terms
         self.end_time: float | None = None  # where the solver was to go, if known
         self._t: list[np.ndarray] = []
         self._values: list[np.ndarray] = []
@@ -68,7 +68,7 @@ class Run:
             for name, stream in self._streams.items():
                 stream.go_on(after._streams[name])
             self.messages.append(f"continues the run before from t = {t:g} s")
-            self.defect = after.defect
+            self._left, self._terms = after._left, after._terms
         self._record(first)
 
     def extend(self, t, q, q_t, q_tt, u=None) -> None:
@@ -91,6 +91,11 @@ class Run:
         """Return the smallest bound of each output (r,) at the last step given."""
         best = self._total.best_now()
         return {out.name: best[part] for out, part in zip(self.offline.outputs, self.offline.slices, strict=True)}
+
+    @property
+    def defect(self) -> float:
+        """Galerkin defect: the largest W^T R over the largest of its terms, so far."""
+        return self._left / self._terms if self._terms else 0.0
 
     @property
     def time(self) -> str:
@@ -220,9 +225,8 @@ class Run:
 
     def _measure_defect(self, z: np.ndarray) -> None:
         rows = self.offline.galerkin
-        terms = np.max(np.abs(z) @ np.abs(rows).T)
-        if terms > 0:
-            self.defect = max(self.defect, float(np.max(np.abs(z @ rows.T)) / terms))
+        self._left = max(self._left, float(np.max(np.abs(z @ rows.T))))
+        self._terms = max(self._terms, float(np.max(np.abs(z) @ np.abs(rows).T)))
 
 
 class StaticRun(Run):

@@ -84,7 +84,7 @@ class ModalOscillators:
         degree = F.shape[1] - 1
         rounding = 16 * np.finfo(float).eps * max(abs(t[-1]), abs(t[0] - h[0]))
         if np.ptp(h) <= rounding:  # equal steps, but for rounding of t
-            A, W = self._equal_step(degree, float(np.mean(h)), rounding)
+            A, W = self._equal_step(degree, float(np.mean(h)), rounding / len(h))
             driven = np.einsum("cjm,sjm->scm", W, F)
             driven[0] += _apply(A, state)
             return _scan(A, driven)

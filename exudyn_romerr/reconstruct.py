@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .residual import Coordinates
     from .samples import Jump, Samples
 
-SAFETY = 2.0  # what lies between the checks may be larger than at them
+SAFETY = 6.0  # what lies between the checks may be larger: a single kink at its worst place 2.6 times
 SHORT = 0.02  # rad of the first mode per step: below, rounding of q'' from differences of q is looked at
 LONG = 0.2  # rad of the first mode per knot interval: longer ones are not tried
 ROUNDING = 0.1  # of the variation of R: above, fewer samples are taken as knots, and the report speaks of it

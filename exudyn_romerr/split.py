@@ -41,7 +41,7 @@ class Split:
         modes = body.modes(check_count("auxiliary_modes", asked, body.free.size, "free coordinates; or 'auto'"))
         self.omega, self.P, self.cut = modes.omega, modes.shapes, modes.cut
         self.CP = problem.C @ self.P
-        self.PL = self.P.T @ self._columns()
+        self.PL = self._projected_columns()
 
     @cached_property
     def C_K(self) -> np.ndarray:
@@ -104,12 +104,15 @@ class Split:
     def _rest_C_K(self) -> np.ndarray:
         return _without(self._modes_K, self._problem.Y_C_K)
 
-    def _columns(self) -> np.ndarray:
-        problem = self._problem
+    def _projected_columns(self) -> np.ndarray:
+        """P^T [L, K q0, M q0'], with Omega^2 P^T M in place of P^T K, which cancels."""
+        problem, layout, MP = self._problem, self._problem.map.coordinates, self._problem.body.M @ self.P
+        PL = self.P.T @ problem.map.L
+        PL[:, layout.stiffness_slot] = self.omega[:, None] ** 2 * (MP.T @ problem.V)
         if problem.initial_state is None:
-            return problem.map.L
+            return PL
         q0, q0_t = problem.initial_state
-        return np.column_stack([problem.map.L, problem.body.K @ q0, problem.body.M @ q0_t])
+        return np.column_stack([PL, self.omega**2 * (MP.T @ q0), MP.T @ q0_t])
 
     def _auto_count(self) -> int:
         """Smallest m with |C|_rest <= 5 % of |C|_{K^-1} for every output, at most 60."""

@@ -41,33 +41,43 @@ class Auxiliary:
         self.CP, self.C_K, self.C_M = split.CP, split.C_K, split.C_M
         self.static_rows = np.where(problem.velocity_rows[:, None], 0.0, split.static_rows)
         self.velocity_rows = problem.velocity_rows
-        self.mode_residual = split.mode_residual
+        self.mode_residual, self.beta = split.mode_residual, problem.body.rayleigh[1]
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.growth = self.growth.started(start, self.start_norms)
         omega = self.oscillators.omega
         self.state = np.zeros((2, len(omega)))
+        self.rounding = self.missed = np.zeros(len(omega))
         if start.y0 is not None:  # eta = P^T M e0 = Omega^-2 P^T K e0, eta' = P^T M e0'
             rows = self.start_rows[:, : len(start.y0)]
             self.state = np.array([rows @ start.y0 / omega**2, rows @ start.y0_t])
-        self.missed = np.zeros(len(omega))
-        self.rounding = EPS * _amplitude(self.state[None], omega)[0]
+            terms = np.abs(rows) @ np.abs(start.y0) / omega**2 + np.abs(rows) @ np.abs(start.y0_t) / omega
+            self.rounding = 8 * EPS * terms
         return self._bounds(start.z[None], self.state[None], self.growth.at_start(), self.rounding[None])
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         states = self.oscillators.advance(self.state, block.t, block.h, rows_times(block.c, self.forcing.T))
         self.growth, g, g_jump = self.growth.advanced(block)
-        omega = self.oscillators.omega
-        # each segment rounds by a few units in the last place, its angle omega h too, and turns by the error of the
-        # computed frequency
-        angle = omega * block.h[:, None]
-        turned = 8 * EPS * (1 + angle) + self.mode_residual * angle
-        rounding = self.rounding + np.cumsum(turned * _amplitude(states, omega), axis=0)
+        rounding = self.rounding + np.cumsum(self._rounding_of(block, states, g), axis=0)
         self.state, self.rounding = states[-1], rounding[-1]
         unresolved = self._unresolved(block)
         return self._bounds(block.c[:, -1], states, (g, g_jump), rounding + unresolved)
+
+    def _rounding_of(self, block: Block, states: np.ndarray, g: np.ndarray) -> np.ndarray:
+        """Estimated error (S, m) that every segment adds to eta.
+
+        A few units in the last place of its amplitude, of the angle omega h and of the terms of -P^T R, which cancel;
+        and what inexact modes feel of the whole error, |K phi - omega^2 M phi|_{K^-1} (|e|_K + beta |e'|_K).
+        """
+        omega, h = self.oscillators.omega, block.h[:, None]
+        terms = rows_times(np.abs(block.c).max(axis=1), np.abs(self.forcing).T)
+        added = 8 * EPS * ((1 + omega * h) * _amplitude(states, omega) + terms * h / omega)
+        d_K, _, _ = smallest(self.rates, g)
+        strained = row_norms((np.abs(states[:, 0]) + self.beta * np.abs(states[:, 1])) * omega)
+        whole = strained + d_K + self.growth.norm(block.c[:, -1])
+        return added + h * self.mode_residual * whole[:, None]
 
     def _bounds(self, z, states, growth, inexact) -> Bounds:
         g, g_jump = growth
