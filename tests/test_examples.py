@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from examples import error_against_run_time, fundamental_matrix_norms, hump, linkage_scene, suspension_linkage
+from examples import (
+    error_against_run_time,
+    first_bound,
+    fundamental_matrix_norms,
+    hump,
+    linkage_scene,
+    suspension_linkage,
+)
 from models import exact, linkage
 
 SHORT = 0.03  # s simulated: the largest reduction error of the linkage comes within the first 10 ms
@@ -162,3 +169,13 @@ def test_fundamental_matrix_norms_agree_with_the_exponential(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "extrapolated from 2" in printed
     assert float(re.search(r"agree to (\S+) of", printed)[1]) < 1e-5
+
+
+def test_first_bound_prints_the_bound_and_draws_it(tmp_path, capsys):
+    report = first_bound.main(tmp_path, steps=200)
+    out = report.output("tip z")
+    # 200 steps of 10 ms: the error is that of the time step, which the sampled residual cannot see
+    assert np.all(np.abs(out.error) <= out.bound["best"] + CLOSED_FORM * np.abs(out.value).max())
+    assert out.effectivity["best"][0] < 1.2
+    assert "from the step size, not the basis" in capsys.readouterr().out
+    assert (tmp_path / "first_bound.png").read_bytes()[:4] == PNG

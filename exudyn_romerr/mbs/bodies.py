@@ -96,6 +96,7 @@ def add_reduced_body(
         Input matrix B.
     input_function : callable, optional
         f(t) -> (p,), or a float if p = 1. Exudyn calls it in every evaluation of the equations of motion.
+        It must depend on t only: the bounds call it again, in blocks, after the steps were made.
     initial : ((N,), (N,)), optional
         Full-order initial displacement and velocity; their projections (31)-(32) start the reduced body.
 

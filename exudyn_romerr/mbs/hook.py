@@ -45,7 +45,9 @@ class StepHook:
         self._static_solver = static or self._static_solver
         for watch in self.watches:
             watch.begin(mbs, static is not None)
-        return self._new_arrays(mbs.systemData.ODE2Size())
+        # load steps are few, and their loads may be changed before the next solve asks for a block
+        at_once = static is not None or any(watch.tolerance for watch in self.watches)
+        return self._new_arrays(mbs.systemData.ODE2Size(), at_once)
 
     def flush(self) -> bool:
         """Evaluate the rows stored so far; False if the solve is to be stopped."""
@@ -76,8 +78,8 @@ class StepHook:
         """Whether Exudyn calls this hook: directly, or through a function that did so in the last solve."""
         return slot_function(mbs) is self._occupant
 
-    def _new_arrays(self, size: int) -> tuple[np.ndarray, ...]:
-        rows = 1 if any(watch.tolerance for watch in self.watches) else min(BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
+    def _new_arrays(self, size: int, at_once: bool) -> tuple[np.ndarray, ...]:
+        rows = 1 if at_once else min(BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
         return np.empty(rows), *(np.empty((rows, size)) for _ in range(3))
 
 
