@@ -10,6 +10,7 @@ import numpy as np
 from .assemble import assemble
 from .errors import InputError, RunError, check_finite
 from .estimators.base import Start
+from .products import row_norms
 from .reconstruct import ROUNDING, Linear, Quintic
 from .samples import Samples, make_jumps
 from .stream import Stream
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
     from .offline import Offline
     from .report import BoundReport
 
-BLOCK = 512  # steps evaluated at once: large enough for matrix products, small enough to stay in the cache
+BLOCK = (
+    1024  # steps evaluated at once: Python's share of 512 costs 8 % more, of 128 90 %; larger blocks leave the cache
+)
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it a load was missed, or the solver's tolerance is coarse
 IN_THE_SPAN = (
     "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
@@ -182,7 +185,7 @@ class Run:
         if block.skipped is None:
             return None
         dq, dq_t = block.skipped[step_end, 0], block.skipped[step_end, 1]
-        position, velocity = (np.linalg.norm(x @ self.offline.mass_root.T, axis=1) for x in (dq, dq_t))
+        position, velocity = (row_norms(x @ self.offline.mass_root.T) for x in (dq, dq_t))
         return position, velocity, np.abs(self._outputs_of(dq, dq_t))
 
     def _outputs_of(self, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:

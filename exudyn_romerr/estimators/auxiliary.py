@@ -60,24 +60,24 @@ class Auxiliary:
         """Go on by one block; return the bounds at the ends of its segments."""
         states = self.oscillators.advance(self.state, block.t, block.h, rows_times(block.c, self.forcing.T))
         self.growth, g, g_jump = self.growth.advanced(block)
-        rounding = self.rounding + np.cumsum(self._rounding_of(block, states, g), axis=0)
-        self.state, self.rounding = states[-1], rounding[-1]
-        unresolved = self._unresolved(block)
-        return self._bounds(block.c[:, -1], states, (g, g_jump), rounding + unresolved)
+        self.rounding = self.rounding + self._rounding_of(block, states, g)
+        self.state = states[-1]
+        return self._bounds(block.c[:, -1], states, (g, g_jump), self.rounding + self._unresolved(block))
 
     def _rounding_of(self, block: Block, states: np.ndarray, g: np.ndarray) -> np.ndarray:
-        """Estimated error (S, m) that every segment adds to eta.
+        """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.
 
         A few units in the last place of its amplitude, of the angle omega h and of the terms of -P^T R, which cancel;
         and what inexact modes feel of the whole error, |K phi - omega^2 M phi|_{K^-1} (|e|_K + beta |e'|_K).
         """
-        omega, h = self.oscillators.omega, block.h[:, None]
-        terms = rows_times(np.abs(block.c).max(axis=1), np.abs(self.forcing).T)
-        added = 8 * EPS * ((1 + omega * h) * _amplitude(states, omega) + terms * h / omega)
-        d_K, _, _ = smallest(self.rates, g)
-        strained = row_norms((np.abs(states[:, 0]) + self.beta * np.abs(states[:, 1])) * omega)
-        whole = strained + d_K + self.growth.norm(block.c[:, -1])
-        return added + h * self.mode_residual * whole[:, None]
+        omega, duration = self.oscillators.omega, block.h.sum()
+        eta, eta_t = np.abs(states).max(axis=0)
+        terms = np.abs(self.forcing) @ np.abs(block.c).max(axis=(0, 1))
+        added = 8 * EPS * ((len(block.h) + omega * duration) * (eta + eta_t / omega) + duration / omega * terms)
+        d_K = smallest(self.rates, g)[0].max()
+        static = float(self.growth.norm(block.c[-1, -1])) + (g[0].max() if len(g) else 0.0)  # the variation is in g
+        whole = float(row_norms((eta + self.beta * eta_t) * omega)) + d_K + static
+        return added + duration * self.mode_residual * whole
 
     def _bounds(self, z, states, growth, inexact) -> Bounds:
         g, g_jump = growth
@@ -103,8 +103,3 @@ class Auxiliary:
         total = self.missed + np.cumsum(impulse, axis=0)
         self.missed = total[-1]
         return total
-
-
-def _amplitude(states: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """|eta| + |eta'|/omega, (S, m): the size of the oscillation."""
-    return np.abs(states[:, 0]) + np.abs(states[:, 1]) / omega

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,10 +74,14 @@ class Block:
 
         Inside: the length of the control polygon. before (k,): z at the end of the segment before this block.
         """
-        inside = norm(np.diff(self.c, axis=1)).sum(axis=1)
+        inside = norm(self._polygon).sum(axis=1)
         steps = self.c[:, 0] - np.vstack([before, self.c[:-1, -1]])
         jumps = norm(steps) if steps.any() else np.zeros(len(self.h))
         return inside + self.unresolved_variation @ self.input_norms(norm), jumps
+
+    @cached_property
+    def _polygon(self) -> np.ndarray:
+        return np.diff(self.c, axis=1)
 
     def input_norms(self, norm: Callable) -> np.ndarray:
         """Norms (p,) of the columns of B."""
