@@ -17,6 +17,16 @@ def _bernstein(x: np.ndarray) -> np.ndarray:
     return binomials * x[:, None] ** j * (1 - x[:, None]) ** (DEGREE - j)
 
 
+def _elevation(degree: int) -> np.ndarray:
+    """Matrix (6, degree + 1): control points of a polynomial to those of the same one as degree 5."""
+    matrix = np.eye(degree + 1)
+    for d in range(degree + 1, DEGREE + 1):
+        share = (np.arange(1, d) / d)[:, None]
+        matrix = np.concatenate([matrix[:1], share * matrix[:-1] + (1 - share) * matrix[1:], matrix[-1:]])
+    return matrix
+
+
+RAISE = {degree: _elevation(degree) for degree in (3, 4)}
 FROM_NODES = np.linalg.inv(_bernstein(NODES))  # values at NODES -> control points
 AT_CHECKS = _bernstein(CHECKS)  # control points -> values at CHECKS
 
@@ -42,15 +52,11 @@ def hermite_controls(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarra
     velocity = [v0, v0 + h * a0 / 4, middle, v1 - h * a1 / 4, v1]
     bend = 20 * dq / h**2
     acceleration = [a0, bend - (8 * v1 + 12 * v0) / h + a1 - 2 * a0, -bend + (12 * v1 + 8 * v0) / h + a0 - 2 * a1, a1]
-    return np.stack(position, axis=1), _raised(np.stack(velocity, axis=1)), _raised(np.stack(acceleration, axis=1))
-
-
-def _raised(c: np.ndarray) -> np.ndarray:
-    """Control points (S, 6, n) of the same polynomials, given (S, d + 1, n)."""
-    for d in range(c.shape[1], DEGREE + 1):
-        share = (np.arange(1, d) / d)[:, None]
-        c = np.concatenate([c[:, :1], share * c[:, :-1] + (1 - share) * c[:, 1:], c[:, -1:]], axis=1)
-    return c
+    return (
+        np.stack(position, axis=1),
+        RAISE[4] @ np.stack(velocity, axis=1),
+        RAISE[3] @ np.stack(acceleration, axis=1),
+    )
 
 
 def subdivided(c: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from .offline import Offline
     from .report import BoundReport
 
-BLOCK = (
-    1024  # steps evaluated at once: Python's share of 512 costs 8 % more, of 128 90 %; larger blocks leave the cache
-)
+BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it a load was missed, or the solver's tolerance is coarse
 IN_THE_SPAN = (
     "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
