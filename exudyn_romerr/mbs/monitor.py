@@ -148,12 +148,13 @@ def attach(
     _check_body(mbs, flex)
     if hook is not None and not callable(hook):
         raise InputError(f"hook={hook!r}; needed: a function (mbs, t) -> bool")
+    _refuse_sensors(outputs)
     offline = prepare(
         flex.body,
         flex.basis,
         inputs=flex.inputs,
         input_function=flex.input_function,
-        outputs=_checked_outputs(outputs),
+        outputs=outputs,
         initial=flex.initial if initial is None else initial,
         jumps=jumps,
         estimators=estimators,
@@ -175,16 +176,13 @@ def _check_body(mbs: Any, flex: Any) -> None:
         raise InputError("flex was added to another mbs than the one passed to attach; pass flex.mbs")
 
 
-def _checked_outputs(outputs: Any) -> list[Output]:
-    if not isinstance(outputs, list | tuple):
-        raise InputError(f"outputs is a {type(outputs).__name__}; needed: a list of Output")
-    for out in outputs:
+def _refuse_sensors(outputs: Any) -> None:
+    for out in outputs if isinstance(outputs, list | tuple) else ():
         if isinstance(out, Integral | exu.SensorIndex):
             raise InputError(
                 f"outputs contains sensor {int(out)}; a sensor on NodeGenericODE2 shows reduced coordinates, "
                 "no output of the full model: pass Output or node_displacement(...) instead"
             )
-    return list(outputs)
 
 
 def _checked_tolerance(tolerance: Any, names: Sequence[str]) -> dict[str, float]:
