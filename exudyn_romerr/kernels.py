@@ -5,7 +5,6 @@ Every kernel has the contract of `Kernel`. No matrix exponential is formed; see 
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -183,7 +182,7 @@ class EnvelopeKernel(Kernel):
         self.envelopes = [(float(self.amplitude12[0]), float(self.rate[0]))] if k == 1 else []
 
     def _largest(self, amplitude, t):
-        decay = partial(np.multiply.outer, self.rate)(np.asarray(t, dtype=float))
+        decay = np.multiply.outer(self.rate, np.asarray(t, dtype=float))
         return np.max(np.exp(-decay) * amplitude.reshape(-1, *[1] * np.ndim(t)), axis=0)
 
     def phi11(self, t):

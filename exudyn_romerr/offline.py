@@ -87,28 +87,16 @@ def prepare(
     ------
     InputError, AssumptionError
     """
-    options = {
+    check_choice("time", time, TIMES)
+    of_problem = {
         "inputs": inputs,
-        "input_function": input_function,
         "outputs": outputs,
-        "jumps": jumps,
-        "estimators": estimators,
         "residual": residual,
         "kernels": kernels,
-        "time": time,
         "auxiliary_modes": auxiliary_modes,
     }
-    check_choice("time", time, TIMES)
-    problem = Problem(
-        body,
-        basis,
-        inputs=inputs,
-        outputs=outputs,
-        initial=initial,
-        residual=residual,
-        kernels=kernels,
-        auxiliary_modes=auxiliary_modes,
-    )
+    of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time}
+    problem = Problem(body, basis, initial=initial, **of_problem)
     names = _checked_estimators(estimators, body)
     if input_function is not None and not problem.B.shape[1]:
         raise InputError("input_function was given without inputs=B, the matrix it multiplies; pass both or neither")
@@ -133,7 +121,7 @@ def prepare(
         time=time,
         total_mass=body.total_mass,
         plan=_plan(problem, names, time, estimators),
-        from_static=lambda: prepare(body, basis, **(options | {"initial": "equilibrium"})),
+        from_static=lambda: prepare(body, basis, initial="equilibrium", **of_problem, **of_run),
         static=lambda: StaticError(problem),
     )
 

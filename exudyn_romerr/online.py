@@ -80,11 +80,11 @@ class Run:
         if not new.t.size:
             return
         samples = new.after(self._last)
-        for name, segmenter in self._segmenters.items():
-            block, step_end = segmenter(samples)
+        segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
+        for name, (block, step_end) in segments.items():
             self._streams[name].advance(block, step_end, self._widening(block, step_end))
         if "initial" in self._streams:
-            block, step_end = self._segmenters["reduction"](samples)
+            block, step_end = segments["reduction"]
             self._streams["initial"].advance(replace(block, c=0 * block.c), step_end)
         self._record(new)
 

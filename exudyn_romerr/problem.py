@@ -137,8 +137,12 @@ class Problem:
 
     @cached_property
     def static_rows(self) -> np.ndarray:
-        """C K^-1 L (R, k): outputs of the static reconstruction K^-1 R."""
-        return self.Y_C_K.T @ self.Y_K[:, : self.map.coordinates.k]
+        """C K^-1 L (R, k): outputs of the static reconstruction K^-1 R, which has no velocity."""
+        return self.of_displacements(self.Y_C_K.T @ self.Y_K[:, : self.map.coordinates.k])
+
+    def of_displacements(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows (R, k) with those of velocity outputs zero."""
+        return np.where(self.velocity_rows[:, None], 0.0, rows)
 
     @cached_property
     def round_off(self) -> np.ndarray:

@@ -80,8 +80,9 @@ class Split:
 
     @cached_property
     def static_rows(self) -> np.ndarray:
-        """C K^-1 L_rest (R, k)."""
-        return self._rest_C_K.T @ self._problem.Y_K[:, : self._problem.map.coordinates.k]
+        """C K^-1 L_rest (R, k), zero for velocity outputs."""
+        problem = self._problem
+        return problem.of_displacements(self._rest_C_K.T @ problem.Y_K[:, : problem.map.coordinates.k])
 
     @cached_property
     def mode_residual(self) -> np.ndarray:

@@ -39,7 +39,7 @@ class Auxiliary:
         self.forcing = -split.PL[:, : problem.map.coordinates.k]
         self.start_rows = split.PL
         self.CP, self.C_K, self.C_M = split.CP, split.C_K, split.C_M
-        self.static_rows = np.where(problem.velocity_rows[:, None], 0.0, split.static_rows)
+        self.static_rows = split.static_rows
         self.velocity_rows = problem.velocity_rows
         self.mode_residual, self.beta = split.mode_residual, problem.body.rayleigh[1]
 

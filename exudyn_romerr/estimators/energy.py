@@ -33,7 +33,7 @@ class Energy:
         self.growth = Growth(problem.norm_K, self.rates)
         self.norm_static = problem.norm_static
         self.start_norms = problem.start_norms
-        self.static_rows = np.where(problem.velocity_rows[:, None], 0.0, problem.static_rows)
+        self.static_rows = problem.static_rows
         self.C_K, self.C_M = problem.C_K, problem.C2
         self.velocity_rows = problem.velocity_rows
 

@@ -63,8 +63,7 @@ class OutputConvolution(Convolution):
         bounds = super().advance(block)
         if self.table is None:
             self._remember(block)
-        initial = self.initial
-        free = self.kernel.free_motion(block.t - self.t0, initial.e_M, initial.e_K, initial.v_M)
+        free = self._free_motion(block.t - self.t0)
         outputs = bounds.outputs.copy()
         for row, table in self.tables.items():
             own = self.C2[row] * free + self._summed(block, table)

@@ -78,9 +78,11 @@ class Convolution(Fast):
             forced = np.zeros_like(t)
         else:
             forced = self._by_recurrence(block) if self.table is None else self._by_history(block)
-        initial = self.initial
-        free = self.kernel.free_motion(t, initial.e_M, initial.e_K, initial.v_M)
-        return np.minimum(fast, free + forced), velocity
+        return np.minimum(fast, self._free_motion(t) + forced), velocity
+
+    def _free_motion(self, t: np.ndarray) -> np.ndarray:
+        """Bounds (S,) of the initial error's share of |e|_M, times t (S,) after the start."""
+        return self.kernel.free_motion(t, self.initial.e_M, self.initial.e_K, self.initial.v_M)
 
     def _by_recurrence(self, block: Block) -> np.ndarray:
         added = block.integral(self.norm)

@@ -19,7 +19,7 @@ class StaticError:
 
     def __init__(self, problem: Problem):
         self.norm = problem.norm_static
-        self.rows = np.where(problem.velocity_rows[:, None], 0.0, problem.static_rows)
+        self.rows = problem.static_rows
 
     def __call__(self, z: np.ndarray) -> Bounds:
         """Return the errors at load steps z (S, k)."""
