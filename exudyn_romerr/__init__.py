@@ -13,6 +13,7 @@ from .evaluate import Trajectory, evaluate
 from .outputs import (
     Output,
     mean_displacement,
+    mean_rotation,
     node_displacement,
     node_rotation,
     node_velocity,
@@ -20,11 +21,11 @@ from .outputs import (
 )
 from .report import BoundReport, OutputReport, load_report
 from .residual import initial_coordinates, initial_error
-from .space import MeanMotion, mean_motion
+from .space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
 
 __version__ = "0.1.0"
 
-_NEEDS_EXUDYN = {"add_reduced_body": "mbs", "attach": "mbs"}
+_NEEDS_EXUDYN = {"add_reduced_body": "mbs", "attach": "mbs", "floating_body": "mbs"}
 
 __all__ = [
     "AssumptionError",
@@ -33,6 +34,7 @@ __all__ = [
     "Constants",
     "ElasticBody",
     "InputError",
+    "MassOrthogonal",
     "MeanMotion",
     "Output",
     "OutputReport",
@@ -42,13 +44,16 @@ __all__ = [
     "add_reduced_body",
     "attach",
     "evaluate",
+    "floating_body",
     "gramian_basis",
     "initial_coordinates",
     "initial_error",
     "krylov_basis",
     "load_report",
+    "mass_orthogonal",
     "mean_displacement",
     "mean_motion",
+    "mean_rotation",
     "modal_basis",
     "node_displacement",
     "node_rotation",

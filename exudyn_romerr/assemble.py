@@ -10,25 +10,27 @@ from .report import BoundReport, OutputReport
 
 if TYPE_CHECKING:
     from .estimators.base import Bounds
+    from .offline import Offline
     from .online import Run
     from .outputs import Output
+    from .views import View
 
 
 def assemble(run: Run) -> BoundReport:
     """Return the report of what the run has bounded so far."""
     offline, streams = run.offline, run.streams()
-    t, values, round_off = run.samples()
+    t, values, round_off, frames = run.samples()
     total = streams["total"]
-    outputs = {
-        out.name: _output_report(out, values[:, part], round_off[:, part], _rows_of(streams, part))
-        for out, part in zip(offline.outputs, offline.slices, strict=True)
-    }
+    outputs = {}
+    for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
+        rows = (values[:, part], round_off[:, part], _rows_of(streams, part))
+        outputs[out.name] = _output_report(out, *(rows if view is None else _seen(view, rows, frames, offline)))
     return BoundReport(
         t=t,
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=outputs,
-        scope=dict.fromkeys(total, "complete"),
+        scope=dict.fromkeys(total, offline.scene.scope),
         reasons={name: _reason(text, t, total[name]) for name, text in run.assumptions().items()},
         plan=offline.plan,
         messages=run.all_messages(),
@@ -40,6 +42,14 @@ def assemble(run: Run) -> BoundReport:
 def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, dict[str, Bounds]]:
     """The bounds of one output's rows."""
     return {stream: {name: b.of_rows(part) for name, b in bounds.items()} for stream, bounds in streams.items()}
+
+
+def _seen(view: View, rows: tuple, frames: np.ndarray, offline: Offline) -> tuple:
+    """Values, round-off and bounds of an output in global axes."""
+    values, round_off, streams = rows
+    turned = {name: {e: view.bounds(b, frames) for e, b in bounds.items()} for name, bounds in streams.items()}
+    spread = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
+    return view.values(values, frames, offline.scene.pose), spread, turned
 
 
 def _output_report(

@@ -14,7 +14,7 @@ from .errors import AssumptionError, InputError, check_count
 from .factor import SINGULAR_PIVOT, SymmetricFactor
 from .matrices import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, is_dissipative
 from .modes import Modes, count_below, lowest_modes
-from .space import MeanMotion, Space
+from .space import MassOrthogonal, MeanMotion, Space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,7 +74,7 @@ class ElasticBody:
         damping: Any = None,
         fixed: Sequence[int] = (),
         positions: Any = None,
-        reference: MeanMotion | None = None,
+        reference: MeanMotion | MassOrthogonal | None = None,
     ):
         self.mass = checked_matrix("mass", mass, None)
         self.N = self.mass.shape[0]
@@ -211,16 +211,16 @@ class ElasticBody:
         C1 = np.sqrt(np.max((omega**2 * s_max) ** 2 + s_max**2 + 2.0))  # |Phi11|, |Phi22| <= 1
         return Constants(C1=float(C1), C11=1.0, C12=float(np.max(s_max)))
 
-    def _conditions(self, reference: MeanMotion | None) -> np.ndarray | None:
+    def _conditions(self, reference: MeanMotion | MassOrthogonal | None) -> np.ndarray | None:
         if reference is None:
             return None
-        if not isinstance(reference, MeanMotion):
-            raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights)")
+        if not isinstance(reference, MeanMotion | MassOrthogonal):
+            raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights) or mass_orthogonal()")
         if self.fixed.size:
             raise InputError("fixed and reference were both given; a body is held by one of them")
         if self.dofs_per_node != 3:
             raise InputError("reference needs 3 coordinates a node (solids); hold nodes with rotations by fixed=")
-        return reference.rows(self.positions)
+        return reference.rows(self.positions, self.mass)
 
     def _check_definite(self) -> None:
         massless = self.free[self.M.diagonal() <= 0]

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InputError, check_array, check_choice
+from .errors import AssumptionError, InputError, check_array, check_choice
 from .estimators import ESTIMATORS
+from .estimators.coupling import Coupled
 from .estimators.static import StaticError
 from .inputs import InputSignal
 from .plan import Plan
@@ -19,17 +20,39 @@ if TYPE_CHECKING:
 
     from .basis import Basis
     from .body import ElasticBody
+    from .frame import FramePose
     from .outputs import Output
     from .residual import Coordinates
+    from .views import View
 
 TIMES = ("reconstructed", "sampled")
+IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Coupled can add the turning to
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a scene adds to what is known of the body alone.
+
+    scope, reason : what the bounds cover. turns : the body is in a frame that may turn. unknown : number of trailing
+    inputs that are not given but follow from the Galerkin balance. pose : of the frame in the reference configuration.
+    computed, left_out : lines for the plan.
+    """
+
+    scope: str = "complete"
+    reason: str = "loads and supports do not depend on the body's deformation"
+    turns: bool = False
+    unknown: int = 0
+    pose: FramePose | None = None
+    computed: tuple[str, ...] = ()
+    left_out: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
 class Offline:
     """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
 
-    estimators : name -> estimator that starts copies of itself. value_rows (R, n): C V. galerkin (n, k): W^T L.
+    estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
+    frame. value_rows (R, n): C V. galerkin (n, k): W^T L.
     jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of
     R(z) that knots of the reconstruction are chosen by. round_off (R, n): what rounding of K moves per coordinate.
     initial: None, "equilibrium" or "state". static, from_static: made when a static solve, or a run from its end,
@@ -54,6 +77,8 @@ class Offline:
     time: str
     total_mass: float | None
     plan: Plan
+    views: tuple[View | None, ...]
+    scene: Scene
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
 
@@ -78,6 +103,7 @@ def prepare(
     time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
     sampled_inputs: bool = False,
+    scene: Scene = Scene(),
 ) -> Offline:
     """Do the offline work of evaluate and attach; their docstrings describe the arguments.
 
@@ -98,6 +124,7 @@ def prepare(
     of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time}
     problem = Problem(body, basis, initial=initial, **of_problem)
     names = _checked_estimators(estimators, body)
+    _check_frame(problem, names, jumps, scene)
     if input_function is not None and not problem.B.shape[1]:
         raise InputError("input_function was given without inputs=B, the matrix it multiplies; pass both or neither")
     signal = None if sampled_inputs and input_function is None else InputSignal(input_function, problem.B.shape[1])
@@ -105,7 +132,7 @@ def prepare(
     return Offline(
         coordinates=problem.map.coordinates,
         signal=signal,
-        estimators={name: ESTIMATORS[name](problem) for name in names},
+        estimators={name: _made(name, problem, scene) for name in names},
         outputs=problem.outputs,
         slices=tuple(problem.slices),
         velocity_rows=problem.velocity_rows,
@@ -120,8 +147,12 @@ def prepare(
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
         total_mass=body.total_mass,
-        plan=_plan(problem, names, time, estimators),
-        from_static=lambda: prepare(body, basis, initial="equilibrium", **of_problem, **of_run),
+        plan=_plan(problem, names, time, estimators, scene),
+        views=problem.views,
+        scene=scene,
+        from_static=lambda: prepare(
+            body, basis, initial="equilibrium", sampled_inputs=sampled_inputs, scene=scene, **of_problem, **of_run
+        ),
         static=lambda: StaticError(problem),
     )
 
@@ -138,6 +169,24 @@ def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
+def _made(name: str, problem: Problem, scene: Scene) -> Any:
+    estimator = ESTIMATORS[name](problem)
+    return Coupled(estimator, problem) if scene.turns else estimator
+
+
+def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float], scene: Scene) -> None:
+    for out in problem.outputs:
+        if scene.pose is None and out.frame == "global":
+            raise InputError(f"output {out.name!r} is in global axes; this body has no frame, leave frame='body'")
+    if not scene.turns:
+        return
+    for name in names:
+        if name not in IN_A_TURNING_FRAME:
+            raise AssumptionError(f"estimator {name!r} needs a frame at rest; allowed here: {IN_A_TURNING_FRAME}")
+    if len(jumps):
+        raise AssumptionError("jumps= need a frame at rest; let the load grow over a few steps instead")
+
+
 def _sharpest_norm(problem: Problem, names: tuple[str, ...]) -> Callable:
     """The norm of R that the sharpest estimator accumulates."""
     if "auxiliary" in names:
@@ -152,15 +201,17 @@ def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[
     return tuple(sorted(times.tolist()))
 
 
-def _plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any) -> Plan:
+def _plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, scene: Scene) -> Plan:
     layout, body = problem.map.coordinates, problem.body
     computed = [
         f"body with N = {body.N} coordinates ({body.fixed.size} fixed), basis: {problem.basis.note}",
+        *scene.computed,
         f"residual of {layout.k} columns, {problem.residual}",
         *(f"estimator '{name}'{_details(problem, name)}" for name in names),
         *(f"output '{out.name}' ({out.unit}, {out.of})" for out in problem.outputs),
     ]
     left_out = [(f"estimator '{name}'", _why_not(name, asked, body)) for name in ESTIMATORS if name not in names]
+    left_out += scene.left_out
     if problem.may_start_off:
         where = "its own static equilibrium" if problem.initial_state is None else "the state given as initial="
         computed.append(f"initial error: the full body starts in {where}")

@@ -10,6 +10,7 @@ import numpy as np
 from .assemble import assemble
 from .errors import InputError, RunError, check_finite
 from .estimators.base import Start
+from .frame import FrameRows, Turn
 from .products import row_norms
 from .reconstruct import ROUNDING, Linear, Quintic
 from .samples import Samples, make_jumps
@@ -40,6 +41,7 @@ class Run:
         self._t: list[np.ndarray] = []
         self._values: list[np.ndarray] = []
         self._round_off: list[np.ndarray] = []
+        self._frames: list[np.ndarray] = []  # kept only for outputs in global axes
         self._last: Samples | None = None
         layout = offline.coordinates
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
@@ -54,13 +56,13 @@ class Run:
     def _total(self) -> Stream:
         return self._streams.get("total", self._streams["reduction"])
 
-    def start(self, t: float, q, q_t, q_tt, u=None, after: Run | None = None) -> None:
-        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known.
+    def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
+        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (21,) if it moves.
 
         after: a run whose last state this one starts in; its bounds go on. After a static run the full body starts in
         its own equilibrium under the static run's last loads (the run's offline part must be `from_static`).
         """
-        first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u)
+        first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u, frame)
         if isinstance(after, StaticRun) or after is None:
             start = self._start(first, after)
             for name, stream in self._streams.items():
@@ -72,15 +74,18 @@ class Run:
             self._left, self._terms = after._left, after._terms
         self._record(first)
 
-    def extend(self, t, q, q_t, q_tt, u=None) -> None:
+    def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
         if self._last is None:
             raise RunError("extend was called before start; give the first sample to start")
-        new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u)
+        new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
         if not new.t.size:
             return
         samples = new.after(self._last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
+        turn = self._turn(samples)
+        for block, _ in segments.values():
+            block.turn = turn
         for name, (block, step_end) in segments.items():
             self._streams[name].advance(block, step_end, self._widening(block, step_end))
         if "initial" in self._streams:
@@ -90,8 +95,9 @@ class Run:
 
     def best_now(self) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (r,) at the last step given."""
-        best = self._total.best_now()
-        return {out.name: best[part] for out, part in zip(self.offline.outputs, self.offline.slices, strict=True)}
+        frame = self._last.frame
+        rows = zip(self.offline.outputs, self.offline.slices, self.offline.views, strict=True)
+        return {out.name: self._total.best_now(part, view, frame) for out, part, view in rows}
 
     @property
     def defect(self) -> float:
@@ -114,9 +120,10 @@ class Run:
         found = {name: stream.bounds() for name, stream in self._streams.items()}
         return {"total": found["reduction"], **found}
 
-    def samples(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return t (T,), the outputs of the reduced body (T, R) and their round-off (T, R) so far."""
-        return np.concatenate(self._t), np.vstack(self._values), np.vstack(self._round_off)
+    def samples(self) -> tuple[np.ndarray, ...]:
+        """Return t (T,), the output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
+        frames = np.vstack(self._frames) if self._frames else np.zeros(0)
+        return np.concatenate(self._t), np.vstack(self._values), np.vstack(self._round_off), frames
 
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""
@@ -154,7 +161,14 @@ class Run:
             ]
         return []
 
-    def _checked(self, t: np.ndarray, q, q_t, q_tt, u) -> Samples:
+    @staticmethod
+    def _turn(samples: Samples) -> Turn | None:
+        if not samples.frame.size:
+            return None
+        rows = FrameRows.of(samples.frame)
+        return Turn.between(rows.w, rows.al)
+
+    def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame=None) -> Samples:
         n = self.offline.coordinates.n
         states = [np.asarray(x, dtype=float) for x in (q, q_t, q_tt)]
         if t.ndim != 1 or any(x.shape != (len(t), n) for x in states):
@@ -166,7 +180,8 @@ class Run:
         if np.any(steps <= 0):
             at = int(np.argmax(steps <= 0))
             raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([before, *t])[at]:.9g} s")
-        return Samples(t, *states, self._inputs(t, u))
+        frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
+        return Samples(t, *states, self._inputs(t, u), frame)
 
     def _inputs(self, t: np.ndarray, u) -> np.ndarray:
         if self.offline.signal is not None and u is None:
@@ -221,6 +236,8 @@ class Run:
         self._t.append(new.t)
         self._values.append(self._outputs_of(new.q, new.q_t))
         self._round_off.append(np.abs(new.q) @ self.offline.round_off.T)
+        if any(self.offline.views):
+            self._frames.append(new.frame)
         self._measure_defect(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
         self._last = new.part(slice(-1, None))
 
@@ -243,17 +260,17 @@ class StaticRun(Run):
         self._segmenters = {}
         self._streams = {"reduction": Stream({"static": offline.static()})}
 
-    def start(self, t: float, q, q_t=None, q_tt=None, u=None) -> None:
+    def start(self, t: float, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take the first load step: q (n,)."""
-        self._take(np.array([t], dtype=float), np.asarray(q, dtype=float)[None], u)
+        self._take(np.array([t], dtype=float), np.asarray(q, dtype=float)[None], u, frame)
 
-    def extend(self, t, q, q_t=None, q_tt=None, u=None) -> None:
+    def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take further load steps: t (S,), q (S, n)."""
-        self._take(np.asarray(t, dtype=float), np.asarray(q, dtype=float), u)
+        self._take(np.asarray(t, dtype=float), np.asarray(q, dtype=float), u, frame)
 
-    def _take(self, t: np.ndarray, q: np.ndarray, u) -> None:
+    def _take(self, t: np.ndarray, q: np.ndarray, u, frame) -> None:
         if not t.size:
             return
-        new = self._checked(t, q, 0 * q, 0 * q, u)
+        new = self._checked(t, q, 0 * q, 0 * q, u, frame)
         self._streams["reduction"].load_steps(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
         self._record(new)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .errors import InputError, check_array, check_choice, check_numbers, real_array
+from .space import mean_motion
+from .views import View
 
 if TYPE_CHECKING:
     from .body import ElasticBody
@@ -29,25 +31,46 @@ class Output:
         Rows of C. A callable is resolved by attach / evaluate, which know the body.
     unit : str
         Printed beside values; the code itself is unit-free.
-    of : {"displacement", "velocity"}
-        y = C q or y = C q'.
+    of : {"displacement", "velocity", "position"}
+        y = C q or y = C q'; in global axes also y = C (x + q).
+    frame : {"body", "global"}
+        Axes of y. "global", floating bodies only: rows are vectors, three rows each in body axes; the output is what
+        an observer at rest sees of them, the motion of the frame included.
+    axes : str
+        Which components of each vector an output in global axes shows.
     """
 
     name: str
     rows: Any
     unit: str = "m"
     of: str = "displacement"
+    frame: str = "body"
+    axes: str = AXES
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"name={self.name!r} of an Output; needed: a non-empty string")
-        check_choice(f"of (output {self.name!r})", self.of, ("displacement", "velocity"))
+        known = ("displacement", "velocity", *(("position",) if self.frame == "global" else ()))
+        check_choice(f"of (output {self.name!r})", self.of, known)
+        check_choice(f"frame (output {self.name!r})", self.frame, ("body", "global"))
 
     def resolve(self, body: ElasticBody) -> np.ndarray:
         """Return the rows as (r, N) for this body; InputError if the width is wrong or an entry not finite."""
         name = f"rows of output {self.name!r}"
         rows = real_array(name, self.rows(body) if callable(self.rows) else self.rows)
-        return check_array(name, np.atleast_2d(rows), (None, body.N))
+        rows = check_array(name, np.atleast_2d(rows), (None, body.N))
+        if self.frame == "global" and len(rows) % 3:
+            raise InputError(f"{name} are {len(rows)}; in global axes they are vectors, three rows each")
+        return rows
+
+    def view(self, body: ElasticBody) -> View | None:
+        """Return how the output is seen from outside the frame; None in body axes."""
+        if self.frame == "body":
+            return None
+        rows, nodes = self.resolve(body), len(body.positions)
+        places = (rows @ body.positions.ravel()).reshape(-1, 3)
+        shift = (rows @ np.tile(np.eye(3), (nodes, 1))).reshape(-1, 3, 3)[:, 0, 0]
+        return View(tuple(AXES.index(a) for a in self.axes), places, shift, self.of)
 
     def constant(self, body: ElasticBody, joint: bool = False) -> np.ndarray | float:
         """Return C2 with |C e|_i <= C2_i |e|_M, shape (r,); joint: the one constant of |C e|_2 <= C2 |e|_M.
@@ -59,20 +82,22 @@ class Output:
         return float(np.sqrt(np.linalg.eigvalsh(gram)[-1])) if joint else np.sqrt(np.diag(gram))
 
 
-def node_displacement(name: str, *, node: int, component: str = "xyz", unit: str = "m") -> Output:
-    """Displacement of one node; component: letters out of "xyz", one row each.
+def node_displacement(
+    name: str, *, node: int, component: str = "xyz", unit: str = "m", frame: str = "body"
+) -> Output:
+    """Displacement of one node; component: letters out of "xyz", one row each; frame: "body" or "global" axes.
 
     Raises (when resolved)
     ----------------------
     InputError
         Body without node positions, node out of range, unknown component.
     """
-    return Output(name, _node_rows([node], None, component, 0), unit)
+    return nodes_output(name, [node], None, component, unit, "displacement", frame)
 
 
-def node_velocity(name: str, *, node: int, component: str = "xyz", unit: str = "m/s") -> Output:
+def node_velocity(name: str, *, node: int, component: str = "xyz", unit: str = "m/s", frame: str = "body") -> Output:
     """Velocity of one node; see node_displacement."""
-    return Output(name, _node_rows([node], None, component, 0), unit, of="velocity")
+    return nodes_output(name, [node], None, component, unit, "velocity", frame)
 
 
 def node_rotation(name: str, *, node: int, component: str = "xyz", unit: str = "rad") -> Output:
@@ -87,9 +112,30 @@ def mean_displacement(
     weights: Sequence[float] | None = None,
     component: str = "xyz",
     unit: str = "m",
+    frame: str = "body",
 ) -> Output:
     """Weighted mean displacement of several nodes (weights are scaled to sum 1; default: equal)."""
-    return Output(name, _node_rows(nodes, weights, component, 0), unit)
+    return nodes_output(name, nodes, weights, component, unit, "displacement", frame)
+
+
+def mean_rotation(
+    name: str,
+    *,
+    nodes: Sequence[int],
+    weights: Sequence[float] | None = None,
+    component: str = "xyz",
+    unit: str = "rad",
+) -> Output:
+    """Weighted mean rotation of several nodes of a solid in body axes, as MarkerSuperElementRigid takes it."""
+    axes = _checked_axes(component)
+
+    def rows(body: ElasticBody) -> np.ndarray:
+        if body.dofs_per_node != 3:
+            raise InputError("mean_rotation is for solids (3 coordinates a node); use node_rotation")
+        checked_nodes(nodes, len(body.positions))
+        return mean_motion(nodes, weights).motion_rows(body.positions)[3:][[AXES.index(a) for a in axes]]
+
+    return Output(name, rows, unit)
 
 
 def relative_displacement(name: str, *, node: int, other: int, component: str = "xyz", unit: str = "m") -> Output:
@@ -101,22 +147,47 @@ def relative_displacement(name: str, *, node: int, other: int, component: str = 
     return Output(name, rows, unit)
 
 
-def stacked_rows(outputs: Sequence[Output], body: ElasticBody) -> tuple[np.ndarray, np.ndarray, list[slice]]:
-    """Return all rows on the free coordinates (R, n_free), which rows are velocities (R,), each output's slice."""
+class StackedRows(NamedTuple):
+    """All rows of some outputs on the free coordinates: C (R, n_free), which are velocities (R,), each output's part."""
+
+    C: np.ndarray
+    velocity: np.ndarray
+    slices: list[slice]
+
+
+def stacked_rows(outputs: Sequence[Output], body: ElasticBody) -> StackedRows:
+    """Return the rows of all outputs; a velocity in global axes has its displacement rows before its own."""
     names = [out.name for out in outputs]
     double = {name for name in names if names.count(name) > 1}
     if double:
         raise InputError(f"outputs: the name {sorted(double)[0]!r} is used more than once")
-    rows = [body.space.rows(out.resolve(body)) for out in outputs]
-    ends = np.cumsum([0, *(len(r) for r in rows)])
-    slices = [slice(a, b) for a, b in pairwise(ends)]
-    velocity = np.array([out.of == "velocity" for out, r in zip(outputs, rows, strict=True) for _ in r], dtype=bool)
-    return np.vstack(rows) if rows else np.zeros((0, body.free.size)), velocity, slices
+    parts = []
+    for out in outputs:
+        rows, velocity = body.space.rows(out.resolve(body)), out.of == "velocity"
+        parts.append([(rows, False), (rows, True)] if velocity and out.frame == "global" else [(rows, velocity)])
+    ends = np.cumsum([0, *(sum(len(rows) for rows, _ in part) for part in parts)])
+    flat = [pair for part in parts for pair in part]
+    return StackedRows(
+        np.vstack([rows for rows, _ in flat]) if flat else np.zeros((0, body.free.size)),
+        np.array([velocity for rows, velocity in flat for _ in rows], dtype=bool),
+        [slice(a, b) for a, b in pairwise(ends)],
+    )
+
+
+def nodes_output(name, nodes, weights, component: str, unit: str, of: str, frame: str) -> Output:
+    """Output of weighted nodes: components in body axes, or whole vectors of which global ones are shown."""
+    axes = _checked_axes(component)
+    return Output(name, _node_rows(nodes, weights, component if frame == "body" else AXES, 0), unit, of, frame, axes)
+
+
+def _checked_axes(component: str) -> str:
+    if not isinstance(component, str) or not component or set(component) - set(AXES):
+        raise InputError(f"component={component!r}; allowed: letters out of {AXES!r}, such as 'z' or 'xyz'")
+    return component
 
 
 def _node_rows(nodes, weights, component: str, offset: int) -> Callable:
-    if not isinstance(component, str) or not component or set(component) - set(AXES):
-        raise InputError(f"component={component!r}; allowed: letters out of {AXES!r}, such as 'z' or 'xyz'")
+    _checked_axes(component)
 
     def rows(body: ElasticBody) -> np.ndarray:
         per_node, count = body.dofs_per_node, len(body.positions)

@@ -51,8 +51,9 @@ class Problem:
         self.V, self.W = basis.restricted_to(body)
         self.B = body.space.loads(checked_inputs(inputs, body.N))
         self.map = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
-        self.C, self.velocity_rows, self.slices = stacked_rows(_checked_outputs(outputs), body)
+        self.C, self.velocity_rows, self.slices = stacked_rows(checked_outputs(outputs), body)
         self.outputs = tuple(outputs)
+        self.views = tuple(out.view(body) for out in outputs)
         self.initial_state = _checked_initial(initial, body)
 
     @property
@@ -156,7 +157,8 @@ class Problem:
         return Split(self, self.auxiliary_modes)
 
 
-def _checked_outputs(outputs: Any) -> Sequence[Output]:
+def checked_outputs(outputs: Any) -> Sequence[Output]:
+    """Return outputs; InputError unless they are a list of Output."""
     if not isinstance(outputs, list | tuple):
         raise InputError(f"outputs is a {type(outputs).__name__}; needed: a list of Output")
     for out in outputs:

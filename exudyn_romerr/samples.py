@@ -19,13 +19,14 @@ SNAP = 1e-9  # of a step: a jump this close to a sample is at the sample; solver
 
 @dataclass(frozen=True)
 class Samples:
-    """Consecutive samples: t (S,), q, q_t, q_tt (S, n), u (S, p)."""
+    """Consecutive samples: t (S,), q, q_t, q_tt (S, n), u (S, p); frame (S, 21), or (S, 0) of a body at rest."""
 
     t: np.ndarray
     q: np.ndarray
     q_t: np.ndarray
     q_tt: np.ndarray
     u: np.ndarray
+    frame: np.ndarray
 
     def after(self, last: Samples) -> Samples:
         """Return these samples with the last one of `last` before them."""

@@ -13,6 +13,7 @@ from .errors import AssumptionError, InputError, check_array
 
 RIGID_MODES = 6
 RANK = 1e-10  # of scaled reference rows; below, some rigid motion is not held
+FULL_ROWS = 1000  # nodes; a dense matrix of three times that is what a laptop factorises in seconds
 HELD = 1e-8  # |C_0 v| relative to |C_0| |v|: what Exudyn's own modes keep of the conditions they were made with
 
 
@@ -23,7 +24,7 @@ class MeanMotion:
     nodes: np.ndarray
     weights: np.ndarray
 
-    def rows(self, positions: np.ndarray) -> np.ndarray:
+    def rows(self, positions: np.ndarray, mass: sp.csc_matrix | None = None) -> np.ndarray:
         """Return C_0 (6, 3 nodes): sum w_i u_i and sum w_i (x_i - x_mean) x u_i."""
         where = positions[self.nodes]
         C = np.zeros((RIGID_MODES, *positions.shape))
@@ -31,6 +32,42 @@ class MeanMotion:
             C[:3, node] += w * np.eye(3)
             C[3:, node] += w * np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
         return C.reshape(RIGID_MODES, -1)
+
+    def motion_rows(self, positions: np.ndarray) -> np.ndarray:
+        """Return the mean displacement and the mean rotation (about the mean position) as rows (6, 3 nodes)."""
+        C = self.rows(positions)
+        turns = C[3:] @ rigid_modes(positions)[:, 3:]
+        if np.linalg.cond(turns) > 1 / RANK:
+            raise InputError(f"nodes {self.nodes[:8].tolist()} lie on a line: they have no mean rotation")
+        return np.vstack([C[:3], np.linalg.solve(turns, C[3:])])
+
+
+@dataclass(frozen=True)
+class MassOrthogonal:
+    """Reference conditions: u is M-orthogonal to all rigid motions, as free eigenmodes are (mass_orthogonal)."""
+
+    def rows(self, positions: np.ndarray, mass: sp.csc_matrix) -> np.ndarray:
+        """Return C_0 = Rg^T M (6, 3 nodes), Rg the rigid motions; every row is full."""
+        if len(positions) > FULL_ROWS:
+            raise AssumptionError(
+                f"conditions M-orthogonal to rigid motions fill the stiffness of {len(positions)} nodes; allowed up "
+                f"to {FULL_ROWS}. Use Craig-Bampton modes, whose conditions see one interface only"
+            )
+        return (mass @ rigid_modes(positions)).T
+
+
+def mass_orthogonal() -> MassOrthogonal:
+    """Return the reference conditions of free eigenmodes: no part of u is a rigid motion in the M inner product."""
+    return MassOrthogonal()
+
+
+def rigid_modes(positions: np.ndarray) -> np.ndarray:
+    """Return three translations and three rotations about the origin of nodes (nodes, 3): (3 nodes, 6)."""
+    x, y, z = positions.T
+    zero = np.zeros_like(x)
+    turns = np.stack([np.stack(column, axis=1) for column in ((zero, -z, y), (z, zero, -x), (-y, x, zero))], axis=2)
+    shifts = np.broadcast_to(np.eye(3), (len(positions), 3, 3))
+    return np.concatenate([shifts, turns], axis=2).reshape(-1, RIGID_MODES)
 
 
 def mean_motion(nodes: Sequence[int], weights: Sequence[float] | None = None) -> MeanMotion:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
+    from .views import View
+
 
 class Stream:
     """Copies of the estimators, fed with blocks; remembers their bounds at the ends of steps."""
@@ -43,9 +45,10 @@ class Stream:
         for name, e in self.estimators.items():
             self._chunks[name].append(e(z))
 
-    def best_now(self) -> np.ndarray:
-        """Return the smallest bound of every output row (R,) at the last instant."""
-        return np.min([chunks[-1].outputs[-1] for chunks in self._chunks.values()], axis=0)
+    def best_now(self, part: slice, view: View | None, frame: np.ndarray) -> np.ndarray:
+        """Return the smallest bound (r,) of the output that has some of the rows, at the last instant."""
+        now = [chunks[-1].at(np.array([-1])).of_rows(part) for chunks in self._chunks.values()]
+        return np.min([(b if view is None else view.bounds(b, frame)).outputs[0] for b in now], axis=0)
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of every estimator so far."""

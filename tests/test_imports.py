@@ -1,12 +1,13 @@
 """A module imports only from modules above it in this list; Exudyn only below the line (design.md, Layout)."""
 
 ORDER = """
-errors factor matrices oscillator modes space body basis outputs kernels lagtable
+errors factor matrices oscillator modes space frame views body outputs basis kernels lagtable
 products residual recurrence inputs propagate forgetting split problem matrix_exponential
 estimators.base estimators.paper estimators.energy estimators.auxiliary estimators.output_kernel
-estimators.static estimators
+estimators.static estimators.coupling estimators
 samples bezier reconstruct stream plan plot report assemble offline online evaluate
-mbs.scene mbs.gather mbs.hook mbs.watch mbs.bodies mbs.monitor mbs
+mbs.scene mbs.gather mbs.hook mbs.watch mbs.bodies mbs.linear mbs.frames mbs.floating mbs.reference mbs.actions
+mbs.support mbs.terms mbs.moving mbs.sensors mbs.monitor mbs
 study __main__
 """.split()
 MAY_IMPORT_EXUDYN = ("mbs", "study", "__main__")

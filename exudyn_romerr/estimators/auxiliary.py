@@ -58,8 +58,15 @@ class Auxiliary:
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        states = self.oscillators.advance(self.state, block.t, block.h, rows_times(block.c, self.forcing.T))
+        forces = rows_times(block.c, self.forcing.T)
+        states = self.oscillators.advance(self.state, block.t, block.h, forces)
+        before = self.growth
         self.growth, g, g_jump = self.growth.advanced(block)
+        if block.turn is not None:
+            d_M, v_M = before.inside(g, block)
+            eta, eta_t = self.oscillators.inside(self.state, states, forces)
+            static = self.growth.static_inside(self.norm_static, before, block)
+            self.inside = np.hypot(row_norms(eta), static + d_M), np.hypot(row_norms(eta_t), v_M)
         self.rounding = self.rounding + self._rounding_of(block, states, g)
         self.state = states[-1]
         return self._bounds(block.c[:, -1], states, (g, g_jump), self.rounding + self._unresolved(block))

@@ -11,6 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from ..frame import Turn
     from ..problem import Problem
     from ..residual import StartNorms
 
@@ -37,6 +38,7 @@ class Block:
     unresolved : (S, p) bounds of |u - u_I| in each segment, u_I the polynomial that c contains.
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
+    turn : how the frame turns in each segment; None: not at all.
     """
 
     t: np.ndarray
@@ -45,6 +47,7 @@ class Block:
     unresolved: np.ndarray
     unresolved_variation: np.ndarray
     skipped: np.ndarray | None = None
+    turn: Turn | None = None
     _norms: dict = field(default_factory=dict, init=False)
 
     @classmethod

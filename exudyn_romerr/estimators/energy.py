@@ -44,7 +44,11 @@ class Energy:
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
+        before = self.growth
         self.growth, g, g_jump = self.growth.advanced(block)
+        if block.turn is not None:
+            d_M, v_M = before.inside(g, block)
+            self.inside = self.growth.static_inside(self.norm_static, before, block) + d_M, v_M
         return self._bounds(block.c[:, -1], g, g_jump)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, g_jump: np.ndarray) -> Bounds:
@@ -66,6 +70,7 @@ class Growth:
         self.norm, self.rates = norm, rates
         self.g = self.g_jump = [0.0] * len(rates)
         self._before: np.ndarray | None = None
+        self._varied = np.zeros(0)
 
     def _next(self, g: list[float], g_jump: list[float], before: np.ndarray) -> Growth:
         following = Growth(self.norm, self.rates)
@@ -100,7 +105,21 @@ class Growth:
             g_jump = self._summed(decays, [e * jumps for e in decays], self.g_jump, block)
         else:
             g_jump = np.zeros_like(g)
-        return self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1]), g, g_jump
+        following = self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1])
+        following._varied = inside
+        return following, g, g_jump
+
+    def inside(self, g: np.ndarray, block: Block) -> np.ndarray:
+        """Return the largest |d|_M and |e'|_M (2, S) within the segments of a block, g (rates, S) at their ends."""
+        start = np.hstack([np.array(self.g)[:, None], g[:, :-1]])
+        decay = np.exp(np.array([[rate.r] for rate in self.rates]) * block.h) if self.rates else 1.0
+        return smallest(self.rates, np.maximum(start, g) * decay)[1:]
+
+    def static_inside(self, norm_static: Callable, before: Growth, block: Block) -> np.ndarray:
+        """Return the largest |K^-1 R|_M (S,) within the segments of the block that led here from `before`."""
+        static = norm_static(np.vstack([before._before, block.c[:, -1]]))
+        per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
+        return np.maximum(static[:-1], static[1:]) + per_mass * self._varied
 
     @staticmethod
     def _summed(decays, added, starts, block: Block) -> np.ndarray:

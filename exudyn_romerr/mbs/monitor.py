@@ -10,8 +10,13 @@ import numpy as np
 
 from ..errors import InputError, RunError
 from ..offline import prepare
+from ..problem import checked_outputs
 from .bodies import ReducedBody
+from .floating import FloatingBody, read_object
 from .hook import StepHook, shared_hook
+from .linear import LinearSubject
+from .moving import MovingSubject
+from .sensors import sensor_output
 from .watch import Watch
 
 if TYPE_CHECKING:
@@ -57,8 +62,7 @@ class Monitor:
         self._require_hook()
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
-        self._watch.check(self._mbs)
-        return self._watch.offline.plan
+        return self._watch.read(self._mbs).plan
 
     def report(self, i: int = -1) -> BoundReport:
         """Return the bounds of run i (default: the last), also while it is running.
@@ -145,28 +149,50 @@ def attach(
     Does not cover: loads, joints and connectors on the body (refused when a solve begins); a static solver
     called with storeSolver=False, which cannot be told from a dynamic one.
     """
-    _check_body(mbs, flex)
+    floating = isinstance(flex, FloatingBody)
+    if not floating:
+        _check_body(mbs, flex)
     if hook is not None and not callable(hook):
         raise InputError(f"hook={hook!r}; needed: a function (mbs, t) -> bool")
-    _refuse_sensors(outputs)
+    options = {
+        "outputs": outputs,
+        "jumps": jumps,
+        "estimators": estimators,
+        "residual": residual,
+        "kernels": kernels,
+        "time": time,
+        "auxiliary_modes": auxiliary_modes,
+    }
+    subject = _floating(mbs, flex, initial, options) if floating else _linear(flex, initial, options)
+    watch = Watch(subject, _checked_tolerance(tolerance, [out.name for out in options["outputs"]]))
+    shared = shared_hook(mbs, hook)
+    shared.add(watch)
+    return Monitor(mbs, shared, watch)
+
+
+def _linear(flex: ReducedBody, initial: Any, options: dict[str, Any]) -> LinearSubject:
+    """Everything is known already: the offline work is done now."""
+    _refuse_sensors(options["outputs"])
     offline = prepare(
         flex.body,
         flex.basis,
         inputs=flex.inputs,
         input_function=flex.input_function,
-        outputs=outputs,
         initial=flex.initial if initial is None else initial,
-        jumps=jumps,
-        estimators=estimators,
-        residual=residual,
-        kernels=kernels,
-        time=time,
-        auxiliary_modes=auxiliary_modes,
+        **options,
     )
-    watch = Watch(flex, offline, _checked_tolerance(tolerance, offline.output_names))
-    shared = shared_hook(mbs, hook)
-    shared.add(watch)
-    return Monitor(mbs, shared, watch)
+    return LinearSubject(flex, offline)
+
+
+def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any]) -> MovingSubject:
+    """Joints and loads may still be added: what is known now is checked now."""
+    read_object(mbs, flex)
+    outputs = options["outputs"]
+    if isinstance(outputs, list | tuple):
+        sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
+        outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
+    options["outputs"] = checked_outputs(outputs)
+    return MovingSubject(flex, {"initial": initial, **options})
 
 
 def _check_body(mbs: Any, flex: Any) -> None:

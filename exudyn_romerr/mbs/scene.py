@@ -50,17 +50,18 @@ def _markers_on(mbs: Any, node: int, item: int) -> set[int]:
     found = set()
     for i in range(mbs.systemData.NumberOfMarkers()):
         marker = mbs.GetMarker(i)
-        bodies = _numbers(marker, "bodyNumber") | _numbers(marker, "objectNumber")
-        if item in bodies or node in _numbers(marker, "nodeNumber") | _numbers(marker, "nodeNumbers"):
+        bodies = numbers(marker, "bodyNumber") | numbers(marker, "objectNumber")
+        if item in bodies or node in numbers(marker, "nodeNumber") | numbers(marker, "nodeNumbers"):
             found.add(i)
     return found
 
 
 def _touches(item: dict, markers: set[int], node: int) -> bool:
-    nodes = _numbers(item, "nodeNumber") | _numbers(item, "nodeNumbers")
-    return node in nodes or not markers.isdisjoint(_numbers(item, "markerNumbers"))
+    nodes = numbers(item, "nodeNumber") | numbers(item, "nodeNumbers")
+    return node in nodes or not markers.isdisjoint(numbers(item, "markerNumbers"))
 
 
-def _numbers(item: dict, key: str) -> set[int]:
+def numbers(item: dict, key: str) -> set[int]:
+    """Return the item numbers under a key, which may hold one or a list."""
     value = item.get(key, [])
     return {int(number) for number in (value if isinstance(value, list | tuple) else [value])}

@@ -8,14 +8,16 @@ import numpy as np
 
 from ..errors import RunError
 from ..online import Run, StaticRun
-from .scene import end_time, require_inputs_only
+from .scene import end_time
 
 if TYPE_CHECKING:
-    from .bodies import ReducedBody
+    from ..offline import Offline
+    from .linear import LinearSubject
+    from .moving import MovingSubject
 
 
 class Watch:
-    """One monitored body.
+    """One monitored body; what kind of body it is only its subject knows.
 
     It holds neither the mbs nor anything that does: the mbs holds the hook, the hook holds this, and Python
     cannot collect a circle that runs through C++.
@@ -29,13 +31,12 @@ class Watch:
         A tolerance was exceeded in the last solve.
     """
 
-    def __init__(self, flex: ReducedBody, offline: Any, tolerance: dict[str, float]):
-        self.node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
-        self.offline, self.tolerance = offline, tolerance
+    def __init__(self, subject: LinearSubject | MovingSubject, tolerance: dict[str, float]):
+        self.item, self.tolerance = subject.item, tolerance
         self.runs: list[Run | StaticRun] = []
         self.error: Exception | None = None
         self.stopped = False
-        self._model = flex.model
+        self._subject = subject
         self._listens = False  # from the begin of a solve on, until the simulation diverges
         self._run: Run | StaticRun | None = None
         self._last: tuple | None = None  # time, q, q_t of the last row evaluated
@@ -45,19 +46,19 @@ class Watch:
         """Whether the solve is to be stopped."""
         return self.stopped or self.error is not None
 
-    def check(self, mbs: Any) -> None:
-        """Read the mbs; raise if the bound's assumptions do not hold there."""
-        require_inputs_only(mbs, self.node, self.item)
+    def read(self, mbs: Any) -> Offline:
+        """Read the mbs; return what the bounds are made with, or raise if their assumptions do not hold there."""
+        return self._subject.read(mbs)
 
     def begin(self, mbs: Any, static: bool) -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
         self.error, self.stopped, self._run, self._listens = None, False, None, True
+        self._late = False  # the run starts later than the solve
         self._kind = StaticRun if static else Run
         try:
-            self.check(mbs)
+            self._offline = self.read(mbs)
             self._end_time = end_time(mbs, static)
-            first = mbs.GetNodeODE2Index(self.node)
-            self._columns = slice(first, first + len(self._model.M))
+            self._columns = self._subject.columns
         except Exception as error:
             self.error = error
 
@@ -82,22 +83,30 @@ class Watch:
             t, *states = (rows[: np.argmin(finite)] for rows in (t, *states))
         if not t.size:
             return
+        if self._kind is StaticRun:  # a static solver leaves old rates behind
+            states = [states[0], 0 * states[1], 0 * states[2]]
+        last = (t[-1], states[0][-1], states[1][-1])
         if self._run is None:
             self._start(t[0], *(state[0] for state in states))
-        else:
-            self._run.extend(t, *states)
-        self._last = (t[-1], states[0][-1], states[1][-1])
-        self._compare(t[-1])
+            t, *states = (rows[1:] for rows in (t, *states))
+        if self._run is None:
+            return
+        if t.size:
+            self._run.extend(t, *self._subject.sampled(t, *states))
+        self._last = last
+        self._compare(last[0])
 
-    def _start(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> None:
-        if self._kind is StaticRun:
-            run = StaticRun(self.offline)
-            run.start(t, q, q_t, q_tt)
-        else:
-            before = self._run_before(t, q, q_t)
-            run = Run(self.offline.from_static() if isinstance(before, StaticRun) else self.offline)
-            # explicit solvers leave the initial accelerations unset until their first step is done
-            run.start(t, q, q_t, self._model.acceleration(t, q, q_t), after=before)
+    def _start(self, t: float, *states: np.ndarray) -> None:
+        before = None if self._kind is StaticRun else self._run_before(t, *states[:2])
+        offline = self._offline.from_static() if isinstance(before, StaticRun) else self._offline
+        run = self._kind(offline)
+        first = self._subject.first(t, *states)
+        if first is None:
+            self._late = True
+            return
+        run.start(t, *first) if self._kind is StaticRun else run.start(t, *first, after=before)
+        if self._late:
+            run.messages.append(f"the solver has no accelerations at its start: bounds begin at t = {t:g} s")
         run.end_time = self._end_time
         self.runs.append(run)
         self._run = run
@@ -108,7 +117,7 @@ class Watch:
             return None
         before, (t_last, q_last, q_t_last) = self.runs[-1], self._last
         if isinstance(before, StaticRun):
-            released = self.offline.initial is None and np.array_equal(q, q_last) and not q_t.any()
+            released = self._offline.initial is None and np.array_equal(q, q_last) and not q_t.any()
             return before if released else None
         return before if t == t_last and np.array_equal(q, q_last) and np.array_equal(q_t, q_t_last) else None
 

@@ -1,0 +1,95 @@
+"""Coupled: what the turning of the frame adds to the bound of an estimator (theory.md 7)."""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..forgetting import body_rates
+from ..recurrence import decaying_sum
+from .base import Block, Bounds, Start
+from .energy import output_share, smallest
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from ..forgetting import Forgetting
+    from ..problem import Problem
+
+
+class Coupled:
+    """Bounds in a turning frame: M e'' + (D + 2 M w~) e' + (K + M S) e = -R, S = al~ + w~ w~.
+
+    e = e_a + e_b: e_a as if the frame did not turn, bounded by the estimator; e_b is driven by
+    F = M (2 w~ e_a' + S e_a), |F|_{M^-1} <= 2 |w| |e_a'|_M + |S| |e_a|_M. The Coriolis force does no work and the
+    centrifugal part goes into the stiffness K_r + M w~ w~ > 0, so that a steady spin does not make e_b grow:
+
+        g' <= (-r + 2 r |w| p + |al| p + |w| |al| p^2) g + |F|_{M^-1} ,   p^-2 = kappa_r - |w|^2
+
+    and e_b is bounded by g / (1 - |w|^2 / kappa_r)^(1/2) as d is by g in estimator "energy".
+    """
+
+    def __init__(self, estimator: Any, problem: Problem):
+        self.estimator = estimator
+        self.assumes = estimator.assumes
+        self.rates = body_rates(problem.body)
+        self.C_K, self.C_M, self.velocity_rows = problem.C_K, problem.C2, problem.velocity_rows
+        self.g = [0.0] * len(self.rates)
+
+    def __copy__(self) -> Coupled:
+        other = object.__new__(Coupled)
+        other.__dict__ = {**self.__dict__, "estimator": copy.copy(self.estimator)}
+        return other
+
+    def start(self, start: Start) -> Bounds:
+        """Begin a run; return the bounds at its first instant."""
+        self.g = [0.0] * len(self.rates)
+        self._before = self.estimator.start(start)
+        return self._before
+
+    def advance(self, block: Block) -> Bounds:
+        """Go on by one block; return the bounds at the ends of its segments."""
+        bounds = self.estimator.advance(block)
+        before, self._before = self._before, bounds.at(np.array([-1]))
+        if block.turn is None and not any(self.g):
+            return bounds
+        force = self._force(block, before, bounds)
+        g = np.array([self._grown(rate, x, block, force) for rate, x in zip(self.rates, self.g, strict=True)])
+        self.g = g[:, -1].tolist()
+        seen = g / np.sqrt([_left(rate, block)[0] for rate in self.rates])
+        _, d_M, v_M = smallest(self.rates, seen)
+        return bounds.widened(d_M, v_M, output_share(self.rates, seen, self.C_K, self.C_M, self.velocity_rows))
+
+    def _force(self, block: Block, before: Bounds, bounds: Bounds) -> np.ndarray:
+        """|F|_{M^-1} (S,), its largest value in every segment."""
+        if block.turn is None:
+            return np.zeros(len(block.h))
+        inside = getattr(self.estimator, "inside", None)
+        if inside is None:  # what grows, or rises and falls once, stays below the sum of both ends
+            inside = [
+                x + np.append(x0, x[:-1])
+                for x0, x in ((before.position, bounds.position), (before.velocity, bounds.velocity))
+            ]
+        position, velocity = inside
+        return 2 * block.turn.w * velocity + block.turn.S * position
+
+    @staticmethod
+    def _grown(rate: Forgetting, g: float, block: Block, force: np.ndarray) -> np.ndarray:
+        left, too_fast = _left(rate, block)
+        if block.turn is None:
+            growth = -rate.r
+        else:
+            w, al, p = block.turn.w, block.turn.al, rate.per_mass / np.sqrt(left)
+            growth = -rate.r + 2 * rate.r * w * p + al * p + w * al * p**2
+        factor = np.exp(growth * block.h)
+        return decaying_sum(factor, np.where(too_fast, np.inf, force * block.h * np.maximum(factor, 1.0)), g)
+
+
+def _left(rate: Forgetting, block: Block) -> tuple[np.ndarray, np.ndarray]:
+    """1 - |w|^2 / kappa_r (S,), and where that is not positive: the frame turns too fast (1 there)."""
+    if block.turn is None:
+        return np.ones(len(block.h)), np.zeros(len(block.h), dtype=bool)
+    left = 1 - (block.turn.w * rate.per_mass) ** 2
+    return np.where(left > 0, left, 1.0), left <= 0

@@ -1,0 +1,213 @@
+"""What acts on a floating body: known loads, and wrenches of joints and connectors, which are not (theory.md 7)."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..errors import AssumptionError, InputError
+from ..frame import left_jacobian
+from ..space import MeanMotion, mean_motion
+from .scene import numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..body import ElasticBody
+    from ..frame import FrameMotion
+    from .floating import FloatingBody, ReducedMatrices
+
+WEIGHT_SUM = 1e-9  # markers whose weights do not sum to 1 do not take a mean
+NO_WORK = 1e-9  # of a column: what rounding leaves where the reference conditions hold a marker's motion at zero
+MESH_MARKERS = ("SuperElementPosition", "SuperElementRigid")
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a marker acts: columns (N, 3 or 6) of unit forces and torques, the mean motion it takes, its axes (3, 3).
+
+    turns : how Exudyn lets the marker turn, other than by the exponential map of its mean rotation; None: so.
+    """
+
+    name: str
+    columns: np.ndarray
+    mean: MeanMotion | None = None
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+    turns: str | None = None
+
+    @property
+    def turn_rows(self) -> np.ndarray:
+        """Rows (3, N) of the mean rotation."""
+        return self.columns[:, 3:].T
+
+    def works(self, body: ElasticBody) -> bool:
+        """Whether anything that acts here moves the body in its space of admissible displacements."""
+        left = np.linalg.norm(body.space.loads(self.columns), axis=0)
+        return bool(np.any(left > NO_WORK * np.linalg.norm(self.columns, axis=0)))
+
+
+@dataclass(frozen=True)
+class Load:
+    """A known force or torque (`torque`) over time, in global axes or in those of its marker (`body_fixed`)."""
+
+    name: str
+    place: Place
+    vector: Callable[[float], Any]
+    torque: bool
+    body_fixed: bool
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Unit forces or torques in body axes (N, 3)."""
+        return self.place.columns[:, 3:] if self.torque else self.place.columns[:, :3]
+
+    @property
+    def follows(self) -> bool:
+        """Whether it turns with the mean rotation of its interface, which the deformation makes."""
+        return self.torque or self.body_fixed
+
+    def local(self, t: np.ndarray, motion: FrameMotion, theta: np.ndarray | None) -> np.ndarray:
+        """Return what acts in body axes (S, 3); theta (S, 3): mean rotation of its interface, if it follows that."""
+        vectors = np.array([self.vector(x) for x in t.tolist()], dtype=float).reshape(-1, 3)
+        if self.body_fixed:
+            vectors = Rotation.from_rotvec(theta).apply(vectors @ self.place.axes.T)
+        else:
+            vectors = motion.local(vectors)
+        # the work of a torque goes over the rates of theta
+        return np.einsum("sij,sj->si", left_jacobian(theta), vectors) if self.torque else vectors
+
+
+@dataclass
+class Actions:
+    """All that acts on one floating body.
+
+    loads : known ones. wrenches : places where joints and connectors act. gravity : functions t -> (3,). places : all
+    markers on mesh nodes, by number.
+    """
+
+    loads: list[Load] = field(default_factory=list)
+    wrenches: list[Place] = field(default_factory=list)
+    gravity: list[Callable[[float], Any]] = field(default_factory=list)
+    places: dict[int, Place] = field(default_factory=dict)
+    idle: list[Place] = field(default_factory=list)
+
+    def interfaces(self) -> dict[str, MeanMotion]:
+        """Nodes and weights of every marker that has a mean rotation."""
+        return {place.name: place.mean for place in self.places.values() if place.mean is not None}
+
+    def drop_idle(self, body: ElasticBody) -> set[int]:
+        """Drop what acts where the reference conditions allow no motion; return the markers there."""
+        idle = {number for number, place in self.places.items() if not place.works(body)}
+        still = [self.places[number] for number in idle]
+        acting = [*self.wrenches, *(load.place for load in self.loads)]
+        self.idle = [place for place in still if place in acting]
+        self.wrenches = [place for place in self.wrenches if place not in still]
+        self.loads = [load for load in self.loads if load.place not in still]
+        return idle
+
+    def names(self) -> tuple[str, ...]:
+        """Names of what acts, and whether there is gravity."""
+        gravity = ("gravity",) if self.gravity else ()
+        return *gravity, *(load.name for load in self.loads), *(place.name for place in self.wrenches)
+
+
+def read_actions(mbs: Any, flex: FloatingBody, model: ReducedMatrices) -> Actions:
+    """Read loads, joints and connectors on the body.
+
+    Raises
+    ------
+    AssumptionError
+        Something acts on single modes, or in a way that is not known here.
+    InputError
+        A marker with nodes that the body does not have, or with weights that do not sum to 1.
+    """
+    actions = Actions()
+    for i in range(mbs.systemData.NumberOfMarkers()):
+        marker = mbs.GetMarker(i)
+        if flex.number in numbers(marker, "bodyNumber") and marker["markerType"] in MESH_MARKERS:
+            actions.places[i] = _place(i, marker, flex)
+        else:
+            _refuse_others(i, marker, flex, model)
+    _read_loads(mbs, flex, actions)
+    _read_objects(mbs, flex, actions)
+    return actions
+
+
+def _refuse_others(number: int, marker: dict, flex: FloatingBody, model: ReducedMatrices) -> None:
+    """Raise AssumptionError for markers whose loads no full model has; what acts on the frame alone does no work."""
+    kind, name = marker["markerType"], f"marker {number} ({marker['name']})"
+    if model.nodes[1] in numbers(marker, "nodeNumber") | numbers(marker, "nodeNumbers"):
+        raise AssumptionError(
+            f"{name} is on the modal coordinates of object {flex.number}; loads and constraints on single modes have "
+            "no counterpart in the full model: use markers on mesh nodes"
+        )
+    if flex.number in numbers(marker, "bodyNumber") and kind != "BodyMass":
+        raise AssumptionError(
+            f"{name} of type {kind!r} is on object {flex.number}; Exudyn's forces there are not those of mesh nodes: "
+            "use MarkerSuperElementPosition or MarkerSuperElementRigid"
+        )
+
+
+def _place(number: int, marker: dict, flex: FloatingBody) -> Place:
+    nodes, weights = np.asarray(marker["meshNodeNumbers"], dtype=int), np.asarray(marker["weightingFactors"])
+    name = f"marker {number} ({marker['name']})"
+    if nodes.size and (nodes.min() < 0 or nodes.max() >= len(flex.positions)):
+        raise InputError(f"{name} names node {nodes.max()}; the body has nodes 0..{len(flex.positions) - 1}")
+    if abs(weights.sum() - 1) > WEIGHT_SUM:
+        raise InputError(f"{name} has weights of sum {weights.sum():.9g}; needed: 1, or it takes no mean motion")
+    forces = np.zeros((len(flex.positions), 3, 3))
+    forces[nodes] = weights[:, None, None] * np.eye(3)
+    forces = forces.reshape(-1, 3)
+    if marker["markerType"] == "SuperElementPosition":
+        return Place(name, forces)
+    if not marker["useAlternativeApproach"]:
+        raise AssumptionError(f"{name} has useAlternativeApproach=False, which takes no mean rotation; leave it True")
+    mean = mean_motion(nodes, weights)
+    turns = None if marker["rotationsExponentialMap"] else "rotationsExponentialMap=0"
+    axes = np.asarray(marker["localHT"])[:3, :3]
+    return Place(name, mean.motion_rows(flex.positions).T, mean, axes, turns)  # an offset moves the frame only
+
+
+def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions) -> None:
+    for i in range(mbs.systemData.NumberOfLoads()):
+        load = mbs.GetLoad(i)
+        number = int(load["markerNumber"])
+        if number in actions.places:
+            actions.loads.append(_load(mbs, i, load, actions.places[number]))
+        elif load["loadType"] == "MassProportional" and flex.number in numbers(mbs.GetMarker(number), "bodyNumber"):
+            actions.gravity.append(_vector(mbs, load))
+
+
+def _load(mbs: Any, i: int, load: dict, place: Place) -> Load:
+    name = f"load {i} ({load['name']})"
+    made = Load(name, place, _vector(mbs, load), load["loadType"] == "TorqueVector", bool(load["bodyFixed"]))
+    if made.follows and place.turns:
+        raise AssumptionError(f"{name} turns with {place.name}, which has {place.turns}: leave that option as it is")
+    return made
+
+
+def _vector(mbs: Any, load: dict) -> Callable[[float], Any]:
+    """Load vector as a function of time; a user function is called again, after the steps were made."""
+    vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
+    if not user:
+        return lambda t: vector
+    f = (
+        user["function"] if callable(user["function"]) else user["function"].Evaluate
+    )  # symbolic ones are no functions
+    owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
+    return lambda t: f(owner(), t, vector)
+
+
+def _read_objects(mbs: Any, flex: FloatingBody, actions: Actions) -> None:
+    joined = {}
+    for i in range(mbs.systemData.NumberOfObjects()):
+        item = mbs.GetObject(i)
+        if i == flex.number or item.get("activeConnector") is False:
+            continue
+        for number in sorted(numbers(item, "markerNumbers") & set(actions.places)):
+            joined[number] = actions.places[number]
+    actions.wrenches.extend(joined.values())

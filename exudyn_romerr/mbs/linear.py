@@ -1,0 +1,38 @@
+"""LinearSubject: a body made by add_reduced_body, as a watch sees it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .scene import require_inputs_only
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..offline import Offline
+    from .bodies import ReducedBody
+
+
+class LinearSubject:
+    """Its offline work is done when it is attached; the mbs is read for what it must not contain."""
+
+    def __init__(self, flex: ReducedBody, offline: Offline):
+        self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
+        self._model, self._offline = flex.model, offline
+        self.columns = slice(0, 0)
+
+    def read(self, mbs: Any) -> Offline:
+        """Find the body's coordinates in the mbs; AssumptionError if something else acts on it."""
+        require_inputs_only(mbs, self._node, self.item)
+        first = mbs.GetNodeODE2Index(self._node)
+        self.columns = slice(first, first + len(self._model.M))
+        return self._offline
+
+    def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> tuple:
+        """Return q, q_t, q_tt of a run's first sample, each (n,)."""
+        # explicit solvers leave the initial accelerations unset until their first step is done
+        return q, q_t, self._model.acceleration(t, q, q_t)
+
+    def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
+        """Return q, q_t, q_tt of accepted steps, each (S, n)."""
+        return states

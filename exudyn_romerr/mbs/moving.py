@@ -1,0 +1,182 @@
+"""MovingSubject: a body in a floating frame, as a watch sees it (theory.md 7).
+
+The frame's inertia terms, the loads and the wrenches of joints are inputs of a linear body: R = M V q'' + ... - B u.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..basis import Basis
+from ..body import ElasticBody
+from ..errors import AssumptionError
+from ..frame import FrameMotion, FramePose
+from ..offline import Scene, prepare
+from .actions import read_actions
+from .floating import read_object
+from .reference import find_reference
+from .support import read_support
+from .terms import InputTerms
+
+if TYPE_CHECKING:
+    from ..offline import Offline
+    from .actions import Actions
+    from .floating import FloatingBody, ReducedMatrices
+    from .reference import Reference
+    from .support import Support
+
+UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
+TOLD_APART = 1e-8  # smallest singular value of the wrenches in V^T R = 0, of the largest, that still tells them
+
+
+class MovingSubject:
+    """Reads the mbs when a solve begins, and turns rows of its coordinates into samples of a run."""
+
+    def __init__(self, flex: FloatingBody, options: dict[str, Any]):
+        self.item, self._flex, self._options = flex.number, flex, options
+        self.columns = np.zeros(0, dtype=int)
+        self._signature: tuple = ()
+        self._body: ElasticBody | None = None
+
+    def read(self, mbs: Any) -> Offline:
+        """Read body, joints and loads; do the offline work unless nothing of it changed since."""
+        model = read_object(mbs, self._flex)
+        actions = read_actions(mbs, self._flex, model)
+        reference = find_reference(self._flex, model.V, actions.interfaces())
+        body = self._made_body(model, reference)
+        idle = actions.drop_idle(body)
+        support = read_support(mbs, model, idle)
+        self.columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
+        self._model, self._actions = model, actions
+        self._now = mbs.systemData.GetODE2Coordinates()[self.columns][: model.frame.size]
+        signature = (model.V.tobytes(), id(body), support, *actions.names())
+        if signature != self._signature:
+            self._terms = InputTerms(actions, support, self._flex, model.V)
+            self._offline = self._prepare(body, reference, support)
+            self._wrench_rows = self._wrenches_from_balance()
+            self._signature = signature
+        return self._offline
+
+    def first(self, t: float, *states: np.ndarray) -> tuple | None:
+        """Return q, q_t, q_tt, u and the frame of a run's first sample; None if its accelerations are not set.
+
+        Explicit solvers leave them at zero until their first step is done.
+        """
+        rows = self.sampled(np.array([t]), *(state[None] for state in states))
+        if not states[2].any() and self._unbalanced(t, rows):
+            return None
+        return tuple(None if x is None else x[0] for x in rows)
+
+    def _unbalanced(self, t: float, rows: tuple) -> bool:
+        q, q_t, q_tt, u, _ = rows
+        u = self._offline.signal(np.array([t])) if u is None else u
+        terms = self._offline.coordinates(q, q_t, q_tt, u)[0] * self._offline.galerkin
+        return bool(np.max(np.abs(terms.sum(axis=1))) > UNSET * np.max(np.abs(terms).sum(axis=1)))
+
+    def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
+        """Return q, q_t, q_tt (S, n), u (S, p) and the frame (S, 21) of accepted steps."""
+        size = self._model.frame.size
+        motion = self._model.frame.motion(*(state[:, :size] for state in states))
+        q, q_t, q_tt = (state[:, size:] for state in states)
+        u = None if self._terms.by_function else self._inputs(t, motion, q, q_t, q_tt)
+        return q, q_t, q_tt, u, motion.rows()
+
+    def _inputs(self, t: np.ndarray, motion: FrameMotion, q, q_t, q_tt) -> np.ndarray:
+        """Inertia, loads, and the wrenches that V^T R = 0 leaves."""
+        u = self._terms.values(self._actions, t, motion, q, q_t)
+        if self._terms.unknown:
+            left = self._offline.coordinates(q, q_t, q_tt, u) @ self._offline.galerkin.T
+            u[:, -self._terms.unknown :] = left @ self._wrench_rows
+        return u
+
+    def _wrenches_from_balance(self) -> np.ndarray:
+        """Rows (n, unknown): V^T R without wrenches to the wrenches that make it least, in the norm of V^T K V."""
+        if not self._terms.unknown:
+            return np.zeros((self._model.V.shape[1], 0))
+        G, layout = self._offline.galerkin, self._offline.coordinates
+        root = np.linalg.cholesky(G[:, layout.stiffness_slot])
+        columns = np.linalg.solve(root, -G[:, -self._terms.unknown :])
+        size = np.linalg.norm(columns, axis=0)
+        values = np.linalg.svd(columns / np.where(size > 0, size, 1.0), compute_uv=False)
+        if len(values) < self._terms.unknown or values[-1] < TOLD_APART * values[0]:
+            raise AssumptionError(
+                f"the wrenches at {', '.join(place.name for place in self._actions.wrenches)} cannot be told from the "
+                f"motion of {len(root)} modes: joints need interfaces with static modes (Craig-Bampton)"
+            )
+        return np.linalg.solve(root.T, np.linalg.pinv(columns).T)
+
+    def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
+        body, flex = self._body, self._flex
+        if body is None or self._body_key != (model.rayleigh, reference.source):
+            self._body = ElasticBody(
+                flex.mass,
+                flex.stiffness,
+                rayleigh=model.rayleigh,
+                fixed=reference.fixed,
+                positions=flex.positions,
+                reference=reference.conditions,
+            )
+            self._body_key = (model.rayleigh, reference.source)
+        return self._body
+
+    def _prepare(self, body: ElasticBody, reference: Reference, support: Support) -> Offline:
+        model, terms = self._model, self._terms
+        function = terms.function(lambda: self._actions, self._pose_motion, model.V.shape[1])
+        return prepare(
+            body,
+            Basis(model.V, note=f"{model.V.shape[1]} modes of object {self.item}"),
+            inputs=terms.columns,
+            input_function=function if terms.by_function and terms.columns.size else None,
+            sampled_inputs=not terms.by_function,
+            scene=self._scene(reference, support),
+            **self._options,
+        )
+
+    def _pose_motion(self, t: np.ndarray) -> FrameMotion:
+        """The frame at rest where it was when the solve began."""
+        now, rest = np.tile(self._now, (len(t), 1)), np.zeros((len(t), len(self._now)))
+        return self._model.frame.motion(now, rest, rest)
+
+    def _scene(self, reference: Reference, support: Support) -> Scene:
+        model, actions, terms = self._model, self._actions, self._terms
+        scope, reason = _scope(actions, support)
+        r, A = model.frame.reference_pose()
+        left_out = [(f"{place.name}", "the reference conditions hold it: it does no work") for place in actions.idle]
+        if support.at_rest:
+            left_out.append(("terms of a turning frame", support.text))
+        return Scene(
+            scope=scope,
+            reason=reason,
+            turns=not support.at_rest,
+            unknown=terms.unknown,
+            pose=FramePose(r, A),
+            computed=(
+                f"floating body, held by: {reference.source}; damping alpha = {model.rayleigh[0]:.6g} 1/s, "
+                f"beta = {model.rayleigh[1]:.6g} s",
+                f"frame: {support.text}",
+                *(f"known: {load.name}" for load in actions.loads),
+                *(f"wrench from V^T R = 0: {place.name}" for place in actions.wrenches),
+            ),
+            left_out=tuple(left_out),
+        )
+
+
+def _scope(actions: Actions, support: Support) -> tuple[str, str]:
+    """Return the scope of the bounds and why."""
+    reacting = [place.name for place in actions.wrenches] + [load.name for load in actions.loads if load.follows]
+    if not support.at_rest and not support.driven:
+        reacting.insert(0, "the frame")
+    if not reacting:
+        return "complete", f"{support.text}; loads do not depend on the body's deformation"
+    return "inputs frozen", (
+        f"{', '.join(reacting)} react to the body's deformation; the bound holds for the full body under the motion "
+        "of the frame, the loads and the wrenches of this simulation"
+    )
+
+
+def _coordinates(mbs: Any, node: int) -> np.ndarray:
+    first = mbs.GetNodeODE2Index(node)
+    item = mbs.GetNode(node)
+    return np.arange(first, first + len(item["referenceCoordinates"]))

@@ -1,0 +1,130 @@
+"""Which reference conditions hold a floating body in its frame: candidates tried against its modes (theory.md 7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import AssumptionError, InputError, RomErrError
+from ..space import HELD, MassOrthogonal, MeanMotion, mean_motion, rigid_modes
+
+if TYPE_CHECKING:
+    from .floating import FloatingBody
+
+CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Conditions found: `conditions` for ElasticBody, or coordinates `fixed` at zero; where they come from."""
+
+    conditions: MeanMotion | MassOrthogonal | None
+    fixed: tuple[int, ...]
+    source: str
+
+
+def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
+    """Return the conditions that every mode meets.
+
+    Parameters
+    ----------
+    interfaces : dict
+        Where markers act: name -> nodes and weights. They come first, since a wrench on the reference does no work.
+
+    Raises
+    ------
+    InputError
+        reference= was given and the modes do not meet it.
+    AssumptionError
+        No candidate fits, or several that differ.
+    """
+    if flex.reference is not None:
+        off = _misfit(flex.reference, flex, V)
+        if off > HELD:
+            raise InputError(f"reference= does not fit the modes: they move it by {off:.1e}, allowed {HELD:g}")
+        return Reference(flex.reference, (), "reference= of floating_body")
+    tried = {}
+    for candidates in (interfaces, _node_sets(flex.fem), {"rigid motions, M-orthogonal": MassOrthogonal()}):
+        fits = {name: c for name, c in candidates.items() if _note(tried, name, _misfit(c, flex, V)) <= HELD}
+        if fits:
+            return _the_only(fits, flex)
+    fixed = np.flatnonzero(~V.reshape(len(flex.positions), -1).any(axis=1))
+    if _holds(fixed, flex.positions):
+        coordinates = (3 * fixed[:, None] + np.arange(3)).ravel()
+        return Reference(None, tuple(coordinates.tolist()), f"{fixed.size} nodes that no mode moves")
+    raise AssumptionError(
+        "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest motion, "
+        f"allowed {HELD:g}): {_listed(tried)}; {CURE}"
+    )
+
+
+def _note(tried: dict[str, float], name: str, off: float) -> float:
+    tried[name] = off
+    return off
+
+
+def _misfit(candidate: Any, flex: FloatingBody, V: np.ndarray) -> float:
+    """|C V| over |C| |V|, largest over conditions and modes; inf if C leaves a rigid motion."""
+    try:
+        C = candidate.rows(flex.positions, flex.mass)
+    except RomErrError:
+        return np.inf
+    held = C @ rigid_modes(flex.positions - flex.positions.mean(axis=0))
+    length = np.linalg.norm(held, axis=1)
+    if (
+        not length.all()
+        or np.linalg.cond(held / length[:, None] / np.linalg.norm(held / length[:, None], axis=0)) > 1e10
+    ):
+        return np.inf
+    size = np.outer(np.linalg.norm(C, axis=1), np.linalg.norm(V, axis=0))
+    return float(np.max(np.abs(C @ V) / size))
+
+
+def _node_sets(fem: Any) -> dict[str, MeanMotion]:
+    """Node sets of the fem of at least three nodes, with their weights and with equal ones."""
+    found = {}
+    for entry in getattr(fem, "nodeSets", None) or []:
+        nodes, weights = entry.get("NodeNumbers", ()), entry.get("NodeWeights", ())
+        if len(nodes) < 3:
+            continue
+        found[f"node set {entry.get('Name', '')!r}"] = _checked(nodes, weights if len(weights) else None)
+    return {name: motion for name, motion in found.items() if motion is not None}
+
+
+def _checked(nodes: Any, weights: Any) -> MeanMotion | None:
+    try:
+        return mean_motion(nodes, weights)
+    except InputError:
+        return None
+
+
+def _the_only(fits: dict[str, Any], flex: FloatingBody) -> Reference:
+    """The one candidate that fits; several must be the same conditions."""
+    (name, first), *others = fits.items()
+    rows = first.rows(flex.positions, flex.mass)
+    differing = [other for other, c in others if not _same_space(rows, c.rows(flex.positions, flex.mass))]
+    if differing:
+        raise AssumptionError(
+            f"the modes fit several reference conditions that differ: {', '.join([name, *differing])}; {CURE}"
+        )
+    return Reference(first, (), name)
+
+
+def _same_space(C: np.ndarray, other: np.ndarray) -> bool:
+    Q = np.linalg.qr((C / np.linalg.norm(C, axis=1)[:, None]).T)[0]
+    other = other / np.linalg.norm(other, axis=1)[:, None]
+    return bool(np.max(np.abs(other - (other @ Q) @ Q.T)) < HELD)
+
+
+def _holds(nodes: np.ndarray, positions: np.ndarray) -> bool:
+    if nodes.size < 3:
+        return False
+    arms = positions[nodes] - positions[nodes].mean(axis=0)
+    lengths = np.linalg.svd(arms, compute_uv=False)
+    return bool(lengths[1] > HELD * lengths[0])
+
+
+def _listed(tried: dict[str, float]) -> str:
+    return ", ".join(f"{name} {off:.1e}" for name, off in tried.items())

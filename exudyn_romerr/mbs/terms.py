@@ -1,0 +1,66 @@
+"""The inputs of a floating body seen as a linear one: inertia of its frame, known loads, wrenches of joints."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..frame import inertia_columns, inertia_coordinates, translations
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..frame import FrameMotion
+    from .actions import Actions
+    from .floating import FloatingBody
+    from .support import Support
+
+
+class InputTerms:
+    """Columns B and values u(t) with R = M V q'' + D V q' + K V q - B u.
+
+    In this order: M e_j and, unless the frame is at rest, M E_ij x and M E_ij V; loads; wrenches, which are unknown.
+
+    Attributes
+    ----------
+    unknown : number of trailing columns of wrenches. by_function : all inputs are functions of time alone.
+    """
+
+    def __init__(self, actions: Actions, support: Support, flex: FloatingBody, V: np.ndarray):
+        self.at_rest = support.at_rest
+        self.unknown = sum(place.columns.shape[1] for place in actions.wrenches)
+        self.by_function = self.at_rest and not self.unknown and not any(load.follows for load in actions.loads)
+        self._weighs = not self.at_rest or bool(actions.gravity)
+        inertia = [-(translations(flex.mass) if self.at_rest else inertia_columns(flex.mass, flex.positions, V))]
+        loads = [load.columns for load in actions.loads] + [place.columns for place in actions.wrenches]
+        self.columns = np.hstack([*(inertia if self._weighs else []), np.zeros((len(V), 0)), *loads])
+        self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
+
+    def values(
+        self, actions: Actions, t: np.ndarray, motion: FrameMotion, q: np.ndarray, q_t: np.ndarray
+    ) -> np.ndarray:
+        """Return u (S, p) with zeros for the wrenches."""
+        parts = self._inertia(actions, t, motion, q, q_t)
+        for load, turn in zip(actions.loads, self._turns, strict=True):
+            parts.append(load.local(t, motion, None if turn is None else q @ turn.T))
+        return np.hstack([*parts, np.zeros((len(t), self.unknown))])
+
+    def function(
+        self, actions: Callable[[], Actions], motion_at: Callable[[np.ndarray], FrameMotion], n: int
+    ) -> Callable:
+        """Return f(t) -> (p,), for a frame at rest and loads that are functions of time."""
+
+        def f(t: float) -> np.ndarray:
+            times, state = np.array([t]), np.zeros((1, n))
+            return self.values(actions(), times, motion_at(times), state, state)[0]
+
+        return f
+
+    def _inertia(self, actions: Actions, t, motion: FrameMotion, q, q_t) -> list[np.ndarray]:
+        if not self._weighs:
+            return []
+        gravity = sum((np.array([g(x) for x in t.tolist()], dtype=float) for g in actions.gravity), np.zeros(3))
+        if self.at_rest:
+            return [motion.local(np.broadcast_to(-gravity, motion.r.shape))]
+        return [inertia_coordinates(motion.local(motion.r_tt - gravity), motion, q, q_t)]
