@@ -34,7 +34,7 @@ class Scene:
     """What a scene adds to what is known of the body alone.
 
     scope, reason : what the bounds cover. turns : the body is in a frame that may turn. unknown : number of trailing
-    inputs that are not given but follow from the Galerkin balance. pose : of the frame in the reference configuration.
+    inputs that follow from the Galerkin balance. pose : of the frame in the reference configuration.
     computed, left_out : lines for the plan.
     """
 

@@ -57,7 +57,7 @@ class Run:
         return self._streams.get("total", self._streams["reduction"])
 
     def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
-        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (21,) if it moves.
+        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (21,) if any.
 
         after: a run whose last state this one starts in; its bounds go on. After a static run the full body starts in
         its own equilibrium under the static run's last loads (the run's offline part must be `from_static`).
@@ -121,7 +121,7 @@ class Run:
         return {"total": found["reduction"], **found}
 
     def samples(self) -> tuple[np.ndarray, ...]:
-        """Return t (T,), the output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
+        """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
         frames = np.vstack(self._frames) if self._frames else np.zeros(0)
         return np.concatenate(self._t), np.vstack(self._values), np.vstack(self._round_off), frames
 

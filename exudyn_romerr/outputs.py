@@ -148,7 +148,7 @@ def relative_displacement(name: str, *, node: int, other: int, component: str = 
 
 
 class StackedRows(NamedTuple):
-    """All rows of some outputs on the free coordinates: C (R, n_free), which are velocities (R,), each output's part."""
+    """Rows of some outputs on the free coordinates: C (R, n_free), which are velocities (R,), each output's part."""
 
     C: np.ndarray
     velocity: np.ndarray

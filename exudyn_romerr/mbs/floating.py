@@ -157,8 +157,8 @@ def _object(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
     wanted = [int(flex.items[key]) for key in ITEMS[:2]]
     if item["objectType"] != "FFRFreducedOrder" or found != wanted:
         raise InputError(
-            f"object {flex.number} of items is a {item['objectType']} on nodes {found}; needed: an FFRFreducedOrder on "
-            f"nodes {wanted}. Was the body deleted, or made in another mbs?"
+            f"object {flex.number} of items is a {item['objectType']} on nodes {found}; needed: an FFRFreducedOrder "
+            f"on nodes {wanted}. Was the body deleted, or made in another mbs?"
         )
     if len(item["referencePositions"]) != flex.mass.shape[0]:
         raise InputError(

@@ -102,8 +102,9 @@ class MovingSubject:
         values = np.linalg.svd(columns / np.where(size > 0, size, 1.0), compute_uv=False)
         if len(values) < self._terms.unknown or values[-1] < TOLD_APART * values[0]:
             raise AssumptionError(
-                f"the wrenches at {', '.join(place.name for place in self._actions.wrenches)} cannot be told from the "
-                f"motion of {len(root)} modes: joints need interfaces with static modes (Craig-Bampton)"
+                f"the wrenches at {', '.join(place.name for place in self._actions.wrenches)} cannot be told from "
+                f"the motion of {len(root)} modes: joints need interfaces with static modes (Craig-Bampton), or more "
+                "modes than their wrenches have components"
             )
         return np.linalg.solve(root.T, np.linalg.pinv(columns).T)
 

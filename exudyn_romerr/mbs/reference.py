@@ -55,8 +55,8 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
         coordinates = (3 * fixed[:, None] + np.arange(3)).ravel()
         return Reference(None, tuple(coordinates.tolist()), f"{fixed.size} nodes that no mode moves")
     raise AssumptionError(
-        "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest motion, "
-        f"allowed {HELD:g}): {_listed(tried)}; {CURE}"
+        "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest "
+        f"motion, allowed {HELD:g}): {_listed(tried)}; {CURE}"
     )
 
 
