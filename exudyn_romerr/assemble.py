@@ -31,7 +31,7 @@ def assemble(run: Run) -> BoundReport:
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=outputs,
         scope=dict.fromkeys(total, offline.scene.scope),
-        reasons={name: _reason(text, t, total[name]) for name, text in run.assumptions().items()},
+        reasons={name: _reason(text, t, total[name], offline) for name, text in run.assumptions().items()},
         plan=offline.plan,
         messages=run.all_messages(),
         time=run.time,
@@ -107,8 +107,12 @@ def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]]) -> dict[str
     return {name: np.where(np.isfinite(best), x, np.inf if name == "basis" else 0.0) for name, x in shares.items()}
 
 
-def _reason(assumes: str, t: np.ndarray, bounds: Bounds) -> str:
+def _reason(assumes: str, t: np.ndarray, bounds: Bounds, offline: Offline) -> str:
+    text = "; ".join(filter(None, [f"assumes {assumes}", offline.scene.reason]))
     finite = np.isfinite(bounds.position)
     if finite.all():
-        return f"assumes {assumes}"
-    return f"assumes {assumes}; inf from t = {t[np.argmin(finite)]:g} s: the residual's square cancelled below zero"
+        return text
+    why = "the residual's square cancelled below zero"
+    if offline.scene.turns:
+        why = "the frame turns faster than the body's lowest frequency, or the bound grew beyond all numbers"
+    return f"{text}; inf from t = {t[np.argmin(finite)]:g} s: {why}"

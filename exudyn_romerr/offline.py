@@ -39,7 +39,7 @@ class Scene:
     """
 
     scope: str = "complete"
-    reason: str = "loads and supports do not depend on the body's deformation"
+    reason: str = ""
     turns: bool = False
     unknown: int = 0
     pose: FramePose | None = None

@@ -91,7 +91,8 @@ class BoundReport:
     """The bounds of one run.
 
     t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
-    scope[e] : "complete" (loads and supports do not depend on the body's deformation). time : "reconstructed",
+    scope[e] : "complete" (loads and supports do not depend on the body's deformation) or "inputs frozen" (they do;
+    the bound holds for the full body under those of this simulation). time : "reconstructed",
     "sampled" or "static". messages : what the reader must know first.
     """
 

@@ -27,7 +27,7 @@ class FrameNode:
         if node["nodeType"] not in ROTATIONS:
             raise AssumptionError(
                 f"the frame's node is of type {node['nodeType']!r}; supported: {', '.join(map(repr, ROTATIONS))}. "
-                "(For RotationRxyz Exudyn 1.13.6 leaves out a term of the angular acceleration: its motion is wrong.) "
+                "(For RotationRxyz Exudyn 1.13.6 leaves out a term of the angular acceleration.) "
                 "Make the body with rigidBodyNodeType='NodeType.RotationEulerParameters', the default"
             )
         self._rotation: Callable = ROTATIONS[node["nodeType"]]

@@ -25,6 +25,13 @@ def end_time(mbs: Any, static: bool) -> float | None:
     return None if solver is None else float(solver.it.endTime)
 
 
+def newton_tolerance(mbs: Any, static: bool) -> float:
+    """Return the relative tolerance of the running solver's Newton iterations; 0 if it has none, or is not in mbs.sys."""
+    solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
+    newton = getattr(solver, "newton", None)  # explicit solvers have none
+    return 0.0 if newton is None else float(newton.relativeTolerance)
+
+
 def require_inputs_only(mbs: Any, node: int, item: int) -> None:
     """Raise AssumptionError if a load, joint, connector or other object acts on the reduced body.
 

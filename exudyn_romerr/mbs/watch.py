@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..online import Run, StaticRun
-from .scene import end_time
+from .scene import end_time, newton_tolerance
 
 if TYPE_CHECKING:
     from ..offline import Offline
@@ -57,7 +57,7 @@ class Watch:
         self._kind = StaticRun if static else Run
         try:
             self._offline = self.read(mbs)
-            self._end_time = end_time(mbs, static)
+            self._end_time, self._newton_tolerance = end_time(mbs, static), newton_tolerance(mbs, static)
             self._columns = self._subject.columns
         except Exception as error:
             self.error = error
@@ -107,7 +107,7 @@ class Watch:
         run.start(t, *first) if self._kind is StaticRun else run.start(t, *first, after=before)
         if self._late:
             run.messages.append(f"the solver has no accelerations at its start: bounds begin at t = {t:g} s")
-        run.end_time = self._end_time
+        run.end_time, run.newton_tolerance = self._end_time, self._newton_tolerance
         self.runs.append(run)
         self._run = run
 
