@@ -25,7 +25,7 @@ from .space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
 
 __version__ = "0.1.0"
 
-_NEEDS_EXUDYN = {"add_reduced_body": "mbs", "attach": "mbs", "floating_body": "mbs"}
+_NEEDS_EXUDYN = {"add_reduced_body": "mbs", "attach": "mbs", "evaluate_file": "mbs", "floating_body": "mbs"}
 
 __all__ = [
     "AssumptionError",
@@ -44,6 +44,7 @@ __all__ = [
     "add_reduced_body",
     "attach",
     "evaluate",
+    "evaluate_file",
     "floating_body",
     "gramian_basis",
     "initial_coordinates",

@@ -144,8 +144,8 @@ class Run:
             messages.insert(
                 0,
                 f"Galerkin defect {self.defect:.1e} of the largest term, in mode {int(np.argmax(self._left))} "
-                f"(expected below {limit:.1e}): a load on the body is not known here, or depends on more than time, or damping "
-                "differs. No bound of this run is certified: it holds for the loads that are known",
+                f"(expected below {limit:.1e}): a load on the body is not known here, or depends on "
+                "more than time, or damping differs. No bound of this run is certified: it holds for the loads known",
             )
         if "total" in self._segmenters:
             messages += self._reconstruction_messages(self._segmenters["total"])

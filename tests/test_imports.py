@@ -7,7 +7,7 @@ estimators.base estimators.paper estimators.energy estimators.auxiliary estimato
 estimators.static estimators.coupling estimators
 samples bezier reconstruct stream plan plot report assemble offline online evaluate
 mbs.scene mbs.gather mbs.hook mbs.watch mbs.bodies mbs.linear mbs.frames mbs.floating mbs.reference mbs.actions
-mbs.support mbs.terms mbs.moving mbs.sensors mbs.monitor mbs
+mbs.support mbs.terms mbs.moving mbs.sensors mbs.monitor mbs.solution mbs
 study __main__
 """.split()
 MAY_IMPORT_EXUDYN = ("mbs", "study", "__main__")

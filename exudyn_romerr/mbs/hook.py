@@ -79,8 +79,13 @@ class StepHook:
         return slot_function(mbs) is self._occupant
 
     def _new_arrays(self, size: int, at_once: bool) -> tuple[np.ndarray, ...]:
-        rows = 1 if at_once else min(BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
+        rows = 1 if at_once else block_rows(size)
         return np.empty(rows), *(np.empty((rows, size)) for _ in range(3))
+
+
+def block_rows(size: int) -> int:
+    """Return the number of steps in a block of an mbs with `size` coordinates."""
+    return min(BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
 
 
 def slot_function(mbs: Any) -> Callable | None:

@@ -97,9 +97,9 @@ class Monitor:
 
 def attach(
     mbs: Any,
-    flex: ReducedBody,
+    flex: ReducedBody | FloatingBody,
     *,
-    outputs: Sequence[Output],
+    outputs: Sequence[Output | int],
     initial: Any = None,
     jumps: Sequence[float] = (),
     tolerance: dict[str, float] | float | None = None,
@@ -118,9 +118,10 @@ def attach(
     Parameters
     ----------
     mbs : exudyn MainSystem
-    flex : ReducedBody
-        From add_reduced_body.
-    outputs : sequence of Output
+    flex : ReducedBody or FloatingBody
+        From add_reduced_body or floating_body.
+    outputs : sequence of Output or sensor numbers
+        Sensors on mesh nodes of a floating body; they give their output its name.
     initial : None, ((N,), (N,)) or "equilibrium"
         State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
     jumps : sequence of float
@@ -149,9 +150,6 @@ def attach(
     Does not cover: loads, joints and connectors on the body (refused when a solve begins); a static solver
     called with storeSolver=False, which cannot be told from a dynamic one.
     """
-    floating = isinstance(flex, FloatingBody)
-    if not floating:
-        _check_body(mbs, flex)
     if hook is not None and not callable(hook):
         raise InputError(f"hook={hook!r}; needed: a function (mbs, t) -> bool")
     options = {
@@ -163,11 +161,21 @@ def attach(
         "time": time,
         "auxiliary_modes": auxiliary_modes,
     }
-    subject = _floating(mbs, flex, initial, options) if floating else _linear(flex, initial, options)
+    subject = make_subject(mbs, flex, initial, options)
     watch = Watch(subject, _checked_tolerance(tolerance, [out.name for out in options["outputs"]]))
     shared = shared_hook(mbs, hook)
     shared.add(watch)
     return Monitor(mbs, shared, watch)
+
+
+def make_subject(
+    mbs: Any, flex: ReducedBody | FloatingBody, initial: Any, options: dict[str, Any]
+) -> LinearSubject | MovingSubject:
+    """Return the body as a watch sees it; sensors among options["outputs"] are replaced by outputs."""
+    if isinstance(flex, FloatingBody):
+        return _floating(mbs, flex, initial, options)
+    _check_body(mbs, flex)
+    return _linear(flex, initial, options)
 
 
 def _linear(flex: ReducedBody, initial: Any, options: dict[str, Any]) -> LinearSubject:

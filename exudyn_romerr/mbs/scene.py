@@ -26,7 +26,7 @@ def end_time(mbs: Any, static: bool) -> float | None:
 
 
 def newton_tolerance(mbs: Any, static: bool) -> float:
-    """Return the relative tolerance of the running solver's Newton iterations; 0 if it has none, or is not in mbs.sys."""
+    """Return the relative tolerance of the running solver's Newton iterations; 0 if it has none."""
     solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
     newton = getattr(solver, "newton", None)  # explicit solvers have none
     return 0.0 if newton is None else float(newton.relativeTolerance)
