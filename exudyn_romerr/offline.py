@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from .estimators import ESTIMATORS
 from .estimators.coupling import Coupled
 from .estimators.static import StaticError
 from .inputs import InputSignal
+from .packing import PackedCoordinates, PackedProblem, Packing
 from .plan import Plan
 from .problem import Problem
 
@@ -35,7 +36,7 @@ class Scene:
 
     scope, reason : what the bounds cover. turns : the body is in a frame that may turn. unknown : number of trailing
     inputs that follow from the Galerkin balance. pose : of the frame in the reference configuration.
-    computed, left_out : lines for the plan.
+    minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
     """
 
     scope: str = "complete"
@@ -43,8 +44,16 @@ class Scene:
     turns: bool = False
     unknown: int = 0
     pose: FramePose | None = None
+    minor: slice | None = None
     computed: tuple[str, ...] = ()
     left_out: tuple[tuple[str, str], ...] = ()
+
+
+class Balance(NamedTuple):
+    """Galerkin's balance W^T R = rows z (n, k) of all terms, for checks and for wrenches that follow from it."""
+
+    coordinates: Coordinates
+    rows: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -52,21 +61,22 @@ class Offline:
     """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
 
     estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
-    frame. value_rows (R, n): C V. galerkin (n, k): W^T L.
+    frame. value_rows (R, n): C V. packing: of the inputs of a turning frame.
     jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of
     R(z) that knots of the reconstruction are chosen by. round_off (R, n): what rounding of K moves per coordinate.
     initial: None, "equilibrium" or "state". static, from_static: made when a static solve, or a run from its end,
     begins.
     """
 
-    coordinates: Coordinates
+    coordinates: Coordinates | PackedCoordinates
     signal: InputSignal | None
     estimators: dict[str, Any]
     outputs: tuple[Output, ...]
     slices: tuple[slice, ...]
     velocity_rows: np.ndarray
     value_rows: np.ndarray
-    galerkin: np.ndarray
+    balance: Balance
+    packing: Packing | None
     jump_response: np.ndarray
     mass_root: np.ndarray
     round_off: np.ndarray
@@ -122,8 +132,8 @@ def prepare(
         "auxiliary_modes": auxiliary_modes,
     }
     of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time}
-    problem = Problem(body, basis, initial=initial, **of_problem)
     names = _checked_estimators(estimators, body)
+    problem = _made_problem(body, basis, names, scene, initial=initial, **of_problem)
     _check_frame(problem, names, jumps, scene)
     if input_function is not None and not problem.B.shape[1]:
         raise InputError("input_function was given without inputs=B, the matrix it multiplies; pass both or neither")
@@ -137,7 +147,8 @@ def prepare(
         slices=tuple(problem.slices),
         velocity_rows=problem.velocity_rows,
         value_rows=problem.C @ V,
-        galerkin=W.T @ problem.map.L,
+        balance=Balance(problem.terms.coordinates, W.T @ problem.terms.L),
+        packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
         round_off=np.outer(np.where(problem.velocity_rows, problem.C2, problem.C_K), problem.round_off),
@@ -167,6 +178,14 @@ def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
     for name in names:
         check_choice("estimators", name, ESTIMATORS)
     return tuple(dict.fromkeys(names))
+
+
+def _made_problem(body, basis, names: tuple[str, ...], scene: Scene, **options: Any) -> Problem:
+    """Packed where the estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
+    packed = scene.minor is not None and set(names) <= {"energy", "auxiliary"}
+    if not packed or options["initial"] is not None or options["residual"] != "orthonormal":
+        return Problem(body, basis, **options)
+    return PackedProblem(body, basis, cut=scene.minor, with_modes="auxiliary" in names, **options)
 
 
 def _made(name: str, problem: Problem, scene: Scene) -> Any:
@@ -202,11 +221,12 @@ def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[
 
 
 def _plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, scene: Scene) -> Plan:
-    layout, body = problem.map.coordinates, problem.body
+    layout, body = problem.terms.coordinates, problem.body
+    packed = f", packed into {problem.map.coordinates.k}" if problem.packing else ""
     computed = [
         f"body with N = {body.N} coordinates ({body.fixed.size} fixed), basis: {problem.basis.note}",
         *scene.computed,
-        f"residual of {layout.k} columns, {problem.residual}",
+        f"residual of {layout.k} columns{packed}, {problem.residual}",
         *(f"estimator '{name}'{_details(problem, name)}" for name in names),
         *(f"output '{out.name}' ({out.unit}, {out.of})" for out in problem.outputs),
     ]

@@ -11,6 +11,7 @@ from .assemble import assemble
 from .errors import InputError, RunError, check_finite
 from .estimators.base import Start
 from .frame import FrameRows, Turn
+from .packing import Cut
 from .products import row_norms
 from .reconstruct import ROUNDING, Linear, Quintic
 from .samples import Samples, make_jumps
@@ -86,9 +87,9 @@ class Run:
             return
         samples = new.after(self._last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
-        turn = self._turn(samples)
+        turn, cut = self._turn(samples), Cut.between(samples.cut)
         for block, _ in segments.values():
-            block.turn = turn
+            block.turn, block.cut = turn, cut
         for name, (block, step_end) in segments.items():
             self._streams[name].advance(block, step_end, self._widening(block, step_end))
         if "initial" in self._streams:
@@ -186,12 +187,16 @@ class Run:
             at = int(np.argmax(steps <= 0))
             raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([before, *t])[at]:.9g} s")
         frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
-        return Samples(t, *states, self._inputs(t, u), frame)
+        u, cut = self._inputs(t, u), np.zeros((len(t), 0))
+        self._measure_defect(self.offline.balance.coordinates(*states, u))
+        if self.offline.packing is not None:
+            u, cut = self.offline.packing(u)
+        return Samples(t, *states, u, frame, cut)
 
     def _inputs(self, t: np.ndarray, u) -> np.ndarray:
         if self.offline.signal is not None and u is None:
             return self.offline.signal(t)
-        p = self.offline.coordinates.p
+        p = self.offline.balance.coordinates.p
         u = np.zeros((len(t), 0)) if u is None else np.asarray(u, dtype=float).reshape(len(t), -1)
         if u.shape != (len(t), p):
             raise InputError(f"u has shape {u.shape}; needed: ({len(t)}, {p})")
@@ -217,7 +222,7 @@ class Run:
         if self.offline.initial is None:
             if q.any() or q_t.any():
                 self.messages.append(IN_THE_SPAN)
-            return Start(t, z)
+            return Start(t, z, cut=float(np.abs(first.cut).sum()))
         if self.offline.initial == "equilibrium":  # K e0 = B u - K V qr
             u, z = self._before_the_first_jump(first, u, z) if after is None else (after._last.u[0], z)
             y0, y0_t = -layout(q, 0 * q, 0 * q, u), np.zeros(layout.k)
@@ -243,11 +248,10 @@ class Run:
         self._round_off.append(np.abs(new.q) @ self.offline.round_off.T)
         if any(self.offline.views):
             self._frames.append(new.frame)
-        self._measure_defect(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
         self._last = new.part(slice(-1, None))
 
     def _measure_defect(self, z: np.ndarray) -> None:
-        rows = self.offline.galerkin
+        rows = self.offline.balance.rows
         self._left = np.maximum(self._left, np.abs(z @ rows.T).max(axis=0))
         self._terms = max(self._terms, float(np.max(np.abs(z) @ np.abs(rows).T)))
 

@@ -50,11 +50,13 @@ class Problem:
         self.residual, self.kernels, self.initial, self.auxiliary_modes = residual, kernels, initial, auxiliary_modes
         self.V, self.W = basis.restricted_to(body)
         self.B = body.space.loads(checked_inputs(inputs, body.N))
-        self.map = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
+        self.map = self.terms = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
         self.C, self.velocity_rows, self.slices = stacked_rows(checked_outputs(outputs), body)
         self.outputs = tuple(outputs)
         self.views = tuple(out.view(body) for out in outputs)
         self.initial_state = _checked_initial(initial, body)
+
+    packing = None  # see packing.py
 
     @property
     def may_start_off(self) -> bool:

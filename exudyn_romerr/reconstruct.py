@@ -137,15 +137,16 @@ class Quintic:
         size = float(self.measure(np.diff(block.c, axis=1)).sum())
         if block.skipped is None:
             return size
-        z = np.zeros((len(block.h), self.layout.k))
-        z[:, self.layout.stiffness_slot] = block.skipped[:, 0]
-        return size + float(self.measure(z).max())
+        dq = block.skipped[:, 0]
+        return size + float(self.measure(self.layout(dq, 0 * dq, 0 * dq, self._no_inputs(dq))).max())
 
     def _rounding_of(self, s: Samples) -> float:
         """Estimated variation of R from rounding of 20 dq/H^2 in the control points of q''."""
-        z = np.zeros((len(s.t) - 1, self.layout.k))
-        z[:, self.layout.mass_slot] = 40 * np.finfo(float).eps * np.abs(s.q[1:]) / np.diff(s.t)[:, None] ** 2
-        return float(self.measure(z).sum())
+        dq_tt = 40 * np.finfo(float).eps * np.abs(s.q[1:]) / np.diff(s.t)[:, None] ** 2
+        return float(self.measure(self.layout(0 * dq_tt, 0 * dq_tt, dq_tt, self._no_inputs(dq_tt))).sum())
+
+    def _no_inputs(self, q: np.ndarray) -> np.ndarray:
+        return np.zeros((len(q), self.layout.p))
 
     def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
         # a sample that coincides with a jump has the acceleration of one side: each step takes that of its own side
@@ -165,7 +166,7 @@ class Quintic:
         """Control points (S, 6, p) of the inputs' interpolant with given ends; bounds of what it misses."""
         if self.signal is None or not self.layout.p:
             shares = NODES[:, None]
-            return first[:, None] * (1 - shares) + last[:, None] * shares, *np.zeros((2, *first.shape))
+            return first[:, None] * (1 - shares) + last[:, None] * shares, *np.zeros((2, len(h), 0))
         inner = np.sort(np.concatenate([NODES[1:-1], CHECKS]))
         times = start[:, None] + h[:, None] * inner
         values = self.signal(times.ravel()).reshape(*times.shape, -1)

@@ -27,7 +27,7 @@ class Split:
     Attributes
     ----------
     omega (m,), cut : rad/s; every other mode has omega >= cut (inf if P is complete).
-    CP : (R, m). PL : (m, k), P^T [L, K q0, M q0'].
+    CP : (R, m).
     capped : the note for the plan if "auto" stopped at its cap, else None.
     """
 
@@ -41,7 +41,6 @@ class Split:
         modes = body.modes(check_count("auxiliary_modes", asked, body.free.size, "free coordinates; or 'auto'"))
         self.omega, self.P, self.cut = modes.omega, modes.shapes, modes.cut
         self.CP = problem.C @ self.P
-        self.PL = self._projected_columns()
 
     @cached_property
     def C_K(self) -> np.ndarray:
@@ -51,7 +50,7 @@ class Split:
     @cached_property
     def C_M(self) -> np.ndarray:
         """|C| in the M^-1 norm on the rest (R,)."""
-        return np.linalg.norm(_without(self._modes_M, self._problem.Y_C_M), axis=0)
+        return np.linalg.norm(without(self._modes_M, self._problem.Y_C_M), axis=0)
 
     @cached_property
     def rates(self) -> list[Forgetting]:
@@ -66,17 +65,17 @@ class Split:
     @cached_property
     def norm_K(self) -> Callable:
         """Return z -> |R_rest|_{K^-1}."""
-        return make_norm(self._problem.residual, _without(self._modes_K, self._problem.Y_K))
+        return make_norm(self._problem.residual, without(self.modes_K, self._problem.Y_K))
 
     @cached_property
     def norm_static(self) -> Callable:
         """Return z -> |K^-1 R_rest|_M."""
-        return make_norm(self._problem.residual, _without(self._modes_M, self._problem.Y_static))
+        return make_norm(self._problem.residual, without(self._modes_M, self._problem.Y_static))
 
     @cached_property
     def norm_M(self) -> Callable:
         """Return z -> |R_rest|_{M^-1}."""
-        return make_norm(self._problem.residual, _without(self._modes_M, self._problem.Y_M))
+        return make_norm(self._problem.residual, without(self._modes_M, self._problem.Y_M))
 
     @cached_property
     def static_rows(self) -> np.ndarray:
@@ -92,7 +91,7 @@ class Split:
         return np.sqrt(np.einsum("ij,ij->j", left, body.K @ left)) / self.omega
 
     @cached_property
-    def _modes_K(self) -> np.ndarray:
+    def modes_K(self) -> np.ndarray:
         """K P Omega^-1 where |.|_{K^-1} is the 2-norm: orthonormal columns."""
         return self._problem.body.stiffness_factor.half_multiply(self.P / self.omega)
 
@@ -103,9 +102,10 @@ class Split:
 
     @cached_property
     def _rest_C_K(self) -> np.ndarray:
-        return _without(self._modes_K, self._problem.Y_C_K)
+        return without(self.modes_K, self._problem.Y_C_K)
 
-    def _projected_columns(self) -> np.ndarray:
+    @cached_property
+    def PL(self) -> np.ndarray:
         """P^T [L, K q0, M q0'], with Omega^2 P^T M in place of P^T K, which cancels."""
         problem, layout, MP = self._problem, self._problem.map.coordinates, self._problem.body.M @ self.P
         PL = self.P.T @ problem.map.L
@@ -132,8 +132,8 @@ class Split:
         return int(np.argmax(enough)) + 1
 
 
-def _without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """Y less its part in the span of the orthonormal modes."""
+def without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """Return Y less its part in the span of the orthonormal modes."""
     for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
         Y = Y - modes @ (modes.T @ Y)
     return Y

@@ -2,7 +2,7 @@
 
 ORDER = """
 errors factor matrices oscillator modes space frame views body outputs basis kernels lagtable
-products residual recurrence inputs propagate forgetting split problem matrix_exponential
+products residual recurrence inputs propagate forgetting split problem packing matrix_exponential
 estimators.base estimators.paper estimators.energy estimators.auxiliary estimators.output_kernel
 estimators.static estimators.coupling estimators
 samples bezier reconstruct stream plan plot report assemble offline online evaluate

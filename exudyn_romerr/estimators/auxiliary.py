@@ -8,8 +8,8 @@ import numpy as np
 
 from ..products import row_norms, rows_times
 from ..propagate import ModalOscillators
-from .base import Block, Bounds, Start
-from .energy import Growth, output_share, smallest
+from .base import Block, Bounds, Start, times
+from .energy import Growth, cut_size, output_share, smallest
 
 if TYPE_CHECKING:
     from ..problem import Problem
@@ -41,6 +41,8 @@ class Auxiliary:
         self.CP, self.C_K, self.C_M = split.CP, split.C_K, split.C_M
         self.static_rows = split.static_rows
         self.velocity_rows = problem.velocity_rows
+        self.static_cut = np.where(self.velocity_rows, 0.0, self.C_K)
+        self.per_mass = self.rates[0].per_mass if self.rates else 0.0
         self.mode_residual, self.beta = split.mode_residual, problem.body.rayleigh[1]
 
     def start(self, start: Start) -> Bounds:
@@ -54,7 +56,8 @@ class Auxiliary:
             self.state = np.array([rows @ start.y0 / omega**2, rows @ start.y0_t])
             terms = np.abs(rows) @ np.abs(start.y0) / omega**2 + np.abs(rows) @ np.abs(start.y0_t) / omega
             self.rounding = 8 * EPS * terms
-        return self._bounds(start.z[None], self.state[None], self.growth.at_start(), self.rounding[None])
+        cut = np.array([start.cut])
+        return self._bounds(start.z[None], self.state[None], self.growth.at_start(), self.rounding[None], cut)
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
@@ -63,13 +66,14 @@ class Auxiliary:
         before = self.growth
         self.growth, g, g_jump = self.growth.advanced(block)
         if block.turn is not None:
-            d_M, v_M = before.inside(g, block)
+            d_M, v_M = before.inside(g, self.growth)
             eta, eta_t = self.oscillators.inside(self.state, states, forces)
             static = self.growth.static_inside(self.norm_static, before, block)
             self.inside = np.hypot(row_norms(eta), static + d_M), np.hypot(row_norms(eta_t), v_M)
         self.rounding = self.rounding + self._rounding_of(block, states, g)
         self.state = states[-1]
-        return self._bounds(block.c[:, -1], states, (g, g_jump), self.rounding + self._unresolved(block))
+        inexact = self.rounding + self._unresolved(block)
+        return self._bounds(block.c[:, -1], states, (g, g_jump), inexact, cut_size(block))
 
     def _rounding_of(self, block: Block, states: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.
@@ -86,15 +90,16 @@ class Auxiliary:
         whole = float(row_norms((eta + self.beta * eta_t) * omega)) + d_K + static
         return added + duration * self.mode_residual * whole
 
-    def _bounds(self, z, states, growth, inexact) -> Bounds:
+    def _bounds(self, z, states, growth, inexact, cut) -> Bounds:
         g, g_jump = growth
         _, d_M, v_M = smallest(self.rates, g)
         eta, eta_t = states[:, 0], states[:, 1]
         known = np.where(self.velocity_rows, eta_t @ self.CP.T, eta @ self.CP.T - z @ self.static_rows.T)
         omega = np.where(self.velocity_rows[:, None], self.oscillators.omega, 1.0)
         rest = output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)
-        slack = rest + inexact @ (np.abs(self.CP) * omega).T
-        position = np.hypot(row_norms(eta), self.norm_static(z) + d_M) + row_norms(inexact)
+        slack = rest + inexact @ (np.abs(self.CP) * omega).T + times(cut, self.static_cut)
+        static = self.norm_static(z) + cut * self.per_mass
+        position = np.hypot(row_norms(eta), static + d_M) + row_norms(inexact)
         turned = row_norms(inexact * self.oscillators.omega)
         velocity = np.hypot(row_norms(eta_t), v_M) + turned
         jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)

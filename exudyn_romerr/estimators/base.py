@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ..frame import Turn
+    from ..packing import Cut
     from ..problem import Problem
     from ..residual import StartNorms
 
@@ -21,13 +22,14 @@ class Start:
     """First instant of a run.
 
     z : (k,) residual coordinates; y0, y0_t : columns' combinations with K e0 = L y0, M e0' = L y0' (theory.md 3),
-    None if the initial error is zero.
+    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm.
     """
 
     t: float
     z: np.ndarray
     y0: np.ndarray | None = None
     y0_t: np.ndarray | None = None
+    cut: float = 0.0
 
 
 @dataclass
@@ -38,7 +40,7 @@ class Block:
     unresolved : (S, p) bounds of |u - u_I| in each segment, u_I the polynomial that c contains.
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
-    turn : how the frame turns in each segment; None: not at all.
+    turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
     """
 
     t: np.ndarray
@@ -48,6 +50,7 @@ class Block:
     unresolved_variation: np.ndarray
     skipped: np.ndarray | None = None
     turn: Turn | None = None
+    cut: Cut | None = None
     _norms: dict = field(default_factory=dict, init=False)
 
     @classmethod

@@ -36,27 +36,30 @@ class Energy:
         self.static_rows = problem.static_rows
         self.C_K, self.C_M = problem.C_K, problem.C2
         self.velocity_rows = problem.velocity_rows
+        self.static_cut = np.where(self.velocity_rows, 0.0, self.C_K)
+        self.per_mass = self.rates[0].per_mass
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.growth = self.growth.started(start, self.start_norms)
-        return self._bounds(start.z[None], *self.growth.at_start())
+        return self._bounds(start.z[None], *self.growth.at_start(), np.array([start.cut]))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         before = self.growth
         self.growth, g, g_jump = self.growth.advanced(block)
         if block.turn is not None:
-            d_M, v_M = before.inside(g, block)
+            d_M, v_M = before.inside(g, self.growth)
             self.inside = self.growth.static_inside(self.norm_static, before, block) + d_M, v_M
-        return self._bounds(block.c[:, -1], g, g_jump)
+        return self._bounds(block.c[:, -1], g, g_jump, cut_size(block))
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, g_jump: np.ndarray) -> Bounds:
+    def _bounds(self, z: np.ndarray, g: np.ndarray, g_jump: np.ndarray, cut: np.ndarray) -> Bounds:
         _, d_M, v_M = smallest(self.rates, g)
-        static = np.abs(z @ self.static_rows.T)
+        static = np.abs(z @ self.static_rows.T) + times(cut, self.static_cut)
         outputs = static + output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)
         jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
-        return Bounds(self.norm_static(z) + d_M, v_M, outputs, jumped)
+        position = self.norm_static(z) + cut * self.per_mass + d_M
+        return Bounds(position, v_M, outputs, jumped)
 
 
 class Growth:
@@ -88,7 +91,7 @@ class Growth:
         with K d0 = L (y0 + z0). norms: of the initial error.
         """
         if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0)
-            g = [float(self.norm(start.z))] * len(self.rates)
+            g = [float(self.norm(start.z)) + start.cut] * len(self.rates)
         else:
             w = start.y0.copy()
             w[: len(start.z)] += start.z
@@ -99,6 +102,7 @@ class Growth:
     def advanced(self, block: Block) -> tuple[Growth, np.ndarray, np.ndarray]:
         """Return the growth after a block, and g and g_jump (rates, S) at the ends of its segments."""
         inside, jumps = block.variation(self.norm, self._before)
+        inside = inside if block.cut is None else inside + block.cut.variation
         decays = [np.exp(-rate.r * block.h) for rate in self.rates]
         g = self._summed(decays, [e * jumps + inside for e in decays], self.g, block)
         if any(self.g_jump) or jumps.any():
@@ -106,25 +110,29 @@ class Growth:
         else:
             g_jump = np.zeros_like(g)
         following = self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1])
-        following._varied = inside
+        following._varied = inside + jumps
         return following, g, g_jump
 
-    def inside(self, g: np.ndarray, block: Block) -> np.ndarray:
-        """Return the largest |d|_M and |e'|_M (2, S) within the segments of a block, g (rates, S) at their ends."""
+    def inside(self, g: np.ndarray, following: Growth) -> np.ndarray:
+        """Return the largest |d|_M and |e'|_M (2, S) within the segments of the block that led to `following`."""
         start = np.hstack([np.array(self.g)[:, None], g[:, :-1]])
-        decay = np.exp(np.array([[rate.r] for rate in self.rates]) * block.h) if self.rates else 1.0
-        return smallest(self.rates, np.maximum(start, g) * decay)[1:]
+        return smallest(self.rates, start + following._varied)[1:]
 
     def static_inside(self, norm_static: Callable, before: Growth, block: Block) -> np.ndarray:
         """Return the largest |K^-1 R|_M (S,) within the segments of the block that led here from `before`."""
         static = norm_static(np.vstack([before._before, block.c[:, -1]]))
         per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
-        return np.maximum(static[:-1], static[1:]) + per_mass * self._varied
+        return np.maximum(static[:-1], static[1:]) + per_mass * (self._varied + cut_size(block))
 
     @staticmethod
     def _summed(decays, added, starts, block: Block) -> np.ndarray:
         sums = [decaying_sum(e, a, x) for e, a, x in zip(decays, added, starts, strict=True)]
         return np.array(sums).reshape(len(sums), len(block.h))
+
+
+def cut_size(block: Block) -> np.ndarray:
+    """Return bounds (S,) of what the control points leave out of R, in the K^-1 norm."""
+    return np.zeros(len(block.h)) if block.cut is None else block.cut.size
 
 
 def smallest(rates: Sequence[Forgetting], g: np.ndarray) -> np.ndarray:

@@ -72,7 +72,8 @@ class MovingSubject:
     def _unbalanced(self, t: float, rows: tuple) -> bool:
         q, q_t, q_tt, u, _ = rows
         u = self._offline.signal(np.array([t])) if u is None else u
-        terms = self._offline.coordinates(q, q_t, q_tt, u)[0] * self._offline.galerkin
+        balance = self._offline.balance
+        terms = balance.coordinates(q, q_t, q_tt, u)[0] * balance.rows
         return bool(np.max(np.abs(terms.sum(axis=1))) > UNSET * np.max(np.abs(terms).sum(axis=1)))
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
@@ -87,7 +88,7 @@ class MovingSubject:
         """Inertia, loads, and the wrenches that V^T R = 0 leaves."""
         u = self._terms.values(self._actions, t, motion, q, q_t)
         if self._terms.unknown:
-            left = self._offline.coordinates(q, q_t, q_tt, u) @ self._offline.galerkin.T
+            left = self._offline.balance.coordinates(q, q_t, q_tt, u) @ self._offline.balance.rows.T
             u[:, -self._terms.unknown :] = left @ self._wrench_rows
         return u
 
@@ -95,7 +96,7 @@ class MovingSubject:
         """Rows (n, unknown): V^T R without wrenches to the wrenches that make it least, in the norm of V^T K V."""
         if not self._terms.unknown:
             return np.zeros((self._model.V.shape[1], 0))
-        G, layout = self._offline.galerkin, self._offline.coordinates
+        layout, G = self._offline.balance
         root = np.linalg.cholesky(G[:, layout.stiffness_slot])
         columns = np.linalg.solve(root, -G[:, -self._terms.unknown :])
         size = np.linalg.norm(columns, axis=0)
@@ -153,6 +154,7 @@ class MovingSubject:
             turns=not support.at_rest,
             unknown=terms.unknown,
             pose=FramePose(r, A),
+            minor=None if support.at_rest else slice(12, 12 + 9 * model.V.shape[1]),
             computed=(
                 f"floating body, held by: {reference.source}; damping alpha = {model.rayleigh[0]:.6g} 1/s, "
                 f"beta = {model.rayleigh[1]:.6g} s",
