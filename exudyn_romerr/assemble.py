@@ -36,6 +36,7 @@ def assemble(run: Run) -> BoundReport:
         messages=run.all_messages(),
         time=run.time,
         total_mass=offline.total_mass,
+        nodes=run.node_bounds,
     )
 
 

@@ -12,6 +12,7 @@ from .estimators import ESTIMATORS
 from .estimators.coupling import Coupled
 from .estimators.static import StaticError
 from .inputs import InputSignal
+from .nodes import node_bounds
 from .packing import PackedCoordinates, PackedProblem, Packing
 from .plan import Plan
 from .problem import Problem
@@ -61,10 +62,10 @@ class Offline:
     """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
 
     estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
-    frame. value_rows (R, n): C V. packing: of the inputs of a turning frame.
-    jump_response (n, p): jump of qr'' per jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of
-    R(z) that knots of the reconstruction are chosen by. round_off (R, n): what rounding of K moves per coordinate.
-    initial: None, "equilibrium" or "state". static, from_static: made when a static solve, or a run from its end,
+    frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
+    jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z) that knots of the reconstruction are
+    chosen by. round_off (R, n): what rounding of K moves per coordinate. initial: None, "equilibrium" or "state".
+    nodes: bounds at every node, on demand. static, from_static: made when a static solve, or a run from its end,
     begins.
     """
 
@@ -89,6 +90,7 @@ class Offline:
     plan: Plan
     views: tuple[View | None, ...]
     scene: Scene
+    nodes: Callable[[dict], dict]
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
 
@@ -164,6 +166,7 @@ def prepare(
         from_static=lambda: prepare(
             body, basis, initial="equilibrium", sampled_inputs=sampled_inputs, scene=scene, **of_problem, **of_run
         ),
+        nodes=lambda instants: node_bounds(problem, lambda name, p: _made(name, p, scene), instants),
         static=lambda: StaticError(problem),
     )
 
@@ -189,6 +192,8 @@ def _made_problem(body, basis, names: tuple[str, ...], scene: Scene, **options: 
 
 
 def _made(name: str, problem: Problem, scene: Scene) -> Any:
+    if name == "static":
+        return StaticError(problem)
     estimator = ESTIMATORS[name](problem)
     return Coupled(estimator, problem) if scene.turns else estimator
 

@@ -129,6 +129,10 @@ class Run:
         frames = np.vstack(self._frames) if self._frames else np.zeros(0)
         return np.concatenate(self._t), np.vstack(self._values), np.vstack(self._round_off), frames
 
+    def node_bounds(self) -> dict[str, np.ndarray]:
+        """Return the bounds at every node at the worst instant, by every estimator; full-size work."""
+        return self.offline.nodes(self._total.worst)
+
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""
         return {name: e.assumes for name, e in self._total.estimators.items()}

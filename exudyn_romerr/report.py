@@ -14,6 +14,7 @@ from .plan import Plan
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Callable
 
 CAUSES = {
     "basis": "basis: add modes",
@@ -106,6 +107,24 @@ class BoundReport:
     messages: list[str]
     time: str
     total_mass: float | None
+    nodes: Callable[[], dict] | dict | None = field(default=None, repr=False)
+
+    @property
+    def node_bound(self) -> dict[str, np.ndarray]:
+        """Bound of the displacement's error at every mesh node (nodes,), by every estimator, at its worst instant.
+
+        Computed when first asked for, one solve with K for every coordinate; saved if it was asked for before.
+
+        Raises
+        ------
+        InputError
+            A body without node positions, or a loaded report that was saved without.
+        """
+        if callable(self.nodes):
+            self.nodes = self.nodes()
+        if self.nodes is None:
+            raise InputError("node_bound was not saved with this report; ask for it before save()")
+        return self.nodes
 
     def output(self, name: str) -> OutputReport:
         """Return the output of that name; InputError lists the known ones."""
@@ -182,6 +201,8 @@ class BoundReport:
         arrays = {"t": self.t}
         arrays.update({f"position/{e}": x for e, x in self.position_bound.items()})
         arrays.update({f"velocity/{e}": x for e, x in self.velocity_bound.items()})
+        if isinstance(self.nodes, dict):
+            arrays.update({f"node/{e}": x for e, x in self.nodes.items()})
         for i, out in enumerate(self.outputs.values()):
             arrays[f"output/{i}/value"], arrays[f"output/{i}/round_off"] = out.value, out.round_off
             for kind in OPTIONAL:
@@ -240,6 +261,7 @@ def _assembled(arrays: dict, meta: dict) -> BoundReport:
         velocity_bound=_under(arrays, "velocity/"),
         outputs={out.name: out for out in outputs},
         plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
+        nodes=_under(arrays, "node/") or None,
         **{key: meta[key] for key in ("scope", "reasons", "messages", "time", "total_mass")},
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -41,6 +42,14 @@ class Split:
         modes = body.modes(check_count("auxiliary_modes", asked, body.free.size, "free coordinates; or 'auto'"))
         self.omega, self.P, self.cut = modes.omega, modes.shapes, modes.cut
         self.CP = problem.C @ self.P
+
+    def with_problem(self, problem: Problem, C: np.ndarray) -> Split:
+        """Return the same modes with the rows C of another problem; norms of R are shared."""
+        other = copy.copy(self)
+        for name in ("C_K", "C_M", "static_rows", "_rest_C_K"):
+            other.__dict__.pop(name, None)
+        other._problem, other.CP = problem, C @ self.P
+        return other
 
     @cached_property
     def C_K(self) -> np.ndarray:

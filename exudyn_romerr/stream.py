@@ -22,11 +22,13 @@ class Stream:
     def __init__(self, estimators: Mapping[str, Any]):
         self.estimators = {name: copy.copy(e) for name, e in estimators.items()}
         self._chunks: dict[str, list[Bounds]] = {name: [] for name in estimators}
+        self._worst = dict.fromkeys(estimators, 0.0)
+        self.worst: dict[str, tuple] = {}  # what the outputs were bounded with where |e|_M has its largest bound
 
     def start(self, start: Start) -> None:
         """Begin at the first instant of a run."""
         for name, e in self.estimators.items():
-            self._chunks[name].append(e.start(start))
+            self._chunks[name].append(self._noted(name, e, e.start(start)))
 
     def go_on(self, before: Stream) -> None:
         """Begin where another stream ended."""
@@ -37,13 +39,19 @@ class Stream:
     def advance(self, block: Block, step_end: np.ndarray, widening: tuple | None = None) -> None:
         """Take a block; step_end: index of the segment that ends each step; widening: added there to the bounds."""
         for name, e in self.estimators.items():
-            bounds = e.advance(block).at(step_end)
+            bounds = self._noted(name, e, e.advance(block)).at(step_end)
             self._chunks[name].append(bounds if widening is None else bounds.widened(*widening))
+
+    def _noted(self, name: str, e: Any, bounds: Bounds) -> Bounds:
+        i = int(np.argmax(bounds.position))
+        if not self.worst or bounds.position[i] > self._worst[name]:
+            self._worst[name], self.worst[name] = bounds.position[i], e.instant(i)
+        return bounds
 
     def load_steps(self, z: np.ndarray) -> None:
         """Take load steps z (S, k) of a static solve, which do not depend on one another."""
         for name, e in self.estimators.items():
-            self._chunks[name].append(e(z))
+            self._chunks[name].append(self._noted(name, e, e(z)))
 
     def best_now(self, part: slice, view: View | None, frame: np.ndarray) -> np.ndarray:
         """Return the smallest bound (r,) of the output that has some of the rows, at the last instant."""

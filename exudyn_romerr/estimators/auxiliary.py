@@ -90,7 +90,24 @@ class Auxiliary:
         whole = float(row_norms((eta + self.beta * eta_t) * omega)) + d_K + static
         return added + duration * self.mode_residual * whole
 
+    def instant(self, i: int) -> tuple:
+        """Return what bounds the outputs at entry i of the bounds returned last."""
+        z, states, (g, g_jump), inexact, cut = self._given
+        one = slice(i, i + 1)
+        return (
+            z[one],
+            states[one],
+            (g[:, one], g_jump[:, one]),
+            inexact[one if len(inexact) > 1 else slice(1)],
+            cut[one],
+        )
+
+    def outputs_at(self, instant: tuple) -> np.ndarray:
+        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant).outputs[0]
+
     def _bounds(self, z, states, growth, inexact, cut) -> Bounds:
+        self._given = z, states, growth, inexact, cut
         g, g_jump = growth
         _, d_M, v_M = smallest(self.rates, g)
         eta, eta_t = states[:, 0], states[:, 1]

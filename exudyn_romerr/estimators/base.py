@@ -198,8 +198,17 @@ class MassNormEstimator:
 
     def _bounds(self, t: np.ndarray, integral: np.ndarray, block: Block | None) -> Bounds:
         position, velocity = self._state_bounds(t - self.t0, integral, block)
+        self._position = position
         outputs = np.where(self.velocity_rows, times(velocity, self.C2), times(position, self.C2))
         return Bounds(position, velocity, outputs)
+
+    def instant(self, i: int) -> tuple:
+        """Return what bounds displacements at entry i of the bounds returned last."""
+        return (self._position[i],)
+
+    def outputs_at(self, instant: tuple) -> np.ndarray:
+        """Return the bounds (R,) of displacement outputs at an instant of an estimator with other outputs."""
+        return times(np.array(instant), self.C2)[0]
 
     def _state_bounds(self, t, integral, block) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of |e|_M and |e'|_M after times t (S,) from the start, with int |R| up to there."""

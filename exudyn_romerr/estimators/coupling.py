@@ -47,20 +47,32 @@ class Coupled:
         """Begin a run; return the bounds at its first instant."""
         self.g = [0.0] * len(self.rates)
         self._before = self.estimator.start(start)
+        self._seen = np.zeros((len(self.rates), 1))
         return self._before
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         bounds = self.estimator.advance(block)
         before, self._before = self._before, bounds.at(np.array([-1]))
+        self._seen = np.zeros((len(self.rates), len(block.h)))
         if block.turn is None and not any(self.g):
             return bounds
         force = self._force(block, before, bounds)
         g = np.array([self._grown(rate, x, block, force) for rate, x in zip(self.rates, self.g, strict=True)])
         self.g = g[:, -1].tolist()
-        seen = g / np.sqrt([_left(rate, block)[0] for rate in self.rates])
+        self._seen = seen = g / np.sqrt([_left(rate, block)[0] for rate in self.rates])
         _, d_M, v_M = smallest(self.rates, seen)
         return bounds.widened(d_M, v_M, output_share(self.rates, seen, self.C_K, self.C_M, self.velocity_rows))
+
+    def instant(self, i: int) -> tuple:
+        """Return what bounds the outputs at entry i of the bounds returned last."""
+        return self.estimator.instant(i), self._seen[:, i : i + 1]
+
+    def outputs_at(self, instant: tuple) -> np.ndarray:
+        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+        inner, seen = instant
+        share = output_share(self.rates, seen, self.C_K, self.C_M, self.velocity_rows)
+        return self.estimator.outputs_at(inner) + share[0]
 
     def _force(self, block: Block, before: Bounds, bounds: Bounds) -> np.ndarray:
         """|F|_{M^-1} (S,), its largest value in every segment."""

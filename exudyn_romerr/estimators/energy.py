@@ -53,7 +53,18 @@ class Energy:
             self.inside = self.growth.static_inside(self.norm_static, before, block) + d_M, v_M
         return self._bounds(block.c[:, -1], g, g_jump, cut_size(block))
 
+    def instant(self, i: int) -> tuple:
+        """Return what bounds the outputs at entry i of the bounds returned last."""
+        z, g, g_jump, cut = self._given
+        one = slice(i, i + 1)
+        return z[one], g[:, one], g_jump[:, one], cut[one]
+
+    def outputs_at(self, instant: tuple) -> np.ndarray:
+        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant).outputs[0]
+
     def _bounds(self, z: np.ndarray, g: np.ndarray, g_jump: np.ndarray, cut: np.ndarray) -> Bounds:
+        self._given = z, g, g_jump, cut
         _, d_M, v_M = smallest(self.rates, g)
         static = np.abs(z @ self.static_rows.T) + times(cut, self.static_cut)
         outputs = static + output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)

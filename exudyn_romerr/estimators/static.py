@@ -23,4 +23,13 @@ class StaticError:
 
     def __call__(self, z: np.ndarray) -> Bounds:
         """Return the errors at load steps z (S, k)."""
+        self._z = z
         return Bounds(self.norm(z), np.zeros(len(z)), np.abs(z @ self.rows.T))
+
+    def instant(self, i: int) -> tuple:
+        """Return z at entry i of the errors returned last."""
+        return (self._z[i : i + 1],)
+
+    def outputs_at(self, instant: tuple) -> np.ndarray:
+        """Return the errors (R,) at an instant of an object with other outputs."""
+        return self(*instant).outputs[0]
