@@ -10,6 +10,7 @@ from .basis import Basis, gramian_basis, krylov_basis, modal_basis
 from .body import Constants, ElasticBody
 from .errors import AssumptionError, InputError, RomErrError, RunError
 from .evaluate import Trajectory, evaluate
+from .load import load_report
 from .outputs import (
     Output,
     mean_displacement,
@@ -19,7 +20,7 @@ from .outputs import (
     node_velocity,
     relative_displacement,
 )
-from .report import BoundReport, OutputReport, load_report
+from .report import BoundReport, OutputReport
 from .residual import initial_coordinates, initial_error
 from .space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
 

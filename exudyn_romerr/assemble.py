@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .messages import is_balanced, run_messages
 from .report import BoundReport, OutputReport
 
 if TYPE_CHECKING:
@@ -31,9 +32,10 @@ def assemble(run: Run) -> BoundReport:
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=outputs,
         scope=dict.fromkeys(total, offline.scene.scope),
+        scope_reason="; ".join(filter(None, [offline.scene.reason, "" if is_balanced(run) else "not certified"])),
         reasons={name: _reason(text, t, total[name], offline) for name, text in run.assumptions().items()},
         plan=offline.plan,
-        messages=run.all_messages(),
+        messages=run_messages(run),
         time=run.time,
         total_mass=offline.total_mass,
         nodes=run.node_bounds,
@@ -109,7 +111,7 @@ def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]]) -> dict[str
 
 
 def _reason(assumes: str, t: np.ndarray, bounds: Bounds, offline: Offline) -> str:
-    text = "; ".join(filter(None, [f"assumes {assumes}", offline.scene.reason]))
+    text = f"assumes {assumes}"
     finite = np.isfinite(bounds.position)
     if finite.all():
         return text

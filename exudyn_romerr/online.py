@@ -13,7 +13,7 @@ from .estimators.base import Start
 from .frame import FrameRows, Turn
 from .packing import Cut
 from .products import row_norms
-from .reconstruct import ROUNDING, Linear, Quintic
+from .reconstruct import Linear, Quintic
 from .samples import Samples, make_jumps
 from .stream import Stream
 
@@ -23,13 +23,10 @@ if TYPE_CHECKING:
     from .report import BoundReport
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
-GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
-TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
 IN_THE_SPAN = (
     "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
     "equilibrium say, pass initial='equilibrium' or initial=(q0, q0_t)"
 )
-RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 
 
 class Run:
@@ -109,6 +106,21 @@ class Run:
         return float(self._left.max()) / self._terms if self._terms else 0.0
 
     @property
+    def worst_mode(self) -> int:
+        """Row of W^T R that the defect is found in."""
+        return int(np.argmax(self._left))
+
+    @property
+    def last_time(self) -> float:
+        """Time of the last sample."""
+        return float(self._last.t[-1])
+
+    @property
+    def quintic(self) -> Quintic | None:
+        """The reconstruction between samples; None if the residual is sampled."""
+        return self._segmenters.get("total")
+
+    @property
     def time(self) -> str:
         """What the bounds cover of time: "reconstructed", "sampled", or "static"."""
         return self.offline.time
@@ -136,41 +148,6 @@ class Run:
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""
         return {name: e.assumes for name, e in self._total.estimators.items()}
-
-    def all_messages(self) -> list[str]:
-        """Return the messages, and what was found wrong along the run."""
-        messages = list(self.messages)
-        if self.end_time is not None and self._last.t[-1] < self.end_time * (1 - 1e-9):
-            messages.append(
-                f"the run ends at t = {self._last.t[-1]:g} s; the solver was to go to {self.end_time:g} s"
-            )
-        limit = GALERKIN_DEFECT + TOLERANCES * self.newton_tolerance
-        if self.defect > limit:
-            messages.insert(
-                0,
-                f"Galerkin defect {self.defect:.1e} of the largest term, in mode {int(np.argmax(self._left))} "
-                f"(expected below {limit:.1e}): a load on the body is not known here, or depends on "
-                "more than time, or damping differs. No bound of this run is certified: it holds for the loads known",
-            )
-        if "total" in self._segmenters:
-            messages += self._reconstruction_messages(self._segmenters["total"])
-        return messages
-
-    def _reconstruction_messages(self, quintic: Quintic) -> list[str]:
-        if quintic.rounding_share > ROUNDING:
-            share = f"{min(100 * quintic.rounding_share, 100):.0f} %"
-            return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
-        if self.offline.signal is None and self.offline.coordinates.p:
-            if self.offline.scene.scope == "inputs frozen":
-                return ["frame motion, loads and wrenches are those at the samples, and linear between them"]
-            return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
-        if quintic.largest_miss > RESOLVED:
-            return [
-                f"the inputs change within single steps: up to {quintic.largest_miss:.1e} of their largest value is "
-                "not followed by the reconstruction (estimated, and added to the bounds): give jump times as jumps=, "
-                "or take smaller steps"
-            ]
-        return []
 
     def _turn(self, samples: Samples) -> Turn | None:
         if not self.offline.scene.turns:

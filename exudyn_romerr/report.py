@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +27,7 @@ SAMPLED = (
 )
 DICTS = ("bound", "reduction_bound", "causes", "effectivity")  # fields of an output that are dicts of arrays
 OPTIONAL = ("corrected", "corrected_bound", "error")  # fields that may be None
-FORMAT = 1  # of the saved file; a file of another format is refused
+FORMAT = 2  # of the saved file; a file of another format is refused
 
 
 @dataclass
@@ -102,6 +101,7 @@ class BoundReport:
     velocity_bound: dict[str, np.ndarray]
     outputs: dict[str, OutputReport]
     scope: dict[str, str]
+    scope_reason: str
     reasons: dict[str, str]
     plan: Plan
     messages: list[str]
@@ -132,9 +132,9 @@ class BoundReport:
         return self.outputs[name]
 
     def reason(self, e: str) -> str:
-        """Return in words what estimator e assumes, and why its bound is inf where it is."""
+        """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
         check_choice("estimator", e, self.reasons)
-        return self.reasons[e]
+        return "; ".join(filter(None, [self.reasons[e], self.scope_reason]))
 
     def compare(self, name: str, t: Any, y: Any) -> OutputReport:
         """Compare an output with a truth.
@@ -194,7 +194,7 @@ class BoundReport:
         return [
             f"  {e:<13} scope {self.scope[e]}; {what} <= {np.max(bound) / divisor:.3g}; {self.reasons[e]}"
             for e, bound in self.position_bound.items()
-        ]
+        ] + ([f"  scope: {self.scope_reason}"] if self.scope_reason else [])
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn)."""
@@ -218,6 +218,7 @@ class BoundReport:
             "format": FORMAT,
             "outputs": [(out.name, out.unit, out.of) for out in self.outputs.values()],
             "scope": self.scope,
+            "scope_reason": self.scope_reason,
             "reasons": self.reasons,
             "plan": [self.plan.computed, self.plan.left_out],
             "messages": self.messages,
@@ -230,51 +231,6 @@ class BoundReport:
         from .plot import plot_report
 
         return plot_report(self, path, outputs)
-
-
-def load_report(path: str | os.PathLike) -> BoundReport:
-    """Read a report that BoundReport.save wrote.
-
-    Raises
-    ------
-    InputError
-        No such file, truncated, not a report, or written by another format version.
-    """
-    try:
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {key: file[key] for key in file.files}
-        meta = json.loads(str(arrays["meta"]))
-        found = meta["format"]
-        if found == FORMAT:
-            return _assembled(arrays, meta)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path} is no report of exudyn_romerr, or it is truncated: {error}") from error
-    raise InputError(f"{path} has format {found!r}; this version reads format {FORMAT}: save it again")
-
-
-def _assembled(arrays: dict, meta: dict) -> BoundReport:
-    outputs = [_load_output(arrays, i, *names) for i, names in enumerate(meta["outputs"])]
-    computed, left_out = meta["plan"]
-    return BoundReport(
-        t=arrays["t"],
-        position_bound=_under(arrays, "position/"),
-        velocity_bound=_under(arrays, "velocity/"),
-        outputs={out.name: out for out in outputs},
-        plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
-        nodes=_under(arrays, "node/") or None,
-        **{key: meta[key] for key in ("scope", "reasons", "messages", "time", "total_mass")},
-    )
-
-
-def _load_output(arrays: dict, i: int, name: str, unit: str, of: str) -> OutputReport:
-    dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
-    optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
-    plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
-    return OutputReport(name, unit, of, **plain, **dicts, **optional)
-
-
-def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:
-    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
 
 
 def _ratio(bound: np.ndarray, truth: np.ndarray) -> np.ndarray:

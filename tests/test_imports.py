@@ -5,7 +5,7 @@ errors factor matrices oscillator modes space frame views body outputs basis ker
 products residual recurrence inputs propagate forgetting split problem packing matrix_exponential
 estimators.base estimators.paper estimators.energy estimators.auxiliary estimators.output_kernel
 estimators.static estimators.coupling estimators nodes
-samples bezier reconstruct stream plan plot report assemble offline online evaluate
+plan samples bezier reconstruct stream plot report load messages assemble offline online evaluate
 mbs.scene mbs.gather mbs.hook mbs.watch mbs.bodies mbs.linear mbs.frames mbs.floating mbs.reference mbs.actions
 mbs.support mbs.terms mbs.moving mbs.sensors mbs.monitor mbs.solution mbs
 study __main__

@@ -144,6 +144,7 @@ class MovingSubject:
     def _scene(self, reference: Reference, support: Support) -> Scene:
         model, actions, terms = self._model, self._actions, self._terms
         scope, reason = _scope(actions, support)
+        reason += f". Full model: all of the fem, interfaces free to deform, held in its frame by {reference.source}"
         r, A = model.frame.reference_pose()
         left_out = [(f"{place.name}", "the reference conditions hold it: it does no work") for place in actions.idle]
         if support.at_rest:
@@ -156,8 +157,8 @@ class MovingSubject:
             pose=FramePose(r, A),
             minor=None if support.at_rest else slice(12, 12 + 9 * model.V.shape[1]),
             computed=(
-                f"floating body, held by: {reference.source}; damping alpha = {model.rayleigh[0]:.6g} 1/s, "
-                f"beta = {model.rayleigh[1]:.6g} s",
+                f"floating body, held in its frame by {reference.source}",
+                f"damping alpha = {model.rayleigh[0]:.6g} 1/s, beta = {model.rayleigh[1]:.6g} s",
                 f"frame: {support.text}",
                 *(f"known: {load.name}" for load in actions.loads),
                 *(f"wrench from V^T R = 0: {place.name}" for place in actions.wrenches),
@@ -174,7 +175,7 @@ def _scope(actions: Actions, support: Support) -> tuple[str, str]:
     if not reacting:
         return "complete", f"{support.text}; loads do not depend on the body's deformation"
     return "inputs frozen", (
-        f"{', '.join(reacting)} react to the body's deformation; the bound holds for the full body under the motion "
+        f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the motion "
         "of the frame, the loads and the wrenches of this simulation"
     )
 

@@ -1,0 +1,65 @@
+"""What the reader of a report must know first, found along a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .reconstruct import ROUNDING
+
+if TYPE_CHECKING:
+    from .online import Run
+
+GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
+TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
+RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
+FROZEN = "frame motion, loads and wrenches are those at the samples, and linear between them"
+
+
+def run_messages(run: Run) -> list[str]:
+    """Return the messages of a run, the gravest first."""
+    return [*_defect(run), *run.messages, *_end(run), *_between_samples(run)]
+
+
+def is_balanced(run: Run) -> bool:
+    """Whether the Galerkin defect is what the solver's tolerance leaves."""
+    return run.defect <= _limit(run)
+
+
+def _limit(run: Run) -> float:
+    return GALERKIN_DEFECT + TOLERANCES * run.newton_tolerance
+
+
+def _defect(run: Run) -> list[str]:
+    if is_balanced(run):
+        return []
+    return [
+        f"Galerkin defect {run.defect:.1e} of the largest term, in mode {run.worst_mode} (expected below "
+        f"{_limit(run):.1e}): a load on the body is not known here, or depends on more than time, or damping "
+        "differs. No bound of this run is certified: it holds for the loads known"
+    ]
+
+
+def _end(run: Run) -> list[str]:
+    if run.end_time is None or run.last_time >= run.end_time * (1 - 1e-9):
+        return []
+    return [f"the run ends at t = {run.last_time:g} s; the solver was to go to {run.end_time:g} s"]
+
+
+def _between_samples(run: Run) -> list[str]:
+    offline, quintic = run.offline, run.quintic
+    if quintic is None:
+        return [FROZEN] if offline.signal is None and offline.scene.scope == "inputs frozen" else []
+    if quintic.rounding_share > ROUNDING:
+        share = f"{min(100 * quintic.rounding_share, 100):.0f} %"
+        return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
+    if offline.signal is None and offline.coordinates.p:
+        if offline.scene.scope == "inputs frozen":
+            return [FROZEN]
+        return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
+    if quintic.largest_miss > RESOLVED:
+        return [
+            f"the inputs change within single steps: up to {quintic.largest_miss:.1e} of their largest value is "
+            "not followed by the reconstruction (estimated, and added to the bounds): give jump times as jumps=, "
+            "or take smaller steps"
+        ]
+    return []
