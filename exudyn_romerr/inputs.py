@@ -48,3 +48,18 @@ class InputSignal:
             self._takes_arrays = False
             return None
         return check_array("input_function's values", values[:, None], (len(t), 1))
+
+
+class SampledSignal(InputSignal):
+    """u(t) of a function that takes many times (T,) and returns (T, p)."""
+
+    def __init__(self, f: Callable, p: int):
+        self._f, self.p = f, p
+
+    def __call__(self, t: np.ndarray) -> np.ndarray:
+        """Return u (T, p) at times t (T,)."""
+        return check_array("loads over time", self._f(np.asarray(t)), (len(t), self.p))
+
+    def at(self, t: float) -> np.ndarray:
+        """Return u (p,) at one time."""
+        return self(np.array([t]))[0]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
 TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
-FROZEN = "frame motion, loads and wrenches are those at the samples, and linear between them"
+FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
 
 
 def run_messages(run: Run) -> list[str]:
@@ -47,14 +47,14 @@ def _end(run: Run) -> list[str]:
 
 def _between_samples(run: Run) -> list[str]:
     offline, quintic = run.offline, run.quintic
+    if offline.scene.pose is not None and offline.signal is None:
+        return [FROM_SAMPLES]
     if quintic is None:
-        return [FROZEN] if offline.signal is None and offline.scene.scope == "inputs frozen" else []
+        return []
     if quintic.rounding_share > ROUNDING:
         share = f"{min(100 * quintic.rounding_share, 100):.0f} %"
         return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
     if offline.signal is None and offline.coordinates.p:
-        if offline.scene.scope == "inputs frozen":
-            return [FROZEN]
         return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
     if quintic.largest_miss > RESOLVED:
         return [

@@ -137,9 +137,7 @@ def prepare(
     names = _checked_estimators(estimators, body)
     problem = _made_problem(body, basis, names, scene, initial=initial, **of_problem)
     _check_frame(problem, names, jumps, scene)
-    if input_function is not None and not problem.B.shape[1]:
-        raise InputError("input_function was given without inputs=B, the matrix it multiplies; pass both or neither")
-    signal = None if sampled_inputs and input_function is None else InputSignal(input_function, problem.B.shape[1])
+    signal = _made_signal(input_function, problem.B.shape[1], sampled_inputs)
     V, W, B = problem.V, problem.W, problem.B
     return Offline(
         coordinates=problem.map.coordinates,
@@ -181,6 +179,14 @@ def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
     for name in names:
         check_choice("estimators", name, ESTIMATORS)
     return tuple(dict.fromkeys(names))
+
+
+def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> InputSignal | None:
+    if isinstance(f, InputSignal):
+        return f
+    if f is not None and not p:
+        raise InputError("input_function was given without inputs=B, the matrix it multiplies; pass both or neither")
+    return None if sampled and f is None else InputSignal(f, p)
 
 
 def _made_problem(body, basis, names: tuple[str, ...], scene: Scene, **options: Any) -> Problem:

@@ -13,6 +13,7 @@ from ..basis import Basis
 from ..body import ElasticBody
 from ..errors import AssumptionError
 from ..frame import FrameMotion, FramePose
+from ..inputs import SampledSignal
 from ..offline import Scene, prepare
 from .actions import read_actions
 from .floating import read_object
@@ -125,21 +126,22 @@ class MovingSubject:
 
     def _prepare(self, body: ElasticBody, reference: Reference, support: Support) -> Offline:
         model, terms = self._model, self._terms
-        function = terms.function(lambda: self._actions, self._pose_motion, model.V.shape[1])
+        known = SampledSignal(self._known_inputs, terms.columns.shape[1]) if terms.by_function else None
         return prepare(
             body,
             Basis(model.V, note=f"{model.V.shape[1]} modes of object {self.item}"),
             inputs=terms.columns,
-            input_function=function if terms.by_function and terms.columns.size else None,
+            input_function=known,
             sampled_inputs=not terms.by_function,
             scene=self._scene(reference, support),
             **self._options,
         )
 
-    def _pose_motion(self, t: np.ndarray) -> FrameMotion:
-        """The frame at rest where it was when the solve began."""
-        now, rest = np.tile(self._now, (len(t), 1)), np.zeros((len(t), len(self._now)))
-        return self._model.frame.motion(now, rest, rest)
+    def _known_inputs(self, t: np.ndarray) -> np.ndarray:
+        """Inputs (T, p) of a frame at rest where it was when the solve began."""
+        pose, rest = np.tile(self._now, (len(t), 1)), np.zeros((len(t), len(self._now)))
+        q = np.zeros((len(t), self._model.V.shape[1]))
+        return self._terms.values(self._actions, t, self._model.frame.motion(pose, rest, rest), q, q)
 
     def _scene(self, reference: Reference, support: Support) -> Scene:
         model, actions, terms = self._model, self._actions, self._terms
@@ -175,8 +177,8 @@ def _scope(actions: Actions, support: Support) -> tuple[str, str]:
     if not reacting:
         return "complete", f"{support.text}; loads do not depend on the body's deformation"
     return "inputs frozen", (
-        f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the motion "
-        "of the frame, the loads and the wrenches of this simulation"
+        f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the "
+        "motion of the frame, the loads and the wrenches of this simulation"
     )
 
 

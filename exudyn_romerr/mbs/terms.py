@@ -9,8 +9,6 @@ import numpy as np
 from ..frame import inertia_columns, inertia_coordinates, translations
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from ..frame import FrameMotion
     from .actions import Actions
     from .floating import FloatingBody
@@ -37,25 +35,12 @@ class InputTerms:
         self.columns = np.hstack([*(inertia if self._weighs else []), np.zeros((len(V), 0)), *loads])
         self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
 
-    def values(
-        self, actions: Actions, t: np.ndarray, motion: FrameMotion, q: np.ndarray, q_t: np.ndarray
-    ) -> np.ndarray:
-        """Return u (S, p) with zeros for the wrenches."""
+    def values(self, actions: Actions, t: np.ndarray, motion: FrameMotion, q, q_t) -> np.ndarray:
+        """Return u (S, p) of times t (S,) and states q, q_t (S, n), with zeros for the wrenches."""
         parts = self._inertia(actions, t, motion, q, q_t)
         for load, turn in zip(actions.loads, self._turns, strict=True):
             parts.append(load.local(t, motion, None if turn is None else q @ turn.T))
         return np.hstack([*parts, np.zeros((len(t), self.unknown))])
-
-    def function(
-        self, actions: Callable[[], Actions], motion_at: Callable[[np.ndarray], FrameMotion], n: int
-    ) -> Callable:
-        """Return f(t) -> (p,), for a frame at rest and loads that are functions of time."""
-
-        def f(t: float) -> np.ndarray:
-            times, state = np.array([t]), np.zeros((1, n))
-            return self.values(actions(), times, motion_at(times), state, state)[0]
-
-        return f
 
     def _inertia(self, actions: Actions, t, motion: FrameMotion, q, q_t) -> list[np.ndarray]:
         if not self._weighs:
