@@ -14,7 +14,7 @@ from .errors import AssumptionError, InputError, check_count
 from .factor import SINGULAR_PIVOT, SymmetricFactor
 from .matrices import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, is_dissipative
 from .modes import Modes, count_below, lowest_modes
-from .space import MassOrthogonal, MeanMotion, Space
+from .space import MassOrthogonal, MeanMotion, Space, rigid_parts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,6 +52,8 @@ class ElasticBody:
     reference : mean_motion(nodes, weights), optional
         Holds the body by conditions instead of `fixed`: the mean motion of some nodes is zero, as at Exudyn's RBE3
         interfaces. V must meet them; loads that would move the nodes are taken up where they are held.
+    rigid : sequence of sequences of int
+        Nodes of parts that move as rigid bodies, as Exudyn's RBE2 interfaces do; with `fixed` only.
 
     Raises
     ------
@@ -75,6 +77,7 @@ class ElasticBody:
         fixed: Sequence[int] = (),
         positions: Any = None,
         reference: MeanMotion | MassOrthogonal | None = None,
+        rigid: Sequence[Sequence[int]] = (),
     ):
         self.mass = checked_matrix("mass", mass, None)
         self.N = self.mass.shape[0]
@@ -83,7 +86,7 @@ class ElasticBody:
         self.fixed = checked_dofs(fixed, self.N)
         if self.fixed.size == self.N:
             raise InputError(f"fixed lists all {self.N} coordinates; at least one must stay free")
-        self.space = Space(self.N, self.fixed, self._conditions(reference))
+        self.space = Space(self.N, self.fixed, self._conditions(reference), self._rigid_parts(rigid))
         self.free = self.space.free
         self.M, self.K = self.space.matrix(self.mass), self.space.matrix(self.stiffness)
         if rayleigh is not None and damping is not None:
@@ -221,6 +224,13 @@ class ElasticBody:
         if self.dofs_per_node != 3:
             raise InputError("reference needs 3 coordinates a node (solids); hold nodes with rotations by fixed=")
         return reference.rows(self.positions, self.mass)
+
+    def _rigid_parts(self, rigid: Sequence[Sequence[int]]) -> list[tuple]:
+        if not rigid:
+            return []
+        if not self.fixed.size or self.dofs_per_node != 3:
+            raise InputError("rigid needs a solid body (3 coordinates a node) held by fixed=, not by reference=")
+        return rigid_parts(rigid, self.fixed, self.positions)
 
     def _check_definite(self) -> None:
         massless = self.free[self.M.diagonal() <= 0]

@@ -60,6 +60,17 @@ def check_numbers(name: str, value: object) -> np.ndarray:
     return check_array(name, value, (None,))
 
 
+def check_nodes(nodes: Iterable[int], count: int) -> np.ndarray:
+    """Return node numbers as an int array; InputError names the first outside 0..count-1."""
+    numbers = check_numbers("node numbers", nodes)
+    wrong = numbers[(numbers < 0) | (numbers >= count) | (numbers != np.round(numbers))]
+    if numbers.size == 0 or wrong.size:
+        raise InputError(
+            f"node {f'{wrong[0]:g}' if wrong.size else 'list is empty'}; allowed: node numbers 0..{count - 1}"
+        )
+    return numbers.astype(int)
+
+
 def check_count(name: str, value: object, most: int, of: str) -> int:
     """Return `value` as an int in 1..most or raise InputError; `of` says what is counted."""
     if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= value <= most:

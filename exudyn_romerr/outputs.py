@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .errors import InputError, check_array, check_choice, check_numbers, real_array
+from .errors import InputError, check_array, check_choice, check_nodes, real_array
 from .space import mean_motion
 from .views import View
 
@@ -132,7 +132,7 @@ def mean_rotation(
     def rows(body: ElasticBody) -> np.ndarray:
         if body.dofs_per_node != 3:
             raise InputError("mean_rotation is for solids (3 coordinates a node); use node_rotation")
-        checked_nodes(nodes, len(body.positions))
+        check_nodes(nodes, len(body.positions))
         return mean_motion(nodes, weights).motion_rows(body.positions)[3:][[AXES.index(a) for a in axes]]
 
     return Output(name, rows, unit)
@@ -193,7 +193,7 @@ def _node_rows(nodes, weights, component: str, offset: int) -> Callable:
         per_node, count = body.dofs_per_node, len(body.positions)
         if offset and per_node != 6:
             raise InputError("node_rotation needs nodes with rotations (6 coordinates); this body has 3 a node")
-        numbers = checked_nodes(nodes, count)
+        numbers = check_nodes(nodes, count)
         share = np.ones(len(numbers)) if weights is None else check_array("weights", weights, (len(numbers),))
         if not share.sum() > 0:
             raise InputError("weights must have a positive sum")
@@ -203,14 +203,3 @@ def _node_rows(nodes, weights, component: str, offset: int) -> Callable:
         return C
 
     return rows
-
-
-def checked_nodes(nodes: Sequence[int], count: int) -> np.ndarray:
-    """Return node numbers as an int array; InputError names the first outside 0..count-1."""
-    numbers = check_numbers("node numbers", nodes)
-    wrong = numbers[(numbers < 0) | (numbers >= count) | (numbers != np.round(numbers))]
-    if numbers.size == 0 or wrong.size:
-        raise InputError(
-            f"node {f'{wrong[0]:g}' if wrong.size else 'list is empty'}; allowed: node numbers 0..{count - 1}"
-        )
-    return numbers.astype(int)

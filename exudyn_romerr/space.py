@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from .errors import AssumptionError, InputError, check_array
+from .errors import AssumptionError, InputError, check_array, check_nodes
 
 RIGID_MODES = 6
 RANK = 1e-10  # of scaled reference rows; below, some rigid motion is not held
@@ -26,7 +26,7 @@ class MeanMotion:
 
     def rows(self, positions: np.ndarray, mass: sp.csc_matrix | None = None) -> np.ndarray:
         """Return C_0 (6, 3 nodes): sum w_i u_i and sum w_i (x_i - x_mean) x u_i."""
-        where = positions[self.nodes]
+        where = positions[check_nodes(self.nodes, len(positions))]
         C = np.zeros((RIGID_MODES, *positions.shape))
         for node, arm, w in zip(self.nodes, where - self.weights @ where, self.weights, strict=True):
             C[:3, node] += w * np.eye(3)
@@ -95,7 +95,7 @@ def mean_motion(nodes: Sequence[int], weights: Sequence[float] | None = None) ->
 
 
 class Space:
-    """q = Z y: y are the coordinates that are neither fixed nor given by the reference conditions.
+    """q = Z y: y are the coordinates that are neither fixed nor follow from conditions.
 
     Parameters
     ----------
@@ -104,19 +104,23 @@ class Space:
         Coordinates held at zero.
     conditions : ndarray, (6, N), optional
         C_0 with C_0 q = 0.
+    rigid : sequence of (coordinates (m,), motions (m, 6))
+        Parts that move as rigid bodies only; six coordinates of each stay in y.
     """
 
-    def __init__(self, N: int, fixed: np.ndarray, conditions: np.ndarray | None = None):
-        self.N, self.fixed, self.conditions = N, fixed, conditions
-        taken = fixed if conditions is None else _eliminated(conditions)
-        self.free = np.setdiff1d(np.arange(N), taken)
-        selection = sp.eye(N, format="csc")[:, self.free]
-        if conditions is None:
-            self.Z = selection
-            return
-        dependent = -np.linalg.solve(conditions[:, taken], conditions[:, self.free])
-        rows = sp.csc_matrix((np.ones(RIGID_MODES), (taken, np.arange(RIGID_MODES))), shape=(N, RIGID_MODES))
-        self.Z = sp.csc_matrix(selection + rows @ sp.csc_matrix(dependent))
+    def __init__(self, N: int, fixed: np.ndarray, conditions: np.ndarray | None = None, rigid: Sequence[tuple] = ()):
+        self.N, self.fixed, self.conditions, self.is_rigid = N, fixed, conditions, bool(rigid)
+        followers = [_followers(*part) for part in rigid]
+        if conditions is not None:
+            dependent = _eliminated(conditions)
+            others = np.setdiff1d(np.arange(N), dependent)
+            followers.append((dependent, others, -np.linalg.solve(conditions[:, dependent], conditions[:, others])))
+        self.free = np.setdiff1d(np.arange(N), np.concatenate([fixed, *(rows for rows, _, _ in followers)]))
+        Z = sp.eye(N, format="csr")
+        for rows, columns, matrix in followers:
+            entries = (matrix.ravel(), (np.repeat(rows, len(columns)), np.tile(columns, len(rows))))
+            Z = Z + sp.csr_matrix(entries, shape=(N, N))
+        self.Z = sp.csc_matrix(Z.tocsc()[:, self.free])
 
     def matrix(self, A: sp.csc_matrix) -> sp.csc_matrix:
         """Return Z^T A Z."""
@@ -143,11 +147,34 @@ class Space:
                 raise InputError(
                     f"{name} misses the reference conditions by {worst:.1e} of its size; allowed {HELD:g}"
                 )
+        if self.is_rigid and np.max(np.abs(q - self.Z @ q[self.free])) > HELD * np.max(np.abs(q)):
+            raise InputError(f"{name} deforms an interface that is to be rigid (RBE2 modes do not)")
         return q[self.free]
 
     def expand(self, y: np.ndarray) -> np.ndarray:
         """Return q = Z y."""
         return self.Z @ y
+
+
+def rigid_parts(rigid: Sequence[Sequence[int]], fixed: np.ndarray, positions: np.ndarray) -> list[tuple]:
+    """Return (coordinates, motions) of node sets for Space; InputError if they share nodes, also fixed ones."""
+    parts = [check_nodes(nodes, len(positions)) for nodes in rigid]
+    held = np.unique(fixed // 3)
+    if np.unique(np.concatenate([held, *parts])).size != held.size + sum(map(len, parts)):
+        raise InputError("rigid: node sets overlap one another or the fixed nodes; every node may be in one only")
+    motions = rigid_modes(positions - positions.mean(axis=0))
+    coordinates = [(3 * nodes[:, None] + np.arange(3)).ravel() for nodes in parts]
+    return [(part, motions[part]) for part in coordinates]
+
+
+def _followers(coordinates: np.ndarray, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates of a rigid part that follow from six of its own, those six, and how."""
+    motions = motions / np.linalg.norm(motions, axis=0)
+    _, triangle, order = la.qr(motions.T, mode="economic", pivoting=True)
+    if np.abs(triangle[RIGID_MODES - 1, RIGID_MODES - 1]) <= RANK:
+        raise InputError("nodes of a rigid interface lie on a line: they do not tell its rotation")
+    six, rest = np.sort(order[:RIGID_MODES]), np.sort(order[RIGID_MODES:])
+    return coordinates[rest], coordinates[six], np.linalg.solve(motions[six].T, motions[rest].T).T
 
 
 def _eliminated(conditions: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from ..space import MassOrthogonal, MeanMotion
 from .frames import FrameNode
 
 ITEMS = ("nRigidBody", "nGenericODE2", "oFFRFreducedOrder")
-INTERFACES = ("free",)  # "rigid", the model with rigid interfaces, is not built yet
+INTERFACES = ("free", "rigid")
 SAME = 1e-9  # relative; Exudyn rounds reduced matrices at 1e-13 of their largest entry
 
 
@@ -26,6 +26,7 @@ class FloatingBody:
     fem: Any
     items: dict[str, Any]
     reference: MeanMotion | MassOrthogonal | None
+    interfaces: str
 
     @cached_property
     def mass(self) -> sp.csc_matrix:
@@ -67,9 +68,10 @@ def floating_body(
     reference : mean_motion(nodes, weights) or mass_orthogonal(), optional
         Conditions that every mode meets and that hold the body in its frame. Default: found by trying the modes
         against the interfaces of the mbs, the node sets of the fem, zero rows and rigid motions.
-    interfaces : {"free"}
-        Which full model is the truth: "free", joints and loads act on the weighted mean of an interface's nodes,
-        which may deform. (With RBE2 modes the bound then covers what rigid interfaces stiffen.)
+    interfaces : {"free", "rigid"}
+        Which full model is the truth. "free": joints and loads act on the weighted mean of an interface's nodes,
+        which may deform; with RBE2 modes the bound then covers what rigid interfaces stiffen. "rigid", RBE2 modes
+        only: the nodes of every interface move as a rigid body, those of the first not at all.
 
     Returns
     -------
@@ -103,7 +105,7 @@ def floating_body(
     if reference is not None and not isinstance(reference, MeanMotion | MassOrthogonal):
         raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights), mass_orthogonal() or None")
     check_choice("interfaces", interfaces, INTERFACES)
-    flex = FloatingBody(fem, items, reference)
+    flex = FloatingBody(fem, items, reference, interfaces)
     if flex.mass.shape[0] != 3 * len(flex.positions):
         raise AssumptionError(
             f"fem has {flex.mass.shape[0]} coordinates at {len(flex.positions)} nodes; a moving frame needs 3 a node"

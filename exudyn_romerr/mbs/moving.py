@@ -112,7 +112,7 @@ class MovingSubject:
 
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
         body, flex = self._body, self._flex
-        if body is None or self._body_key != (model.rayleigh, reference.source):
+        if body is None or self._body_key != (model.rayleigh, reference.source, reference.rigid):
             self._body = ElasticBody(
                 flex.mass,
                 flex.stiffness,
@@ -120,8 +120,9 @@ class MovingSubject:
                 fixed=reference.fixed,
                 positions=flex.positions,
                 reference=reference.conditions,
+                rigid=reference.rigid,
             )
-            self._body_key = (model.rayleigh, reference.source)
+            self._body_key = (model.rayleigh, reference.source, reference.rigid)
         return self._body
 
     def _prepare(self, body: ElasticBody, reference: Reference, support: Support) -> Offline:
@@ -146,7 +147,7 @@ class MovingSubject:
     def _scene(self, reference: Reference, support: Support) -> Scene:
         model, actions, terms = self._model, self._actions, self._terms
         scope, reason = _scope(actions, support)
-        reason += f". Full model: all of the fem, interfaces free to deform, held in its frame by {reference.source}"
+        reason += f". Full model: all of the fem, interfaces {self._flex.interfaces}, held by {reference.source}"
         r, A = model.frame.reference_pose()
         left_out = [(f"{place.name}", "the reference conditions hold it: it does no work") for place in actions.idle]
         if support.at_rest:

@@ -18,11 +18,12 @@ CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes,
 
 @dataclass(frozen=True)
 class Reference:
-    """Conditions found: `conditions` for ElasticBody, or coordinates `fixed` at zero; where they come from."""
+    """Conditions found: `conditions` for ElasticBody, or coordinates `fixed` and parts `rigid`; their source."""
 
     conditions: MeanMotion | MassOrthogonal | None
-    fixed: tuple[int, ...]
     source: str
+    fixed: tuple[int, ...] = ()
+    rigid: tuple[tuple[int, ...], ...] = ()
 
 
 def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
@@ -44,20 +45,51 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
         off = _misfit(flex.reference, flex, V)
         if off > HELD:
             raise InputError(f"reference= does not fit the modes: they move it by {off:.1e}, allowed {HELD:g}")
-        return Reference(flex.reference, (), "reference= of floating_body")
+        return Reference(flex.reference, "reference= of floating_body")
+    if flex.interfaces == "rigid":
+        return _rigid_interfaces(flex, V, interfaces)
     tried = {}
     for candidates in (interfaces, _node_sets(flex.fem), {"rigid motions, M-orthogonal": MassOrthogonal()}):
         fits = {name: c for name, c in candidates.items() if _note(tried, name, _misfit(c, flex, V)) <= HELD}
         if fits:
             return _the_only(fits, flex)
-    fixed = np.flatnonzero(~V.reshape(len(flex.positions), -1).any(axis=1))
-    if _holds(fixed, flex.positions):
-        coordinates = (3 * fixed[:, None] + np.arange(3)).ravel()
-        return Reference(None, tuple(coordinates.tolist()), f"{fixed.size} nodes that no mode moves")
+    still = _still_nodes(flex, V)
+    if _holds(still, flex.positions):
+        return Reference(None, f"{still.size} nodes that no mode moves", _coordinates(still))
     raise AssumptionError(
         "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest "
         f"motion, allowed {HELD:g}): {_listed(tried)}; {CURE}"
     )
+
+
+def _rigid_interfaces(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
+    """The model of RBE2 modes: nodes that no mode moves are fixed, those of all other interfaces rigid."""
+    still = _still_nodes(flex, V)
+    if flex.reference is not None or not _holds(still, flex.positions):
+        raise AssumptionError(
+            f"interfaces='rigid' is for RBE2 modes, which leave the nodes of one interface still; found {still.size} "
+            "still nodes; use interfaces='free'"
+        )
+    moving = [motion.nodes for motion in interfaces.values() if not np.isin(motion.nodes, still).all()]
+    parts = {tuple(sorted(nodes.tolist())) for nodes in moving}
+    rigid = [part for part in sorted(parts) if _is_rigid(list(part), flex.positions, V)]
+    text = f"{still.size} nodes that no mode moves, {len(rigid)} rigid interfaces"
+    return Reference(None, text, _coordinates(still), tuple(rigid))
+
+
+def _still_nodes(flex: FloatingBody, V: np.ndarray) -> np.ndarray:
+    return np.flatnonzero(~V.reshape(len(flex.positions), -1).any(axis=1))
+
+
+def _coordinates(nodes: np.ndarray) -> tuple[int, ...]:
+    return tuple((3 * nodes[:, None] + np.arange(3)).ravel().tolist())
+
+
+def _is_rigid(nodes: list[int], positions: np.ndarray, V: np.ndarray) -> bool:
+    """Whether all modes move the nodes as one rigid body."""
+    motions = np.linalg.qr(rigid_modes(positions[nodes] - positions[nodes].mean(axis=0)))[0]
+    part = V.reshape(len(positions), 3, -1)[nodes].reshape(3 * len(nodes), -1)
+    return bool(np.max(np.abs(part - motions @ (motions.T @ part))) <= HELD * np.max(np.abs(V)))
 
 
 def _note(tried: dict[str, float], name: str, off: float) -> float:
@@ -109,7 +141,7 @@ def _the_only(fits: dict[str, Any], flex: FloatingBody) -> Reference:
         raise AssumptionError(
             f"the modes fit several reference conditions that differ: {', '.join([name, *differing])}; {CURE}"
         )
-    return Reference(first, (), name)
+    return Reference(first, name)
 
 
 def _same_space(C: np.ndarray, other: np.ndarray) -> bool:
