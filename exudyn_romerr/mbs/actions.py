@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 WEIGHT_SUM = 1e-9  # markers whose weights do not sum to 1 do not take a mean
 NO_WORK = 1e-9  # of a column: what rounding leaves where the reference conditions hold a marker's motion at zero
+FORCES_ONLY = ("JointSpherical", "ConnectorCartesianSpringDamper", "ConnectorSpringDamper")
 MESH_MARKERS = ("SuperElementPosition", "SuperElementRigid")
 
 
@@ -43,6 +44,10 @@ class Place:
     def turn_rows(self) -> np.ndarray:
         """Rows (3, N) of the mean rotation."""
         return self.columns[:, 3:].T
+
+    def without_torques(self) -> Place:
+        """Return the place for what acts by forces only."""
+        return replace(self, columns=self.columns[:, :3])
 
     def works(self, body: ElasticBody) -> bool:
         """Whether anything that acts here moves the body in its space of admissible displacements."""
@@ -86,14 +91,14 @@ class Actions:
     """All that acts on one floating body.
 
     loads : known ones. wrenches : places where joints and connectors act. gravity : functions t -> (3,). places : all
-    markers on mesh nodes, by number.
+    markers on mesh nodes, by number. idle : names of those that act but do no work.
     """
 
     loads: list[Load] = field(default_factory=list)
     wrenches: list[Place] = field(default_factory=list)
     gravity: list[Callable[[float], Any]] = field(default_factory=list)
     places: dict[int, Place] = field(default_factory=dict)
-    idle: list[Place] = field(default_factory=list)
+    idle: list[str] = field(default_factory=list)
 
     def interfaces(self) -> dict[str, MeanMotion]:
         """Nodes and weights of every marker that has a mean rotation."""
@@ -102,11 +107,11 @@ class Actions:
     def drop_idle(self, body: ElasticBody) -> set[int]:
         """Drop what acts where the reference conditions allow no motion; return the markers there."""
         idle = {number for number, place in self.places.items() if not place.works(body)}
-        still = [self.places[number] for number in idle]
-        acting = [*self.wrenches, *(load.place for load in self.loads)]
-        self.idle = [place for place in still if place in acting]
-        self.wrenches = [place for place in self.wrenches if place not in still]
-        self.loads = [load for load in self.loads if load.place not in still]
+        still = {self.places[number].name for number in idle}
+        acting = {place.name for place in self.wrenches} | {load.place.name for load in self.loads}
+        self.idle = sorted(still & acting)
+        self.wrenches = [place for place in self.wrenches if place.name not in still]
+        self.loads = [load for load in self.loads if load.place.name not in still]
         return idle
 
     def names(self) -> tuple[str, ...]:
@@ -195,19 +200,33 @@ def _vector(mbs: Any, load: dict) -> Callable[[float], Any]:
     vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
     if not user:
         return lambda t: vector
-    f = (
-        user["function"] if callable(user["function"]) else user["function"].Evaluate
-    )  # symbolic ones are no functions
+    f = user["function"]
+    f = f if callable(f) else f.Evaluate  # a symbolic function
     owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
     return lambda t: f(owner(), t, vector)
 
 
 def _read_objects(mbs: Any, flex: FloatingBody, actions: Actions) -> None:
-    joined = {}
+    """Collect where joints and connectors act; what acts on the same nodes with the same weights is one wrench."""
+    joined: list[Place] = []
     for i in range(mbs.systemData.NumberOfObjects()):
         item = mbs.GetObject(i)
         if i == flex.number or item.get("activeConnector") is False:
             continue
         for number in sorted(numbers(item, "markerNumbers") & set(actions.places)):
-            joined[number] = actions.places[number]
-    actions.wrenches.extend(joined.values())
+            place = actions.places[number]
+            _join(joined, place.without_torques() if _has_no_torque(item) else place)
+    actions.wrenches = joined
+
+
+def _has_no_torque(item: dict) -> bool:
+    generic = item["objectType"] == "JointGeneric" and not any(item["constrainedAxes"][3:])
+    return generic or item["objectType"] in FORCES_ONLY
+
+
+def _join(joined: list[Place], place: Place) -> None:
+    for k, other in enumerate(joined):
+        if np.array_equal(other.columns[:, :3], place.columns[:, :3]):
+            joined[k] = max(other, place, key=lambda p: p.columns.shape[1])
+            return
+    joined.append(place)

@@ -149,7 +149,7 @@ class MovingSubject:
         scope, reason = _scope(actions, support)
         reason += f". Full model: all of the fem, interfaces {self._flex.interfaces}, held by {reference.source}"
         r, A = model.frame.reference_pose()
-        left_out = [(f"{place.name}", "the reference conditions hold it: it does no work") for place in actions.idle]
+        left_out = [(name, "the reference conditions hold it: what acts there does no work") for name in actions.idle]
         if support.at_rest:
             left_out.append(("terms of a turning frame", support.text))
         return Scene(
