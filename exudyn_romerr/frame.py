@@ -70,11 +70,15 @@ class FramePose(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """Largest |w| (rad/s), |al| (rad/s^2) and |S|_2 <= |al| + |w|^2 in every segment of a block, each (S,)."""
+    """Largest |w| (rad/s), |al| (rad/s^2) and |S|_2 <= |al| + |w|^2 in every segment of a block, each (S,).
+
+    missed : (S,) mean of |.|_{M^-1} of what the residual leaves out there.
+    """
 
     w: np.ndarray
     al: np.ndarray
     S: np.ndarray
+    missed: np.ndarray
 
     @classmethod
     def between(cls, w: np.ndarray, al: np.ndarray) -> Turn | None:
@@ -83,7 +87,18 @@ class Turn(NamedTuple):
         if not w.any() and not al.any():
             return None
         w, al = np.maximum(w[:-1], w[1:]), np.maximum(al[:-1], al[1:])
-        return cls(w, al, al + w**2)
+        return cls(w, al, al + w**2, np.zeros_like(w))
+
+    def of_curve(self, bent: np.ndarray, moved: np.ndarray, rows: FrameRows) -> Turn:
+        """Return the turn for a curved trajectory, whose terms S u + 2 w~ u' the residual takes as linear in time.
+
+        bent (S, 2): mean of |V q|_M and |V q'|_M less their chords. moved (S, 2): the same of what chords span. With
+        w and S linear in time, w~ u' less its chord is w~ (u' less its chord) less s (1 - s) dw~ du', mean 1/6.
+        """
+        dw = np.linalg.norm(np.diff(rows.w, axis=0), axis=1)
+        dS = np.linalg.norm(np.diff(rows.al, axis=0), axis=1) + 2 * self.w * dw
+        missed = self.S * bent[:, 0] + 2 * self.w * bent[:, 1] + (dS * moved[:, 0] + 2 * dw * moved[:, 1]) / 6
+        return self._replace(missed=missed)
 
 
 def skew(v: np.ndarray) -> np.ndarray:

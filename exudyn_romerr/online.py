@@ -48,7 +48,9 @@ class Run:
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(layout, self._jumps)}
         if offline.time == "reconstructed":
-            self._segmenters["total"] = Quintic(layout, self._jumps, offline.signal, offline.measure, offline.omega_1)
+            root = offline.mass_root if offline.scene.turns else None
+            choice = (offline.measure, offline.omega_1, root)
+            self._segmenters["total"] = Quintic(layout, self._jumps, offline.signal, *choice)
         self._streams = {name: Stream(offline.estimators) for name in self._segmenters}
         if offline.initial is not None:
             self._streams["initial"] = Stream(offline.estimators)
@@ -84,9 +86,9 @@ class Run:
             return
         samples = new.after(self._last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
-        turn, cut = self._turn(samples), Cut.between(samples.cut)
+        cut = Cut.between(samples.cut)
         for block, _ in segments.values():
-            block.turn, block.cut = turn, cut
+            block.turn, block.cut = self._turn(samples, block), cut
         for name, (block, step_end) in segments.items():
             self._streams[name].advance(block, step_end, self._widening(block, step_end))
         if "initial" in self._streams:
@@ -149,11 +151,12 @@ class Run:
         """Return what each estimator assumes."""
         return {name: e.assumes for name, e in self._total.estimators.items()}
 
-    def _turn(self, samples: Samples) -> Turn | None:
+    def _turn(self, samples: Samples, block: Block) -> Turn | None:
         if not self.offline.scene.turns:
             return None
         rows = FrameRows.of(samples.frame)
-        return Turn.between(rows.w, rows.al)
+        turn = Turn.between(rows.w, rows.al)
+        return turn if turn is None or block.bent is None else turn.of_curve(block.bent, block.moved, rows)
 
     def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame=None) -> Samples:
         n = self.offline.coordinates.n

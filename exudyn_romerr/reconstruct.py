@@ -13,6 +13,7 @@ import numpy as np
 
 from .bezier import AT_CHECKS, CHECKS, FROM_NODES, NODES, hermite_controls, subdivided
 from .estimators.base import Block
+from .products import row_norms, rows_times
 from .samples import by_steps, piece_ends, without_empty
 
 if TYPE_CHECKING:
@@ -75,7 +76,8 @@ class Quintic:
 
     Where steps are so short that rounding of q'' from differences of q would dominate, only every s-th sample is a
     knot of the interpolant; the known differences at the samples between come with the block. measure: z -> norm of R
-    by which s is chosen.
+    by which s is chosen. mass_root: given in a turning frame, whose terms z takes as linear between samples; blocks
+    then tell how far the trajectory is from that.
     """
 
     def __init__(
@@ -85,7 +87,9 @@ class Quintic:
         signal: InputSignal | None,
         measure: Callable,
         omega_1: float,
+        mass_root: np.ndarray | None = None,
     ):
+        self.mass_root = mass_root
         self.layout, self.jumps, self.signal, self.measure, self.omega_1 = layout, jumps, signal, measure, omega_1
         self._miss = self._size = self._rounding = self._variation = 0.0
 
@@ -126,11 +130,21 @@ class Quintic:
         h = np.diff(s.t)
         u, missed, variation = inputs or self._inputs(s.t[:-1], h, s.u[:-1], s.u[1:])
         curves = hermite_controls(np.diff(s.t[knots]), s.q[knots], s.q_t[knots], s.q_tt[knots])
-        if len(knots) == len(s.t):
-            return Block(s.t[1:], h, self.layout(*curves, u), missed, variation)
-        curves = [_cut(s.t, knots, c) for c in curves]
-        skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
-        return Block(s.t[1:], h, self.layout(*curves, u), missed, variation, skipped)
+        skipped = None
+        if len(knots) < len(s.t):
+            curves = [_cut(s.t, knots, c) for c in curves]
+            skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
+        block = Block(s.t[1:], h, self.layout(*curves, u), missed, variation, skipped)
+        if self.mass_root is not None:
+            pairs = [self._distance(*pair) for pair in zip(curves, (s.q, s.q_t), strict=False)]
+            block.bent, block.moved = np.swapaxes(pairs, 0, 1).swapaxes(1, 2)
+        return block
+
+    def _distance(self, curve: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean of |V (curve less the chords of the samples)|_M over each step, and |V chord|_M, each (S,)."""
+        off = curve - _chords(samples[:-1], samples[1:])
+        norms = row_norms(rows_times(off, self.mass_root.T))
+        return norms.mean(axis=1), row_norms(rows_times(np.diff(samples, axis=0), self.mass_root.T))
 
     def _size_of(self, block: Block) -> float:
         """Variation of R over a block and the size of the differences at skipped samples, in the measure's norm."""
@@ -165,8 +179,7 @@ class Quintic:
     def _inputs(self, start, h, first, last) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Control points (S, 6, p) of the inputs' interpolant with given ends; bounds of what it misses."""
         if self.signal is None or not self.layout.p:
-            shares = NODES[:, None]
-            return first[:, None] * (1 - shares) + last[:, None] * shares, *np.zeros((2, len(h), 0))
+            return _chords(first, last), *np.zeros((2, len(h), 0))
         inner = np.sort(np.concatenate([NODES[1:-1], CHECKS]))
         times = start[:, None] + h[:, None] * inner
         values = self.signal(times.ravel()).reshape(*times.shape, -1)
@@ -176,6 +189,12 @@ class Quintic:
         miss = np.abs(values[:, 0::2] - np.einsum("ij,sjp->sip", AT_CHECKS, controls))
         self._miss, self._size = max(self._miss, miss.max()), max(self._size, np.abs(at_nodes).max())
         return controls, SAFETY * miss.max(axis=1), SAFETY * 2 * miss.sum(axis=1)
+
+
+def _chords(first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Control points (S, 6, n) of straight lines."""
+    shares = NODES[:, None]
+    return first[:, None] * (1 - shares) + last[:, None] * shares
 
 
 def _cut(t: np.ndarray, knots: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -41,6 +41,7 @@ class Block:
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
     turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
+    bent, moved : (S, 2), see Turn.of_curve.
     """
 
     t: np.ndarray
@@ -51,6 +52,8 @@ class Block:
     skipped: np.ndarray | None = None
     turn: Turn | None = None
     cut: Cut | None = None
+    bent: np.ndarray | None = None
+    moved: np.ndarray | None = None
     _norms: dict = field(default_factory=dict, init=False)
 
     @classmethod

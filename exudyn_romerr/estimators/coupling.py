@@ -23,8 +23,9 @@ class Coupled:
     """Bounds in a turning frame: M e'' + (D + 2 M w~) e' + (K + M S) e = -R, S = al~ + w~ w~.
 
     e = e_a + e_b: e_a as if the frame did not turn, bounded by the estimator; e_b is driven by
-    F = M (2 w~ e_a' + S e_a), |F|_{M^-1} <= 2 |w| |e_a'|_M + |S| |e_a|_M. The Coriolis force does no work and the
-    centrifugal part goes into the stiffness K_r + M w~ w~ > 0, so that a steady spin does not make e_b grow:
+    F = M (2 w~ e_a' + S e_a), |F|_{M^-1} <= 2 |w| |e_a'|_M + |S| |e_a|_M, and by what R misses of these terms between
+    samples. The Coriolis force does no work and the centrifugal part goes into the stiffness K_r + M w~ w~ > 0, so
+    that a steady spin does not make e_b grow:
 
         g' <= (-r + 2 r |w| p + |al| p + |w| |al| p^2) g + |F|_{M^-1} ,   p^-2 = kappa_r - |w|^2
 
@@ -85,7 +86,7 @@ class Coupled:
                 for x0, x in ((before.position, bounds.position), (before.velocity, bounds.velocity))
             ]
         position, velocity = inside
-        return 2 * block.turn.w * velocity + block.turn.S * position
+        return 2 * block.turn.w * velocity + block.turn.S * position + block.turn.missed
 
     @staticmethod
     def _grown(rate: Forgetting, g: float, block: Block, force: np.ndarray) -> np.ndarray:
