@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from benchmarks import kernel_offline, online_linkage
+from benchmarks import floating_cost, kernel_offline, online_linkage
+from models import floating
 
 
 def test_online_linkage_measures_every_variant(capsys):
@@ -32,3 +33,38 @@ def test_kernel_offline_tells_what_is_counted(capsys):
     assert "omega_1 included" in printed
     assert "omega_1 not included" in printed
     assert exponential > kernels["certified"][0] > kernels["certified, omega_1 known"][0] > 0
+
+
+def test_floating_cost_measures_every_variant(capsys):
+    variants, times = floating_cost.main(["--steps", "50", "--pairs", "2"])
+    assert times.shape == (2, 3)
+    assert np.all(times > 0)
+    assert [len(variant.report.t) for variant in variants[1:]] == [51, 51]
+    assert [variant.report.time for variant in variants[1:]] == ["sampled", "reconstructed"]
+    printed = capsys.readouterr().out
+    for variant in variants:
+        assert variant.label in printed
+    assert printed.count("promised at most") == 2
+
+
+def test_floating_cost_variants_simulate_the_same():
+    states = []
+    for kind in (floating_cost.Bare, floating_cost.Sampled, floating_cost.Reconstructed):
+        variant = kind(20, 1e-3)
+        variant.seconds()
+        states.append(variant.scene.mbs.systemData.GetODE2Coordinates())
+    np.testing.assert_array_equal(states[1:], states[:1] * 2)
+
+
+def test_floating_cost_of_a_mesh_counts_every_step(capsys):
+    """On a stored mesh: the benchmark itself makes them with ngsolve."""
+    mesh = floating_cost.reduced(floating.load_fem("bar"))
+    costs = floating_cost.measure_meshes([mesh], steps=40, pairs=2, h=1e-3)
+    assert costs.shape == (2, 1, 3)
+    assert len(mesh.spent) == 41
+    assert len(mesh.monitor.report().t) == 41
+    simulation, extra, storing = costs[0, 0]
+    assert simulation > 0
+    assert extra > storing > 0
+    floating_cost.print_meshes([mesh], costs)
+    assert capsys.readouterr().out.count("largest over smallest mesh 1.000") == 2

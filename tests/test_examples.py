@@ -7,11 +7,14 @@ import pytest
 
 import exudyn_romerr as romerr
 from examples import (
+    clamped_bar,
     error_against_run_time,
     first_bound,
+    flexible_pendulum,
     fundamental_matrix_norms,
     hump,
     linkage_scene,
+    rotor_run_up,
     suspension_linkage,
 )
 from models import exact, linkage
@@ -179,3 +182,36 @@ def test_first_bound_prints_the_bound_and_draws_it(tmp_path, capsys):
     assert out.effectivity["best"][0] < 1.2
     assert "from the step size, not the basis" in capsys.readouterr().out
     assert (tmp_path / "first_bound.png").read_bytes()[:4] == PNG
+
+
+def test_clamped_bar_bounds_what_a_truth_shows_that_has_a_bound_itself(tmp_path, capsys):
+    report, truth = clamped_bar.main(tmp_path, t_end=0.004)
+    out, full = report.output("tip z"), truth.output("tip z")
+    own = full.bound["best"][::4]  # |error| <= bound holds for the exact truth; this one is within `own` of it
+    np.testing.assert_allclose(truth.t[::4], report.t, rtol=1e-12)
+    assert np.all(np.abs(out.error) <= out.bound["best"] + own)
+    assert out.effectivity["best"][0] < 1.5
+    assert set(report.scope.values()) == {"complete"}
+    assert "is itself within" in capsys.readouterr().out
+    assert (tmp_path / "clamped_bar.png").read_bytes()[:4] == PNG
+
+
+def test_flexible_pendulum_has_the_same_bounds_from_its_file(tmp_path, capsys):
+    report, from_file = flexible_pendulum.main(tmp_path, t_end=0.005)
+    for name, out in report.outputs.items():
+        np.testing.assert_array_equal(out.value, from_file.output(name).value)
+        np.testing.assert_allclose(out.bound["best"], from_file.output(name).bound["best"], rtol=1e-12)
+    assert set(report.scope.values()) == {"inputs frozen"}
+    printed = capsys.readouterr().out
+    assert "tip local, row 3: up to" in printed
+    assert "these react to the bar's deformation" in printed
+    assert (tmp_path / "flexible_pendulum.png").read_bytes()[:4] == PNG
+
+
+def test_rotor_run_up_has_a_bound_that_says_something(tmp_path, capsys):
+    report = rotor_run_up.main(tmp_path, t_end=0.1)
+    out = report.output("rim")
+    assert np.all(out.bound["best"].max(axis=0) < 0.2 * np.abs(out.value).max(axis=0))
+    assert set(report.scope.values()) == {"inputs frozen"}
+    assert "rim, row 2: up to" in capsys.readouterr().out
+    assert (tmp_path / "rotor_run_up.png").read_bytes()[:4] == PNG

@@ -179,8 +179,8 @@ def _scope(actions: Actions, support: Support) -> tuple[str, str]:
         return "complete", f"{support.text}; loads do not depend on the body's deformation"
     return "inputs frozen", (
         f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the "
-        "motion of the frame, the loads and the wrenches of this simulation; their feedback is not covered and may make "
-        "the error of the whole mechanism several times larger"
+        "motion of the frame, the loads and the wrenches of this simulation; their feedback is not covered and may "
+        "make the error of the whole mechanism several times larger"
     )
 
 
