@@ -35,15 +35,15 @@ IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Coup
 class Scene:
     """What a scene adds to what is known of the body alone.
 
-    scope, reason : what the bounds cover. turns : the body is in a frame that may turn. unknown : number of trailing
-    inputs that follow from the Galerkin balance. pose : of the frame in the reference configuration.
+    scope, reason : what the bounds cover. turns : the body is in a frame that may turn. checked : whether W^T R
+    is a check, not used up by wrenches that follow from it. pose : of the frame in the reference configuration.
     minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
     """
 
     scope: str = "complete"
     reason: str = ""
     turns: bool = False
-    unknown: int = 0
+    checked: bool = True
     pose: FramePose | None = None
     minor: slice | None = None
     computed: tuple[str, ...] = ()

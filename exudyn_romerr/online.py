@@ -39,6 +39,7 @@ class Run:
         self._terms = 0.0  # the largest of its terms
         self.end_time: float | None = None  # where the solver was to go, if known
         self.newton_tolerance = 0.0  # of the solver, relative
+        self.floor = 0.0  # size of terms of W^T R that cancelled before they came here
         self._t: list[np.ndarray] = []
         self._values: list[np.ndarray] = []
         self._round_off: list[np.ndarray] = []
@@ -105,7 +106,8 @@ class Run:
     @property
     def defect(self) -> float:
         """Galerkin defect: the largest W^T R over the largest of its terms, so far."""
-        return float(self._left.max()) / self._terms if self._terms else 0.0
+        terms = max(self._terms, self.floor)
+        return float(self._left.max()) / terms if terms else 0.0
 
     @property
     def worst_mode(self) -> int:

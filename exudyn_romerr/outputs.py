@@ -67,6 +67,8 @@ class Output:
         """Return how the output is seen from outside the frame; None in body axes."""
         if self.frame == "body":
             return None
+        if body.positions is None:
+            raise InputError(f"output {self.name!r} is in global axes; the body has no node positions")
         rows, nodes = self.resolve(body), len(body.positions)
         places = (rows @ body.positions.ravel()).reshape(-1, 3)
         shift = (rows @ np.tile(np.eye(3), (nodes, 1))).reshape(-1, 3, 3)[:, 0, 0]

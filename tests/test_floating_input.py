@@ -387,7 +387,6 @@ def test_linear_body_has_no_global_axes():
     check_error(lambda: linear_body("global"), InputError, "output 'v' is in global axes.*leave frame='body'")
 
 
-@pytest.mark.xfail(strict=True, raises=TypeError, reason="Output.view asks for positions that the body does not have")
 def test_linear_body_without_positions_has_no_global_axes():
     """The same, of a body that has no node positions either."""
     seen = Output("v", np.eye(mbs_scenes.N)[:3], frame="global")
@@ -713,7 +712,6 @@ def test_cure_that_the_message_names_helps(make):
     assert len(reported(make(), reference=mean_motion(*LEFT)).t) == 4
 
 
-@pytest.mark.xfail(strict=True, reason="find_reference returns reference= before it looks at interfaces='rigid'")
 def test_reference_beside_rigid_interfaces_is_refused():
     """Otherwise the report names a full model that was not the one bounded."""
     options = {"reference": mean_motion(*LEFT), "interfaces": "rigid"}

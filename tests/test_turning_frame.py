@@ -475,7 +475,6 @@ def test_bounds_end_where_a_run_up_crosses_the_critical_speed(seed):
         assert np.array_equal(np.isfinite(report.output("v").bound[e]).all(axis=1), ~too_fast)
 
 
-@pytest.mark.xfail(strict=True, reason="bug: exp of the growth overflows in Coupled._grown, a RuntimeWarning")
 def test_a_sample_just_below_the_critical_speed():
     """One part in a million below: the bound grows beyond all numbers, without a warning."""
     case = scenario(0)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from ..forgetting import Forgetting
     from ..problem import Problem
 
+LARGEST = 700.0  # growth of a step whose exponential is still a number; more is no bound anyway
+
 
 class Coupled:
     """Bounds in a turning frame: M e'' + (D + 2 M w~) e' + (K + M S) e = -R, S = al~ + w~ w~.
@@ -61,9 +63,11 @@ class Coupled:
         force = self._force(block, before, bounds)
         g = np.array([self._grown(rate, x, block, force) for rate, x in zip(self.rates, self.g, strict=True)])
         self.g = g[:, -1].tolist()
-        self._seen = seen = g / np.sqrt([_left(rate, block)[0] for rate in self.rates])
-        _, d_M, v_M = smallest(self.rates, seen)
-        return bounds.widened(d_M, v_M, output_share(self.rates, seen, self.C_K, self.C_M, self.velocity_rows))
+        with np.errstate(over="ignore"):  # inf is the right answer there
+            self._seen = seen = g / np.sqrt([_left(rate, block)[0] for rate in self.rates])
+            _, d_M, v_M = smallest(self.rates, seen)
+            share = output_share(self.rates, seen, self.C_K, self.C_M, self.velocity_rows)
+        return bounds.widened(d_M, v_M, share)
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -96,7 +100,7 @@ class Coupled:
         else:
             w, al, p = block.turn.w, block.turn.al, rate.per_mass / np.sqrt(left)
             growth = -rate.r + 2 * rate.r * w * p + al * p + w * al * p**2
-        factor = np.exp(growth * block.h)
+        factor = np.exp(np.minimum(growth * block.h, LARGEST))
         return decaying_sum(factor, np.where(too_fast, np.inf, force * block.h * np.maximum(factor, 1.0)), g)
 
 

@@ -114,14 +114,16 @@ class Actions:
         self.loads = [load for load in self.loads if load.place.name not in still]
         return idle
 
-    def names(self) -> tuple[str, ...]:
-        """Names of what acts, and whether there is gravity."""
-        gravity = ("gravity",) if self.gravity else ()
-        return *gravity, *(load.name for load in self.loads), *(place.name for place in self.wrenches)
+    def signature(self) -> tuple:
+        """Return all of it that offline work depends on."""
+        loads = [(x.name, x.columns.tobytes(), x.torque, x.body_fixed, x.place.axes.tobytes()) for x in self.loads]
+        return bool(self.gravity), *loads, *((place.name, place.columns.tobytes()) for place in self.wrenches)
 
 
-def read_actions(mbs: Any, flex: FloatingBody, model: ReducedMatrices) -> Actions:
-    """Read loads, joints and connectors on the body.
+def read_actions(
+    mbs: Any, flex: FloatingBody, model: ReducedMatrices, load_factor: Callable[[float], float] | None = None
+) -> Actions:
+    """Read loads, joints and connectors on the body; load_factor: what a static solver scales constant loads with.
 
     Raises
     ------
@@ -137,7 +139,7 @@ def read_actions(mbs: Any, flex: FloatingBody, model: ReducedMatrices) -> Action
             actions.places[i] = _place(i, marker, flex)
         else:
             _refuse_others(i, marker, flex, model)
-    _read_loads(mbs, flex, actions)
+    _read_loads(mbs, flex, actions, load_factor)
     _read_objects(mbs, flex, actions)
     return actions
 
@@ -165,7 +167,7 @@ def _place(number: int, marker: dict, flex: FloatingBody) -> Place:
     if abs(weights.sum() - 1) > WEIGHT_SUM:
         raise InputError(f"{name} has weights of sum {weights.sum():.9g}; needed: 1, or it takes no mean motion")
     forces = np.zeros((len(flex.positions), 3, 3))
-    forces[nodes] = weights[:, None, None] * np.eye(3)
+    np.add.at(forces, nodes, weights[:, None, None] * np.eye(3))
     forces = forces.reshape(-1, 3)
     if marker["markerType"] == "SuperElementPosition":
         return Place(name, forces)
@@ -177,29 +179,29 @@ def _place(number: int, marker: dict, flex: FloatingBody) -> Place:
     return Place(name, mean.motion_rows(flex.positions).T, mean, axes, turns)  # an offset moves the frame only
 
 
-def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions) -> None:
+def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions, load_factor: Callable | None) -> None:
     for i in range(mbs.systemData.NumberOfLoads()):
         load = mbs.GetLoad(i)
         number = int(load["markerNumber"])
         if number in actions.places:
-            actions.loads.append(_load(mbs, i, load, actions.places[number]))
+            actions.loads.append(_load(i, load, actions.places[number], _vector(mbs, load, load_factor)))
         elif load["loadType"] == "MassProportional" and flex.number in numbers(mbs.GetMarker(number), "bodyNumber"):
-            actions.gravity.append(_vector(mbs, load))
+            actions.gravity.append(_vector(mbs, load, load_factor))
 
 
-def _load(mbs: Any, i: int, load: dict, place: Place) -> Load:
+def _load(i: int, load: dict, place: Place, vector: Callable[[float], Any]) -> Load:
     name = f"load {i} ({load['name']})"
-    made = Load(name, place, _vector(mbs, load), load["loadType"] == "TorqueVector", bool(load["bodyFixed"]))
+    made = Load(name, place, vector, load["loadType"] == "TorqueVector", bool(load["bodyFixed"]))
     if made.follows and place.turns:
         raise AssumptionError(f"{name} turns with {place.name}, which has {place.turns}: leave that option as it is")
     return made
 
 
-def _vector(mbs: Any, load: dict) -> Callable[[float], Any]:
+def _vector(mbs: Any, load: dict, load_factor: Callable | None) -> Callable[[float], Any]:
     """Load vector as a function of time; a user function is called again, after the steps were made."""
     vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
     if not user:
-        return lambda t: vector
+        return (lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t))
     f = user["function"]
     f = f if callable(f) else f.Evaluate  # a symbolic function
     owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever

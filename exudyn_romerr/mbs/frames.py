@@ -50,9 +50,10 @@ class FrameNode:
 
 
 def _euler_parameters(p, p_t, p_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A = 2 v v^T + 2 s v~ + (2 s^2 - 1) I, w = G p', al = G p'': as the node has them, also off unit norm."""
+    """A = (1 - 2 v.v) I + 2 v v^T + 2 s v~, w = G p', al = G p'': as the node has them, also off unit norm."""
     s, v = p[:, 0, None, None], p[:, 1:]
-    A = 2 * v[:, :, None] * v[:, None, :] + 2 * s * skew(v) + (2 * s * s - 1) * np.eye(3)
+    diagonal = (1 - 2 * np.einsum("si,si->s", v, v))[:, None, None] * np.eye(3)
+    A = diagonal + 2 * v[:, :, None] * v[:, None, :] + 2 * s * skew(v)
     G = np.concatenate([-2 * v[:, :, None], 2 * s * np.eye(3) - 2 * skew(v)], axis=2)
     return A, np.einsum("sij,sj->si", G, p_t), np.einsum("sij,sj->si", G, p_tt)
 

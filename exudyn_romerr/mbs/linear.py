@@ -19,9 +19,9 @@ class LinearSubject:
     def __init__(self, flex: ReducedBody, offline: Offline):
         self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
         self._model, self._offline = flex.model, offline
-        self.columns = slice(0, 0)
+        self.columns, self.floor = slice(0, 0), 0.0
 
-    def read(self, mbs: Any) -> Offline:
+    def read(self, mbs: Any, static: bool = False) -> Offline:
         """Find the body's coordinates in the mbs; AssumptionError if something else acts on it."""
         require_inputs_only(mbs, self._node, self.item)
         first = mbs.GetNodeODE2Index(self._node)

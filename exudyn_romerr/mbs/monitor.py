@@ -62,6 +62,7 @@ class Monitor:
         self._require_hook()
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
+        self._hook.flush()  # what was stored so far belongs to what was read before
         return self._watch.read(self._mbs).plan
 
     def report(self, i: int = -1) -> BoundReport:

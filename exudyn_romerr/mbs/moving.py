@@ -12,17 +12,18 @@ import numpy as np
 from ..basis import Basis
 from ..body import ElasticBody
 from ..errors import AssumptionError
-from ..frame import FrameMotion, FramePose
+from ..frame import FrameMotion, FramePose, translations
 from ..inputs import SampledSignal
 from ..offline import Scene, prepare
 from .actions import read_actions
 from .floating import read_object
 from .reference import find_reference
+from .scene import load_factor
 from .support import read_support
 from .terms import InputTerms
 
 if TYPE_CHECKING:
-    from ..offline import Offline
+    from ..offline import Balance, Offline
     from .actions import Actions
     from .floating import FloatingBody, ReducedMatrices
     from .reference import Reference
@@ -41,24 +42,31 @@ class MovingSubject:
         self._signature: tuple = ()
         self._body: ElasticBody | None = None
 
-    def read(self, mbs: Any) -> Offline:
+    def read(self, mbs: Any, static: bool = False) -> Offline:
         """Read body, joints and loads; do the offline work unless nothing of it changed since."""
         model = read_object(mbs, self._flex)
-        actions = read_actions(mbs, self._flex, model)
+        actions = read_actions(mbs, self._flex, model, load_factor(mbs) if static else None)
         reference = find_reference(self._flex, model.V, actions.interfaces())
         body = self._made_body(model, reference)
         idle = actions.drop_idle(body)
         support = read_support(mbs, model, idle)
-        self.columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
-        self._model, self._actions = model, actions
-        self._now = mbs.systemData.GetODE2Coordinates()[self.columns][: model.frame.size]
-        signature = (model.V.tobytes(), id(body), support, *actions.names())
+        columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
+        signature = (model.V.tobytes(), id(body), support, *actions.signature())
         if signature != self._signature:
-            self._terms = InputTerms(actions, support, self._flex, model.V)
-            self._offline = self._prepare(body, reference, support)
-            self._wrench_rows = self._wrenches_from_balance()
-            self._signature = signature
+            terms = InputTerms(actions, support, self._flex, model.V)
+            scene = self._scene(model, actions, terms, reference, support)
+            offline = self._prepare(body, model, terms, scene)
+            self._wrench_rows = _wrenches_from_balance(offline.balance, terms, actions)
+            self._terms, self._offline, self._signature = terms, offline, signature
+        self.columns, self._model, self._actions = columns, model, actions
+        self._now = mbs.systemData.GetODE2Coordinates()[columns][: model.frame.size]
+        self.floor = self._weight(mbs)
         return self._offline
+
+    def _weight(self, mbs: Any) -> float:
+        """Largest entry of V^T M e_j times the size of gravity at the start: terms that may cancel in free fall."""
+        gravity = sum((np.abs(np.asarray(g(0.0), dtype=float)) for g in self._actions.gravity), np.zeros(3))
+        return float(np.max(np.abs(self._model.V.T @ translations(self._flex.mass)) @ gravity, initial=0.0))
 
     def first(self, t: float, *states: np.ndarray) -> tuple | None:
         """Return q, q_t, q_tt, u and the frame of a run's first sample; None if its accelerations are not set.
@@ -93,26 +101,10 @@ class MovingSubject:
             u[:, -self._terms.unknown :] = left @ self._wrench_rows
         return u
 
-    def _wrenches_from_balance(self) -> np.ndarray:
-        """Rows (n, unknown): V^T R without wrenches to the wrenches that make it least, in the norm of V^T K V."""
-        if not self._terms.unknown:
-            return np.zeros((self._model.V.shape[1], 0))
-        layout, G = self._offline.balance
-        root = np.linalg.cholesky(G[:, layout.stiffness_slot])
-        columns = np.linalg.solve(root, -G[:, -self._terms.unknown :])
-        size = np.linalg.norm(columns, axis=0)
-        values = np.linalg.svd(columns / np.where(size > 0, size, 1.0), compute_uv=False)
-        if len(values) < self._terms.unknown or values[-1] < TOLD_APART * values[0]:
-            raise AssumptionError(
-                f"the wrenches at {', '.join(place.name for place in self._actions.wrenches)} cannot be told from "
-                f"the motion of {len(root)} modes: joints need interfaces with static modes (Craig-Bampton), or more "
-                "modes than their wrenches have components"
-            )
-        return np.linalg.solve(root.T, np.linalg.pinv(columns).T)
-
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
         body, flex = self._body, self._flex
-        if body is None or self._body_key != (model.rayleigh, reference.source, reference.rigid):
+        key = (model.rayleigh, reference.source, reference.fixed, reference.rigid)
+        if body is None or self._body_key != key:
             self._body = ElasticBody(
                 flex.mass,
                 flex.stiffness,
@@ -122,11 +114,10 @@ class MovingSubject:
                 reference=reference.conditions,
                 rigid=reference.rigid,
             )
-            self._body_key = (model.rayleigh, reference.source, reference.rigid)
+            self._body_key = key
         return self._body
 
-    def _prepare(self, body: ElasticBody, reference: Reference, support: Support) -> Offline:
-        model, terms = self._model, self._terms
+    def _prepare(self, body: ElasticBody, model: ReducedMatrices, terms: InputTerms, scene: Scene) -> Offline:
         known = SampledSignal(self._known_inputs, terms.columns.shape[1]) if terms.by_function else None
         return prepare(
             body,
@@ -134,7 +125,7 @@ class MovingSubject:
             inputs=terms.columns,
             input_function=known,
             sampled_inputs=not terms.by_function,
-            scene=self._scene(reference, support),
+            scene=scene,
             **self._options,
         )
 
@@ -144,8 +135,9 @@ class MovingSubject:
         q = np.zeros((len(t), self._model.V.shape[1]))
         return self._terms.values(self._actions, t, self._model.frame.motion(pose, rest, rest), q, q)
 
-    def _scene(self, reference: Reference, support: Support) -> Scene:
-        model, actions, terms = self._model, self._actions, self._terms
+    def _scene(
+        self, model: ReducedMatrices, actions: Actions, terms: InputTerms, reference: Reference, support: Support
+    ) -> Scene:
         scope, reason = _scope(actions, support)
         reason += f". Full model: all of the fem, interfaces {self._flex.interfaces}, held by {reference.source}"
         r, A = model.frame.reference_pose()
@@ -156,7 +148,7 @@ class MovingSubject:
             scope=scope,
             reason=reason,
             turns=not support.at_rest,
-            unknown=terms.unknown,
+            checked=terms.unknown < model.V.shape[1],
             pose=FramePose(r, A),
             minor=None if support.at_rest else slice(12, 12 + 9 * model.V.shape[1]),
             computed=(
@@ -168,6 +160,24 @@ class MovingSubject:
             ),
             left_out=tuple(left_out),
         )
+
+
+def _wrenches_from_balance(balance: Balance, terms: InputTerms, actions: Actions) -> np.ndarray:
+    """Return rows (n, unknown): V^T R without wrenches to the wrenches that make it least, in the norm of V^T K V."""
+    if not terms.unknown:
+        return np.zeros((len(balance.rows), 0))
+    layout, G = balance
+    root = np.linalg.cholesky(G[:, layout.stiffness_slot])
+    columns = np.linalg.solve(root, -G[:, -terms.unknown :])
+    size = np.linalg.norm(columns, axis=0)
+    values = np.linalg.svd(columns / np.where(size > 0, size, 1.0), compute_uv=False)
+    if len(values) < terms.unknown or not size.all() or values[-1] < TOLD_APART * values[0]:
+        raise AssumptionError(
+            f"the wrenches at {', '.join(place.name for place in actions.wrenches)} cannot be told from "
+            f"the motion of {len(root)} modes: joints need interfaces with static modes (Craig-Bampton), or more "
+            "modes than their wrenches have components"
+        )
+    return np.linalg.solve(root.T, np.linalg.pinv(columns).T)
 
 
 def _scope(actions: Actions, support: Support) -> tuple[str, str]:

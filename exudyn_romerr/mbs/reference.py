@@ -41,13 +41,13 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
     AssumptionError
         No candidate fits, or several that differ.
     """
+    if flex.interfaces == "rigid":
+        return _rigid_interfaces(flex, V, interfaces)
     if flex.reference is not None:
         off = _misfit(flex.reference, flex, V)
         if off > HELD:
             raise InputError(f"reference= does not fit the modes: they move it by {off:.1e}, allowed {HELD:g}")
         return Reference(flex.reference, "reference= of floating_body")
-    if flex.interfaces == "rigid":
-        return _rigid_interfaces(flex, V, interfaces)
     tried = {}
     for candidates in (interfaces, _node_sets(flex.fem), {"rigid motions, M-orthogonal": MassOrthogonal()}):
         fits = {name: c for name, c in candidates.items() if _note(tried, name, _misfit(c, flex, V)) <= HELD}
@@ -70,11 +70,19 @@ def _rigid_interfaces(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, M
             f"interfaces='rigid' is for RBE2 modes, which leave the nodes of one interface still; found {still.size} "
             "still nodes; use interfaces='free'"
         )
-    moving = [motion.nodes for motion in interfaces.values() if not np.isin(motion.nodes, still).all()]
-    parts = {tuple(sorted(nodes.tolist())) for nodes in moving}
-    rigid = [part for part in sorted(parts) if _is_rigid(list(part), flex.positions, V)]
+    moving = [set(motion.nodes.tolist()) for motion in interfaces.values() if not np.isin(motion.nodes, still).all()]
+    rigid = [part for part in _merged(moving) if _is_rigid(list(part), flex.positions, V)]
     text = f"{still.size} nodes that no mode moves, {len(rigid)} rigid interfaces"
     return Reference(None, text, _coordinates(still), tuple(rigid))
+
+
+def _merged(sets: list[set[int]]) -> list[tuple[int, ...]]:
+    """Node sets of interfaces; those that share nodes are one."""
+    merged: list[set[int]] = []
+    for nodes in sets:
+        touching = [other for other in merged if other & nodes]
+        merged = [other for other in merged if not other & nodes] + [nodes.union(*touching)]
+    return sorted(tuple(sorted(nodes)) for nodes in merged)
 
 
 def _still_nodes(flex: FloatingBody, V: np.ndarray) -> np.ndarray:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import AssumptionError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 
 def running_static_solver(mbs: Any, known: Any) -> Any:
@@ -30,6 +33,13 @@ def newton_tolerance(mbs: Any, static: bool) -> float:
     solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
     newton = getattr(solver, "newton", None)  # explicit solvers have none
     return 0.0 if newton is None else float(newton.relativeTolerance)
+
+
+def load_factor(mbs: Any) -> Callable[[float], float]:
+    """Return what the running static solver scales constant loads with at t, its default: linear in time."""
+    times = mbs.sys["staticSolver"].it
+    start, span = float(times.startTime), float(times.endTime - times.startTime)
+    return lambda t: (t - start) / span
 
 
 def require_inputs_only(mbs: Any, node: int, item: int) -> None:

@@ -62,6 +62,7 @@ def _held_coordinates(mbs: Any, model: ReducedMatrices) -> set[int]:
             continue
         markers = numbers(item, "markerNumbers")
         own = {n for n in markers if model.nodes[0] in numbers(mbs.GetMarker(n), "nodeNumber")}
-        if own and all(_on_ground(mbs, n) for n in markers - own) and not item["offsetUserFunction"]:
+        moves = item["offsetUserFunction"] or item["velocityLevel"]
+        if len(own) == 1 and len(markers) == 2 and all(_on_ground(mbs, n) for n in markers - own) and not moves:
             held |= {int(mbs.GetMarker(n)["coordinate"]) for n in own}
     return held

@@ -39,16 +39,16 @@ class Watch:
         self._subject = subject
         self._listens = False  # from the begin of a solve on, until the simulation diverges
         self._run: Run | StaticRun | None = None
-        self._last: tuple | None = None  # time, q, q_t of the last row evaluated
+        self._last: tuple | None = None  # time, q, q_t, q_tt of the last row evaluated
 
     @property
     def stops(self) -> bool:
         """Whether the solve is to be stopped."""
         return self.stopped or self.error is not None
 
-    def read(self, mbs: Any) -> Offline:
+    def read(self, mbs: Any, static: bool = False) -> Offline:
         """Read the mbs; return what the bounds are made with, or raise if their assumptions do not hold there."""
-        return self._subject.read(mbs)
+        return self._subject.read(mbs, static)
 
     def begin(self, mbs: Any, static: bool) -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
@@ -56,7 +56,7 @@ class Watch:
         self._late = False  # the run starts later than the solve
         self._kind = StaticRun if static else Run
         try:
-            self._offline = self.read(mbs)
+            self._offline = self.read(mbs, static)
             self._end_time, self._newton_tolerance = end_time(mbs, static), newton_tolerance(mbs, static)
             self._columns = self._subject.columns
         except Exception as error:
@@ -85,7 +85,7 @@ class Watch:
             return
         if self._kind is StaticRun:  # a static solver leaves old rates behind
             states = [states[0], 0 * states[1], 0 * states[2]]
-        last = (t[-1], states[0][-1], states[1][-1])
+        last = (t[-1], *(state[-1] for state in states))
         if self._run is None:
             self._start(t[0], *(state[0] for state in states))
             t, *states = (rows[1:] for rows in (t, *states))
@@ -100,22 +100,29 @@ class Watch:
         before = None if self._kind is StaticRun else self._run_before(t, *states[:2])
         offline = self._offline.from_static() if isinstance(before, StaticRun) else self._offline
         run = self._kind(offline)
-        first = self._subject.first(t, *states)
+        first = self._first(t, before, *states)
         if first is None:
             self._late = True
             return
         run.start(t, *first) if self._kind is StaticRun else run.start(t, *first, after=before)
         if self._late:
             run.messages.append(f"the solver has no accelerations at its start: bounds begin at t = {t:g} s")
-        run.end_time, run.newton_tolerance = self._end_time, self._newton_tolerance
+        run.floor, run.end_time, run.newton_tolerance = self._subject.floor, self._end_time, self._newton_tolerance
         self.runs.append(run)
         self._run = run
+
+    def _first(self, t: float, before: Run | None, *states: np.ndarray) -> tuple | None:
+        """Return the first sample; a run that continues another has the accelerations that one ended with."""
+        first = self._subject.first(t, *states)
+        if first is None and before is not None:
+            first = self._subject.first(t, *states[:2], self._last[3])
+        return first
 
     def _run_before(self, t: float, q: np.ndarray, q_t: np.ndarray) -> Run | None:
         """Return the run in whose last state this one starts: also a static one, if no initial state was given."""
         if not self.runs:
             return None
-        before, (t_last, q_last, q_t_last) = self.runs[-1], self._last
+        before, (t_last, q_last, q_t_last, _) = self.runs[-1], self._last
         if isinstance(before, StaticRun):
             released = self._offline.initial is None and np.array_equal(q, q_last) and not q_t.any()
             return before if released else None
