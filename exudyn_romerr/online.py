@@ -75,7 +75,8 @@ class Run:
             for name, stream in self._streams.items():
                 stream.go_on(after._streams[name])
             self.messages.append(f"continues the run before from t = {t:g} s")
-            self._left, self._terms = after._left, after._terms
+            self._left = np.maximum(self._left, after._left)
+            self._terms = max(self._terms, after._terms)
         self._record(first)
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:

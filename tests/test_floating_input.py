@@ -414,25 +414,34 @@ def first_order_turn(torque, body_fixed):
     return edit
 
 
+def loaded(scene, marker):
+    """A force on the marker: what nothing acts through is not looked at."""
+    return add_load(scene, marker, [0.0, 0.0, 1.0])
+
+
+def test_markers_of_sensors_only_are_not_looked_at():
+    assert reported(clamped(add_bare_marker(itemInterface.MarkerBodyRigid))).scope == {"energy": "complete"}
+
+
 FIRST_ORDER = "load 1.*rotationsExponentialMap=0: leave that option"
 MARKERS = {
     "rigid, weights of sum 1.5": (
-        lambda s: add_marker(s, "right", weightingFactors=1.5 * RIGHT[1]),
+        lambda s: loaded(s, add_marker(s, "right", weightingFactors=1.5 * RIGHT[1])),
         InputError,
         r"marker \d.*weights of sum 1.5; needed: 1",
     ),
     "position, weights of sum 2": (
-        lambda s: add_node_marker(s, (3, 20), (1.0, 1.0)),
+        lambda s: loaded(s, add_node_marker(s, (3, 20), (1.0, 1.0))),
         InputError,
         r"marker \d.*weights of sum 2; needed: 1",
     ),
     "negative weight": (
-        lambda s: add_marker(s, "right", weightingFactors=[1.0, 1.0, -1.0], meshNodeNumbers=[3, 20, 30]),
+        lambda s: loaded(s, add_marker(s, "right", weightingFactors=[1.0, 1.0, -1.0], meshNodeNumbers=[3, 20, 30])),
         InputError,
         "weights contains -1; allowed: positive",
     ),
     "first-order mean rotation": (
-        lambda s: add_marker(s, "right", useAlternativeApproach=False),
+        lambda s: loaded(s, add_marker(s, "right", useAlternativeApproach=False)),
         AssumptionError,
         r"marker \d.*useAlternativeApproach=False.*leave it True",
     ),
@@ -444,12 +453,12 @@ MARKERS = {
         r"marker \d.*modal coordinates of object 0.*use markers on mesh nodes",
     ),
     "rigid, on the body": (
-        add_bare_marker(itemInterface.MarkerBodyRigid),
+        lambda s: loaded(s, add_bare_marker(itemInterface.MarkerBodyRigid)(s)),
         AssumptionError,
         r"marker \d.*'BodyRigid' is on object 0.*use MarkerSuperElement",
     ),
     "position, on the body": (
-        add_bare_marker(itemInterface.MarkerBodyPosition),
+        lambda s: loaded(s, add_bare_marker(itemInterface.MarkerBodyPosition)(s)),
         AssumptionError,
         r"marker \d.*'BodyPosition' is on object 0",
     ),
@@ -496,7 +505,7 @@ def test_interface_on_a_line(count, message):
     fem, row = slanted_fem()
     floating.reduce(fem, 2)
     scene = with_body(fem)
-    add_marker(scene, "left", meshNodeNumbers=row[:count], weightingFactors=[1 / count] * count)
+    loaded(scene, add_marker(scene, "left", meshNodeNumbers=row[:count], weightingFactors=[1 / count] * count))
     check_error(lambda: reported(scene), InputError, message)
 
 
@@ -787,6 +796,7 @@ def test_error_of_one_solve_does_not_stay_for_the_next():
             bodyNumber=scene.body, meshNodeNumbers=[3, 20], weightingFactors=[1.0, 1.0]
         )
     )
+    loaded(scene, nodes)
     monitor = watched(scene)
     solve(scene, h=1e-4, steps=3)
     check_error(monitor.report, InputError, "weights of sum 2")

@@ -61,7 +61,7 @@ def test_what_attach_refuses():
         attach(mbs, flex, outputs=[sensor])
     with pytest.raises(InputError, match="outputs is a Output; needed: a list"):
         attach(mbs, flex, outputs=TIP)
-    with pytest.raises(InputError, match="flex is a dict; needed: what add_reduced_body returned"):
+    with pytest.raises(InputError, match="flex is a dict; needed: what add_reduced_body or floating_body returned"):
         attach(mbs, flex.items, outputs=[TIP])
     with pytest.raises(InputError, match="another mbs"):
         attach(new_mbs(), flex, outputs=[TIP])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -133,21 +134,38 @@ def read_actions(
         A marker with nodes that the body does not have, or with weights that do not sum to 1.
     """
     actions = Actions()
+    users = _users(mbs, flex, model)
     for i in range(mbs.systemData.NumberOfMarkers()):
         marker = mbs.GetMarker(i)
         if flex.number in numbers(marker, "bodyNumber") and marker["markerType"] in MESH_MARKERS:
-            actions.places[i] = _place(i, marker, flex)
-        else:
+            with nullcontext() if i in users else suppress(InputError, AssumptionError):  # sensors may use any marker
+                actions.places[i] = _place(i, marker, flex)
+        elif i in users:
             _refuse_others(i, marker, flex, model)
     _read_loads(mbs, flex, actions, load_factor)
     _read_objects(mbs, flex, actions)
     return actions
 
 
+def _users(mbs: Any, flex: FloatingBody, model: ReducedMatrices) -> set[int]:
+    """Markers that loads and objects act through; AssumptionError for objects on the modal coordinates."""
+    system = mbs.systemData
+    used = {int(mbs.GetLoad(i)["markerNumber"]) for i in range(system.NumberOfLoads())}
+    for i in range(system.NumberOfObjects()):
+        item = mbs.GetObject(i)
+        if i == flex.number:
+            continue
+        if model.nodes[1] in numbers(item, "nodeNumber") | numbers(item, "nodeNumbers"):
+            raise AssumptionError(f"object {i} ({item['name']}) is on the modal coordinates of object {flex.number}")
+        used |= numbers(item, "markerNumbers")
+    return used
+
+
 def _refuse_others(number: int, marker: dict, flex: FloatingBody, model: ReducedMatrices) -> None:
     """Raise AssumptionError for markers whose loads no full model has; what acts on the frame alone does no work."""
     kind, name = marker["markerType"], f"marker {number} ({marker['name']})"
-    if model.nodes[1] in numbers(marker, "nodeNumber") | numbers(marker, "nodeNumbers"):
+    modal = model.nodes[1] in numbers(marker, "nodeNumber") | numbers(marker, "nodeNumbers")
+    if modal or flex.number in numbers(marker, "objectNumber"):
         raise AssumptionError(
             f"{name} is on the modal coordinates of object {flex.number}; loads and constraints on single modes have "
             "no counterpart in the full model: use markers on mesh nodes"
@@ -173,10 +191,18 @@ def _place(number: int, marker: dict, flex: FloatingBody) -> Place:
         return Place(name, forces)
     if not marker["useAlternativeApproach"]:
         raise AssumptionError(f"{name} has useAlternativeApproach=False, which takes no mean rotation; leave it True")
-    mean = mean_motion(nodes, weights)
+    mean, rows = _mean_motion(name, nodes, weights, flex)
     turns = None if marker["rotationsExponentialMap"] else "rotationsExponentialMap=0"
     axes = np.asarray(marker["localHT"])[:3, :3]
-    return Place(name, mean.motion_rows(flex.positions).T, mean, axes, turns)  # an offset moves the frame only
+    return Place(name, rows.T, mean, axes, turns)  # an offset moves the frame only
+
+
+def _mean_motion(name: str, nodes: np.ndarray, weights: np.ndarray, flex: FloatingBody) -> tuple:
+    try:
+        mean = mean_motion(nodes, weights)
+        return mean, mean.motion_rows(flex.positions)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
 
 
 def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions, load_factor: Callable | None) -> None:

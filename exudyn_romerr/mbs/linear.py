@@ -28,7 +28,7 @@ class LinearSubject:
         self.columns = slice(first, first + len(self._model.M))
         return self._offline
 
-    def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> tuple:
+    def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, **_: bool) -> tuple:
         """Return q, q_t, q_tt of a run's first sample, each (n,)."""
         # explicit solvers leave the initial accelerations unset until their first step is done
         return q, q_t, self._model.acceleration(t, q, q_t)

@@ -148,8 +148,8 @@ def attach(
 
     Notes
     -----
-    Does not cover: loads, joints and connectors on the body (refused when a solve begins); a static solver
-    called with storeSolver=False, which cannot be told from a dynamic one.
+    Does not cover: loads, joints and connectors on a body made by add_reduced_body (refused when a solve begins); a
+    static solver called with storeSolver=False, which cannot be told from a dynamic one.
     """
     if hook is not None and not callable(hook):
         raise InputError(f"hook={hook!r}; needed: a function (mbs, t) -> bool")
@@ -206,7 +206,7 @@ def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any
 
 def _check_body(mbs: Any, flex: Any) -> None:
     if not isinstance(flex, ReducedBody):
-        raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body returned")
+        raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body or floating_body returned")
     if flex.mbs is not mbs:
         raise InputError("flex was added to another mbs than the one passed to attach; pass flex.mbs")
 

@@ -68,13 +68,13 @@ class MovingSubject:
         gravity = sum((np.abs(np.asarray(g(0.0), dtype=float)) for g in self._actions.gravity), np.zeros(3))
         return float(np.max(np.abs(self._model.V.T @ translations(self._flex.mass)) @ gravity, initial=0.0))
 
-    def first(self, t: float, *states: np.ndarray) -> tuple | None:
+    def first(self, t: float, *states: np.ndarray, may_be_late: bool = False) -> tuple | None:
         """Return q, q_t, q_tt, u and the frame of a run's first sample; None if its accelerations are not set.
 
-        Explicit solvers leave them at zero until their first step is done.
+        Explicit solvers leave them at zero until their first step is done. may_be_late: they are of another solve.
         """
         rows = self.sampled(np.array([t]), *(state[None] for state in states))
-        if not states[2].any() and self._unbalanced(t, rows):
+        if (may_be_late or not states[2].any()) and self._unbalanced(t, rows):
             return None
         return tuple(None if x is None else x[0] for x in rows)
 

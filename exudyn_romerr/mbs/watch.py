@@ -105,7 +105,7 @@ class Watch:
             self._late = True
             return
         run.start(t, *first) if self._kind is StaticRun else run.start(t, *first, after=before)
-        if self._late:
+        if self._late and self._kind is Run:
             run.messages.append(f"the solver has no accelerations at its start: bounds begin at t = {t:g} s")
         run.floor, run.end_time, run.newton_tolerance = self._subject.floor, self._end_time, self._newton_tolerance
         self.runs.append(run)
@@ -115,7 +115,7 @@ class Watch:
         """Return the first sample; a run that continues another has the accelerations that one ended with."""
         first = self._subject.first(t, *states)
         if first is None and before is not None:
-            first = self._subject.first(t, *states[:2], self._last[3])
+            first = self._subject.first(t, *states[:2], self._last[3], may_be_late=True)
         return first
 
     def _run_before(self, t: float, q: np.ndarray, q_t: np.ndarray) -> Run | None:
