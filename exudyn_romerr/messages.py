@@ -41,8 +41,8 @@ def _defect(run: Run) -> list[str]:
     return [
         f"Galerkin defect {run.defect:.1e} of the largest term, in mode {run.worst_mode} (expected below "
         f"{_limit(run):.1e}): a load on the body is not known here, or depends on more than time, or damping "
-        "differs, or a step was too long to be solved well. No bound of this run is certified: it holds for the loads "
-        "known"
+        "differs, or a step was too long to be solved well. No bound of this run is certified: it holds for the "
+        "loads known"
     ]
 
 

@@ -48,12 +48,13 @@ def test_floating_cost_measures_every_variant(capsys):
 
 
 def test_floating_cost_variants_simulate_the_same():
-    states = []
+    tips = []
     for kind in (floating_cost.Bare, floating_cost.Sampled, floating_cost.Reconstructed):
         variant = kind(20, 1e-3)
         variant.seconds()
-        states.append(variant.scene.mbs.systemData.GetODE2Coordinates())
-    np.testing.assert_array_equal(states[1:], states[:1] * 2)
+        tips.append(variant.scene.mbs.GetSensorValues(variant.scene.sensors["tip"]))
+    # Exudyn's eigenmodes start from random numbers: they differ by sign and rounding
+    np.testing.assert_allclose(tips[1:], tips[:1] * 2, atol=1e-9 * np.max(np.abs(tips[0])))
 
 
 def test_floating_cost_of_a_mesh_counts_every_step(capsys):

@@ -1,21 +1,31 @@
-"""The README's code runs and prints what the README says."""
+"""The code in README.md and docs/floating.md runs; it prints what the README says."""
 
 import re
 from pathlib import Path
 
-README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
+BLOCKS = BLOCK.findall(README)
+FLOATING, LINEAR, OWN_BODY = range(3)
 NUMBER = re.compile(r"\d+\.?\d*(?:e[-+]\d+)?")
 
 
-def test_script_prints_the_lines_that_the_readme_shows(capsys, tmp_path, monkeypatch):
+def shown_below(block):
+    """Lines that the README shows as printed by a block."""
+    text = README.partition(BLOCKS[block])[2]
+    return [line.strip() for line in re.match(r"```\n\n((?: {4}.*\n)+)", text)[1].splitlines()]
+
+
+@pytest.mark.parametrize("block", [FLOATING, LINEAR])
+def test_script_prints_the_lines_that_the_readme_shows(block, capsys, tmp_path, monkeypatch):
     """Same words; numbers within 1 % of one another, for other processors round differently."""
     monkeypatch.chdir(tmp_path)  # Exudyn writes its solution file beside
-    exec(BLOCKS[0], {})
+    exec(BLOCKS[block], {})
     printed = capsys.readouterr().out
-    shown = [
-        line.strip() for line in re.findall(r"^ {4}(tip z.*|  \d+ % of.*|  the corrected.*)$", README, re.MULTILINE)
-    ]
+    shown = shown_below(block)
     assert len(shown) == 3
     for line in shown:
         (found,) = [other for other in printed.splitlines() if NUMBER.sub("", other.strip()) == NUMBER.sub("", line)]
@@ -23,14 +33,24 @@ def test_script_prints_the_lines_that_the_readme_shows(capsys, tmp_path, monkeyp
         assert all(abs(float(a) - float(b)) <= 0.01 * abs(float(a)) for a, b in pairs)
 
 
+def test_page_on_floating_bodies_runs(capsys, tmp_path, monkeypatch):
+    """Its blocks are one script."""
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for block in BLOCK.findall((ROOT / "docs" / "floating.md").read_text(encoding="utf-8")):
+        exec(block, names)
+    assert set(names["report"].outputs) >= {"tip speed", "right face"}
+    assert "scope complete" in capsys.readouterr().out
+
+
 def test_own_body_can_be_bounded():
-    """The second block defines all that attach needs."""
+    """The last block defines all that attach needs."""
     import exudyn as exu
 
     import exudyn_romerr as romerr
 
     names = {}
-    exec(BLOCKS[1], names)
+    exec(BLOCKS[OWN_BODY], names)
     SC = exu.SystemContainer()
     mbs = SC.AddSystem()
     flex = romerr.add_reduced_body(

@@ -380,7 +380,7 @@ def assert_covered(rows):
 
 
 def effectivities(rows):
-    """(name, estimator) -> largest bound over largest true error."""
+    """(name, estimator) -> largest bound over largest true error; of "auxiliary" that with most modes, the last."""
     return {(name, e): np.max(bound) / np.max(error) for name, e, error, bound, _ in rows if np.max(error) > 0}
 
 
