@@ -6,7 +6,7 @@ for all; ratios are taken pair by pair, of CPU time: everything runs in one thre
 are off: they would only make the simulation itself slower.
 
     python benchmarks/floating_cost.py [--steps 5000] [--pairs 15] [--step 1e-3]
-    python benchmarks/floating_cost.py --dof 1000 30000 [300000]     meshes of ngsolve (pip install .[mesh])
+    python benchmarks/floating_cost.py --dof 1000 30000 [300000] [--kind RBE2]     with ngsolve (pip install .[mesh])
 
 With --dof: CPU time spent in the PostStep function, which is all that bounds add to a step, and offline seconds
 beside those of Exudyn's Craig-Bampton modes for the same body. The function stores the state in every step and
@@ -192,13 +192,13 @@ def meshed(dof: int) -> FEMinterface:
     return fem
 
 
-def reduced(fem: FEMinterface) -> Mesh:
+def reduced(fem: FEMinterface, kind: str = "RBE3") -> Mesh:
     """Reduce a bar, hang it up as a pendulum, attach a monitor; both offline parts are timed."""
     faces = [fem.GetNodesInPlane([x, 0, 0], [1, 0, 0]) for x in (0.0, BAR[0])]
     weights = [fem.GetNodeWeightsFromSurfaceAreas(nodes) for nodes in faces]
     begin = perf_counter()
-    kind = HCBstaticModeSelection.RBE3
-    fem.ComputeHurtyCraigBamptonModes(faces, MODES, computationMode=kind, boundaryNodesWeights=weights)
+    mode = HCBstaticModeSelection[kind]
+    fem.ComputeHurtyCraigBamptonModes(faces, MODES, computationMode=mode, boundaryNodesWeights=weights)
     craig_bampton = perf_counter() - begin
     mbs, items = pendulum(fem, faces, weights)
     begin = perf_counter()
@@ -256,9 +256,10 @@ def main(arguments: list[str] | None = None) -> tuple[list[Bare] | list[Mesh], n
     parser.add_argument("--pairs", type=int, default=15)
     parser.add_argument("--step", type=float, default=1e-3, help="step size in s")
     parser.add_argument("--dof", type=int, nargs="+", help="sizes of meshes; instead of the ratios")
+    parser.add_argument("--kind", choices=("RBE3", "RBE2"), default="RBE3", help="modes of the meshes")
     options = parser.parse_args(arguments)
     if options.dof:
-        meshes = [reduced(meshed(dof)) for dof in options.dof]
+        meshes = [reduced(meshed(dof), options.kind) for dof in options.dof]
         found = meshes, measure_meshes(meshes, options.steps, options.pairs, options.step)
         print_meshes(*found)
     else:

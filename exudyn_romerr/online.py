@@ -83,9 +83,9 @@ class Run:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
         if self._last is None:
             raise RunError("extend was called before start; give the first sample to start")
-        new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
-        if not new.t.size:
+        if not np.size(t):
             return
+        new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
         samples = new.after(self._last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
         cut = Cut.between(samples.cut)
@@ -176,6 +176,7 @@ class Run:
         frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
         u, cut = self._inputs(t, u), np.zeros((len(t), 0))
         self._measure_defect(self.offline.balance.coordinates(*states, u))
+        self._inputs_given = u[-1:]  # as they are, also where they are packed below
         if self.offline.packing is not None:
             u, cut = self.offline.packing(u)
         return Samples(t, *states, u, frame, cut)
@@ -211,7 +212,7 @@ class Run:
                 self.messages.append(IN_THE_SPAN)
             return Start(t, z, cut=float(np.abs(first.cut).sum()))
         if self.offline.initial == "equilibrium":  # K e0 = B u - K V qr
-            u, z = self._before_the_first_jump(first, u, z) if after is None else (after._last.u[0], z)
+            u, z = self._before_the_first_jump(first, u, z) if after is None else (after._inputs_given[0], z)
             y0, y0_t = -layout(q, 0 * q, 0 * q, u), np.zeros(layout.k)
         else:  # the last two columns are K q0 and M q0'
             y0, y0_t = np.zeros((2, layout.k + 2))

@@ -162,7 +162,9 @@ class Problem:
 def checked_outputs(outputs: Any) -> Sequence[Output]:
     """Return outputs; InputError unless they are a list of Output."""
     if not isinstance(outputs, list | tuple):
-        raise InputError(f"outputs is a {type(outputs).__name__}; needed: a list of Output")
+        raise InputError(
+            f"outputs is a {type(outputs).__name__}; needed: a list of Output (floating bodies: or sensor numbers)"
+        )
     for out in outputs:
         check_type("an entry of outputs", out, Output)
     return outputs

@@ -95,17 +95,18 @@ class ModalOscillators:
             state = states[s] = _apply(A[:, :, s], state) + driven[s]
         return states
 
-    def inside(self, state: np.ndarray, states: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def inside(self, state: np.ndarray, states: np.ndarray, h: np.ndarray, F: np.ndarray) -> tuple:
         """Return the largest |eta| and |eta'| (S, m) within the segments of `advance`.
 
-        About the moving centre s = F / omega^2 the energy changes by the work of s' only, so that
-        ((omega (eta - s))^2 + eta'^2)^(1/2) grows by at most omega times the variation of s.
+        (eta'^2 + omega^2 eta^2)^(1/2) grows by at most the integral of |F|. About the moving centre s = F / omega^2
+        the energy changes by the work of s' only: (eta'^2 + omega^2 (eta - s)^2)^(1/2) grows by at most omega times
+        the variation of s. The first is small where omega h is, the second where it is not.
         """
-        s = F / self.omega**2
+        w, s = self.omega, F / self.omega**2
         start = np.concatenate([state[None], states[:-1]])
-        amplitude = np.hypot(self.omega * (start[:, 0] - s[:, 0]), start[:, 1])
-        amplitude += self.omega * np.abs(np.diff(s, axis=1)).sum(axis=1)
-        return np.abs(s).max(axis=1) + amplitude / self.omega, amplitude
+        about = np.hypot(w * (start[:, 0] - s[:, 0]), start[:, 1]) + w * np.abs(np.diff(s, axis=1)).sum(axis=1)
+        whole = np.hypot(w * start[:, 0], start[:, 1]) + h[:, None] * np.abs(F).mean(axis=1)
+        return np.minimum(np.abs(s).max(axis=1) + about / w, whole / w), np.minimum(about, whole)
 
     def _equal_step(self, d: int, h: float, rounding: float) -> tuple[np.ndarray, np.ndarray]:
         if d not in self._cached or abs(self._cached[d][0] - h) > rounding:

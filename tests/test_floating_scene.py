@@ -1037,3 +1037,18 @@ def test_static_solve_under_a_load_function_says_nothing_of_accelerations():
     monitor = static_run(scene, load_steps=4)
     assert monitor.report().t[-4:] == pytest.approx([0.25, 0.5, 0.75, 1.0])
     assert not any("accelerations" in message for message in monitor.report().messages)
+
+
+@pytest.mark.parametrize("estimators", ["auto", ("fast", "energy")])
+def test_run_released_from_a_static_solve_in_a_frame_that_may_turn(estimators):
+    scene = supported(HINGE)  # its inputs are packed in the static run, not in one that starts off the span of V
+    add_spring(scene, scene.right)
+    monitor = watched(scene, estimators=estimators)
+    scene.mbs.Assemble()
+    simulation = settings(1e-4, 5)
+    scene.mbs.SolveStatic(simulation, updateInitialValues=True)
+    scene.mbs.SolveDynamic(simulation)
+    static, dynamic = (run.report() for run in monitor.runs)
+    assert static.time == "static"
+    assert np.isfinite(dynamic.output("tip").bound["best"]).all()
+    np.testing.assert_allclose(dynamic.output("tip").value[0], static.output("tip").value[-1], atol=1e-12)

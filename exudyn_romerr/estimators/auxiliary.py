@@ -67,7 +67,7 @@ class Auxiliary:
         self.growth, g, g_jump = self.growth.advanced(block)
         if block.turn is not None:
             d_M, v_M = before.inside(g, self.growth)
-            eta, eta_t = self.oscillators.inside(self.state, states, forces)
+            eta, eta_t = self.oscillators.inside(self.state, states, block.h, forces)
             static = self.growth.static_inside(self.norm_static, before, block)
             self.inside = np.hypot(row_norms(eta), static + d_M), np.hypot(row_norms(eta_t), v_M)
         self.rounding = self.rounding + self._rounding_of(block, states, g)

@@ -29,7 +29,7 @@ class Coupled:
     samples. The Coriolis force does no work and the centrifugal part goes into the stiffness K_r + M w~ w~ > 0, so
     that a steady spin does not make e_b grow:
 
-        g' <= (-r + 2 r |w| p + |al| p + |w| |al| p^2) g + |F|_{M^-1} ,   p^-2 = kappa_r - |w|^2
+        g' <= (-r + r |w| p + |al| p/2 + |w| |al| p^2) g + |F|_{M^-1} ,   p^-2 = kappa_r - |w|^2
 
     and e_b is bounded by g / (1 - |w|^2 / kappa_r)^(1/2) as d is by g in estimator "energy".
     """
@@ -84,11 +84,8 @@ class Coupled:
         if block.turn is None:
             return np.zeros(len(block.h))
         inside = getattr(self.estimator, "inside", None)
-        if inside is None:  # what grows, or rises and falls once, stays below the sum of both ends
-            inside = [
-                x + np.append(x0, x[:-1])
-                for x0, x in ((before.position, bounds.position), (before.velocity, bounds.velocity))
-            ]
+        if inside is None:  # the others' bounds of |e_a'| only grow, and |e_a| grows by at most its integral
+            inside = np.append(before.position, bounds.position[:-1]) + block.h * bounds.velocity, bounds.velocity
         position, velocity = inside
         return 2 * block.turn.w * velocity + block.turn.S * position + block.turn.missed
 
@@ -99,7 +96,7 @@ class Coupled:
             growth = -rate.r
         else:
             w, al, p = block.turn.w, block.turn.al, rate.per_mass / np.sqrt(left)
-            growth = -rate.r + 2 * rate.r * w * p + al * p + w * al * p**2
+            growth = -rate.r + rate.r * w * p + al * p / 2 + w * al * p**2
         factor = np.exp(np.minimum(growth * block.h, LARGEST))
         return decaying_sum(factor, np.where(too_fast, np.inf, force * block.h * np.maximum(factor, 1.0)), g)
 

@@ -99,8 +99,8 @@ def floating_body(
     missing = [key for key in ITEMS if not isinstance(items, dict) or key not in items]
     if missing:
         raise InputError(
-            f"items lacks {', '.join(map(repr, missing))}; needed: the dict that AddObjectFFRFreducedOrder or "
-            "CreateFFRFReducedOrderObject returned"
+            f"items ({type(items).__name__}) lacks {', '.join(map(repr, missing))}; needed: the dict that "
+            "AddObjectFFRFreducedOrder or CreateFFRFReducedOrderObject returned"
         )
     if reference is not None and not isinstance(reference, MeanMotion | MassOrthogonal):
         raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights), mass_orthogonal() or None")

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
-from ..errors import InputError, RunError
-from ..offline import prepare
+from ..errors import InputError, RunError, check_choice
+from ..kernels import KERNELS
+from ..offline import TIMES, prepare
 from ..problem import checked_outputs
+from ..residual import RESIDUALS
 from .bodies import ReducedBody
 from .floating import FloatingBody, read_object
 from .hook import StepHook, shared_hook
@@ -201,6 +203,8 @@ def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
         outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
     options["outputs"] = checked_outputs(outputs)
+    for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
+        check_choice(name, options[name], known)
     return MovingSubject(flex, {"initial": initial, **options})
 
 

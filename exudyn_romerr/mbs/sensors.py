@@ -56,7 +56,8 @@ def _nodes(mbs: Any, flex: FloatingBody, number: int, sensor: dict) -> tuple[lis
             raise InputError(f"sensor {number} ({sensor['name']}) is on a marker with an offset; use one without")
         if marker["markerType"] in MESH_MARKERS and int(marker["bodyNumber"]) == flex.number:
             return list(marker["meshNodeNumbers"]), list(marker["weightingFactors"])
+    on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
     raise InputError(
-        f"sensor {number} ({sensor['name']}) is of type {sensor['sensorType']!r} or on another body; allowed: "
+        f"sensor {number} ({sensor['name']}), of type {sensor['sensorType']!r}, is on {on}; allowed: "
         f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}"
     )
