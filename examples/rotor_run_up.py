@@ -20,7 +20,7 @@ from exudyn_romerr.plot import COLOURS
 from models import floating
 
 STEP = 1e-4  # s
-SOFT = 0.05  # s, in which gravity grows; at once, it excites modes that no step resolves: bound 120 times larger
+SOFT = 0.05  # s, in which gravity grows; at once, it excites modes that no step resolves: bound 4 times larger
 RESULTS = Path(__file__).resolve().parent / "results"
 
 

@@ -54,6 +54,8 @@ def _end(run: Run) -> list[str]:
 
 def _between_samples(run: Run) -> list[str]:
     offline, quintic = run.offline, run.quintic
+    if run.time == "static":
+        return []
     if offline.scene.pose is not None and offline.signal is None:
         return [FROM_SAMPLES]
     if quintic is None:

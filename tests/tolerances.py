@@ -83,7 +83,7 @@ FULL_BODY = 4e-8
 SHARP_BAR = 5.0
 # A run whose own time error is this share of the reduction error shows the latter (measured below 1.4 %).
 CONVERGED = 0.02
-# Measured 1.0 to 1.4, and 190 to 580: velocities times 80 rad/s, accumulated without their phase.
+# Measured 1.0 to 1.4, and 5 to 9: velocities times 80 rad/s, accumulated without their phase.
 SHARP_FROZEN = {"pendulum": 2.0, "rotor": 20.0}
 # With all modes V^T R = 0 is R = 0; a Newton defect of 4e-7, in modes up to 1e6 rad/s, leaves 6e-6 of the motion.
 NOTHING_LEFT = 1e-4
