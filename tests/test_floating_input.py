@@ -136,7 +136,7 @@ BODIES = {
     "items lack the object": (
         lambda: body_of(items={"nRigidBody": 0, "nGenericODE2": 1}),
         InputError,
-        "items lacks 'oFFRFreducedOrder'; needed",
+        r"items \(dict\) lacks 'oFFRFreducedOrder'; needed",
     ),
     "nested items are empty": (lambda: body_of(items={"FFRFReducedOrderObjectDict": {}}), InputError, NEEDED),
     "reference of another type": (lambda: body_of(reference=[0, 1]), InputError, r"reference=\[0, 1\]; needed: mean"),
@@ -309,11 +309,11 @@ SENSORS = {
         "marker with an offset; use one without",
     ),
     "frame's node": (node_sensor, r"type 'Node'.*allowed: SensorSuperElement"),
-    "ground": (ground_sensor, "type 'Body' or on another body"),
-    "marker on the ground": (ground_marker_sensor, "type 'Marker' or on another body"),
+    "ground": (ground_sensor, "type 'Body', is on object 1"),
+    "marker on the ground": (ground_marker_sensor, "type 'Marker', is on something else"),
     "another flexible body": (
         lambda s: sensor_on(s, bodyNumber=second_body(s)),
-        "on another body; allowed: .* on mesh nodes of object 0",
+        r"is on object \d; allowed: .* on mesh nodes of object 0",
     ),
 }
 
