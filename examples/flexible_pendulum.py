@@ -47,21 +47,18 @@ def with_all_modes(t_end: float) -> np.ndarray:
 
 def draw(report: romerr.BoundReport, left_out: np.ndarray, path: Path) -> None:
     """Draw the fall of the tip, its deflection in the frame with the band, and what freezing the inputs hides."""
-    figure = Figure(figsize=(7.2, 7.8), layout="constrained")
-    fall, deflection, basis = figure.subplots(3, 1, sharex=True)
+    fall, deflection, basis = Figure(figsize=(7.2, 7.8), layout="constrained").subplots(3, 1, sharex=True)
     t, local = report.t, report.output("tip local")
     y, band, reduction = (x[:, 2] for x in (local.value, local.bound["best"], local.reduction_bound["best"]))
     fall.plot(t, 1e3 * report.output("tip").value[:, 2], color=COLOURS["value"], label="reduced model")
     deflection.fill_between(t, 1e6 * (y - band), 1e6 * (y + band), color="#A9DAF5", label="value ± bound")
     deflection.plot(t, 1e6 * y, color=COLOURS["value"], lw=1, label="reduced model")
-    basis.semilogy(t[1:], reduction[1:], color=COLOURS["auxiliary"], lw=2.5, label="bound, inputs frozen")
+    basis.semilogy(t[1:], reduction[1:], color=COLOURS["auxiliary"], lw=2.5, label="bound of the reduction error")
     basis.semilogy(t[1:], left_out[1:, 2], color=COLOURS["error"], lw=1, label="difference to all modes")
-    labels = ("tip z, global axes / mm", "tip z in the frame / µm", "reduction error of it / m")
-    for axes, label in zip((fall, deflection, basis), labels, strict=True):
-        axes.set_ylabel(label)
+    for axes, label in ((fall, "tip z, global / mm"), (deflection, "tip z in frame / µm"), (basis, "its error / m")):
+        axes.set(ylabel=label, xlabel="t / s" if axes is basis else None)
         axes.legend()
-    basis.set_xlabel("t / s")
-    figure.savefig(path, dpi=150)
+    fall.figure.savefig(path, dpi=150)
 
 
 def main(folder: str | Path = RESULTS, t_end: float = 0.05) -> tuple[romerr.BoundReport, romerr.BoundReport]:
