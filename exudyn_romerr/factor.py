@@ -6,6 +6,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu, spsolve_triangular
 
+from .errors import AssumptionError
+
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
 SINGULAR_PIVOT = 1e-14
@@ -37,6 +39,11 @@ class SymmetricFactor:
             )
         except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
             return
+        except (MemoryError, SystemError) as error:  # SuperLU, out of memory or of 32-bit indices
+            raise AssumptionError(
+                f"a matrix of {matrix.shape[0]} coordinates and {matrix.nnz} entries is too large to factorise here "
+                f"({type(error).__name__}: {error}); take a coarser mesh, interfaces of fewer nodes, or more memory"
+            ) from error
         if np.array_equal(self._lu.perm_r, self._lu.perm_c):
             self.pivots = self._lu.U.diagonal()
             self.complete = bool(np.all(self.pivots != 0))

@@ -142,3 +142,15 @@ def test_from_fem_takes_matrices_and_positions():
     assert body.K.toarray() == pytest.approx(bar[3:, 3:], rel=tol.ENTRIES)
     assert body.rayleigh == (0.5, 1e-3)
     assert np.array_equal(body.positions, fem.nodes["Position"])
+
+
+@pytest.mark.parametrize("kind", [MemoryError, SystemError])
+def test_matrix_too_large_to_factorise_is_said_so(monkeypatch, kind):
+    """What SuperLU raises at 1e5 coordinates of a solid."""
+
+    def failing(*_, **__):
+        raise kind("gstrf was called with invalid arguments")
+
+    monkeypatch.setattr("exudyn_romerr.factor.splu", failing)
+    with pytest.raises(AssumptionError, match="4 coordinates and 4 entries is too large to factorise"):
+        ElasticBody(np.eye(4), np.eye(4))
