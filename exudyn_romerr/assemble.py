@@ -8,6 +8,7 @@ import numpy as np
 
 from .messages import is_balanced, run_messages
 from .report import BoundReport, OutputReport
+from .scope import FROZEN
 
 if TYPE_CHECKING:
     from .estimators.base import Bounds
@@ -21,19 +22,21 @@ def assemble(run: Run) -> BoundReport:
     """Return the report of what the run has bounded so far."""
     offline, streams = run.offline, run.streams()
     t, values, round_off, frames = run.samples()
-    total = streams["total"]
+    total, scene = streams["total"], offline.scene
+    widest = scene.widest(total)
     outputs = {}
     for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
         rows = (values[:, part], round_off[:, part], _rows_of(streams, part))
-        outputs[out.name] = _output_report(out, *(rows if view is None else _seen(view, rows, frames, offline)))
+        seen = rows if view is None else _seen(view, rows, frames, offline)
+        outputs[out.name] = _output_report(out, *seen, widest)
     return BoundReport(
         t=t,
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=outputs,
-        scope=dict.fromkeys(total, offline.scene.scope),
-        scope_reason="; ".join(filter(None, [offline.scene.reason, "" if is_balanced(run) else "not certified"])),
-        reasons={name: _reason(text, t, total[name], offline) for name, text in run.assumptions().items()},
+        scope={name: scene.scope_of(name) for name in total},
+        scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else "not certified"])),
+        reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions().items()},
         plan=offline.plan,
         messages=run_messages(run),
         time=run.time,
@@ -56,9 +59,9 @@ def _seen(view: View, rows: tuple, frames: np.ndarray, offline: Offline) -> tupl
 
 
 def _output_report(
-    out: Output, value: np.ndarray, round_off: np.ndarray, streams: dict[str, dict[str, Bounds]]
+    out: Output, value: np.ndarray, round_off: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str]
 ) -> OutputReport:
-    bound = _with_best(streams["total"])
+    bound = _with_best(streams["total"], widest)
     corrected, corrected_bound = _corrected(value, streams["total"])
     return OutputReport(
         name=out.name,
@@ -67,33 +70,34 @@ def _output_report(
         value=value,
         round_off=round_off,
         bound=bound,
-        reduction_bound=_with_best(streams["reduction"]),
+        reduction_bound=_with_best(streams["reduction"], widest),
         corrected=corrected,
         corrected_bound=corrected_bound,
-        causes=_causes(bound["best"], streams),
+        causes=_causes(bound["best"], streams, widest),
     )
 
 
-def _with_best(bounds: dict[str, Bounds]) -> dict[str, np.ndarray]:
+def _with_best(bounds: dict[str, Bounds], widest: list[str]) -> dict[str, np.ndarray]:
     outputs = {name: b.outputs for name, b in bounds.items()}
-    return {**outputs, "best": np.min(list(outputs.values()), axis=0)}
+    return {**outputs, "best": np.min([outputs[name] for name in widest], axis=0)}
 
 
 def _corrected(value: np.ndarray, bounds: dict[str, Bounds]) -> tuple[np.ndarray | None, np.ndarray | None]:
-    for b in bounds.values():
-        if b.correction is not None:
-            return value + b.correction, b.correction_bound
-    return None, None
+    known = [b for b in bounds.values() if b.correction is not None]
+    if not known:
+        return None, None
+    best = min(known, key=lambda b: np.max(b.correction_bound))
+    return value + best.correction, best.correction_bound
 
 
-def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]]) -> dict[str, np.ndarray]:
+def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str]) -> dict[str, np.ndarray]:
     """Shares of the best bound by cause, each (T, r), with sum `best`.
 
     The bound of the initial error alone, the share of load jumps, what the sampled residual adds to these (the basis)
     and what the reconstruction adds to that (the time step), scaled to the sum.
     """
-    reduction = _with_best(streams["reduction"])["best"]
-    initial = _with_best(streams["initial"])["best"] if "initial" in streams else np.zeros_like(best)
+    reduction = _with_best(streams["reduction"], widest)["best"]
+    initial = _with_best(streams["initial"], widest)["best"] if "initial" in streams else np.zeros_like(best)
     jumped = [b.jumped for b in streams["total"].values() if b.jumped is not None]
     jumps = np.min(jumped, axis=0) if jumped else np.zeros_like(best)
     with np.errstate(invalid="ignore"):  # inf - inf: sorted out below
@@ -110,8 +114,10 @@ def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]]) -> dict[str
     return {name: np.where(np.isfinite(best), x, np.inf if name == "basis" else 0.0) for name, x in shares.items()}
 
 
-def _reason(assumes: str, t: np.ndarray, bounds: Bounds, offline: Offline) -> str:
+def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Offline) -> str:
     text = f"assumes {assumes}"
+    if offline.scene.coupled and offline.scene.scope_of(name) == FROZEN:
+        text += f"; {offline.scene.frozen}"
     finite = np.isfinite(bounds.position)
     if finite.all():
         return text

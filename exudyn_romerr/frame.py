@@ -157,3 +157,12 @@ def require_isotropic_mass(mass: sp.csc_matrix) -> None:
             f"mass is not the same in x, y, z at every node ({found:.1e} of its largest entry; allowed "
             f"{ISOTROPY:g}): bounds in a moving frame need solid elements, not beams, shells or point inertias"
         )
+
+
+def unit_inertia(mass: sp.csc_matrix, positions: np.ndarray) -> np.ndarray:
+    """Return M e_j (3) and M E_ij x (9), of unit mass norm each (N, 12)."""
+    x = positions.reshape(-1, 1)
+    motions = np.hstack([np.tile(np.eye(3), (len(positions), 1)), _unit_products(x)])
+    columns = mass @ motions
+    size = np.sqrt(np.einsum("ij,ij->j", motions, columns))
+    return columns / np.where(size > 0, size, 1.0)

@@ -9,45 +9,27 @@ import numpy as np
 
 from .errors import AssumptionError, InputError, check_array, check_choice
 from .estimators import ESTIMATORS
-from .estimators.coupling import Coupled
+from .estimators.mechanism import CorrectedEnergy, MechanismEnergy
 from .estimators.static import StaticError
+from .estimators.turning import Turning
 from .inputs import InputSignal
 from .nodes import node_bounds
 from .packing import PackedCoordinates, PackedProblem, Packing
 from .plan import Plan, make_plan
 from .problem import Problem
+from .scope import COUPLED, Scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from .basis import Basis
     from .body import ElasticBody
-    from .frame import FramePose
     from .outputs import Output
     from .residual import Coordinates
     from .views import View
 
 TIMES = ("reconstructed", "sampled")
-IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Coupled can add the turning to
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What a scene adds to what is known of the body alone.
-
-    scope, reason : what the bounds cover. turns : the body is in a frame that may turn. checked : whether W^T R
-    is a check, not used up by wrenches that follow from it. pose : of the frame in the reference configuration.
-    minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
-    """
-
-    scope: str = "complete"
-    reason: str = ""
-    turns: bool = False
-    checked: bool = True
-    pose: FramePose | None = None
-    minor: slice | None = None
-    computed: tuple[str, ...] = ()
-    left_out: tuple[tuple[str, str], ...] = ()
+IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
 
 class Balance(NamedTuple):
@@ -126,6 +108,7 @@ def prepare(
     InputError, AssumptionError
     """
     check_choice("time", time, TIMES)
+    time = "sampled" if scene.coupled else time  # joints and other bodies have integration errors that no R shows
     of_problem = {
         "inputs": inputs,
         "outputs": outputs,
@@ -134,7 +117,8 @@ def prepare(
         "auxiliary_modes": auxiliary_modes,
     }
     of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time}
-    names = _checked_estimators(estimators, body)
+    asked = _checked_estimators(estimators, body, scene)
+    names = tuple(name for name in asked if not (scene.has_companion and name == "auxiliary"))
     problem = _made_problem(body, basis, names, scene, initial=initial, **of_problem)
     _check_frame(problem, names, jumps, scene)
     signal = _made_signal(input_function, problem.B.shape[1], sampled_inputs)
@@ -152,13 +136,13 @@ def prepare(
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
         round_off=np.outer(np.where(problem.velocity_rows, problem.C2, problem.C_K), problem.round_off),
-        measure=_sharpest_norm(problem, names),
+        measure=_sharpest_norm(problem, names, scene),
         omega_1=float(body.modes(1).omega[0]),
         jumps=_checked_jumps(jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
         total_mass=body.total_mass,
-        plan=make_plan(problem, names, time, estimators, scene),
+        plan=make_plan(problem, asked, time, estimators, scene),
         views=problem.views,
         scene=scene,
         from_static=lambda: prepare(
@@ -169,9 +153,11 @@ def prepare(
     )
 
 
-def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
+def _checked_estimators(estimators: Any, body: ElasticBody, scene: Scene) -> tuple[str, ...]:
     """Names of the estimators; "auto": the sharp one if damping allows it, else two that neither is always best."""
     if isinstance(estimators, str) and estimators == "auto":
+        if scene.feedback:
+            return ("auxiliary",)
         return ("energy", "auxiliary") if body.rayleigh is not None else ("fast", "energy")
     names = (estimators,) if isinstance(estimators, str) else estimators
     if not isinstance(names, tuple | list | set) or not names:
@@ -194,14 +180,17 @@ def _made_problem(body, basis, names: tuple[str, ...], scene: Scene, **options: 
     packed = scene.minor is not None and set(names) <= {"energy", "auxiliary"}
     if not packed or options["initial"] is not None or options["residual"] != "orthonormal":
         return Problem(body, basis, **options)
-    return PackedProblem(body, basis, cut=scene.minor, with_modes="auxiliary" in names, **options)
+    with_modes = "auxiliary" in names and not scene.corrected
+    return PackedProblem(body, basis, cut=scene.minor, with_modes=with_modes, **options)
 
 
 def _made(name: str, problem: Problem, scene: Scene) -> Any:
     if name == "static":
         return StaticError(problem)
+    if scene.coupled and scene.scope_of(name) == COUPLED:
+        return (CorrectedEnergy if scene.corrected else MechanismEnergy)(problem)
     estimator = ESTIMATORS[name](problem)
-    return Coupled(estimator, problem) if scene.turns else estimator
+    return Turning(estimator, problem) if scene.turns else estimator
 
 
 def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float], scene: Scene) -> None:
@@ -217,11 +206,11 @@ def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float
         raise AssumptionError("jumps= need a frame at rest; let the load grow over a few steps instead")
 
 
-def _sharpest_norm(problem: Problem, names: tuple[str, ...]) -> Callable:
+def _sharpest_norm(problem: Problem, names: tuple[str, ...], scene: Scene) -> Callable:
     """The norm of R that the sharpest estimator accumulates."""
-    if "auxiliary" in names:
+    if "auxiliary" in names and not scene.corrected:
         return problem.split.norm_K
-    return problem.norm_K if "energy" in names else problem.norm_M
+    return problem.norm_K if "energy" in names or scene.coupled else problem.norm_M
 
 
 def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[float, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,11 @@ from .packing import Cut
 from .products import row_norms
 from .reconstruct import Linear, Quintic
 from .samples import Samples, make_jumps
-from .stream import Stream
+from .stream import Stream, best_output
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from .estimators.base import Block, Bounds
     from .offline import Offline
     from .report import BoundReport
@@ -29,8 +31,28 @@ IN_THE_SPAN = (
 )
 
 
+class Opening(NamedTuple):
+    """The first sample of a run, and the run that it goes on from or what the estimators start with."""
+
+    first: Samples
+    before: Run | None
+    start: Start | None
+
+
+class Extension(NamedTuple):
+    """Further samples, and stream -> (their segments, index of the segment that ends each step)."""
+
+    new: Samples
+    segments: dict[str, tuple[Block, np.ndarray]]
+
+
 class Run:
-    """The bounds along one dynamic solve."""
+    """The bounds along one dynamic solve.
+
+    companion : in a mechanism, the run of the trajectory with auxiliary vectors, whose bounds are this body's too.
+    """
+
+    companion: Run | None = None
 
     def __init__(self, offline: Offline):
         self.offline = offline
@@ -66,31 +88,48 @@ class Run:
         after: a run whose last state this one starts in; its bounds go on. After a static run the full body starts in
         its own equilibrium under the static run's last loads (the run's offline part must be `from_static`).
         """
+        self.open(self.opening(t, q, q_t, q_tt, u, frame, after))
+
+    def opening(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> Opening:
+        """Check the first sample; `open` begins with what is returned here."""
         first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u, frame)
-        if isinstance(after, StaticRun) or after is None:
-            start = self._start(first, after)
+        goes_on = after is not None and not isinstance(after, StaticRun)
+        return Opening(first, after if goes_on else None, None if goes_on else self._start(first, after))
+
+    def open(self, opening: Opening) -> None:
+        """Begin the run."""
+        first, before, start = opening
+        if start is not None:
             for name, stream in self._streams.items():
                 stream.start(replace(start, z=0 * start.z) if name == "initial" else start)
         else:
             for name, stream in self._streams.items():
-                stream.go_on(after._streams[name])
-            self.messages.append(f"continues the run before from t = {t:g} s")
-            self._left = np.maximum(self._left, after._left)
-            self._terms = max(self._terms, after._terms)
+                stream.go_on(before._streams[name])
+            self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
+            self._left = np.maximum(self._left, before._left)
+            self._terms = max(self._terms, before._terms)
         self._record(first)
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
         if self._last is None:
             raise RunError("extend was called before start; give the first sample to start")
-        if not np.size(t):
-            return
+        if np.size(t):
+            self.advance(self.extension(t, q, q_t, q_tt, u, frame))
+
+    def extension(self, t, q, q_t, q_tt, u=None, frame=None) -> Extension:
+        """Check further samples and make segments of them; `advance` goes on with what is returned here."""
         new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
         samples = new.after(self._last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
         cut = Cut.between(samples.cut)
         for block, _ in segments.values():
             block.turn, block.cut = self._turn(samples, block), cut
+        return Extension(new, segments)
+
+    def advance(self, extension: Extension) -> None:
+        """Go on by checked samples."""
+        new, segments = extension
         for name, (block, step_end) in segments.items():
             self._streams[name].advance(block, step_end, self._widening(block, step_end))
         if "initial" in self._streams:
@@ -100,9 +139,15 @@ class Run:
 
     def best_now(self) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (r,) at the last step given."""
-        frame = self._last.frame
+        frame, widest = self._last.frame, self.offline.scene.widest(self.assumptions())
+        totals = [run._total for run in (self, self.companion) if run is not None]
+        now = [bounds for total in totals for bounds in total.now(widest)]
         rows = zip(self.offline.outputs, self.offline.slices, self.offline.views, strict=True)
-        return {out.name: self._total.best_now(part, view, frame) for out, part, view in rows}
+        return {out.name: best_output(now, part, view, frame) for out, part, view in rows}
+
+    def estimators(self, stream: str) -> dict[str, Any]:
+        """Return the estimators of a stream as they stand now."""
+        return self._streams[stream].estimators
 
     @property
     def defect(self) -> float:
@@ -139,6 +184,8 @@ class Run:
     def streams(self) -> dict[str, dict[str, Bounds]]:
         """Return the bounds so far: stream -> estimator -> bounds; "total" is the one that counts."""
         found = {name: stream.bounds() for name, stream in self._streams.items()}
+        for name in found if self.companion is not None else ():
+            found[name].update(self.companion._streams[name].bounds())
         return {"total": found["reduction"], **found}
 
     def samples(self) -> tuple[np.ndarray, ...]:
@@ -148,11 +195,13 @@ class Run:
 
     def node_bounds(self) -> dict[str, np.ndarray]:
         """Return the bounds at every node at the worst instant, by every estimator; full-size work."""
-        return self.offline.nodes(self._total.worst)
+        own = self.offline.nodes(self._total.worst)
+        return own if self.companion is None else {**own, **self.companion.node_bounds()}
 
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""
-        return {name: e.assumes for name, e in self._total.estimators.items()}
+        own = {name: e.assumes for name, e in self._total.estimators.items()}
+        return own if self.companion is None else {**own, **self.companion.assumptions()}
 
     def _turn(self, samples: Samples, block: Block) -> Turn | None:
         if not self.offline.scene.turns:
@@ -175,7 +224,8 @@ class Run:
             raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([before, *t])[at]:.9g} s")
         frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
         u, cut = self._inputs(t, u), np.zeros((len(t), 0))
-        self._measure_defect(self.offline.balance.coordinates(*states, u))
+        if not self.offline.scene.corrected:  # what its balance lacks is in its bounds
+            self._measure_defect(self.offline.balance.coordinates(*states, u))
         self._inputs_given = u[-1:]  # as they are, also where they are packed below
         if self.offline.packing is not None:
             u, cut = self.offline.packing(u)
@@ -259,15 +309,33 @@ class StaticRun(Run):
 
     def start(self, t: float, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take the first load step: q (n,)."""
-        self._take(np.array([t], dtype=float), np.asarray(q, dtype=float)[None], u, frame)
+        self.open(self.opening(t, q, q_t, q_tt, u, frame))
+
+    def opening(self, t: float, q, q_t=None, q_tt=None, u=None, frame=None, after: Run | None = None) -> Opening:
+        """Check the first load step; load steps do not depend on what was before."""
+        return Opening(self._steps(np.array([t], dtype=float), np.asarray(q)[None], u, frame), None, None)
+
+    def open(self, opening: Opening) -> None:
+        """Begin the run."""
+        self._take(opening.first)
 
     def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take further load steps: t (S,), q (S, n)."""
-        self._take(np.asarray(t, dtype=float), np.asarray(q, dtype=float), u, frame)
+        if np.size(t):
+            self.advance(self.extension(t, q, q_t, q_tt, u, frame))
 
-    def _take(self, t: np.ndarray, q: np.ndarray, u, frame) -> None:
-        if not t.size:
-            return
-        new = self._checked(t, q, 0 * q, 0 * q, u, frame)
+    def extension(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> Extension:
+        """Check further load steps."""
+        return Extension(self._steps(np.asarray(t, dtype=float), q, u, frame), {})
+
+    def advance(self, extension: Extension) -> None:
+        """Go on by checked load steps."""
+        self._take(extension.new)
+
+    def _steps(self, t: np.ndarray, q: np.ndarray, u, frame) -> Samples:
+        q = np.asarray(q, dtype=float)
+        return self._checked(t, q, 0 * q, 0 * q, u, frame)
+
+    def _take(self, new: Samples) -> None:
         self._streams["reduction"].load_steps(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
         self._record(new)

@@ -9,8 +9,11 @@ from .estimators import ESTIMATORS
 
 if TYPE_CHECKING:
     from .body import ElasticBody
-    from .offline import Scene
     from .problem import Problem
+    from .scope import Scene
+
+
+IN_A_MECHANISM = "a mechanism's joints and other bodies have one that no residual of this body shows"
 
 
 @dataclass(frozen=True)
@@ -34,11 +37,12 @@ def make_plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, s
     """Return the plan of estimators `names`, chosen by what was `asked` for."""
     layout, body = problem.terms.coordinates, problem.body
     packed = f", packed into {problem.map.coordinates.k}" if problem.packing else ""
+    made = [name for name in names if not (scene.feedback and name == "auxiliary")]  # a line of scene.computed
     computed = [
         f"body with N = {body.N} coordinates ({body.fixed.size} fixed), basis: {problem.basis.note}",
         *scene.computed,
         f"residual of {layout.k} columns{packed}, {problem.residual}",
-        *(f"estimator '{name}'{_details(problem, name)}" for name in names),
+        *(f"estimator '{name}'{_details(problem, name)}" for name in made),
         *(f"output '{out.name}' ({out.unit}, {out.of})" for out in problem.outputs),
     ]
     left_out = [(f"estimator '{name}'", _why_not(name, asked, body)) for name in ESTIMATORS if name not in names]
@@ -52,7 +56,7 @@ def make_plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, s
         why = "undamped" if body.D is None else "Rayleigh damping is merged into the M V and K V columns"
         left_out.append(("damping columns D V", why))
     if time == "sampled":
-        left_out.append(("error of the time integration", "time='sampled'"))
+        left_out.append(("error of the time integration", IN_A_MECHANISM if scene.coupled else "time='sampled'"))
     else:
         computed.append("error of the time integration: quintic reconstruction between steps")
     return Plan(tuple(computed), tuple(left_out))

@@ -10,7 +10,7 @@ import numpy as np
 from .estimators.base import Block, Bounds, Start
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping, Sequence
     from typing import Any
 
     from .views import View
@@ -53,11 +53,16 @@ class Stream:
         for name, e in self.estimators.items():
             self._chunks[name].append(self._noted(name, e, e(z)))
 
-    def best_now(self, part: slice, view: View | None, frame: np.ndarray) -> np.ndarray:
-        """Return the smallest bound (r,) of the output that has some of the rows, at the last instant."""
-        now = [chunks[-1].at(np.array([-1])).of_rows(part) for chunks in self._chunks.values()]
-        return np.min([(b if view is None else view.bounds(b, frame)).outputs[0] for b in now], axis=0)
+    def now(self, names: Collection[str]) -> list[Bounds]:
+        """Return the bounds of some estimators at the last instant."""
+        return [chunks[-1].at(np.array([-1])) for name, chunks in self._chunks.items() if name in names]
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of every estimator so far."""
         return {name: Bounds.joined(chunks) for name, chunks in self._chunks.items()}
+
+
+def best_output(bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray) -> np.ndarray:
+    """Return the smallest bound (r,) of the output that has some of the rows, at one instant."""
+    seen = [b.of_rows(part) for b in bounds]
+    return np.min([(b if view is None else view.bounds(b, frame)).outputs[0] for b in seen], axis=0)

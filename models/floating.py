@@ -198,12 +198,12 @@ def _body_alone(body: str, probe: str, modes: tuple, damping: tuple, times: tupl
         mbs, gravity=GRAVITY, massProportionalDamping=damping[0], stiffnessProportionalDamping=damping[1]
     )
     flexible = items["oFFRFreducedOrder"]
-    markers = {side: _add_marker(mbs, flexible, *interface(fem, side)) for side in ("left", "right")}
+    markers = {side: add_interface_marker(mbs, flexible, *interface(fem, side)) for side in ("left", "right")}
     sensors = _add_sensors(mbs, flexible, probe, interface(fem, probe)[0][0], markers["right"])
-    return FloatingScene(SC, mbs, fem, cms, items, markers, sensors, _settings(*times))
+    return FloatingScene(SC, mbs, fem, cms, items, markers, sensors, solver_settings(*times))
 
 
-def _add_marker(mbs: Any, flexible: int, nodes: np.ndarray, weights: np.ndarray) -> int:
+def add_interface_marker(mbs: Any, flexible: int, nodes: np.ndarray, weights: np.ndarray) -> int:
     marker = itemInterface.MarkerSuperElementRigid
     return mbs.AddMarker(marker(bodyNumber=flexible, meshNodeNumbers=nodes, weightingFactors=weights))
 
@@ -237,7 +237,7 @@ def _loaded(scene: FloatingScene, load: type, side: str, function: LoadFunction,
     return scene
 
 
-def _settings(h: float, t_end: float) -> exu.SimulationSettings:
+def solver_settings(h: float, t_end: float) -> exu.SimulationSettings:
     simulationSettings = exu.SimulationSettings()
     timeIntegration = simulationSettings.timeIntegration
     timeIntegration.numberOfSteps = round(t_end / h)

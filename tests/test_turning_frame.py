@@ -20,7 +20,7 @@ from loads import uneven_grid
 from scipy.integrate import solve_ivp
 
 from exudyn_romerr import Basis, ElasticBody, Output
-from exudyn_romerr.estimators.coupling import Coupled
+from exudyn_romerr.estimators.turning import Turning
 from exudyn_romerr.frame import FrameMotion, Turn, inertia_columns, inertia_coordinates, skew
 from exudyn_romerr.offline import Scene, prepare
 from exudyn_romerr.online import Run
@@ -523,14 +523,14 @@ def test_the_turning_force_is_attained(case, term):
 
 @pytest.mark.parametrize(("case", "term"), ATTAINED)
 def test_halving_the_turning_force_is_noticed(case, term, monkeypatch):
-    """Mutation of Coupled: half of 2 |w| |e_a'|, or of |S| |e_a|."""
-    original = Coupled._force
+    """Mutation of Turning: half of 2 |w| |e_a'|, or of |S| |e_a|."""
+    original = Turning._force
 
     def halved(self, block, before, bounds):
         turn = block.turn._replace(**{term: getattr(block.turn, term) / 2})
         return original(self, replace(block, turn=turn), before, bounds)
 
-    monkeypatch.setattr(Coupled, "_force", halved)
+    monkeypatch.setattr(Turning, "_force", halved)
     error, bound = velocity_across(case)
     assert np.all(error > bound)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,8 @@ class Start:
     """First instant of a run.
 
     z : (k,) residual coordinates; y0, y0_t : columns' combinations with K e0 = L y0, M e0' = L y0' (theory.md 3),
-    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm.
+    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm. joint : energy of all
+    bodies of a mechanism together; None: this body is alone.
     """
 
     t: float
@@ -30,6 +31,18 @@ class Start:
     y0: np.ndarray | None = None
     y0_t: np.ndarray | None = None
     cut: float = 0.0
+    joint: float | None = None
+
+
+class Added(NamedTuple):
+    """What auxiliary vectors add to a reduced trajectory, which was bounded with it.
+
+    q, q_t : (S, n) of modes and vectors. speed : (S,) the root of twice the kinetic energy of all that is added.
+    """
+
+    q: np.ndarray
+    q_t: np.ndarray
+    speed: np.ndarray
 
 
 @dataclass
@@ -41,7 +54,8 @@ class Block:
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
     turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
-    bent, moved : (S, 2), see Turn.of_curve.
+    bent, moved : (S, 2), see Turn.of_curve. joint : (S,) variation of R of all bodies of a mechanism together; None:
+    this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
     """
 
     t: np.ndarray
@@ -54,6 +68,8 @@ class Block:
     cut: Cut | None = None
     bent: np.ndarray | None = None
     moved: np.ndarray | None = None
+    joint: np.ndarray | None = None
+    added: Added | None = None
     _norms: dict = field(default_factory=dict, init=False)
 
     @classmethod
@@ -83,10 +99,14 @@ class Block:
 
         Inside: the length of the control polygon. before (k,): z at the end of the segment before this block.
         """
-        inside = norm(self._polygon).sum(axis=1)
+        inside = self.pieces(norm).sum(axis=1)
         steps = self.c[:, 0] - np.vstack([before, self.c[:-1, -1]])
         jumps = norm(steps) if steps.any() else np.zeros(len(self.h))
         return inside + self.unresolved_variation @ self.input_norms(norm), jumps
+
+    def pieces(self, norm: Callable) -> np.ndarray:
+        """Lengths (S, d) of the pieces of the control polygon."""
+        return norm(self._polygon)
 
     @cached_property
     def _polygon(self) -> np.ndarray:

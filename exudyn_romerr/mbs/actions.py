@@ -78,7 +78,7 @@ class Load:
 
     def local(self, t: np.ndarray, motion: FrameMotion, theta: np.ndarray | None) -> np.ndarray:
         """Return what acts in body axes (S, 3); theta (S, 3): mean rotation of its interface, if it follows that."""
-        vectors = np.array([self.vector(x) for x in t.tolist()], dtype=float).reshape(-1, 3)
+        vectors = over_time(self.vector, t)
         if self.body_fixed:
             vectors = Rotation.from_rotvec(theta).apply(vectors @ self.place.axes.T)
         else:
@@ -119,6 +119,12 @@ class Actions:
         """Return all of it that offline work depends on."""
         loads = [(x.name, x.columns.tobytes(), x.torque, x.body_fixed, x.place.axes.tobytes()) for x in self.loads]
         return bool(self.gravity), *loads, *((place.name, place.columns.tobytes()) for place in self.wrenches)
+
+
+def over_time(vector: Callable[[float], Any], t: np.ndarray) -> np.ndarray:
+    """Return what a user's function gives at times t (S,), called once for times that repeat: (S, 3)."""
+    times, again = np.unique(t, return_inverse=True)
+    return np.array([vector(x) for x in times.tolist()], dtype=float).reshape(-1, 3)[again]
 
 
 def read_actions(

@@ -43,6 +43,13 @@ class FrameNode:
         A, w, al = self._rotation(self.reference[3:] + q[:, 3:], q_t[:, 3:], q_tt[:, 3:])
         return FrameMotion(self.reference[:3] + q[:, :3], q_t[:, :3], q_tt[:, :3], A, w, al)
 
+    def rates(self, q: np.ndarray) -> np.ndarray:
+        """Return what gives w in body axes of the rates of the rotation parameters (S, 3, size - 3), q (S, size)."""
+        rates = []
+        for unit in np.eye(self.size)[3:]:
+            rates.append(self.motion(q, np.broadcast_to(unit, q.shape), np.zeros_like(q)).w)
+        return np.stack(rates, axis=2)
+
     def reference_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Return r (3,) and A (3, 3) of the reference configuration."""
         motion = self.motion(*np.zeros((3, 1, self.size)))

@@ -25,20 +25,25 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable]:
         system.GetODE2Coordinates_t,
         system.GetODE2Coordinates_tt,
     )
-    i = room = 0
+    i = room = due = 0
     times = q = q_t = q_tt = None
 
     def step(mbs: Any, t: float) -> Any:
-        nonlocal i, room, times, q, q_t, q_tt
+        nonlocal i, room, due, times, q, q_t, q_tt
         # equal at the first call of a solve, and only there: no step was made yet
         if start_of_step(START_OF_STEP) == t:
             times, q, q_t, q_tt = hook.begin(mbs)
+            due = int(hook.has_tangents)
             room = 1  # the first row is evaluated at once: what is wrong shows before the first step
         times[i] = t
         q[i] = read_q()
         q_t[i] = read_q_t()
         q_tt[i] = read_q_tt()
         i += 1
+        if due:
+            due -= 1
+            if due == 0:
+                due = hook.read_tangent(mbs, t)
         go_on = True
         if i == room:
             go_on, room = hook.flush(), len(times)

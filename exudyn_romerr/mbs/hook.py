@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import InputError
 from ..online import BLOCK
 from .gather import gatherer
+from .mechanism import Mechanism
 from .scene import running_static_solver
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ class StepHook:
     def __init__(self, mbs: Any, user: Callable | None):
         self.user = user
         self.watches: list[Watch] = []
+        self._mechanism = Mechanism([])
         self.step, self._drain = gatherer(mbs, self)
         self._occupant: Callable = self.step
         self._static_solver: Any = None
@@ -44,7 +46,9 @@ class StepHook:
         static = running_static_solver(mbs, self._static_solver)
         self._static_solver = static or self._static_solver
         for watch in self.watches:
-            watch.begin(mbs, static is not None)
+            watch.begin(mbs, static is not None, self.attached)
+        self._mechanism = Mechanism(self.watches, self._mechanism)
+        self._mechanism.begin(mbs)
         # load steps are few, and their loads may be changed before the next solve asks for a block
         at_once = static is not None or any(watch.tolerance for watch in self.watches)
         return self._new_arrays(mbs.systemData.ODE2Size(), at_once)
@@ -54,9 +58,22 @@ class StepHook:
         with _interrupt_deferred():
             rows = self._drain()
             if rows:
-                for watch in self.watches:
-                    watch.take(*rows)
+                self._mechanism.take(*rows)
         return not any(watch.stops for watch in self.watches)
+
+    @property
+    def attached(self) -> set[int]:
+        """Numbers of the objects that are watched."""
+        return {watch.item for watch in self.watches}
+
+    @property
+    def has_tangents(self) -> bool:
+        """Whether the solve that has begun needs tangents of the mechanism."""
+        return self._mechanism.tangents is not None
+
+    def read_tangent(self, mbs: Any, t: float) -> int:
+        """Read the tangent now; return after how many steps it is to be read again."""
+        return self._mechanism.read_tangent(mbs, t)
 
     def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
         """Call the user's function and pass on what it returns, unless the solve is to be stopped."""

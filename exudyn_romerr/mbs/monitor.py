@@ -18,6 +18,7 @@ from .floating import FloatingBody, read_object
 from .hook import StepHook, shared_hook
 from .linear import LinearSubject
 from .moving import MovingSubject
+from .scope import ASKABLE
 from .sensors import sensor_output
 from .watch import Watch
 
@@ -65,7 +66,7 @@ class Monitor:
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
         self._hook.flush()  # what was stored so far belongs to what was read before
-        return self._watch.read(self._mbs).plan
+        return self._watch.read(self._mbs, attached=self._hook.attached).plan
 
     def report(self, i: int = -1) -> BoundReport:
         """Return the bounds of run i (default: the last), also while it is running.
@@ -112,6 +113,7 @@ def attach(
     kernels: str = "certified",
     time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
+    scope: str = "auto",
 ) -> Monitor:
     """Bound the error of a reduced body in every following solve of its mbs.
 
@@ -136,6 +138,11 @@ def attach(
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate.
+    scope : {"auto", "coupled (linearised)", "inputs frozen"}
+        What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
+        that can be had (all flexible bodies attached, outputs in the body's frame, nothing that switches), else, and
+        with "inputs frozen", the error under the loads, wrenches and frame motion of the reduced simulation. The
+        report says which, and why.
 
     Returns
     -------
@@ -164,7 +171,8 @@ def attach(
         "time": time,
         "auxiliary_modes": auxiliary_modes,
     }
-    subject = make_subject(mbs, flex, initial, options)
+    check_choice("scope", scope, ASKABLE)
+    subject = make_subject(mbs, flex, initial, options, scope)
     watch = Watch(subject, _checked_tolerance(tolerance, [out.name for out in options["outputs"]]))
     shared = shared_hook(mbs, hook)
     shared.add(watch)
@@ -172,11 +180,11 @@ def attach(
 
 
 def make_subject(
-    mbs: Any, flex: ReducedBody | FloatingBody, initial: Any, options: dict[str, Any]
+    mbs: Any, flex: ReducedBody | FloatingBody, initial: Any, options: dict[str, Any], scope: str
 ) -> LinearSubject | MovingSubject:
     """Return the body as a watch sees it; sensors among options["outputs"] are replaced by outputs."""
     if isinstance(flex, FloatingBody):
-        return _floating(mbs, flex, initial, options)
+        return _floating(mbs, flex, initial, options, scope)
     _check_body(mbs, flex)
     return _linear(flex, initial, options)
 
@@ -195,7 +203,7 @@ def _linear(flex: ReducedBody, initial: Any, options: dict[str, Any]) -> LinearS
     return LinearSubject(flex, offline)
 
 
-def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any]) -> MovingSubject:
+def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any], scope: str) -> MovingSubject:
     """Joints and loads may still be added: what is known now is checked now."""
     read_object(mbs, flex)
     outputs = options["outputs"]
@@ -205,7 +213,7 @@ def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any
     options["outputs"] = checked_outputs(outputs)
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
         check_choice(name, options[name], known)
-    return MovingSubject(flex, {"initial": initial, **options})
+    return MovingSubject(flex, {"initial": initial, **options}, scope)
 
 
 def _check_body(mbs: Any, flex: Any) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..frame import inertia_columns, inertia_coordinates, translations
+from .actions import over_time
 
 if TYPE_CHECKING:
     from ..frame import FrameMotion
@@ -22,17 +23,19 @@ class InputTerms:
 
     Attributes
     ----------
-    unknown : number of trailing columns of wrenches. by_function : all inputs are functions of time alone.
+    unknown : number of trailing columns of wrenches. weighs : whether inertia or gravity comes first, from where the
+    first three values are b. first_load : number of columns before the loads. by_function : all inputs are functions of time alone.
     """
 
     def __init__(self, actions: Actions, support: Support, flex: FloatingBody, V: np.ndarray):
         self.at_rest = support.at_rest
         self.unknown = sum(place.columns.shape[1] for place in actions.wrenches)
         self.by_function = self.at_rest and not self.unknown and not any(load.follows for load in actions.loads)
-        self._weighs = not self.at_rest or bool(actions.gravity)
+        self.weighs = not self.at_rest or bool(actions.gravity)
         inertia = [-(translations(flex.mass) if self.at_rest else inertia_columns(flex.mass, flex.positions, V))]
         loads = [load.columns for load in actions.loads] + [place.columns for place in actions.wrenches]
-        self.columns = np.hstack([*(inertia if self._weighs else []), np.zeros((len(V), 0)), *loads])
+        self.columns = np.hstack([*(inertia if self.weighs else []), np.zeros((len(V), 0)), *loads])
+        self.first_load = len(V.T) * 9 + 12 if not self.at_rest else 3 * self.weighs
         self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
 
     def values(self, actions: Actions, t: np.ndarray, motion: FrameMotion, q, q_t) -> np.ndarray:
@@ -43,9 +46,9 @@ class InputTerms:
         return np.hstack([*parts, np.zeros((len(t), self.unknown))])
 
     def _inertia(self, actions: Actions, t, motion: FrameMotion, q, q_t) -> list[np.ndarray]:
-        if not self._weighs:
+        if not self.weighs:
             return []
-        gravity = sum((np.array([g(x) for x in t.tolist()], dtype=float) for g in actions.gravity), np.zeros(3))
+        gravity = sum((over_time(g, t) for g in actions.gravity), np.zeros(3))
         if self.at_rest:
             return [motion.local(np.broadcast_to(-gravity, motion.r.shape))]
         return [inertia_coordinates(motion.local(motion.r_tt - gravity), motion, q, q_t)]

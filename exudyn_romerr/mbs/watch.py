@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from .scene import end_time, newton_tolerance
 
 if TYPE_CHECKING:
     from ..offline import Offline
+    from .enriched import EnrichedBody
     from .linear import LinearSubject
     from .moving import MovingSubject
 
@@ -46,37 +49,110 @@ class Watch:
         """Whether the solve is to be stopped."""
         return self.stopped or self.error is not None
 
-    def read(self, mbs: Any, static: bool = False) -> Offline:
-        """Read the mbs; return what the bounds are made with, or raise if their assumptions do not hold there."""
-        return self._subject.read(mbs, static)
+    @property
+    def enriched(self) -> EnrichedBody | None:
+        """The body with auxiliary vectors that react with the mechanism, if it has such."""
+        return getattr(self._subject, "enriched", None)
 
-    def begin(self, mbs: Any, static: bool) -> None:
+    @property
+    def run(self) -> Run | StaticRun | None:
+        """The run that is under way."""
+        return self._run
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether its bounds are those of the mechanism, and need those of other bodies."""
+        return self.error is None and self._listens and self._offline.scene.coupled
+
+    @property
+    def kind(self) -> tuple:
+        """What has to be the same for all bodies of a mechanism: which bounds, over which streams."""
+        return self.shares_energy, self._offline.time
+
+    @property
+    def shares_energy(self) -> bool:
+        """Whether the energy of the modes alone is bounded."""
+        return "energy" in self._offline.estimators
+
+    def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
+        """Return q, q_t, q_tt, u and the frame of rows of the mbs."""
+        return self._subject.sampled(t, *(state[:, self._columns] for state in states))
+
+    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = ()) -> Offline:
+        """Read the mbs; return what the bounds are made with, or raise if their assumptions do not hold there."""
+        return self._subject.read(mbs, static, attached)
+
+    def begin(self, mbs: Any, static: bool, attached: Collection[int] = ()) -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
         self.error, self.stopped, self._run, self._listens = None, False, None, True
         self._late = False  # the run starts later than the solve
         self._kind = StaticRun if static else Run
-        try:
-            self._offline = self.read(mbs, static)
+        with self.kept_errors():
+            self._offline = self.read(mbs, static, attached)
             self._end_time, self._newton_tolerance = end_time(mbs, static), newton_tolerance(mbs, static)
             self._columns = self._subject.columns
+
+    @contextmanager
+    def kept_errors(self) -> Iterator[None]:
+        """Keep an exception for the report; the solve will be stopped."""
+        try:
+            yield
         except Exception as error:
             self.error = error
 
     def take(self, t: np.ndarray, *states: np.ndarray) -> None:
         """Evaluate accepted steps: t (S,) and the mbs's q, q_t, q_tt, each (S, all its coordinates)."""
-        if self.error is not None or not self._listens:
-            return
-        try:
-            self._evaluate(t.copy(), *(state[:, self._columns].copy() for state in states))
-        except Exception as error:
-            self.error = error
+        self.receive(t, *states)
+        self.open()
+        self.segment()
+        self.advance()
+        self.compare()
+
+    def receive(self, t: np.ndarray, *states: np.ndarray) -> None:
+        """Phase 1 of take: look at the rows; what a run opens with is in `opening` then.
+
+        In a mechanism the watches of all bodies take the phases together: bounds of one need the others' segments.
+        """
+        self.opening = self.extension = None
+        self.rows: tuple = ()
+        if self.error is None and self._listens:
+            with self.kept_errors():
+                self._look(t.copy(), *(state[:, self._columns].copy() for state in states))
+
+    def open(self) -> None:
+        """Phase 2: open the run that phase 1 found."""
+        if self.error is None and self.opening is not None:
+            self._run.open(self.opening)
+            self.runs.append(self._run)
+            self._last = self._opened
+
+    def segment(self) -> None:
+        """Phase 3: make segments of the rows that go on, in `extension`; samples are kept in `rows`."""
+        if self.error is None and self.rows and self._run is not None:
+            with self.kept_errors():
+                t, *states = self.rows
+                self.rows = t, *self._subject.sampled(t, *states)
+                self.extension = self._run.extension(*self.rows)
+
+    def advance(self) -> None:
+        """Phase 4: advance the bounds."""
+        if self.error is None and self.extension is not None:
+            with self.kept_errors():
+                self._run.advance(self.extension)
+                self._last = self._newest
+
+    def compare(self) -> None:
+        """Compare the bounds with the tolerance; the solve is stopped when one exceeds it."""
+        if self.error is None and self._run is not None and self._listens:
+            with self.kept_errors():
+                self._compare(self._run.last_time)
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""
         if self._run is not None:
             self._run.messages.append(message)
 
-    def _evaluate(self, t: np.ndarray, *states: np.ndarray) -> None:
+    def _look(self, t: np.ndarray, *states: np.ndarray) -> None:
         finite = np.logical_and.reduce([np.isfinite(state).all(axis=1) for state in states])
         if not finite.all():
             self._diverge(t[np.argmin(finite)])
@@ -85,16 +161,13 @@ class Watch:
             return
         if self._kind is StaticRun:  # a static solver leaves old rates behind
             states = [states[0], 0 * states[1], 0 * states[2]]
-        last = (t[-1], *(state[-1] for state in states))
+        self._newest = (t[-1], *(state[-1] for state in states))
         if self._run is None:
-            self._start(t[0], *(state[0] for state in states))
+            self._opened = (t[0], *(state[0] for state in states))
+            self._start(*self._opened)
             t, *states = (rows[1:] for rows in (t, *states))
-        if self._run is None:
-            return
-        if t.size:
-            self._run.extend(t, *self._subject.sampled(t, *states))
-        self._last = last
-        self._compare(last[0])
+        if self._run is not None:
+            self.rows = (t, *states) if t.size else ()
 
     def _start(self, t: float, *states: np.ndarray) -> None:
         before = None if self._kind is StaticRun else self._run_before(t, *states[:2])
@@ -104,11 +177,10 @@ class Watch:
         if first is None:
             self._late = True
             return
-        run.start(t, *first) if self._kind is StaticRun else run.start(t, *first, after=before)
+        self.opening = run.opening(t, *first, after=before)
         if self._late and self._kind is Run:
             run.messages.append(f"the solver has no accelerations at its start: bounds begin at t = {t:g} s")
         run.floor, run.end_time, run.newton_tolerance = self._subject.floor, self._end_time, self._newton_tolerance
-        self.runs.append(run)
         self._run = run
 
     def _first(self, t: float, before: Run | None, *states: np.ndarray) -> tuple | None:

@@ -1,4 +1,4 @@
-"""Coupled: what the turning of the frame adds to the bound of an estimator (theory.md 7)."""
+"""Turning: what the turning of the frame adds to the bound of an estimator (theory.md 7)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 LARGEST = 700.0  # growth of a step whose exponential is still a number; more is no bound anyway
 
 
-class Coupled:
+class Turning:
     """Bounds in a turning frame: M e'' + (D + 2 M w~) e' + (K + M S) e = -R, S = al~ + w~ w~.
 
     e = e_a + e_b: e_a as if the frame did not turn, bounded by the estimator; e_b is driven by
@@ -41,8 +41,8 @@ class Coupled:
         self.C_K, self.C_M, self.velocity_rows = problem.C_K, problem.C2, problem.velocity_rows
         self.g = [0.0] * len(self.rates)
 
-    def __copy__(self) -> Coupled:
-        other = object.__new__(Coupled)
+    def __copy__(self) -> Turning:
+        other = object.__new__(Turning)
         other.__dict__ = {**self.__dict__, "estimator": copy.copy(self.estimator)}
         return other
 

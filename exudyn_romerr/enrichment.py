@@ -1,0 +1,103 @@
+"""Auxiliary vectors for a body in a mechanism: what its modes miss of its response to inertia and loads (theory.md 7).
+
+Eigenmodes leave much of it; K^-1 times the columns of the residual leave nothing but the inertia of these vectors
+themselves. They do not move the interfaces: joints and springs do not see them, wrenches do no work on them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg as la
+
+from .errors import AssumptionError
+from .split import without
+
+if TYPE_CHECKING:
+    from .body import ElasticBody
+
+RANK = 1e-8  # of the largest column: what is smaller is rounding of the others
+MISSED = 1e-6  # of a static mode: less is rounding of what V holds of it already
+HELD = 1e-8  # smallest singular value of the interfaces' motion in V, of the largest, that can take it out of P
+
+
+class Enrichment:
+    """m vectors P beside the modes V of a body, orthonormal in M, without motion of the interfaces.
+
+    Parameters
+    ----------
+    V : ndarray, (n_free, n)
+    inertia : ndarray, (n_free, i)
+        M times rigid motions and their like, of unit mass norm.
+    loads : ndarray, (n_free, p)
+        Columns of known loads.
+    wrenches : ndarray, (n_free, w)
+        Unit wrenches at the interfaces; their transpose takes the interfaces' motion.
+    m : int
+
+    Raises
+    ------
+    AssumptionError
+        V cannot move the interfaces one by one: static modes are missing.
+    """
+
+    def __init__(self, body: ElasticBody, V: np.ndarray, inertia, loads, wrenches, m: int):
+        self._factor, self._V = body.stiffness_factor, V
+        self._held = _orthonormal(self._factor.half_multiply(V))
+        omega, shapes = la.eigh(V.T @ (body.K @ V), V.T @ (body.M @ V))
+        omega = np.sqrt(omega)
+        columns = np.hstack([omega[0] * inertia, body.M @ (V @ shapes) * omega, self._of_unit_energy(loads)])
+        P = np.hstack([self._static(wrenches), np.zeros((len(V), 0))])
+        while P.shape[1] < m and columns.shape[1]:
+            new = self._responses(columns, P, m - P.shape[1])
+            P, columns = np.hstack([P, new]), body.M @ new
+        P = P - V @ _moved(wrenches.T @ V, wrenches.T @ P)
+        squares, turn = la.eigh(P.T @ (body.K @ P), P.T @ (body.M @ P))
+        self.P, self.omega = P @ turn, np.sqrt(squares)
+
+    def _of_unit_energy(self, loads: np.ndarray) -> np.ndarray:
+        size = np.linalg.norm(self._factor.half_solve(loads), axis=0) if loads.size else np.ones(loads.shape[1])
+        return loads / np.where(size > 0, size, 1.0)
+
+    def _static(self, wrenches: np.ndarray) -> np.ndarray:
+        """What V misses of the static modes of the interfaces (all of them where V makes interfaces rigid)."""
+        if not wrenches.shape[1]:
+            return wrenches
+        unit = self._of_unit_energy(wrenches)
+        left = np.linalg.norm(without(self._held, self._factor.half_solve(unit)), axis=0)
+        return self._left_of(unit[:, left > MISSED])
+
+    def _responses(self, columns: np.ndarray, P: np.ndarray, m: int) -> np.ndarray:
+        """The m largest responses K^-1 columns, in energy, of what V and P leave of them."""
+        known = self._held if not P.shape[1] else _orthonormal(np.hstack([self._held, self._factor.half_multiply(P)]))
+        rest = without(known, self._factor.half_solve(columns))
+        _, size, combined = la.svd(rest, full_matrices=False)
+        m = min(m, int(np.sum(size > RANK * size[0])))
+        return self._left_of(columns @ (combined[:m].T / size[:m]))
+
+    def _left_of(self, forces: np.ndarray) -> np.ndarray:
+        """K^-1 forces, K-orthogonal to V."""
+        if not forces.shape[1]:
+            return forces
+        V, K_V = self._V, self._factor.half_multiply(self._V)
+        responses = self._factor.solve(forces)
+        within = la.lstsq(K_V, self._factor.half_multiply(responses))[0]
+        return responses - V @ within
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    return la.qr(columns / np.linalg.norm(columns, axis=0), mode="economic")[0]
+
+
+def _moved(of_V: np.ndarray, of_P: np.ndarray) -> np.ndarray:
+    """Combinations of V that move the interfaces as P does."""
+    if not len(of_V):
+        return np.zeros((of_V.shape[1], of_P.shape[1]))
+    values = la.svd(of_V, compute_uv=False)
+    if len(values) < len(of_V) or values[-1] < HELD * values[0]:
+        raise AssumptionError(
+            "the modes cannot move every interface in every direction: joints need interfaces with static modes "
+            "(Craig-Bampton)"
+        )
+    return la.pinv(of_V) @ of_P

@@ -1,0 +1,170 @@
+"""Feedback: what auxiliary modes do to a mechanism, and it to them; its linearised equations over time (theory.md 7).
+
+    M e'' + D e' + K e + G^T l = f(t) ,   G e = 0 ,
+
+e the error of all coordinates of the mechanism and the coordinates of auxiliary modes. Matrices are linear in time
+between tangents; the time integration is that of the simulation, so that e is what auxiliary modes would have added
+to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import AssumptionError
+
+REFINED = 1e-8  # of the increment: what the solution of a step may be off by
+SAME = 1e-9  # of a step size: solvers add up their steps
+REFINEMENTS = 12  # of a step's solution by the inverse of another instant; more are needed where matrices change fast
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """Generalised-alpha: the parameters of the running solver."""
+
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """The linearised equations at time t: M, D, K (k, k), and G (c, k) of independent constraints."""
+
+    t: float
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    G: np.ndarray
+
+    def stacked(self, mass: float, damping: float, scale: float) -> np.ndarray:
+        """[[mass M + damping D + K, scale G^T], [scale G, 0]]."""
+        c, k = self.G.shape
+        A = np.zeros((k + c, k + c))
+        A[:k, :k] = mass * self.M + damping * self.D + self.K
+        A[k:, :k] = scale * self.G
+        A[:k, k:] = A[k:, :k].T
+        return A
+
+
+class Feedback:
+    """e, e' and e'' along a run that starts without error."""
+
+    def __init__(self, scheme: Scheme):
+        self.scheme = scheme
+        self._interval: _Interval | None = None
+
+    def start(self, tangent: Tangent, force: np.ndarray) -> None:
+        """Begin without error under the force (k,)."""
+        c, k = tangent.G.shape
+        A = np.block([[tangent.M, tangent.G.T], [tangent.G, np.zeros((c, c))]])
+        try:
+            e_tt = np.linalg.solve(A, np.append(force, np.zeros(c)))[:k]
+        except np.linalg.LinAlgError as error:
+            raise AssumptionError(SINGULAR) from error
+        self.t = tangent.t
+        self._moving = np.array([np.zeros(k), np.zeros(k), e_tt, e_tt])
+
+    @property
+    def state(self) -> np.ndarray:
+        """e, e', e'' (3, k) now."""
+        return self._moving[:3]
+
+    def advance(
+        self, t: np.ndarray, force: np.ndarray, times: np.ndarray, tangent: Callable[[int], Tangent]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Go on to times t (S,) under forces (S, k); return e, e', e'' (3, S, k) and the mass norm (S,) of e'.
+
+        times : (T,) of tangents, the first not after the last time before t; the last one is held. tangent : by number.
+        """
+        found, speed = np.zeros((3, *force.shape)), np.zeros(len(t))
+        after = np.minimum(np.searchsorted(times, t, side="left"), len(times) - 1)
+        for j in np.unique(after).tolist():
+            first, last = tangent(max(j - 1, 0)), tangent(j)
+            steps = np.flatnonzero(after == j)
+            for i in steps.tolist():
+                found[:, i] = self._step(float(t[i]), force[i], first, last)
+            here = found[1, steps]
+            speed[steps] = np.sqrt(np.maximum(np.einsum("si,ij,sj->s", here, first.M, here), 0.0))
+        return found, speed
+
+    def _step(self, now: float, force: np.ndarray, first: Tangent, last: Tangent) -> np.ndarray:
+        """One step of the generalised-alpha method with constraints at the level of positions."""
+        h = now - self.t
+        if self._interval is None or not self._interval.holds(first, last, h):
+            self._interval = _Interval(first, last, h, self.scheme)
+        self.t, self._moving = now, self._interval.step(now, force, self._moving)
+        return self._moving[:3]
+
+
+class _Interval:
+    """Steps of one size between two tangents: A z = f - W (e, e') ahead, A and W linear in time."""
+
+    def __init__(self, first: Tangent, last: Tangent, h: float, s: Scheme):
+        self._ends, self._h = (first, last), h
+        mass, damping = (1 - s.alpha_m) / (s.beta * h**2 * (1 - s.alpha_f)), s.gamma / (h * s.beta)
+        known = np.array([0.0, 0.0, s.alpha_f, -s.alpha_m]) / (1 - s.alpha_m)
+        ahead = np.array([1.0, h, 0.0, h**2 * (0.5 - s.beta)]) + h**2 * s.beta * known
+        ahead_t = np.array([0.0, 1.0, 0.0, h * (1 - s.gamma)]) + h * s.gamma * known
+        self._ahead = np.array([ahead, ahead_t, known])
+        # e, e', e'' and the algorithmic a of what is ahead, known, and z
+        grown = (1 - s.alpha_f) / (1 - s.alpha_m) * mass
+        self._next = np.array([[1, 0, 0, 1], [0, 1, 0, damping], [0, 0, 0, mass], [0, 0, 1, grown]], dtype=float)
+        scale = mass * np.abs(np.diag(first.M)).max()  # of constraints: all rows of one size
+        A, B = (tangent.stacked(mass, damping, scale) for tangent in self._ends)
+        W, U = (_wide(tangent, scale) for tangent in self._ends)
+        self._A, self._W = np.vstack([A, B - A]), np.vstack([W, U - W])
+        try:
+            self._inverse = np.linalg.inv((A + B) / 2)
+        except np.linalg.LinAlgError as error:
+            raise AssumptionError(SINGULAR) from error
+
+    def holds(self, first: Tangent, last: Tangent, h: float) -> bool:
+        """Whether this is the interval of a step."""
+        return self._ends[0] is first and self._ends[1] is last and abs(h - self._h) <= SAME * self._h
+
+    def step(self, now: float, force: np.ndarray, moving: np.ndarray) -> np.ndarray:
+        """Return e, e', e'' and the algorithmic a (4, k) after a step."""
+        parts = np.empty_like(moving)
+        parts[:3] = self._ahead @ moving
+        parts[3] = self._solve(now, force, parts[:2].ravel())
+        return self._next @ parts
+
+    def _solve(self, now: float, force: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        """Return the increment z (k,)."""
+        first, last = self._ends
+        n, share = len(self._inverse), 0.0 if first is last else (now - first.t) / (last.t - first.t)
+        both = self._W @ ahead
+        right = -both[:n] - share * both[n:]
+        right[: len(force)] += force
+        x = self._inverse @ right
+        before = np.inf
+        for _ in range(REFINEMENTS):  # with the inverse half way between the tangents
+            both = self._A @ x
+            dx = self._inverse @ (right - both[:n] - share * both[n:])
+            x += dx
+            size = dx @ dx
+            if size <= REFINED**2 * (x @ x):
+                return x[: len(force)]
+            if not size < 0.25 * before:
+                break
+            before = size
+        return np.linalg.solve(self._A[:n] + share * self._A[n:], right)[: len(force)]
+
+
+SINGULAR = (
+    "the linearised equations of the mechanism are singular (constraints that contradict each other, or coordinates "
+    "without mass); no auxiliary modes with feedback: pass scope='inputs frozen'"
+)
+
+
+def _wide(tangent: Tangent, scale: float) -> np.ndarray:
+    """[[K, D], [scale G, 0]]."""
+    c, k = tangent.G.shape
+    wide = np.zeros((k + c, 2 * k))
+    wide[:k, :k], wide[:k, k:], wide[k:, :k] = tangent.K, tangent.D, scale * tangent.G
+    return wide

@@ -1,0 +1,120 @@
+"""Reaction: auxiliary vectors of all bodies of a mechanism react with it; runs of the trajectories they add up to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..estimators.base import Added
+from ..feedback import Feedback, Tangent
+from ..mechanism import join_extensions, joined_openings
+from ..online import Run
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from .enriched import EnrichedBody
+    from .tangent import Reading, Tangents
+    from .watch import Watch
+
+
+class Reaction:
+    """The linearised mechanism with the vectors of its bodies behind its own coordinates (theory.md 7)."""
+
+    def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents):
+        self._watches, self._feedback, self._tangents = watches, feedback, tangents
+        self._size, self._own = tangents.size, []
+        for watch in watches:
+            self._own.append(slice(self._size, self._size + watch.enriched.m))
+            self._size += watch.enriched.m
+
+    def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None) -> None:
+        """Open the companions of runs that have just opened, at the first of the rows of the mbs."""
+        first = [x[:1] for x in rows]
+        goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
+        if goes_on:
+            self._feedback = before._feedback
+        else:
+            self._feedback.start(_Extended(self._tangents.readings, self)[0], self._forces(first)[0])
+        e = self._feedback.state[:, None]
+        runs = [Run(watch.enriched.offline) for watch in self._watches]
+        openings = []
+        for watch, run, own in zip(self._watches, runs, self._own, strict=True):
+            sample = watch.enriched.sampler(first[0], *self._states(watch.enriched, own, first[1:], e))
+            after = watch.opening.before.companion if goes_on else None
+            openings.append(run.opening(first[0][0], *(None if x is None else x[0] for x in sample), after=after))
+        for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
+            run.open(opening)
+            watch.run.companion = run
+
+    def advance(self, rows: tuple[np.ndarray, ...]) -> None:
+        """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates)."""
+        extended = _Extended(self._tangents.readings, self)
+        e, speed = self._feedback.advance(rows[0], self._forces(rows), extended.t, extended.__getitem__)
+        self._tangents.forget()
+        runs, extensions = [watch.run.companion for watch in self._watches], []
+        for watch, run, own in zip(self._watches, runs, self._own, strict=True):
+            body = watch.enriched
+            extension = run.extension(rows[0], *body.sampler(rows[0], *self._states(body, own, rows[1:], e)))
+            added = Added(*(np.hstack([x[:, body.modal], x[:, own]]) for x in e[:2]), speed)
+            for block, _ in extension.segments.values():
+                block.added = added
+            extensions.append(extension)
+        join_extensions(runs, extensions)
+        for run, extension in zip(runs, extensions, strict=True):
+            run.advance(extension)
+
+    def parts(self) -> Iterator[tuple[EnrichedBody, slice]]:
+        """Iterate over the bodies and where their vectors are among all coordinates."""
+        return zip((watch.enriched for watch in self._watches), self._own, strict=True)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates of mechanism and vectors."""
+        return self._size
+
+    def _forces(self, rows: Sequence[np.ndarray]) -> np.ndarray:
+        """-P^T R (S, all coordinates) of the reduced bodies at rows of the mbs."""
+        forces = np.zeros((len(rows[0]), self._size))
+        for watch, own in zip(self._watches, self._own, strict=True):
+            q, q_t, q_tt, u, _ = watch.sampled(*rows)
+            forces[:, own] = watch.enriched.forces(q, q_t, q_tt, u)
+        return forces
+
+    @staticmethod
+    def _states(body: EnrichedBody, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
+        """Coordinates of frame, modes and vectors with what is added, their rates and accelerations."""
+        pairs = zip(states, e, strict=True)
+        return [np.hstack([x[:, body.columns] + added[:, body.columns], added[:, own]]) for x, added in pairs]
+
+
+class _Extended:
+    """Readings of a mechanism as tangents with the vectors behind its coordinates; made when asked for, two kept."""
+
+    def __init__(self, readings: Sequence[Reading], reaction: Reaction):
+        self._readings, self._size, self._parts = readings, reaction.size, list(reaction.parts())
+        self.t = np.array([reading.t for reading in readings])
+        states = [np.array([reading.state[k] for reading in readings]) for k in range(3)]
+        self._couplings = [body.couplings(self.t, [x[:, body.columns] for x in states]) for body, _ in self._parts]
+        self._made: dict[int, Tangent] = {}
+
+    def __getitem__(self, j: int) -> Tangent:
+        if j not in self._made:
+            self._made = {i: tangent for i, tangent in self._made.items() if i == j - 1}
+            self._made[j] = self._tangent(j)
+        return self._made[j]
+
+    def _tangent(self, j: int) -> Tangent:
+        reading = self._readings[j]
+        n = len(reading.M)
+        M, D, K = np.zeros((3, self._size, self._size))
+        M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, reading.D, reading.K
+        for (body, own), of in zip(self._parts, self._couplings, strict=True):
+            rows = np.concatenate([body.columns, np.arange(own.start, own.stop)])
+            M[rows, own], D[rows, own], K[rows, own] = of.M[j], of.D[j], of.K[j]
+            M[own, body.columns] = of.M[j][: len(body.columns)].T
+            D[own, body.columns], K[own, body.columns] = of.D_rows[j], of.K_rows[j]
+        G = np.zeros((len(reading.G), self._size))
+        G[:, :n] = reading.G
+        return Tangent(reading.t, M, D, K, G)

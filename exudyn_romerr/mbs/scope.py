@@ -1,0 +1,149 @@
+"""What the bounds of a floating body cover: found from what acts on it and from the mechanism around (theory.md 7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..errors import AssumptionError
+from ..scope import COMPLETE, COUPLED, FROZEN
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    from .actions import Actions
+    from .floating import ReducedMatrices
+    from .support import Support
+
+AUTO = "auto"
+ASKABLE = (AUTO, COUPLED, FROZEN)
+SWITCHING = (
+    "ConnectorRollingDiscPenalty",
+    "ConnectorReevingSystemSprings",
+    "JointSliding",
+    "JointSliding2D",
+    "JointALEMoving2D",
+    "JointRollingDisc",
+)
+NEGLECTED = (
+    "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
+    "mechanism linearised about its computed motion, all attached bodies together, as outputs are seen from the "
+    "body's frame. Neglected: how joint directions and internal forces turn with the error, centrifugal and gyroscopic "
+    "terms of the error, the time integration of what is not attached"
+)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What was asked for: scope, and the options of attach."""
+
+    scope: str
+    options: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Scope and its reason; of a coupled one, why other estimators are frozen, and whether auxiliary ones react."""
+
+    name: str
+    reason: str
+    frozen: str = ""
+    feedback: bool = False
+
+
+def find_scope(
+    mbs: Any,
+    wanted: Wanted,
+    model: ReducedMatrices,
+    actions: Actions,
+    support: Support,
+    static: bool,
+    attached: Collection[int],
+) -> Found:
+    """Return the widest scope that the scene allows, or the one asked for.
+
+    Raises
+    ------
+    AssumptionError
+        The coupled scope was asked for and its assumptions do not hold.
+    """
+    reacting = [place.name for place in actions.wrenches] + [load.name for load in actions.loads if load.follows]
+    if not support.at_rest and not support.driven:
+        reacting.insert(0, "the frame")
+    if not reacting:
+        return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
+    refusal = next(_refusals(mbs, wanted, actions, static, attached), "")
+    if refusal and wanted.scope == COUPLED and not static:
+        raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
+    frozen = (
+        f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the "
+        "motion of the frame, the loads and the wrenches of this simulation; their feedback is not covered and may "
+        "make the error of the whole mechanism several times larger"
+    )
+    if refusal:
+        return Found(FROZEN, f"{frozen} (no coupled bound: {refusal})")
+    without = next(_no_feedback(mbs, wanted, model), "")
+    return Found(COUPLED, NEGLECTED, f"{frozen}; {without}" if without else frozen, feedback=not without)
+
+
+def _refusals(mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int]) -> Iterator[str]:
+    """Why the bound cannot cover the feedback of the mechanism."""
+    options = wanted.options
+    if wanted.scope == FROZEN:
+        yield f"scope={FROZEN!r} was asked for"
+    if static:
+        yield "a static solve"
+    outputs = [out.name for out in options["outputs"] if out.frame == "global"]
+    if outputs:
+        yield (
+            f"outputs {', '.join(map(repr, outputs))} see the motion of the frame, whose error has no bound; pass "
+            "node_displacement(...) with frame='body', or a sensor of DisplacementLocal"
+        )
+    if options["initial"] is not None or len(options["jumps"]):
+        yield "initial= and jumps= are covered with frozen inputs only"
+    follow = [load.name for load in actions.loads if load.body_fixed]
+    if follow:
+        yield f"{', '.join(follow)} turn with the body (bodyFixed)"
+    yield from _unattached(mbs, attached)
+    yield from _switching(mbs)
+
+
+def _unattached(mbs: Any, attached: Collection[int]) -> Iterator[str]:
+    objects = {i: mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())}
+    reduced = {i: item["name"] for i, item in objects.items() if item["objectType"] == "FFRFreducedOrder"}
+    missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
+    if missing:
+        yield f"flexible bodies of this mbs are not attached, so their errors are not known: {', '.join(missing)}"
+
+
+def _switching(mbs: Any) -> Iterator[str]:
+    """Objects that are no ideal joints, linear springs or dampers."""
+    for i in range(mbs.systemData.NumberOfObjects()):
+        item = mbs.GetObject(i)
+        kind, name = item["objectType"], f"object {i} ({item['name']}, {item['objectType']})"
+        if "Contact" in kind or kind in SWITCHING or item.get("useLimitStops"):
+            yield f"{name} switches, slides or rolls: a linearised mechanism does not"
+        if item.get("velocityLevel"):
+            yield f"{name} constrains velocities, not positions"
+        functions = [key for key in item if _controls(key) and item[key]]
+        if functions:
+            yield f"{name} has {', '.join(functions)}: a controller may do work on the error"
+    if mbs.systemData.DataSize():
+        yield "data coordinates of the mbs (contact, friction, hysteresis) switch: a linearised mechanism does not"
+
+
+def _controls(key: str) -> bool:
+    """Whether a parameter is a user function that forces may come from; offsets are motion prescribed over time."""
+    return key.endswith("UserFunction") and "graphics" not in key and key != "offsetUserFunction"
+
+
+def _no_feedback(mbs: Any, wanted: Wanted, model: ReducedMatrices) -> Iterator[str]:
+    """Why auxiliary vectors cannot react with the mechanism."""
+    if model.frame.size != 7:
+        yield "auxiliary modes react with the mechanism only if frames have Euler parameters, the default"
+    solver = mbs.sys.get("dynamicSolver")
+    if solver is not None and not hasattr(solver, "newmarkBeta"):
+        yield "auxiliary modes react with the mechanism only under an implicit solver, which has accelerations"
+    asked = wanted.options["estimators"]
+    if asked != "auto" and "auxiliary" not in ([asked] if isinstance(asked, str) else asked):
+        yield "estimator 'auxiliary' was not asked for"

@@ -1,0 +1,178 @@
+"""The tangent of a running mechanism: M, D, K and constraints G, read inside the hook without touching the run.
+
+A static solver of our own, initialised once, computes them from the current state and writes into itself only:
+results of the simulation stay equal bit for bit (measured with Exudyn 1.13.6; ComputeLinearizedSystem starts a solver
+each time, and states, accelerations and time have to be restored after it).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+import scipy.linalg as la
+
+from ..errors import AssumptionError
+
+CHANGE = 0.02  # of G from one tangent to the next: more, and they are taken more often
+LONGEST = 64  # steps between tangents, also where nothing turns
+SLOW = 4  # tangents that share one K and D: they cost 20 times as much as M and G, and change less
+TURN = 1e-6  # of rotation parameters, to differentiate by
+RANK = 1e-10  # of the largest singular value: constraints below are redundant
+PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
+CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read at time t: q, q_t, q_tt of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints.
+
+    K holds loads too, and how inertia and the forces of constraints turn with rotations.
+    """
+
+    t: float
+    state: tuple[np.ndarray, np.ndarray, np.ndarray]
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    G: np.ndarray
+
+
+class Tangents:
+    """Reads the tangent every few steps of a solve; more often where the mechanism turns fast.
+
+    Attributes
+    ----------
+    size : number of coordinates. readings : list of Reading, in the order of time. redundant : number of constraints that follow from others.
+    """
+
+    def __init__(self, mbs: Any):
+        settings = exu.SimulationSettings()
+        settings.solution.file.write = settings.solution.sensors.active = False
+        settings.staticSolver.verboseMode = 0
+        self._solver = exu.MainSolverStatic()
+        with _states_kept(mbs.systemData):
+            if not self._solver.InitializeSolver(mbs, settings):
+                raise AssumptionError(f"the mechanism has no tangent: {self._solver.GetErrorString()}")
+        self.size = self._solver.GetODE2size()
+        self._first_constraint = self.size + self._solver.GetODE1size()
+        self._rotations = _rotations(mbs)
+        self.readings: list[Reading] = []
+        self._stride, self._count, self._active, self._rows = 1, 0, None, None
+        self.redundant = 0
+
+    def read(self, mbs: Any, t: float) -> int:
+        """Read the tangent now; return after how many steps it is to be read again."""
+        system = mbs.systemData
+        state = system.GetODE2Coordinates(), system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
+        M, G = self._mass(mbs), self._constraints(mbs, t)
+        if self._count % SLOW == 0:
+            self._D, self._K = self._forces(mbs)
+        if self._count:
+            change = np.linalg.norm(G - self.readings[-1].G) / max(np.linalg.norm(G), 1e-300)
+            self._stride = max(self._stride // 2, 1) if change > CHANGE else self._stride
+            self._stride = min(2 * self._stride, LONGEST) if change < CHANGE / 3 else self._stride
+        self._count += 1
+        self.readings.append(Reading(t, state, M, self._D, self._K, G))
+        return self._stride
+
+    def forget(self) -> None:
+        """Keep the last reading only."""
+        del self.readings[:-1]
+
+    def _mass(self, mbs: Any) -> np.ndarray:
+        self._solver.ComputeMassMatrix(mbs)
+        return self._solver.GetSystemMassMatrix()[: self.size, : self.size]
+
+    def _all_constraints(self, mbs: Any) -> np.ndarray:
+        self._solver.ComputeJacobianODE2RHS(mbs, 0.0, 0.0, 0.0, 0)  # sets the Jacobian to zero
+        if self._solver.GetAEsize():
+            self._solver.ComputeJacobianAE(mbs, 1.0, 0.0, 0.0, False)
+        return self._solver.GetSystemJacobian()[self._first_constraint :, : self.size]
+
+    def _constraints(self, mbs: Any, t: float) -> np.ndarray:
+        """G; AssumptionError if other constraints are active than at the first reading."""
+        G = self._all_constraints(mbs)
+        active = G.any(axis=1)
+        if self._active is None:
+            self._active, self._rows = active, _independent(G, active)
+            self.redundant = int(active.sum()) - len(self._rows)
+        if not np.array_equal(active, self._active):
+            raise AssumptionError(
+                f"constraints were switched on or off before t = {t:g} s; the linearised mechanism is another one "
+                "from there on: pass scope='inputs frozen', or solve up to there and go on with a second solve"
+            )
+        return G[self._rows]
+
+    def _forces(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+        """D and K by numerical differentiation; what a user function may leave half done on its way is set back."""
+        system, n = mbs.systemData, self.size
+        q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
+        found = []
+        try:
+            for rates, positions, with_loads in ((-1.0, 0.0, 0), (0.0, -1.0, 1)):
+                self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
+                found.append(self._solver.GetSystemJacobian()[:n, :n])
+            found[1] += self._turning_forces(mbs, q)
+        except Exception as error:
+            raise AssumptionError(f"the mechanism's tangent could not be computed: {error}") from error
+        finally:
+            system.SetODE2Coordinates(q)
+            system.SetODE2Coordinates_t(q_t)
+        return tuple(found)
+
+    def _turning_forces(self, mbs: Any, q: np.ndarray) -> np.ndarray:
+        """d(M q'' + G^T l)/dq (n, n) by rotation parameters, which Exudyn's Jacobians leave out."""
+        system = mbs.systemData
+        q_tt, multipliers = system.GetODE2Coordinates_tt(), system.GetAECoordinates()
+        turned = np.zeros((self.size, self.size))
+        for j in self._rotations:
+            sides = []
+            for step in (TURN, -TURN):
+                moved = q.copy()
+                moved[j] += step
+                system.SetODE2Coordinates(moved)
+                sides.append(self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers)
+            turned[:, j] = (sides[0] - sides[1]) / (2 * TURN)
+        return turned
+
+
+def _rotations(mbs: Any) -> list[int]:
+    """Coordinates that are rotation parameters."""
+    found: list[int] = []
+    for node in range(mbs.systemData.NumberOfNodes()):
+        item = mbs.GetNode(node)
+        if item["nodeType"] in PARAMETERS:
+            first = mbs.GetNodeODE2Index(node)
+            found += range(first + 3, first + len(item["referenceCoordinates"]))
+    return found
+
+
+def _independent(G: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """Rows of active constraints that none of the others imply."""
+    rows = np.flatnonzero(active)
+    if not rows.size:
+        return rows
+    _, triangle, order = la.qr(G[rows].T, mode="economic", pivoting=True)
+    size = np.abs(np.diag(triangle))
+    return np.sort(rows[order[: int(np.sum(size > RANK * size[0]))]])
+
+
+@contextmanager
+def _states_kept(system: Any) -> Iterator[None]:
+    """Put back what the initialisation of a solver changes: states, accelerations and times."""
+    kept = [
+        (system.GetSystemState(where), system.GetODE2Coordinates_tt(where), system.GetTime(where), where)
+        for where in CONFIGURATIONS
+    ]
+    try:
+        yield
+    finally:
+        for state, q_tt, t, where in kept:
+            system.SetSystemState(state, where)
+            system.SetODE2Coordinates_tt(q_tt, where)
+            system.SetTime(t, where)
