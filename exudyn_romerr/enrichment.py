@@ -1,4 +1,4 @@
-"""Auxiliary vectors for a body in a mechanism: what its modes miss of its response to inertia and loads (theory.md 7).
+"""Auxiliary vectors for a body in a mechanism: what its modes miss of the response to inertia and loads (theory.md 7).
 
 Eigenmodes leave much of it; K^-1 times the columns of the residual leave nothing but the inertia of these vectors
 themselves. They do not move the interfaces: joints and springs do not see them, wrenches do no work on them.
@@ -23,7 +23,7 @@ HELD = 1e-8  # smallest singular value of the interfaces' motion in V, of the la
 
 
 class Enrichment:
-    """m vectors P beside the modes V of a body, orthonormal in M, without motion of the interfaces.
+    """Vectors P beside the modes V of a body, orthonormal in M, without motion of the interfaces.
 
     Parameters
     ----------
@@ -35,6 +35,11 @@ class Enrichment:
     wrenches : ndarray, (n_free, w)
         Unit wrenches at the interfaces; their transpose takes the interfaces' motion.
     m : int
+        Number of vectors beside static modes that V misses (RBE2).
+
+    Attributes
+    ----------
+    P : (n_free, count). omega : (count,) rad/s, their Ritz frequencies among themselves.
 
     Raises
     ------
@@ -49,6 +54,7 @@ class Enrichment:
         omega = np.sqrt(omega)
         columns = np.hstack([omega[0] * inertia, body.M @ (V @ shapes) * omega, self._of_unit_energy(loads)])
         P = np.hstack([self._static(wrenches), np.zeros((len(V), 0))])
+        m = min(P.shape[1] + m, len(V) - V.shape[1])
         while P.shape[1] < m and columns.shape[1]:
             new = self._responses(columns, P, m - P.shape[1])
             P, columns = np.hstack([P, new]), body.M @ new

@@ -16,9 +16,9 @@ import numpy as np
 
 from .errors import AssumptionError
 
-REFINED = 1e-8  # of the increment: what the solution of a step may be off by
+CLOSE = 1e-3  # of a solution: what interpolated inverses may miss at first; they are used twice, so its square is left
 SAME = 1e-9  # of a step size: solvers add up their steps
-REFINEMENTS = 12  # of a step's solution by the inverse of another instant; more are needed where matrices change fast
+MANY = 4  # steps between two tangents: fewer are solved one by one, more with inverses interpolated in time
 
 
 @dataclass(frozen=True)
@@ -87,16 +87,16 @@ class Feedback:
             first, last = tangent(max(j - 1, 0)), tangent(j)
             steps = np.flatnonzero(after == j)
             for i in steps.tolist():
-                found[:, i] = self._step(float(t[i]), force[i], first, last)
+                found[:, i] = self._step(float(t[i]), force[i], first, last, steps[-1] + 1 - i)
             here = found[1, steps]
             speed[steps] = np.sqrt(np.maximum(np.einsum("si,ij,sj->s", here, first.M, here), 0.0))
         return found, speed
 
-    def _step(self, now: float, force: np.ndarray, first: Tangent, last: Tangent) -> np.ndarray:
-        """One step of the generalised-alpha method with constraints at the level of positions."""
+    def _step(self, now: float, force: np.ndarray, first: Tangent, last: Tangent, left: int) -> np.ndarray:
+        """One step of the generalised-alpha method with constraints at the level of positions; `left`: in the interval."""
         h = now - self.t
         if self._interval is None or not self._interval.holds(first, last, h):
-            self._interval = _Interval(first, last, h, self.scheme)
+            self._interval = _Interval(first, last, h, self.scheme, left)
         self.t, self._moving = now, self._interval.step(now, force, self._moving)
         return self._moving[:3]
 
@@ -104,7 +104,7 @@ class Feedback:
 class _Interval:
     """Steps of one size between two tangents: A z = f - W (e, e') ahead, A and W linear in time."""
 
-    def __init__(self, first: Tangent, last: Tangent, h: float, s: Scheme):
+    def __init__(self, first: Tangent, last: Tangent, h: float, s: Scheme, steps: int):
         self._ends, self._h = (first, last), h
         mass, damping = (1 - s.alpha_m) / (s.beta * h**2 * (1 - s.alpha_f)), s.gamma / (h * s.beta)
         known = np.array([0.0, 0.0, s.alpha_f, -s.alpha_m]) / (1 - s.alpha_m)
@@ -118,10 +118,18 @@ class _Interval:
         A, B = (tangent.stacked(mass, damping, scale) for tangent in self._ends)
         W, U = (_wide(tangent, scale) for tangent in self._ends)
         self._A, self._W = np.vstack([A, B - A]), np.vstack([W, U - W])
+        self._inverses = None if steps < MANY else self._inverted()
+
+    def _inverted(self) -> np.ndarray | None:
+        """A^-1 as a polynomial of second degree in time, from three instants; None if that is not exact enough."""
         try:
-            self._inverse = np.linalg.inv((A + B) / 2)
+            start, half, end = (np.linalg.inv(_linear(self._A, share)) for share in (0.0, 0.5, 1.0))
         except np.linalg.LinAlgError as error:
             raise AssumptionError(SINGULAR) from error
+        inverses = np.vstack([start, 4 * half - 3 * start - end, 2 * (start + end) - 4 * half])
+        x = np.ones(len(start))
+        off = _squared(inverses @ _linear(self._A @ x, 0.25), 0.25) - x
+        return inverses if np.abs(off).max() <= CLOSE else None
 
     def holds(self, first: Tangent, last: Tangent, h: float) -> bool:
         """Whether this is the interval of a step."""
@@ -137,23 +145,28 @@ class _Interval:
     def _solve(self, now: float, force: np.ndarray, ahead: np.ndarray) -> np.ndarray:
         """Return the increment z (k,)."""
         first, last = self._ends
-        n, share = len(self._inverse), 0.0 if first is last else (now - first.t) / (last.t - first.t)
-        both = self._W @ ahead
-        right = -both[:n] - share * both[n:]
+        share = 0.0 if first is last else (now - first.t) / (last.t - first.t)
+        right = -_linear(self._W @ ahead, share)
         right[: len(force)] += force
-        x = self._inverse @ right
-        before = np.inf
-        for _ in range(REFINEMENTS):  # with the inverse half way between the tangents
-            both = self._A @ x
-            dx = self._inverse @ (right - both[:n] - share * both[n:])
-            x += dx
-            size = dx @ dx
-            if size <= REFINED**2 * (x @ x):
-                return x[: len(force)]
-            if not size < 0.25 * before:
-                break
-            before = size
-        return np.linalg.solve(self._A[:n] + share * self._A[n:], right)[: len(force)]
+        if self._inverses is not None:
+            x = _squared(self._inverses @ right, share)
+            x += _squared(self._inverses @ (right - _linear(self._A @ x, share)), share)
+            return x[: len(force)]
+        try:
+            return np.linalg.solve(_linear(self._A, share), right)[: len(force)]
+        except np.linalg.LinAlgError as error:
+            raise AssumptionError(SINGULAR) from error
+
+
+def _linear(stacked: np.ndarray, share: float) -> np.ndarray:
+    """Value and change, one upon the other: the value after a share of the change."""
+    n = len(stacked) // 2
+    return stacked[:n] + share * stacked[n:]
+
+
+def _squared(stacked: np.ndarray, share: float) -> np.ndarray:
+    """The same of a polynomial of second degree."""
+    return np.array([1.0, share, share * share]) @ stacked.reshape(3, -1)
 
 
 SINGULAR = (

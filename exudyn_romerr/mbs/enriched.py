@@ -9,6 +9,7 @@ import numpy as np
 
 from ..basis import Basis
 from ..enrichment import Enrichment
+from ..errors import check_count
 from ..frame import skew, unit_inertia
 from ..offline import prepare
 from .sampling import Sampler
@@ -72,10 +73,12 @@ class EnrichedBody:
         )
         asked = AUTO if options["auxiliary_modes"] == "auto" else options["auxiliary_modes"]
         V_y = Z.coordinates("V", V)
-        found = Enrichment(body, V_y, inertia, loads, wrenches, min(asked, len(V_y) - V_y.shape[1]))
+        asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
+        found = Enrichment(body, V_y, inertia, loads, wrenches, asked)
         P = Z.expand(found.P)
         self.m = P.shape[1]
-        self.note = f"estimator 'auxiliary': {self.m} vectors up to {found.omega.max(initial=0.0):.4g} rad/s, with feedback"
+        highest = found.omega.max(initial=0.0)
+        self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
         self._couple(flex, V, P, model.rayleigh)
         # where forces act: their motion by P (3, m); torques do not care
         self._moved_loads = [(0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads]
