@@ -58,16 +58,13 @@ class Feedback:
         self.scheme = scheme
         self._interval: _Interval | None = None
 
-    def start(self, tangent: Tangent, force: np.ndarray) -> None:
-        """Begin without error under the force (k,)."""
-        c, k = tangent.G.shape
-        A = np.block([[tangent.M, tangent.G.T], [tangent.G, np.zeros((c, c))]])
-        try:
-            e_tt = np.linalg.solve(A, np.append(force, np.zeros(c)))[:k]
-        except np.linalg.LinAlgError as error:
-            raise AssumptionError(SINGULAR) from error
+    def start(self, tangent: Tangent, force: np.ndarray, rest: np.ndarray | None = None) -> None:
+        """Begin under the force (k,): without error, or in equilibrium with the force `rest`."""
+        k = len(force)
+        e = np.zeros(k) if rest is None else _held(tangent.K, tangent.G, rest)
+        e_tt = _held(tangent.M, tangent.G, force - tangent.K @ e)
         self.t = tangent.t
-        self._moving = np.array([np.zeros(k), np.zeros(k), e_tt, e_tt])
+        self._moving = np.array([e, np.zeros(k), e_tt, e_tt])
 
     @property
     def state(self) -> np.ndarray:
@@ -173,6 +170,17 @@ SINGULAR = (
     "the linearised equations of the mechanism are singular (constraints that contradict each other, or coordinates "
     "without mass); no auxiliary modes with feedback: pass scope='inputs frozen'"
 )
+
+
+def _held(A: np.ndarray, G: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """x (k,) of A x + G^T l = force, G x = 0."""
+    c, k = G.shape
+    scale = np.abs(np.diag(A)).max()
+    whole = np.block([[A, scale * G.T], [scale * G, np.zeros((c, c))]])
+    try:
+        return np.linalg.solve(whole, np.append(force, np.zeros(c)))[:k]
+    except np.linalg.LinAlgError as error:
+        raise AssumptionError(SINGULAR) from error
 
 
 def _wide(tangent: Tangent, scale: float) -> np.ndarray:

@@ -188,7 +188,7 @@ def _made(name: str, problem: Problem, scene: Scene) -> Any:
     if name == "static":
         return StaticError(problem)
     if scene.coupled and scene.scope_of(name) == COUPLED:
-        return (CorrectedEnergy if scene.corrected else MechanismEnergy)(problem)
+        return (CorrectedEnergy if scene.corrected else MechanismEnergy)(problem, scene.unknown)
     estimator = ESTIMATORS[name](problem)
     return Turning(estimator, problem) if scene.turns else estimator
 

@@ -32,11 +32,15 @@ IN_THE_SPAN = (
 
 
 class Opening(NamedTuple):
-    """The first sample of a run, and the run that it goes on from or what the estimators start with."""
+    """The first sample of a run, and the run that it goes on from or what the estimators start with.
+
+    rest : inputs (p,) that the full body is in equilibrium with before, after a static run.
+    """
 
     first: Samples
     before: Run | None
     start: Start | None
+    rest: np.ndarray | None = None
 
 
 class Extension(NamedTuple):
@@ -90,15 +94,17 @@ class Run:
         """
         self.open(self.opening(t, q, q_t, q_tt, u, frame, after))
 
-    def opening(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> Opening:
-        """Check the first sample; `open` begins with what is returned here."""
+    def opening(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None, rest=None) -> Opening:
+        """Check the first sample; `open` begins with what is returned here. rest: see Opening."""
         first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u, frame)
-        goes_on = after is not None and not isinstance(after, StaticRun)
-        return Opening(first, after if goes_on else None, None if goes_on else self._start(first, after))
+        if after is not None and not isinstance(after, StaticRun):
+            return Opening(first, after, None)
+        rest = rest if after is None else after._inputs_given[0]
+        return Opening(first, None, self._start(first, rest), rest)
 
     def open(self, opening: Opening) -> None:
         """Begin the run."""
-        first, before, start = opening
+        first, before, start, _ = opening
         if start is not None:
             for name, stream in self._streams.items():
                 stream.start(replace(start, z=0 * start.z) if name == "initial" else start)
@@ -253,7 +259,7 @@ class Run:
         rows = self.offline.value_rows.T
         return np.where(self.offline.velocity_rows, q_t @ rows, q @ rows)
 
-    def _start(self, first: Samples, after: StaticRun | None) -> Start:
+    def _start(self, first: Samples, rest: np.ndarray | None) -> Start:
         layout = self.offline.coordinates
         q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
         t, z = float(first.t[0]), layout(q, q_t, q_tt, u)
@@ -262,7 +268,7 @@ class Run:
                 self.messages.append(IN_THE_SPAN)
             return Start(t, z, cut=float(np.abs(first.cut).sum()))
         if self.offline.initial == "equilibrium":  # K e0 = B u - K V qr
-            u, z = self._before_the_first_jump(first, u, z) if after is None else (after._inputs_given[0], z)
+            u, z = self._before_the_first_jump(first, u, z) if rest is None else (rest, z)
             y0, y0_t = -layout(q, 0 * q, 0 * q, u), np.zeros(layout.k)
         else:  # the last two columns are K q0 and M q0'
             y0, y0_t = np.zeros((2, layout.k + 2))

@@ -19,7 +19,7 @@ class Scene:
 
     scope, reason : what the bounds cover; of a coupled scope, those of estimators "energy" and, where auxiliary vectors
     react with the mechanism (feedback), "auxiliary"; frozen : why not those of others. corrected : these are the bounds
-    of the trajectory with auxiliary vectors. turns : the body is in a frame that may turn. checked : whether W^T R
+    of the trajectory with auxiliary vectors. unknown : number of trailing inputs, wrenches of a mechanism. turns : the body is in a frame that may turn. checked : whether W^T R
     is a check, not used up by wrenches that follow from it. pose : of the frame in the reference configuration.
     minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
     """
@@ -29,6 +29,7 @@ class Scene:
     frozen: str = ""
     feedback: bool = False
     corrected: bool = False
+    unknown: int = 0
     turns: bool = False
     checked: bool = True
     pose: FramePose | None = None

@@ -17,23 +17,6 @@ if TYPE_CHECKING:
     from ..residual import StartNorms
 
 
-@dataclass(frozen=True)
-class Start:
-    """First instant of a run.
-
-    z : (k,) residual coordinates; y0, y0_t : columns' combinations with K e0 = L y0, M e0' = L y0' (theory.md 3),
-    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm. joint : energy of all
-    bodies of a mechanism together; None: this body is alone.
-    """
-
-    t: float
-    z: np.ndarray
-    y0: np.ndarray | None = None
-    y0_t: np.ndarray | None = None
-    cut: float = 0.0
-    joint: float | None = None
-
-
 class Added(NamedTuple):
     """What auxiliary vectors add to a reduced trajectory, which was bounded with it.
 
@@ -43,6 +26,24 @@ class Added(NamedTuple):
     q: np.ndarray
     q_t: np.ndarray
     speed: np.ndarray
+
+
+@dataclass(frozen=True)
+class Start:
+    """First instant of a run.
+
+    z : (k,) residual coordinates; y0, y0_t : columns' combinations with K e0 = L y0, M e0' = L y0' (theory.md 3),
+    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm. joint : energy of all
+    bodies of a mechanism together; None: this body is alone. added : what auxiliary vectors add; None: nothing.
+    """
+
+    t: float
+    z: np.ndarray
+    y0: np.ndarray | None = None
+    y0_t: np.ndarray | None = None
+    cut: float = 0.0
+    joint: float | None = None
+    added: Added | None = None
 
 
 @dataclass

@@ -30,7 +30,9 @@ class MechanismEnergy:
     name = "energy"
     assumes = "ideal joints, dissipative springs and dampers, the mechanism linearised about its motion"
 
-    def __init__(self, problem: Problem):
+    def __init__(self, problem: Problem, unknown: int = 0):
+        self.start_norms = problem.start_norms
+        self._interfaces = _interface_rows(problem, unknown) if problem.may_start_off else None
         self.norm, self.norm_static = problem.norm_K, problem.norm_static
         self.static_rows, self.velocity_rows = problem.static_rows, problem.velocity_rows
         self.factors = problem.C_K
@@ -43,8 +45,16 @@ class MechanismEnergy:
         self.g = 0.0
 
     def energy_at(self, start: Start) -> float:
-        """Return |R(0)| of this body."""
-        return float(self.norm(start.z)) + start.cut
+        """Return |R(0)| of this body, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error.
+
+        In static equilibrium -e0 is K^-1 R(0) as far as the joints let it: what moves interfaces of it is counted whole.
+        """
+        if start.y0 is None:
+            return float(self.norm(start.z)) + start.cut
+        w = start.y0.copy()
+        w[: len(start.z)] += start.z
+        held = np.linalg.norm(self._interfaces @ start.z)
+        return float(np.hypot(self.start_norms.K(w), self.start_norms.M(start.y0_t)) + held)
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1): the pieces of its polygon, and what that does not hold."""
@@ -89,15 +99,15 @@ class CorrectedEnergy(MechanismEnergy):
 
     name = "auxiliary"
 
-    def __init__(self, problem: Problem):
-        super().__init__(problem)
+    def __init__(self, problem: Problem, unknown: int = 0):
+        super().__init__(problem, unknown)
         self.value_rows = problem.C @ problem.V
         self.root = np.linalg.qr(problem.body.mass_factor.half_multiply(problem.V), mode="r")
 
     def start(self, start: Start) -> Bounds:
-        """Begin a run without anything added; return the bounds at its first instant."""
+        """Begin a run; return the bounds at its first instant."""
         none = np.zeros((1, self.value_rows.shape[1]))
-        self._added = Added(none, none, np.zeros(1))
+        self._added = start.added or Added(none, none, np.zeros(1))
         return super().start(start)
 
     def advance(self, block: Block) -> Bounds:
@@ -126,6 +136,12 @@ class CorrectedEnergy(MechanismEnergy):
 def joint_variation(columns: list[np.ndarray]) -> np.ndarray:
     """Variation (S,) of the bodies together from their variations (S, d): |.| of all is the root of the squares."""
     return np.sqrt(sum(x**2 for x in columns)).sum(axis=1)
+
+
+def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
+    """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
+    wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
+    return np.linalg.qr(wrenches)[0].T @ problem.Y_K[:, : problem.map.coordinates.k]
 
 
 def _free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:

@@ -61,7 +61,8 @@ class EnrichedBody:
         options: dict[str, Any],
     ):
         self._actions, self._terms = actions, terms
-        self.columns, self.modal, self._frame = columns, columns[model.frame.size :], model.frame
+        self._frame, self.frame_size = model.frame, model.frame.size
+        self.columns, self.modal = columns, columns[model.frame.size :]
         V, Z = model.V, body.space
         inertia, loads, wrenches = (
             Z.loads(part)
@@ -121,6 +122,14 @@ class EnrichedBody:
     def use(self, actions: Actions) -> None:
         """Take loads whose functions of time may be other ones than before."""
         self._actions, self.sampler = actions, replace(self.sampler, actions=actions)
+
+    def rest(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Inputs (p,) beside which modes and vectors q (n + m,) rest, from those of the modes alone."""
+        known, none = u.copy(), np.zeros((1, len(q)))
+        known[len(u) - self._terms.unknown :] = 0.0
+        first = self._terms.first_load  # after what turns with the frame, which is at rest
+        wider = np.concatenate([known[:first], np.zeros(self.sampler.terms.first_load - first), known[first:]])
+        return self.sampler.balanced(q[None], none, none, wider[None])[0]
 
     def forces(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return -P^T R (S, m) of samples of the reduced body."""

@@ -160,6 +160,7 @@ class MovingSubject:
             reason=reason,
             frozen=scope.frozen,
             feedback=scope.feedback,
+            unknown=terms.unknown,
             turns=not support.at_rest,
             checked=terms.unknown < model.V.shape[1],
             pose=FramePose(r, A),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,14 +37,22 @@ class Reaction:
         if goes_on:
             self._feedback = before._feedback
         else:
-            self._feedback.start(_Extended(self._tangents.readings, self)[0], self._forces(first)[0])
+            tangent = _Extended(self._tangents.readings, self)[0]
+            self._feedback.start(tangent, self._forces(first)[0], self._forces_at_rest())
         e = self._feedback.state[:, None]
-        runs = [Run(watch.enriched.offline) for watch in self._watches]
-        openings = []
-        for watch, run, own in zip(self._watches, runs, self._own, strict=True):
-            sample = watch.enriched.sampler(first[0], *self._states(watch.enriched, own, first[1:], e))
+        runs, openings = [], []
+        for watch, own in zip(self._watches, self._own, strict=True):
+            body, rest = watch.enriched, watch.opening.rest
+            runs.append(Run(body.offline if rest is None else body.offline.from_static()))
+            states = self._states(body, own, first[1:], e)
             after = watch.opening.before.companion if goes_on else None
-            openings.append(run.opening(first[0][0], *(None if x is None else x[0] for x in sample), after=after))
+            if rest is not None:
+                rest = body.rest(states[0][0, body.frame_size :], rest)
+            sample = (None if x is None else x[0] for x in body.sampler(first[0], *states))
+            opening = runs[-1].opening(first[0][0], *sample, after=after, rest=rest)
+            if rest is not None:
+                opening = opening._replace(start=replace(opening.start, added=self._added(body, own, e, np.zeros(1))))
+            openings.append(opening)
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
@@ -57,9 +66,8 @@ class Reaction:
         for watch, run, own in zip(self._watches, runs, self._own, strict=True):
             body = watch.enriched
             extension = run.extension(rows[0], *body.sampler(rows[0], *self._states(body, own, rows[1:], e)))
-            added = Added(*(np.hstack([x[:, body.modal], x[:, own]]) for x in e[:2]), speed)
             for block, _ in extension.segments.values():
-                block.added = added
+                block.added = self._added(body, own, e, speed)
             extensions.append(extension)
         join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
@@ -81,6 +89,20 @@ class Reaction:
             q, q_t, q_tt, u, _ = watch.sampled(*rows)
             forces[:, own] = watch.enriched.forces(q, q_t, q_tt, u)
         return forces
+
+    def _forces_at_rest(self) -> np.ndarray | None:
+        """The same in the equilibrium that the full bodies start in; None if they start as the reduced ones."""
+        if any(watch.opening.rest is None for watch in self._watches):
+            return None
+        forces = np.zeros(self._size)
+        for watch, own in zip(self._watches, self._own, strict=True):
+            q, none = watch.opening.first.q, np.zeros_like(watch.opening.first.q)
+            forces[own] = watch.enriched.forces(q, none, none, watch.opening.rest[None])[0]
+        return forces
+
+    @staticmethod
+    def _added(body: EnrichedBody, own: slice, e: np.ndarray, speed: np.ndarray) -> Added:
+        return Added(*(np.hstack([x[:, body.modal], x[:, own]]) for x in e[:2]), speed)
 
     @staticmethod
     def _states(body: EnrichedBody, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:

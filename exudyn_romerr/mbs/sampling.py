@@ -44,7 +44,10 @@ class Sampler:
 
     def _inputs(self, t: np.ndarray, motion: FrameMotion, q, q_t, q_tt) -> np.ndarray:
         """Inertia, loads, and the wrenches that V^T R = 0 leaves."""
-        u = self.terms.values(self.actions, t, motion, q, q_t)
+        return self.balanced(q, q_t, q_tt, self.terms.values(self.actions, t, motion, q, q_t))
+
+    def balanced(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Put into u (S, p), whose wrenches are zero, those that the balance asks for."""
         if self.terms.unknown:
             left = self.offline.balance.coordinates(q, q_t, q_tt, u) @ self.offline.balance.rows.T
             u[:, -self.terms.unknown :] = left @ self.wrench_rows
