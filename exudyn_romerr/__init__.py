@@ -26,7 +26,7 @@ from .space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
 
 __version__ = "0.1.0"
 
-_NEEDS_EXUDYN = {"add_reduced_body": "mbs", "attach": "mbs", "evaluate_file": "mbs", "floating_body": "mbs"}
+_NEEDS_EXUDYN = dict.fromkeys(("add_reduced_body", "attach", "evaluate_file", "floating_body", "two_level"), "mbs")
 
 __all__ = [
     "AssumptionError",
@@ -61,6 +61,7 @@ __all__ = [
     "node_rotation",
     "node_velocity",
     "relative_displacement",
+    "two_level",
 ]
 
 

@@ -1,4 +1,4 @@
-"""Auxiliary vectors for a body in a mechanism: what its modes miss of the response to inertia and loads (theory.md 7).
+"""Auxiliary vectors of a body in a mechanism: what its modes miss of responses to inertia and loads (theory.md 7).
 
 Eigenmodes leave much of it; K^-1 times the columns of the residual leave nothing but the inertia of these vectors
 themselves. They do not move the interfaces: joints and springs do not see them, wrenches do no work on them.

@@ -16,7 +16,9 @@ import numpy as np
 
 from .errors import AssumptionError
 
-CLOSE = 1e-3  # of a solution: what interpolated inverses may miss at first; they are used twice, so its square is left
+CLOSE = (
+    1e-3  # of a solution: what interpolated inverses may miss at first; they are used twice, so its square is left
+)
 SAME = 1e-9  # of a step size: solvers add up their steps
 MANY = 4  # steps between two tangents: fewer are solved one by one, more with inverses interpolated in time
 
@@ -76,7 +78,7 @@ class Feedback:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Go on to times t (S,) under forces (S, k); return e, e', e'' (3, S, k) and the mass norm (S,) of e'.
 
-        times : (T,) of tangents, the first not after the last time before t; the last one is held. tangent : by number.
+        times : (T,) of tangents, the first not after the last time before t; the last one is held. tangent : i -> it.
         """
         found, speed = np.zeros((3, *force.shape)), np.zeros(len(t))
         after = np.minimum(np.searchsorted(times, t, side="left"), len(times) - 1)
@@ -90,7 +92,7 @@ class Feedback:
         return found, speed
 
     def _step(self, now: float, force: np.ndarray, first: Tangent, last: Tangent, left: int) -> np.ndarray:
-        """One step of the generalised-alpha method with constraints at the level of positions; `left`: in the interval."""
+        """One step of generalised-alpha, constraints at the level of positions; `left`: steps in the interval."""
         h = now - self.t
         if self._interval is None or not self._interval.holds(first, last, h):
             self._interval = _Interval(first, last, h, self.scheme, left)
@@ -173,7 +175,7 @@ SINGULAR = (
 
 
 def _held(A: np.ndarray, G: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """x (k,) of A x + G^T l = force, G x = 0."""
+    """Solve A x + G^T l = force, G x = 0 for x (k,)."""
     c, k = G.shape
     scale = np.abs(np.diag(A)).max()
     whole = np.block([[A, scale * G.T], [scale * G, np.zeros((c, c))]])

@@ -32,6 +32,9 @@ TIMES = ("reconstructed", "sampled")
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
 
+ALONE = Scene()  # of a body without a frame
+
+
 class Balance(NamedTuple):
     """Galerkin's balance W^T R = rows z (n, k) of all terms, for checks and for wrenches that follow from it."""
 
@@ -97,7 +100,7 @@ def prepare(
     time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
     sampled_inputs: bool = False,
-    scene: Scene = Scene(),
+    scene: Scene = ALONE,
 ) -> Offline:
     """Do the offline work of evaluate and attach; their docstrings describe the arguments.
 

@@ -1,4 +1,4 @@
-"""Run and StaticRun: bounds of one solve, fed with blocks of accepted steps; small arrays only."""
+"""Run: bounds of one dynamic solve, fed with blocks of accepted steps; small arrays only."""
 
 from __future__ import annotations
 
@@ -57,6 +57,7 @@ class Run:
     """
 
     companion: Run | None = None
+    is_static = False
 
     def __init__(self, offline: Offline):
         self.offline = offline
@@ -97,7 +98,7 @@ class Run:
     def opening(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None, rest=None) -> Opening:
         """Check the first sample; `open` begins with what is returned here. rest: see Opening."""
         first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u, frame)
-        if after is not None and not isinstance(after, StaticRun):
+        if after is not None and not after.is_static:
             return Opening(first, after, None)
         rest = rest if after is None else after._inputs_given[0]
         return Opening(first, None, self._start(first, rest), rest)
@@ -298,50 +299,3 @@ class Run:
         rows = self.offline.balance.rows
         self._left = np.maximum(self._left, np.abs(z @ rows.T).max(axis=0))
         self._terms = max(self._terms, float(np.max(np.abs(z) @ np.abs(rows).T)))
-
-
-class StaticRun(Run):
-    """The error along one static solve: K e = -R at every load step, hence exact, C e = -C K^-1 R.
-
-    t is the load factor. q_t and q_tt are ignored; dynamic estimators are left out.
-    """
-
-    time = "static"
-
-    def __init__(self, offline: Offline):
-        super().__init__(offline)
-        self._segmenters = {}
-        self._streams = {"reduction": Stream({"static": offline.static()})}
-
-    def start(self, t: float, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
-        """Take the first load step: q (n,)."""
-        self.open(self.opening(t, q, q_t, q_tt, u, frame))
-
-    def opening(self, t: float, q, q_t=None, q_tt=None, u=None, frame=None, after: Run | None = None) -> Opening:
-        """Check the first load step; load steps do not depend on what was before."""
-        return Opening(self._steps(np.array([t], dtype=float), np.asarray(q)[None], u, frame), None, None)
-
-    def open(self, opening: Opening) -> None:
-        """Begin the run."""
-        self._take(opening.first)
-
-    def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
-        """Take further load steps: t (S,), q (S, n)."""
-        if np.size(t):
-            self.advance(self.extension(t, q, q_t, q_tt, u, frame))
-
-    def extension(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> Extension:
-        """Check further load steps."""
-        return Extension(self._steps(np.asarray(t, dtype=float), q, u, frame), {})
-
-    def advance(self, extension: Extension) -> None:
-        """Go on by checked load steps."""
-        self._take(extension.new)
-
-    def _steps(self, t: np.ndarray, q: np.ndarray, u, frame) -> Samples:
-        q = np.asarray(q, dtype=float)
-        return self._checked(t, q, 0 * q, 0 * q, u, frame)
-
-    def _take(self, new: Samples) -> None:
-        self._streams["reduction"].load_steps(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
-        self._record(new)

@@ -17,10 +17,11 @@ COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "input
 class Scene:
     """What a scene adds to what is known of the body alone.
 
-    scope, reason : what the bounds cover; of a coupled scope, those of estimators "energy" and, where auxiliary vectors
-    react with the mechanism (feedback), "auxiliary"; frozen : why not those of others. corrected : these are the bounds
-    of the trajectory with auxiliary vectors. unknown : number of trailing inputs, wrenches of a mechanism. turns : the body is in a frame that may turn. checked : whether W^T R
-    is a check, not used up by wrenches that follow from it. pose : of the frame in the reference configuration.
+    scope, reason : what the bounds cover; a coupled scope is that of estimators "energy" and, where auxiliary vectors
+    react with the mechanism (feedback), "auxiliary"; frozen : why others have another. corrected : these are the
+    bounds of the trajectory with auxiliary vectors. unknown : number of trailing inputs, wrenches of a mechanism.
+    turns : the body is in a frame that may turn. checked : whether W^T R is a check, not used up by wrenches that
+    follow from it. pose : of the frame in the reference configuration.
     minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
     """
 

@@ -243,12 +243,12 @@ def recorded(scene, body, **options):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MovingSubject, "sampled", sampled)
-        monitor = attached(scene, body, **options)
+        monitor = attached(scene, body, scope="inputs frozen", **options)
         scene.solve()
         report = monitor.report()
     t, q, u, frame = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     assert not q[0].any()
-    columns, n = subjects[0]._terms.columns, q.shape[1]
+    columns, n = subjects[0]._sampler.terms.columns, q.shape[1]
     bare = np.r_[0:12, 12 + 9 * n : u.shape[1]]  # without the reduced body's own turning terms
     r, r_t, A, w, al = np.split(frame, (3, 6, 15, 18), axis=1)
     return Recorded(report, t, u[:, bare], q[0], columns[:, bare], r, r_t, A.reshape(-1, 3, 3), w, al)

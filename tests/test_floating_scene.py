@@ -33,6 +33,7 @@ EULER, LIE = "NodeType.RotationEulerParameters", "NodeType.LieGroupWithDirectUpd
 WELD, HINGE = [1, 1, 1, 1, 1, 1], [1, 1, 1, 1, 0, 1]
 SUPPORTS = {"weld": WELD, "hinge": HINGE}
 ORIGIN = np.zeros(3), np.eye(3)  # of the frame: place, axes
+COUPLED, FROZEN = "coupled (linearised)", "inputs frozen"
 SOFT = 1e-5  # of the stiffness of steel: loads of some Newton turn the free end by half a radian
 TURNED = Rotation.from_rotvec([0.5, -1.2, 0.7]).as_matrix()
 INNER = 30  # a node inside the bar
@@ -152,19 +153,19 @@ def solve(scene, h=1e-3, steps=30, solver="GeneralizedAlpha", start=0.0, **optio
     scene.mbs.SolveDynamic(settings(h, steps, start), solverType=solver, **options)
 
 
-def run(scene, **options):
-    """Watch and solve; return the monitor."""
-    monitor = watched(scene)
+def run(scene, asked="auto", **options):
+    """Watch, asking for a scope, and solve; return the monitor."""
+    monitor = watched(scene, scope=asked)
     solve(scene, **options)
     monitor.report()  # raises what went wrong
     return monitor
 
 
-def run_model(name, steps=20, **options):
-    """Watch and solve a scene of models/floating.py; return the monitor."""
+def run_model(name, steps=20, asked="auto", **options):
+    """Watch, asking for a scope, and solve a scene of models/floating.py; return the monitor."""
     make, h = SCENES[name]
     scene = make(h=h, t_end=steps * h, **options)
-    monitor = watched(scene)
+    monitor = watched(scene, scope=asked)
     scene.solve()
     return monitor
 
@@ -585,18 +586,29 @@ def test_clamped_bar_is_complete():
     assert "welds the reference interface to the ground" in reason(monitor)
 
 
+@pytest.mark.parametrize("name", ["pendulum", "rotor"])
+def test_mechanism_is_coupled(name):
+    assert scope(run_model(name)) == COUPLED
+
+
 @pytest.mark.parametrize(("name", "reacting"), [("pendulum", ("the frame",)), ("rotor", ("the frame", "marker 2"))])
-def test_mechanism_is_inputs_frozen(name, reacting):
-    monitor = run_model(name)
-    assert scope(monitor) == "inputs frozen"
+def test_mechanism_of_frozen_inputs_names_what_reacts(name, reacting):
+    monitor = run_model(name, asked=FROZEN)
+    assert scope(monitor) == FROZEN
     assert all(what in reason(monitor) for what in reacting)
 
 
-def test_spring_at_the_tip_of_a_clamped_bar_is_inputs_frozen():
+def test_spring_at_the_tip_of_a_clamped_bar_is_coupled():
     scene = supported()
     add_spring(scene, scene.right)
-    monitor = run(scene, h=1e-4)
-    assert scope(monitor) == "inputs frozen"
+    assert scope(run(scene, h=1e-4)) == COUPLED
+
+
+def test_spring_at_the_tip_of_a_clamped_bar_of_frozen_inputs_reacts():
+    scene = supported()
+    add_spring(scene, scene.right)
+    monitor = run(scene, FROZEN, h=1e-4)
+    assert scope(monitor) == FROZEN
     assert f"marker {scene.right}" in reason(monitor)
     assert "the frame" not in reason(monitor).split(";")[1]
 
@@ -609,20 +621,22 @@ def test_spring_that_is_switched_off_does_not_react():
 
 
 @pytest.mark.parametrize(
-    ("torque", "body_fixed", "expected"),
+    ("torque", "body_fixed", "asked", "expected"),
     [
-        (False, False, "complete"),
-        (False, True, "inputs frozen"),
-        (True, False, "inputs frozen"),
-        (True, True, "inputs frozen"),
+        (False, False, "auto", "complete"),
+        (False, True, "auto", FROZEN),
+        (True, False, "auto", COUPLED),
+        (True, True, "auto", FROZEN),
+        (False, False, FROZEN, "complete"),
+        (True, False, FROZEN, FROZEN),
     ],
 )
-def test_load_that_turns_with_the_body_is_inputs_frozen(torque, body_fixed, expected):
+def test_load_that_turns_with_the_body_is_not_complete(torque, body_fixed, asked, expected):
     scene = supported()
     load = add_load(scene, scene.right, TORQUE, torque=torque, bodyFixed=body_fixed)
-    monitor = run(scene, h=1e-4)
+    monitor = run(scene, asked, h=1e-4)
     assert scope(monitor) == expected
-    assert (f"load {int(load)}" in reason(monitor)) == (expected == "inputs frozen")
+    assert (f"load {int(load)}" in reason(monitor)) == (expected == FROZEN)
 
 
 def test_weld_moved_by_a_function_of_time_is_complete_and_moves():
@@ -647,13 +661,13 @@ def test_weld_named_in_either_order_is_complete():
     assert scope(run(scene, h=1e-4)) == "complete"
 
 
-def test_weld_of_another_than_the_reference_interface_is_inputs_frozen():
+def test_weld_of_another_than_the_reference_interface_is_coupled():
     scene = bar()
     add_joint(scene, scene.right)
-    assert scope(run(scene, h=1e-4)) == "inputs frozen"
+    assert scope(run(scene, h=1e-4)) == COUPLED
 
 
-def test_weld_to_a_moving_body_is_inputs_frozen():
+def test_weld_to_a_moving_body_is_coupled():
     scene = bar()
     node = scene.mbs.AddNode(itemInterface.NodeRigidBodyEP(referenceCoordinates=[0, 0.02, 0.03, 1, 0, 0, 0]))
     inertia = [0.1, 0.1, 0.1, 0, 0, 0]
@@ -661,7 +675,7 @@ def test_weld_to_a_moving_body_is_inputs_frozen():
     marker = scene.mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=body))
     scene.mbs.AddObject(itemInterface.GenericJoint(markerNumbers=[marker, scene.left]))
     monitor = run(scene, h=1e-4)
-    assert scope(monitor) == "inputs frozen"
+    assert scope(monitor) == COUPLED
     assert defect(monitor) <= tol.BALANCED
 
 
@@ -679,10 +693,10 @@ def test_frame_held_by_its_coordinates_is_at_rest(node):
 
 
 @pytest.mark.parametrize("node", HELD)
-def test_frame_held_by_all_but_one_coordinate_is_inputs_frozen(node):
+def test_frame_held_by_all_but_one_coordinate_is_coupled(node):
     scene = bar(node=node)
     hold_frame(scene, HELD[node][:-1])
-    assert scope(run(scene, h=1e-4)) == "inputs frozen"
+    assert scope(run(scene, h=1e-4)) == COUPLED
 
 
 def test_coordinate_of_the_frame_moved_by_a_function_is_not_at_rest():
@@ -690,7 +704,7 @@ def test_coordinate_of_the_frame_moved_by_a_function_is_not_at_rest():
     hold_frame(scene, HELD[EULER][1:])
     hold_frame(scene, [0], offsetUserFunction=lambda mbs, t, i, offset: 0.1 * np.sin(50 * t) ** 2)
     monitor = run(scene)
-    assert scope(monitor) == "inputs frozen"
+    assert scope(monitor) == COUPLED
     assert defect(monitor) <= tol.BALANCED
 
 
@@ -698,7 +712,7 @@ def test_coordinate_of_the_frame_moved_at_constant_velocity_is_not_at_rest():
     scene = bar()
     hold_frame(scene, HELD[EULER][1:])
     hold_frame(scene, [0], velocityLevel=True, offset=1.0)
-    assert scope(run(scene)) == "inputs frozen"
+    assert scope(run(scene)) == FROZEN
 
 
 def test_two_coordinates_of_the_frame_tied_together_are_not_at_rest():
@@ -707,7 +721,7 @@ def test_two_coordinates_of_the_frame_tied_together_are_not_at_rest():
     marker = itemInterface.MarkerNodeCoordinate
     markers = [scene.mbs.AddMarker(marker(nodeNumber=scene.items["nRigidBody"], coordinate=c)) for c in (1, 2)]
     scene.mbs.AddObject(itemInterface.CoordinateConstraint(markerNumbers=markers))
-    assert scope(run(scene)) == "inputs frozen"
+    assert scope(run(scene)) == COUPLED
 
 
 # --- solves -----------------------------------------------------------------
@@ -779,7 +793,7 @@ def test_explicit_solve_that_continues_under_another_load_is_not_taken_with_the_
 def test_bounds_of_the_solution_file_are_those_alongside(support, tmp_path):
     scene = supported(SUPPORTS[support])
     add_load(scene, scene.right, FORCE)
-    monitor = watched(scene)
+    monitor = watched(scene, scope=FROZEN)  # as those of a file are
     simulation = settings(1e-4, 10)
     file = simulation.solution.file
     file.write, file.writePeriod, file.binary, file.name = True, 0, True, str(tmp_path / "run.sol")

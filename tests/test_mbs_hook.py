@@ -28,14 +28,14 @@ def gathered(monkeypatch):
 
     def recording(kind):
         class Recording(kind):
-            def start(self, t, *states, **options):
+            def opening(self, t, *states, **options):
                 self.given_rows = [([t], *(state[None] for state in states))]
                 runs.append(self.given_rows)
-                super().start(t, *states, **options)
+                return super().opening(t, *states, **options)
 
-            def extend(self, t, *states):
+            def extension(self, t, *states):
                 self.given_rows.append((t, *states))
-                super().extend(t, *states)
+                return super().extension(t, *states)
 
         return Recording
 

@@ -24,7 +24,8 @@ from mbs_scenes import (
 
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach, watch
-from exudyn_romerr.online import BLOCK, Run, StaticRun
+from exudyn_romerr.online import BLOCK, Run
+from exudyn_romerr.static_run import StaticRun
 from exudyn_romerr.outputs import Output
 
 
@@ -135,9 +136,9 @@ def continued(monkeypatch):
     seen = []
 
     class Recording(Run):
-        def start(self, *args, after=None):
+        def opening(self, *args, after=None, **options):
             seen.append(after)
-            super().start(*args, **({} if after is None else {"after": after}))
+            return super().opening(*args, after=after, **options)
 
     monkeypatch.setattr(watch, "Run", Recording)
     monkeypatch.setattr(watch, "StaticRun", type("RecordingStatic", (StaticRun, Recording), {}))
@@ -354,9 +355,9 @@ def test_interrupt_in_the_hook_keeps_every_accepted_step():
 
 def test_interrupt_during_evaluation_waits_for_the_block(monkeypatch):
     class Interrupted(Run):
-        def extend(self, t, *states):
+        def advance(self, extension):
             os.kill(os.getpid(), signal.SIGINT)
-            super().extend(t, *states)
+            super().advance(extension)
 
     monkeypatch.setattr(watch, "Run", Interrupted)
     mbs, _, monitor = scene()
@@ -455,13 +456,22 @@ def test_error_of_one_solve_does_not_stay_for_the_next():
     assert len(monitor.report().t) == 21
 
 
-def test_error_in_a_later_block_keeps_the_blocks_before(monkeypatch):
-    class Failing(Run):
-        def extend(self, t, *states):
-            if t[-1] > 0.4:
-                raise ArithmeticError("mine")
-            super().extend(t, *states)
+class FailingExtension(Run):
+    def extension(self, t, *states):
+        if t[-1] > 0.4:
+            raise ArithmeticError("mine")
+        return super().extension(t, *states)
 
+
+class FailingAdvance(Run):
+    def advance(self, extension):
+        if extension.new.t[-1] > 0.4:
+            raise ArithmeticError("mine")
+        super().advance(extension)
+
+
+@pytest.mark.parametrize("Failing", [FailingExtension, FailingAdvance])
+def test_error_in_a_later_block_keeps_the_blocks_before(monkeypatch, Failing):
     monkeypatch.setattr(watch, "Run", Failing)
     mbs, _, monitor = scene()
     solve(mbs, steps=4 * BLOCK, end=1.0)

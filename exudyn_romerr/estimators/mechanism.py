@@ -47,7 +47,7 @@ class MechanismEnergy:
     def energy_at(self, start: Start) -> float:
         """Return |R(0)| of this body, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error.
 
-        In static equilibrium -e0 is K^-1 R(0) as far as the joints let it: what moves interfaces of it is counted whole.
+        In static equilibrium -e0 is K^-1 R(0) as far as joints let it: what moves interfaces is counted whole.
         """
         if start.y0 is None:
             return float(self.norm(start.z)) + start.cut
@@ -92,9 +92,9 @@ class MechanismEnergy:
 
 
 class CorrectedEnergy(MechanismEnergy):
-    """Bounds of the reduced body by way of the trajectory u + du that auxiliary vectors add to: known du, rest bounded.
+    """Bounds by way of the trajectory u + du that auxiliary vectors add up to: du is known, the rest is bounded.
 
-        |C e| <= |C du - C K^-1 R| + |C|_{K^-1} g ,   R and g of u + du
+    |C e| <= |C du - C K^-1 R| + |C|_{K^-1} g ,   R and g of u + du
     """
 
     name = "auxiliary"
@@ -145,7 +145,7 @@ def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
 
 
 def _free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
-    """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: velocities as seen from its frame."""
+    """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
     space, positions = body.space, body.positions
     held = space.conditions
     if held is None:

@@ -4,5 +4,17 @@ from .bodies import ReducedBody, add_reduced_body
 from .floating import FloatingBody, floating_body
 from .monitor import Monitor, attach
 from .solution import evaluate_file
+from .two_level import LevelOutput, TwoLevel, two_level
 
-__all__ = ["FloatingBody", "Monitor", "ReducedBody", "add_reduced_body", "attach", "evaluate_file", "floating_body"]
+__all__ = [
+    "FloatingBody",
+    "LevelOutput",
+    "Monitor",
+    "ReducedBody",
+    "TwoLevel",
+    "add_reduced_body",
+    "attach",
+    "evaluate_file",
+    "floating_body",
+    "two_level",
+]

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from .floating import FloatingBody, ReducedMatrices
     from .support import Support
 
-STEP = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are cubic in them, central differences exact
+STEP = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
 AUTO = 20  # vectors a body: responses to the inertia of 14 modes and of the frame are 26, of unequal weight
 
 
 class Couplings(NamedTuple):
-    """Columns (T, k + m, m) of M, D, K that belong to P, and rows (T, m, k) of D and K; those of M are its columns."""
+    """Columns (T, k + m, m) of M, D, K that belong to P, and rows (T, m, k) of D and K; M is symmetric."""
 
     M: np.ndarray
     D: np.ndarray
@@ -44,8 +44,8 @@ class EnrichedBody:
 
     Attributes
     ----------
-    m : number of vectors. columns, modal : coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and
-    vectors. note : line for the plan.
+    m : number of vectors. columns, modal : coordinates of the body in the mbs, and those of its modes. offline,
+    sampler : of the body on modes and vectors. note : line for the plan.
     """
 
     def __init__(
@@ -82,7 +82,9 @@ class EnrichedBody:
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
         self._couple(flex, V, P, model.rayleigh)
         # where forces act: their motion by P (3, m); torques do not care
-        self._moved_loads = [(0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads]
+        self._moved_loads = [
+            (0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads
+        ]
         self._force(body, V_y, found.P)
         self._prepare(flex, body, np.hstack([V, P]), actions, support, scene, options)
 

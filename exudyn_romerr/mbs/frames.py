@@ -45,9 +45,8 @@ class FrameNode:
 
     def rates(self, q: np.ndarray) -> np.ndarray:
         """Return what gives w in body axes of the rates of the rotation parameters (S, 3, size - 3), q (S, size)."""
-        rates = []
-        for unit in np.eye(self.size)[3:]:
-            rates.append(self.motion(q, np.broadcast_to(unit, q.shape), np.zeros_like(q)).w)
+        still = np.zeros_like(q)
+        rates = [self.motion(q, np.broadcast_to(unit, q.shape), still).w for unit in np.eye(self.size)[3:]]
         return np.stack(rates, axis=2)
 
     def reference_pose(self) -> tuple[np.ndarray, np.ndarray]:

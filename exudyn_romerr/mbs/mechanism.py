@@ -77,7 +77,9 @@ class Mechanism:
         if self._coupled[0].enriched is not None:
             solver = mbs.sys.get("dynamicSolver")
             if solver is None:
-                raise AssumptionError("the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False")
+                raise AssumptionError(
+                    "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
+                )
             scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
             self.tangents = Tangents(mbs)
             self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents)

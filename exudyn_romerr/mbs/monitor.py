@@ -25,7 +25,8 @@ from .watch import Watch
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ..online import Run, StaticRun
+    from ..online import Run
+    from ..static_run import StaticRun
     from ..outputs import Output
     from ..report import BoundReport
 

@@ -150,7 +150,8 @@ class MovingSubject:
         support: Support,
         scope: Found,
     ) -> Scene:
-        reason = f"{scope.reason}. Full model: all of the fem, interfaces {self._flex.interfaces}, held by {reference.source}"
+        full = f"Full model: all of the fem, interfaces {self._flex.interfaces}, held by {reference.source}"
+        reason = f"{scope.reason}. {full}"
         r, A = model.frame.reference_pose()
         left_out = [(name, "the reference conditions hold it: what acts there does no work") for name in actions.idle]
         if support.at_rest:

@@ -1,4 +1,4 @@
-"""What the bounds of a floating body cover: found from what acts on it and from the mechanism around (theory.md 7)."""
+"""What the bounds of a floating body cover, from what acts on it and from the mechanism around (theory.md 7)."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ SWITCHING = (
     "JointALEMoving2D",
     "JointRollingDisc",
 )
-NEGLECTED = (
+TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
-    "mechanism linearised about its computed motion, all attached bodies together, as outputs are seen from the "
-    "body's frame. Neglected: how joint directions and internal forces turn with the error, centrifugal and gyroscopic "
-    "terms of the error, the time integration of what is not attached"
+    "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
+    "them. Neglected, but for what auxiliary vectors carry: how directions of joints and internal forces turn with "
+    "the error, its centrifugal and gyroscopic terms"
 )
 
 
@@ -83,7 +83,7 @@ def find_scope(
     if refusal:
         return Found(FROZEN, f"{frozen} (no coupled bound: {refusal})")
     without = next(_no_feedback(mbs, wanted, model), "")
-    return Found(COUPLED, NEGLECTED, f"{frozen}; {without}" if without else frozen, feedback=not without)
+    return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 
 def _refusals(mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int]) -> Iterator[str]:

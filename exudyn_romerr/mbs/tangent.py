@@ -29,7 +29,7 @@ CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, 
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read at time t: q, q_t, q_tt of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints.
+    """Read at time t: q, q_t, q_tt of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints.
 
     K holds loads too, and how inertia and the forces of constraints turn with rotations.
     """
@@ -47,7 +47,8 @@ class Tangents:
 
     Attributes
     ----------
-    size : number of coordinates. readings : list of Reading, in the order of time. redundant : number of constraints that follow from others.
+    size : number of coordinates. readings : list of Reading, in the order of time. redundant : number of constraints
+    that follow from others.
     """
 
     def __init__(self, mbs: Any):

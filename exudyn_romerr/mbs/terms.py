@@ -23,8 +23,9 @@ class InputTerms:
 
     Attributes
     ----------
-    unknown : number of trailing columns of wrenches. weighs : whether inertia or gravity comes first, from where the
-    first three values are b. first_load : number of columns before the loads. by_function : all inputs are functions of time alone.
+    unknown : number of trailing columns of wrenches. weighs : whether inertia or gravity comes first; the first three
+    values are b then. first_load : number of columns before the loads. by_function : all inputs are functions of time
+    alone.
     """
 
     def __init__(self, actions: Actions, support: Support, flex: FloatingBody, V: np.ndarray):

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import RunError
-from ..online import Run, StaticRun
+from ..online import Run
+from ..static_run import StaticRun
 from .scene import end_time, newton_tolerance
 
 if TYPE_CHECKING:
