@@ -52,7 +52,9 @@ class Enrichment:
         self._held = _orthonormal(self._factor.half_multiply(V))
         omega, shapes = la.eigh(V.T @ (body.K @ V), V.T @ (body.M @ V))
         omega = np.sqrt(omega)
-        columns = np.hstack([omega[0] * inertia, body.M @ (V @ shapes) * omega, self._of_unit_energy(loads)])
+        # forces that move the body by a unit acceleration move its modes by (omega_1/omega)^2: that is their weight
+        modal = body.M @ (V @ shapes) * (omega[0] / omega) ** 2
+        columns = np.hstack([omega[0] * inertia, omega[0] * modal, self._of_unit_energy(loads)])
         P = np.hstack([self._static(wrenches), np.zeros((len(V), 0))])
         m = min(P.shape[1] + m, len(V) - V.shape[1])
         while P.shape[1] < m and columns.shape[1]:

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ..online import Run
-    from ..static_run import StaticRun
     from ..outputs import Output
     from ..report import BoundReport
+    from ..static_run import StaticRun
 
 
 class Monitor:
