@@ -1,6 +1,7 @@
 """What bounds of a floating body cost beside a simulation, and whether that depends on the size of the mesh.
 
-The pendulum of models/floating.py with 14 modes, one output, estimators "energy" and "auxiliary" with 20 modes.
+The pendulum of models/floating.py with 14 modes, one output, estimators "energy" and "auxiliary" with 20 modes, inputs
+frozen.
 Paired runs in one process, variants in turn (A B C A B C ...), so that a machine that changes its speed changes it
 for all; ratios are taken pair by pair, of CPU time: everything runs in one thread, and others do not count. Sensors
 are off: they would only make the simulation itself slower.
@@ -56,10 +57,14 @@ class Bare:
     label = "without bounds"
 
     def __init__(self, steps: int, h: float):
-        self.scene, self.settings = floating.pendulum(MODES, h=h, t_end=steps * h), settings(steps, h)
+        self.scene, self.settings = self.build(h, steps * h), settings(steps, h)
         begin = perf_counter()
         self.prepare()
         self.offline = perf_counter() - begin
+
+    def build(self, h: float, t_end: float) -> Any:
+        """Return the scene."""
+        return floating.pendulum(MODES, h=h, t_end=t_end)
 
     def prepare(self) -> None:
         """Assemble."""
@@ -77,7 +82,7 @@ class Bare:
 
 
 class Sampled(Bare):
-    """Bounds of the reduction error."""
+    """Bounds of the reduction error, inputs frozen; mechanism_cost.py measures coupled ones."""
 
     label = "energy + auxiliary 20, sampled"
     time = "sampled"
@@ -105,24 +110,24 @@ class Reconstructed(Sampled):
 def monitor(mbs: exu.MainSystem, flex: Any, node: int, time: str = "reconstructed") -> Any:
     """Return a monitor of the displacement of a node, its offline work done."""
     outputs = [romerr.node_displacement("tip", node=node, component="z")]
-    made = romerr.attach(mbs, flex, outputs=outputs, auxiliary_modes=AUXILIARY, time=time)
+    options = {"auxiliary_modes": AUXILIARY, "time": time, "scope": "inputs frozen"}
+    made = romerr.attach(mbs, flex, outputs=outputs, **options)
     mbs.Assemble()
     _ = made.plan
     return made
 
 
-def measure(steps: int, pairs: int, h: float) -> tuple[list[Bare], np.ndarray]:
-    """Return the variants and their run times in s, (pairs, variants); one round before is not counted."""
-    variants = [kind(steps, h) for kind in (Bare, Sampled, Reconstructed)]
+def measure(variants: list[Bare], pairs: int) -> np.ndarray:
+    """Return run times in s, (pairs, variants); one round before is not counted."""
     rounds = [[variant.seconds() for variant in variants] for _ in range(1 + pairs)]
-    return variants, np.array(rounds[1:])
+    return np.array(rounds[1:])
 
 
-def print_ratios(variants: list[Bare], times: np.ndarray) -> None:
+def print_ratios(variants: list[Bare], times: np.ndarray, scene: str = f"{6 + MODES} modes, one output") -> None:
     """Print step times and ratios."""
     steps, ratios = variants[0].settings.timeIntegration.numberOfSteps, times / times[:, :1]
     h = variants[0].settings.timeIntegration.endTime / steps
-    print(f"{steps:g} steps of {1e3 * h:g} ms, {len(times)} rounds, {6 + MODES} modes, one output")
+    print(f"{steps:g} steps of {1e3 * h:g} ms, {len(times)} rounds, {scene}")
     print(f"{'variant':<38}{'us a step':>10}{'ratio, median':>15}{'quartiles':>15}")
     for variant, t, ratio in zip(variants, times.T, ratios.T, strict=True):
         low, middle, high = np.percentile(ratio, (25, 50, 75))
@@ -264,7 +269,8 @@ def main(arguments: list[str] | None = None) -> tuple[list[Bare] | list[Mesh], n
         found = meshes, measure_meshes(meshes, options.steps, options.pairs, options.step)
         print_meshes(*found)
     else:
-        found = measure(options.steps, options.pairs, options.step)
+        variants = [kind(options.steps, options.step) for kind in (Bare, Sampled, Reconstructed)]
+        found = variants, measure(variants, options.pairs)
         print_ratios(*found)
     return found
 

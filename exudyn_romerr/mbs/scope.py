@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 ASKABLE = (AUTO, COUPLED, FROZEN)
+OF_A_FILE = "of a file"
 SWITCHING = (
     "ConnectorRollingDiscPenalty",
     "ConnectorReevingSystemSprings",
@@ -89,6 +90,8 @@ def find_scope(
 def _refusals(mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int]) -> Iterator[str]:
     """Why the bound cannot cover the feedback of the mechanism."""
     options = wanted.options
+    if wanted.scope == OF_A_FILE:
+        yield "a file is evaluated for one body alone"
     if wanted.scope == FROZEN:
         yield f"scope={FROZEN!r} was asked for"
     if static:

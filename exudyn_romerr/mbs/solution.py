@@ -9,9 +9,9 @@ import numpy as np
 from exudyn.utilities import LoadSolutionFile
 
 from ..errors import InputError, RunError
-from ..scope import FROZEN
 from .hook import block_rows
 from .monitor import make_subject
+from .scope import OF_A_FILE
 from .watch import Watch
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def evaluate_file(
     }
     if not getattr(mbs, "systemIsConsistent", True):
         raise RunError("evaluate_file was called before mbs.Assemble(); call it first")
-    watch = Watch(make_subject(mbs, flex, initial, options, FROZEN), {})
+    watch = Watch(make_subject(mbs, flex, initial, options, OF_A_FILE), {})
     rows = read_solution(path, mbs.systemData.ODE2Size())
     watch.begin(mbs, static=False)
     length = block_rows(mbs.systemData.ODE2Size())

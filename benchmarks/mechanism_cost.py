@@ -1,0 +1,103 @@
+"""What coupled bounds of mechanisms cost beside a simulation.
+
+The pendulum of models/floating.py with 14 modes, and the double pendulum of models/mechanisms.py with 30 modes a bar;
+one output a body. Variants are run in turn and compared pair by pair, in CPU time, sensors off, offline work excluded:
+as in floating_cost.py, which does the same for bounds with frozen inputs.
+
+    python benchmarks/mechanism_cost.py [--scenes pendulum double] [--steps 3000] [--pairs 11]
+"""
+
+import argparse
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on a shared machine threads wait for one another
+
+import numpy as np
+
+import exudyn_romerr as romerr
+from benchmarks import floating_cost
+from models import floating, mechanisms
+
+VECTORS = 20
+VARIANTS = ((), ("auxiliary",), ("energy",))  # estimators; none: without bounds
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene: how it is made with n eigenmodes a body, step h in s; limit: of the ratio, what the project promises."""
+
+    text: str
+    make: Any
+    n: int
+    h: float
+    limit: float
+
+
+CASES = {
+    "pendulum": Case("pendulum of 14 modes", floating.pendulum, 8, 1e-4, 1.3),
+    "double": Case("double pendulum of two times 30 modes", mechanisms.double_pendulum, 24, 2e-4, 1.5),
+}
+
+
+class Variant(floating_cost.Bare):
+    """A scene in an mbs of its own, with coupled bounds of all its bodies, or without bounds."""
+
+    def __init__(self, case: Case, estimators: tuple[str, ...], steps: int):
+        self.case, self.estimators, self.limit = case, estimators, case.limit
+        if estimators:
+            self.label = f"coupled {estimators[0]}" + f" {VECTORS}" * ("auxiliary" in estimators)
+        super().__init__(steps, case.h)
+        self.settings = self.scene.settings
+        self.settings.solution.sensors.active = False
+
+    def build(self, h: float, t_end: float) -> Any:
+        """Return the scene."""
+        return self.case.make(self.case.n, h=h, t_end=t_end)
+
+    def prepare(self) -> None:
+        """Attach monitors, and do their offline work."""
+        bodies = getattr(self.scene, "bodies", None) or (self.scene.items,)
+        self.monitors = [self.monitor(i, items) for i, items in enumerate(bodies)] if self.estimators else []
+        self.scene.mbs.Assemble()
+        self.plans = [monitor.plan for monitor in self.monitors]
+
+    def monitor(self, i: int, items: dict[str, int]) -> Any:
+        """Attach a monitor to body i."""
+        node = int(floating.interface(self.scene.fem, "tip")[0][0])
+        return romerr.attach(
+            self.scene.mbs,
+            romerr.floating_body(self.scene.fem, items),
+            outputs=[romerr.node_displacement(f"tip {i + 1}", node=node, component="z")],
+            estimators=self.estimators,
+            auxiliary_modes=VECTORS,
+            time="sampled",
+            scope="coupled (linearised)",
+        )
+
+    def finish(self) -> None:
+        """Ask for the reports: they evaluate the last block."""
+        self.reports = [monitor.report() for monitor in self.monitors]
+
+
+def main(arguments: list[str] | None = None) -> dict[str, tuple[list[Variant], np.ndarray]]:
+    """Measure and print; return variants and their run times in s, (pairs, variants), scene by scene."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--scenes", choices=CASES, nargs="+", default=list(CASES))
+    parser.add_argument("--steps", type=int, default=3000)
+    parser.add_argument("--pairs", type=int, default=11)
+    options = parser.parse_args(arguments)
+    found = {}
+    for name in options.scenes:
+        variants = [Variant(CASES[name], estimators, options.steps) for estimators in VARIANTS]
+        found[name] = variants, floating_cost.measure(variants, options.pairs)
+        floating_cost.print_ratios(*found[name], f"{CASES[name].text}, one output a body")
+    return found
+
+
+if __name__ == "__main__":
+    main()

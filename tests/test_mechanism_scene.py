@@ -1,0 +1,287 @@
+"""Coupled bounds beside real runs of mechanisms: what is found, and that runs, solves and reports behave."""
+
+import gc
+import weakref
+
+import exudyn as exu
+import numpy as np
+import pytest
+from exudyn import itemInterface
+from mechanism_runs import (
+    BOTH,
+    COUPLED,
+    FROZEN,
+    LIE,
+    STEP,
+    add_spring,
+    assert_same_bounds,
+    from_to,
+    pendulum,
+    reports,
+    solve,
+    steps_of,
+    watch,
+    with_frames,
+)
+
+from exudyn_romerr import load_report
+from exudyn_romerr.mbs import tangent
+from models import floating, mechanisms
+
+NEGLECTED = "Neglected"
+REACT = "these react to the body's deformation"
+NEWTON = 1e-6  # of energy bounds: what iterations of relative tolerance 1e-10 leave, and modes that start at random
+TRAPEZOIDAL = exu.DynamicSolverType.TrapezoidalIndex2
+SCENES = {
+    "double pendulum": lambda: pendulum(2),
+    "slider crank": lambda: mechanisms.slider_crank(2, t_end=0.01),
+    "sprung body": lambda: mechanisms.sprung_body(2, t_end=0.02),
+}
+
+
+# --- scope ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_mechanism_with_all_bars_attached_is_coupled(name):
+    for report in reports(SCENES[name](), estimators=BOTH):
+        assert report.scope == dict.fromkeys(BOTH, COUPLED)
+        assert all(NEGLECTED in report.reason(e) for e in BOTH)
+        assert np.all(report.output("probe").bound["best"][1:] > 0)
+
+
+def test_auto_takes_auxiliary_vectors_that_react():
+    for report in reports(pendulum()):
+        assert report.scope == {"auxiliary": COUPLED}
+        assert "reacting with the mechanism" in str(report.plan)
+
+
+def test_estimators_without_feedback_are_frozen_beside_coupled_ones():
+    for report in reports(pendulum(), estimators=("fast", *BOTH)):
+        assert report.scope == {"fast": FROZEN, "energy": COUPLED, "auxiliary": COUPLED}
+        assert REACT in report.reason("fast")
+        assert NEGLECTED not in report.reason("fast")
+        bound = report.output("probe").bound
+        np.testing.assert_array_equal(bound["best"], np.minimum(bound["energy"], bound["auxiliary"]))
+
+
+def test_best_is_of_the_widest_scope_though_others_are_smaller():
+    for report in reports(with_frames(LIE, pendulum)):
+        assert report.scope == {"energy": COUPLED, "auxiliary": FROZEN}
+        assert "Euler parameters" in report.reason("auxiliary")
+        bound = report.output("probe").bound
+        np.testing.assert_array_equal(bound["best"], bound["energy"])
+        assert np.max(bound["auxiliary"]) < np.max(bound["best"])
+
+
+@pytest.mark.parametrize("asked", ["auto", FROZEN])
+def test_estimators_without_feedback_alone_are_as_with_frozen_inputs(asked):
+    for report in reports(pendulum(), estimators="fast", scope=asked):
+        assert report.scope == {"fast": FROZEN}
+        assert report.time == "reconstructed"
+
+
+def test_explicit_solver_is_coupled_in_energy_only():
+    scene = with_frames(LIE, mechanisms.sprung_body, n=0, h=1e-6, t_end=2e-5)
+    (monitor,) = watch(scene)
+    solve(scene, solverType=exu.DynamicSolverType.RK44)
+    report = monitor.report()
+    assert report.scope == {"energy": COUPLED, "auxiliary": FROZEN}
+    assert len(report.t) == 21
+
+
+# --- the simulation is not touched ------------------------------------------
+
+
+@pytest.mark.parametrize("estimators", ["energy", ("fast", *BOTH)])
+@pytest.mark.parametrize("name", SCENES)
+def test_attaching_changes_no_bit_of_the_simulation(name, estimators):
+    scene = SCENES[name]()
+    solve(scene)
+    before = everything(scene)
+    monitors = watch(scene, estimators=estimators)
+    solve(scene)
+    assert all(monitor.report().scope["energy"] == COUPLED for monitor in monitors)
+    for one, other in zip(before, everything(scene), strict=True):
+        np.testing.assert_array_equal(other, one)
+
+
+def everything(scene):
+    """Final coordinates, their rates and accelerations, multipliers; all that sensors stored."""
+    system = scene.mbs.systemData
+    states = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
+    sensors = [scene.mbs.GetSensorStoredData(sensor) for sensor in scene.sensors.values()]
+    return [*(read() for read in states), system.GetAECoordinates(), *sensors]
+
+
+# --- solves and runs --------------------------------------------------------
+
+
+@pytest.fixture
+def every_step(monkeypatch):
+    """Tangents at every step, wherever blocks of steps end."""
+    for name in ("LONGEST", "SLOW"):
+        monkeypatch.setattr(tangent, name, 1)
+
+
+@pytest.mark.usefixtures("every_step")
+def test_continued_solve_is_as_one():
+    scene = pendulum(steps=20)
+    monitors = watch(scene, estimators=BOTH)
+    solve(scene, solverType=TRAPEZOIDAL)  # its accelerations are not made anew by a solve that goes on
+    from_to(scene, 0, 8)
+    solve(scene, solverType=TRAPEZOIDAL, updateInitialValues=True)
+    from_to(scene, 8, 20)
+    solve(scene, solverType=TRAPEZOIDAL)
+    for monitor in monitors:
+        whole, first, second = (monitor.report(i) for i in range(3))
+        assert second.messages[0] == f"continues the run before from t = {8 * STEP:g} s"
+        for e, bound in whole.output("probe").bound.items():
+            parts = [first.output("probe").bound[e], second.output("probe").bound[e][1:]]
+            np.testing.assert_allclose(np.concatenate(parts), bound, rtol=1e-3, atol=1e-4 * np.max(bound))
+
+
+def test_second_solve_starts_anew():
+    scene = pendulum()
+    monitors = watch(scene, estimators=BOTH)
+    solve(scene)
+    solve(scene)
+    for monitor in monitors:
+        assert_same_bounds(*(monitor.report(i) for i in range(2)), rtol=0)
+
+
+@pytest.mark.usefixtures("every_step")
+def test_reports_during_a_run_change_nothing():
+    asked, wanted = [], [False]
+
+    def ask(mbs, t):
+        if wanted[0]:
+            asked.append([len(monitor.report().t) for monitor in (*monitors, monitors[0])])
+        return True
+
+    scene = pendulum()
+    monitors = watch(scene, estimators=BOTH, hook=ask)
+    solve(scene)
+    wanted[0] = True
+    solve(scene)
+    assert asked == [[i, i, i] for i in range(1, 12)]
+    for monitor in monitors:
+        assert_same_bounds(*(monitor.report(i) for i in range(2)), rtol=1e-6)
+
+
+def test_body_attached_between_solves_completes_the_mechanism():
+    scene = pendulum()
+    monitors = watch(scene, 1, estimators=BOTH)
+    solve(scene)
+    monitors += watch(scene, 2, estimators=BOTH)
+    solve(scene)
+    assert set(monitors[0].report(0).scope.values()) == {FROZEN}
+    assert {scope for monitor in monitors for scope in monitor.report().scope.values()} == {COUPLED}
+    for monitor, report in zip(monitors, reports(pendulum(), estimators=BOTH), strict=True):
+        assert_same_bounds(report, monitor.report(), rtol=1e-3, share=NEWTON)
+
+
+def test_items_added_between_solves_are_used():
+    scene = pendulum()
+    monitors = watch(scene, estimators=BOTH)
+    solve(scene)
+    add_spring(scene, stiffness=1e6)
+    solve(scene)
+    other = pendulum()
+    add_spring(other, stiffness=1e6)
+    for monitor, report in zip(monitors, reports(other, estimators=BOTH), strict=True):
+        assert_same_bounds(report, monitor.report(), rtol=1e-3, share=NEWTON)
+
+
+def test_order_of_attaching_does_not_matter():
+    second, first = reports(pendulum(), 2, 1, estimators=BOTH)
+    for report, other in zip((first, second), reports(pendulum(), estimators=BOTH), strict=True):
+        assert_same_bounds(report, other, rtol=1e-3, share=NEWTON)
+
+
+def test_steps_of_other_lengths():
+    failures = iter(range(12))
+
+    def force(t):  # the solver halves its step until all failures are used up
+        return (0.0, np.nan, 0.0) if t > 5.5 * STEP and next(failures, None) is not None else (0.0, 1e3 * t, 0.0)
+
+    scene = pendulum(force=force)
+    integration = scene.settings.timeIntegration
+    integration.adaptiveStep, integration.minimumStepSize, integration.adaptiveStepRecoverySteps = True, 1e-6, 1
+    for report, other in zip(
+        reports(scene, estimators=BOTH),
+        reports(pendulum(force=lambda t: (0.0, 1e3 * t, 0.0)), estimators=BOTH),
+        strict=True,
+    ):
+        assert report.t[-1] == pytest.approx(10 * STEP)
+        assert np.ptp(np.diff(report.t)) >= STEP / 2
+        for e in BOTH:
+            assert np.max(report.output("probe").bound[e]) == pytest.approx(np.max(other.output("probe").bound[e]), rel=0.1)
+
+
+def test_chain_of_three_bars():
+    scene = mechanisms._scene((1, "RBE3"), (STEP, 10 * STEP))
+    left, right = mechanisms._faces(scene.fem)
+    ends = [mechanisms._ground_marker(scene.mbs, left)]
+    for bar in (1, 2, 3):
+        mechanisms._add_bar(scene, floating.RAYLEIGH, position=(bar - 1) * (right - left))
+        mechanisms._join(scene, f"hinge {bar}", ends[-1], scene.markers[f"left {bar}"], mechanisms.HINGE)
+        ends.append(scene.markers[f"right {bar}"])
+    mechanisms._finished(scene, itemInterface.LoadForceVector, ends[-1], mechanisms.swaying_force, False)
+    found = reports(scene, estimators=BOTH)
+    for report, of_two in zip(found, reports(pendulum(), estimators=BOTH), strict=False):
+        assert report.scope == dict.fromkeys(BOTH, COUPLED)
+        assert np.max(report.output("probe").bound["energy"]) > np.max(of_two.output("probe").bound["energy"])
+
+
+# --- reports ----------------------------------------------------------------
+
+
+def test_saved_report_keeps_scopes(tmp_path):
+    for report in reports(pendulum(), estimators=("fast", *BOTH)):
+        report.save(tmp_path / "run.npz")
+        loaded = load_report(tmp_path / "run.npz")
+        assert loaded.scope == report.scope
+        assert [loaded.reason(e) for e in report.scope] == [report.reason(e) for e in report.scope]
+        assert str(loaded) == str(report)
+
+
+def test_bounds_at_nodes_are_those_of_outputs():
+    scene = pendulum()
+    for report in reports(scene, estimators=BOTH):
+        for e in BOTH:
+            assert report.node_bound[e].shape == (scene.fem.NumberOfNodes(),)
+            there = report.output("probe").bound[e][np.argmax(report.position_bound[e])]
+            assert np.max(there) <= report.node_bound[e][mechanisms.MIDDLE] <= np.linalg.norm(there) * (1 + 1e-9)
+
+
+def test_tolerance_on_one_bar_stops_the_solve():
+    free, _ = reports(pendulum(20), estimators="energy")
+    bound = np.max(free.output("probe").bound["best"], axis=1)
+    scene, limit = pendulum(20), np.max(bound) / 2
+    monitors = [*watch(scene, 1, estimators="energy", tolerance=limit), *watch(scene, 2, estimators="energy")]
+    solve(scene)
+    stopped, other = (monitor.report() for monitor in monitors)
+    assert stopped.t[-1] == other.t[-1] == free.t[np.argmax(bound > limit)] < free.t[-1]
+    assert "tolerance on 'probe' exceeded" in stopped.messages[0]
+
+
+def test_mbs_is_freed_when_dropped():
+    def solved():
+        scene = pendulum()
+        monitors = watch(scene)
+        solve(scene)
+        return weakref.ref(scene.mbs), monitors[0]
+
+    mbs, runs = (lambda mbs, monitor: (mbs, monitor.runs))(*solved())
+    gc.collect()
+    assert mbs() is None
+    assert len(runs[0].report().t) == 11
+
+
+def test_every_solve_keeps_its_run():
+    scene = pendulum(steps=3)
+    monitors = watch(scene)
+    for _ in range(5):
+        solve(scene)
+    assert [steps_of(monitor) for monitor in monitors] == [[4] * 5] * 2
