@@ -1,7 +1,7 @@
 """What bounds of a floating body cost beside a simulation, and whether that depends on the size of the mesh.
 
-The pendulum of models/floating.py with 14 modes, one output, estimators "energy" and "auxiliary" with 20 modes, inputs
-frozen.
+The pendulum of models/floating.py with 14 modes, one output, estimators "energy" and "auxiliary" with 20 modes, scope
+"inputs frozen"; mechanism_cost.py does the same for coupled bounds.
 Paired runs in one process, variants in turn (A B C A B C ...), so that a machine that changes its speed changes it
 for all; ratios are taken pair by pair, of CPU time: everything runs in one thread, and others do not count. Sensors
 are off: they would only make the simulation itself slower.
@@ -82,7 +82,7 @@ class Bare:
 
 
 class Sampled(Bare):
-    """Bounds of the reduction error, inputs frozen; mechanism_cost.py measures coupled ones."""
+    """Bounds of the reduction error."""
 
     label = "energy + auxiliary 20, sampled"
     time = "sampled"

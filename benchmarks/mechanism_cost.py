@@ -1,8 +1,8 @@
 """What coupled bounds of mechanisms cost beside a simulation.
 
-The pendulum of models/floating.py with 14 modes, and the double pendulum of models/mechanisms.py with 30 modes a bar;
-one output a body. Variants are run in turn and compared pair by pair, in CPU time, sensors off, offline work excluded:
-as in floating_cost.py, which does the same for bounds with frozen inputs.
+The pendulum of models/floating.py with 14 modes, and the double pendulum of models/mechanisms.py with 30 modes a bar,
+with the scenes' own Newton settings; one output a body. Variants run in turn and are compared pair by pair, in CPU
+time, sensors off, offline work excluded: as in floating_cost.py, which does the same for bounds with frozen inputs.
 
     python benchmarks/mechanism_cost.py [--scenes pendulum double] [--steps 3000] [--pairs 11]
 """
@@ -29,7 +29,7 @@ VARIANTS = ((), ("auxiliary",), ("energy",))  # estimators; none: without bounds
 
 @dataclass(frozen=True)
 class Case:
-    """A scene: how it is made with n eigenmodes a body, step h in s; limit: of the ratio, what the project promises."""
+    """A scene with n eigenmodes a body, step h in s; limit: of the ratio, what the project promises."""
 
     text: str
     make: Any

@@ -91,7 +91,8 @@ def main(folder: str | Path = RESULTS, t_end: float = 0.014) -> dict[str, Report
         outs = {scope: reports[k].output(f"tip {bar}") for scope, reports in found.items()}
         print(f"tip {bar}: true error up to {np.max(np.abs(outs[COUPLED].error)):.3g} m")
         for scope, out in outs.items():
-            print(f"  {scope}: bound {np.max(out.bound['best']):.3g} m, {out.effectivity['best'][0]:.3g} times the error")
+            ratio = out.effectivity["best"][0]
+            print(f"  {scope}: bound {np.max(out.bound['best']):.3g} m, {ratio:.3g} times the error")
     Path(folder).mkdir(parents=True, exist_ok=True)
     draw(found, Path(folder) / "double_pendulum.png")
     return found

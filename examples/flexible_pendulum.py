@@ -1,4 +1,4 @@
-"""A falling flexible pendulum: a bound in a moving frame, what its scope "inputs frozen" leaves out, and the coupled one.
+"""A falling flexible pendulum: bounds in a moving frame, with inputs frozen and with the hinge's reaction.
 
     python examples/flexible_pendulum.py [FOLDER]     prints bounds, also those of the solution file (15 s)
 
@@ -21,12 +21,12 @@ from models import floating
 STEP = 1e-4  # s: a quarter of a radian of the first elastic mode; with 1 ms the bound is 240 times as large
 RESULTS = Path(__file__).resolve().parent / "results"
 FROZEN = """"inputs frozen": bounds hold for the full bar under the frame motion, loads and hinge forces of this run.
-In the pendulum these react to the bar's deformation, which the coupled bound covers to first order. In the bar's frame
-the reduction error is (difference to a run with all modes), and is bounded by"""
+In the pendulum these react to the bar's deformation; the coupled bound covers that to first order. The reduction
+error in the bar's frame (difference to a run with all modes), and its bounds:"""
 
 
 def simulate(path: Path, t_end: float) -> tuple[romerr.BoundReport, romerr.BoundReport]:
-    """Run the pendulum, inputs frozen; return the report made alongside, and that of the solution file afterwards."""
+    """Run the pendulum, inputs frozen; return the report made alongside, and that of the solution file."""
     scene = floating.pendulum(4, h=STEP, t_end=t_end)
     for name, number in scene.sensors.items():
         scene.mbs.SetSensorParameter(number, "name", name)  # outputs take the names of their sensors

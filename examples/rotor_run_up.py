@@ -2,8 +2,8 @@
 
     python examples/rotor_run_up.py [FOLDER]     prints the bound, writes FOLDER/rotor_run_up.png (5 s)
 
-FOLDER is examples/results if left out. The bound covers the time steps too, under the motion and bearing forces of this
-run (scope "inputs frozen"); how these react is left to bounds of scope "coupled (linearised)", see double_pendulum.py.
+FOLDER is examples/results if left out. The bound covers the time steps too, under the motion and bearing forces of
+this run (scope "inputs frozen"). How these react is covered by bounds as in double_pendulum.py.
 """
 
 import sys

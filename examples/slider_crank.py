@@ -2,8 +2,8 @@
 
     python examples/slider_crank.py [FOLDER]     prints reports, writes FOLDER/slider_crank.png (20 s)
 
-FOLDER is examples/results if left out. The rod has 6 static modes, and 0 or 4 eigenmodes. The coarse run is bounded by
-itself, and by way of the fine one (romerr.two_level). The true error is the difference to a run with all modes.
+FOLDER is examples/results if left out. The rod has 6 static modes, and 0 or 4 eigenmodes. The coarse run is bounded
+by itself, and by way of the fine one (romerr.two_level). The true error is the difference to a run with all modes.
 """
 
 import sys

@@ -3,7 +3,7 @@
     python examples/sprung_body.py [FOLDER]     prints the reports, writes FOLDER/sprung_body.png (20 s)
 
 FOLDER is examples/results if left out. No joint holds the bar: all that acts on it are springs, dampers, its weight
-and a force. It hangs at rest first, in the equilibrium of a static solve. The full model is taken to start in its own.
+and a force. It hangs at rest first, in the equilibrium of a static solve. The full model starts in its own.
 """
 
 import sys

@@ -9,26 +9,22 @@ import numpy as np
 
 from .assemble import assemble
 from .errors import InputError, RunError, check_finite
-from .estimators.base import Start
 from .frame import FrameRows, Turn
 from .packing import Cut
 from .products import row_norms
 from .reconstruct import Linear, Quintic
 from .samples import Samples, make_jumps
+from .starts import IN_THE_SPAN, start_of
 from .stream import Stream, best_output
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from .estimators.base import Block, Bounds
+    from .estimators.base import Block, Bounds, Start
     from .offline import Offline
     from .report import BoundReport
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
-IN_THE_SPAN = (
-    "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
-    "equilibrium say, pass initial='equilibrium' or initial=(q0, q0_t)"
-)
 
 
 class Opening(NamedTuple):
@@ -101,7 +97,10 @@ class Run:
         if after is not None and not after.is_static:
             return Opening(first, after, None)
         rest = rest if after is None else after._inputs_given[0]
-        return Opening(first, None, self._start(first, rest), rest)
+        start = start_of(self.offline, first, self._jumps, rest)
+        if start.y0 is None and (first.q.any() or first.q_t.any()):
+            self.messages.append(IN_THE_SPAN)
+        return Opening(first, None, start, rest)
 
     def open(self, opening: Opening) -> None:
         """Begin the run."""
@@ -259,33 +258,6 @@ class Run:
     def _outputs_of(self, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
         rows = self.offline.value_rows.T
         return np.where(self.offline.velocity_rows, q_t @ rows, q @ rows)
-
-    def _start(self, first: Samples, rest: np.ndarray | None) -> Start:
-        layout = self.offline.coordinates
-        q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
-        t, z = float(first.t[0]), layout(q, q_t, q_tt, u)
-        if self.offline.initial is None:
-            if q.any() or q_t.any():
-                self.messages.append(IN_THE_SPAN)
-            return Start(t, z, cut=float(np.abs(first.cut).sum()))
-        if self.offline.initial == "equilibrium":  # K e0 = B u - K V qr
-            u, z = self._before_the_first_jump(first, u, z) if rest is None else (rest, z)
-            y0, y0_t = -layout(q, 0 * q, 0 * q, u), np.zeros(layout.k)
-        else:  # the last two columns are K q0 and M q0'
-            y0, y0_t = np.zeros((2, layout.k + 2))
-            y0[layout.stiffness_slot] = -q
-            y0[layout.k], y0_t[layout.k + 1] = 1.0, 1.0
-        y0_t[layout.mass_slot] = -q_t
-        return Start(t, z, y0, y0_t)
-
-    def _before_the_first_jump(self, first: Samples, u, z) -> tuple[np.ndarray, np.ndarray]:
-        """Inputs and z that the body was in equilibrium with: those before a load jump at the start itself."""
-        layout, at_start = self.offline.coordinates, [jump for jump in self._jumps if jump.t == first.t[0]]
-        for jump in at_start:
-            if not jump.is_before(jump.t, u):
-                q, q_t, q_tt = (x[0] for x in (first.q, first.q_t, first.q_tt))
-                return jump.u_left, layout(q, q_t, q_tt - jump.dq_tt, jump.u_left)
-        return u, z
 
     def _record(self, new: Samples) -> None:
         self._t.append(new.t)

@@ -1,6 +1,7 @@
 """Short runs of mechanisms with a monitor on each flexible bar, for the tests of coupled bounds."""
 
 import numpy as np
+import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr import attach, floating_body
@@ -89,3 +90,19 @@ def assert_same_bounds(one, other, rtol, share=0.0):
     assert one.keys() == other.keys()
     for e, bound in one.items():
         np.testing.assert_allclose(other[e], bound, rtol=rtol, atol=share * np.max(one["energy"]))
+
+
+def raised(monitor):
+    """The error that the report is refused with; asked twice."""
+    errors = []
+    for _ in range(2):
+        with pytest.raises(Exception) as caught:
+            monitor.report()
+        errors.append(caught.value)
+    assert errors[0] is errors[1]
+    return errors[0]
+
+
+def was_stopped(scene):
+    """Whether the monitors stopped the solve."""
+    return scene.mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction

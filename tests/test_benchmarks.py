@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks import floating_cost, kernel_offline, online_linkage
+from benchmarks import floating_cost, kernel_offline, mechanism_cost, online_linkage
 from models import floating
 
 
@@ -69,3 +69,17 @@ def test_floating_cost_of_a_mesh_counts_every_step(capsys):
     assert extra > storing > 0
     floating_cost.print_meshes([mesh], costs)
     assert capsys.readouterr().out.count("largest over smallest mesh 1.000") == 2
+
+
+def test_mechanism_cost_measures_every_variant(capsys):
+    found = mechanism_cost.main(["--scenes", "pendulum", "double", "--steps", "10", "--pairs", "1"])
+    for bodies, (variants, times) in zip((1, 2), found.values(), strict=True):
+        assert times.shape == (1, 3)
+        assert np.all(times > 0)
+        assert [len(variant.reports) for variant in variants] == [0, bodies, bodies]
+        for variant in variants[1:]:
+            assert [len(report.t) for report in variant.reports] == [11] * bodies
+            assert [report.scope for report in variant.reports] == [
+                dict.fromkeys(variant.estimators, "coupled (linearised)")
+            ] * bodies
+    assert capsys.readouterr().out.count("promised at most") == 4

@@ -8,6 +8,7 @@ import pytest
 import exudyn_romerr as romerr
 from examples import (
     clamped_bar,
+    double_pendulum,
     error_against_run_time,
     first_bound,
     flexible_pendulum,
@@ -15,6 +16,8 @@ from examples import (
     hump,
     linkage_scene,
     rotor_run_up,
+    slider_crank,
+    sprung_body,
     suspension_linkage,
 )
 from models import exact, linkage
@@ -205,6 +208,7 @@ def test_flexible_pendulum_has_the_same_bounds_from_its_file(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "tip local, row 3: up to" in printed
     assert "these react to the bar's deformation" in printed
+    assert re.search(r"z: .* inputs frozen .*, coupled ", printed)
     assert (tmp_path / "flexible_pendulum.png").read_bytes()[:4] == PNG
 
 
@@ -215,3 +219,40 @@ def test_rotor_run_up_has_a_bound_that_says_something(tmp_path, capsys):
     assert set(report.scope.values()) == {"inputs frozen"}
     assert "rim, row 2: up to" in capsys.readouterr().out
     assert (tmp_path / "rotor_run_up.png").read_bytes()[:4] == PNG
+
+
+def test_double_pendulum_shows_what_frozen_inputs_hide(tmp_path, capsys):
+    found = double_pendulum.main(tmp_path, t_end=0.002)
+    coupled, frozen = ([r.output(f"tip {bar}") for bar, r in enumerate(reports, 1)] for reports in found.values())
+    for out in coupled:
+        assert np.all(np.abs(out.error) <= out.bound["best"])
+        assert out.effectivity["best"][0] < 1.1
+    assert frozen[0].effectivity["best"][0] < 0.5
+    assert [set(r.scope.values()) for reports in found.values() for r in reports] == [
+        {s} for s in found for _ in "12"
+    ]
+    assert "tip 2: true error up to" in capsys.readouterr().out
+    assert (tmp_path / "double_pendulum.png").read_bytes()[:4] == PNG
+
+
+def test_slider_crank_is_bounded_by_one_level_and_by_two(tmp_path, capsys):
+    levels = slider_crank.main(tmp_path, t_end=0.01)
+    coarse, fine = (reports[0].output(slider_crank.NAME) for reports in (levels.coarse, levels.fine))
+    by_two = levels.output(slider_crank.NAME).bound
+    for out, bound in ((coarse, coarse.bound["best"]), (coarse, by_two), (fine, fine.bound["best"])):
+        assert np.all(np.abs(out.error) <= bound)
+        assert np.max(bound) < 1.1 * np.max(np.abs(out.error))
+    assert "runs with n = 0 and n = 4" in capsys.readouterr().out
+    assert (tmp_path / "slider_crank.png").read_bytes()[:4] == PNG
+
+
+def test_sprung_body_is_bounded_from_its_static_equilibrium_on(tmp_path, capsys):
+    static, dynamic = sprung_body.main(tmp_path, t_end=0.01)
+    out = dynamic.output(sprung_body.NAME)
+    assert static.time == "static"
+    assert set(dynamic.scope.values()) == {"coupled (linearised)"}
+    assert 0 < np.abs(out.error[0, 0]) <= out.bound["best"][0, 0] < 1.1 * np.abs(out.error[0, 0])
+    assert np.all(np.abs(out.error) <= out.bound["best"])
+    assert np.all(np.abs(out.error + out.value - out.corrected) <= out.corrected_bound)
+    assert "of the corrected output" in capsys.readouterr().out
+    assert (tmp_path / "sprung_body.png").read_bytes()[:4] == PNG

@@ -28,8 +28,7 @@ SHAPES = ("alone", "tree", "loop", "weld", "springs", "floating")
 
 def links_of(shape, rng, parts):
     """Links of one of SHAPES: rows (6, all N) of relative motion, locked axes (6,), spring and damper (6, 6)."""
-    count = len(parts)
-    locked = {"weld": (6, 7), "springs": (0, 1)}.get(shape, (3, 6))
+    count, locked = len(parts), {"weld": (6, 7), "springs": (0, 1)}.get(shape, (3, 6))
     ends = [((b - 1, 1), (b, 0)) for b in range(1, count)]
     ends += [((0, 0),)] * (shape not in ("alone", "floating")) + [((count - 1, 1),)] * (shape == "loop")
     for pair in ends:
@@ -106,23 +105,21 @@ class Scenario:
             known, size = (x[:2, :, N * b : N * (b + 1)] @ part.seen.T for x in (e, self.truth))
             yield "position", norms(part.matrices[0], known[0]), bound.position, norms(part.matrices[0], size[0])
             yield "velocity", speed, bound.velocity, largest
-            for name, x, of, rows in zip(
-                "yv", known @ part.C.T, size @ part.C.T, (slice(2), slice(2, 4)), strict=True
-            ):
-                yield name, np.abs(x), bound.outputs[:, rows], of
+            for i, name in enumerate("yv"):
+                x, rows = known[i] @ part.C.T, slice(2 * i, 2 * i + 2)
+                yield name, np.abs(x), bound.outputs[:, rows], size[i] @ part.C.T
                 left = np.abs(x - bound.correction[:, rows])
-                yield f"corrected {name}", left, bound.correction_bound[:, rows], of
+                yield f"corrected {name}", left, bound.correction_bound[:, rows], size[i] @ part.C.T
 
 
 class Reduced:
-    """The mechanism with its bodies on modes: u, u', u'', R (T, all N), and for every body samples of its run."""
+    """The mechanism on modes of its bodies: u, u', u'', R (T, all N) with joints in balance, samples of their runs."""
 
     def __init__(self, case, modes):
         self.case, self.modes = case, modes
         spaces = [np.hstack([part.Rg, V]) for part, V in zip(case.parts, modes, strict=True)]
         self.u, T = case.motion(spaces, case.forces), la.block_diag(*spaces)
         inner, links = (sum(x @ A.T for x, A in zip(self.u[::-1], of, strict=True)) for of in case.matrices)
-        # forces of joints: those that keep the modes in balance
         links += (case.forces - inner - links) @ T @ np.linalg.pinv(case.locked @ T, 1e-10) @ case.locked
         self.R = inner + links - case.forces
         self.samples = []
@@ -134,15 +131,15 @@ class Reduced:
 
     def runs(self, joined=True, added=None, blocks=(0, 40, 41, STEPS)):
         """Run all bodies; samples after the first come in blocks. added: what vectors beside the modes add."""
-        pairs = zip(self.case.parts, self.modes, strict=True)
-        runs = [part.run(V, corrected=added is not None) for part, V in pairs]
+        runs = [part.run(V, added is not None) for part, V in zip(self.case.parts, self.modes, strict=True)]
         openings = [run.opening(*(x[0] for x in rows)) for run, rows in zip(runs, self.samples, strict=True)]
         for run, opening in zip(runs, joined_openings(runs, openings) if joined else openings, strict=True):
             run.open(opening)
         for a, b in pairwise(blocks):
             new = slice(a + 1, b + 1)
-            pairs = zip(runs, self.samples, strict=True)
-            extensions = [run.extension(*(x[new] for x in rows)) for run, rows in pairs]
+            extensions = [
+                run.extension(*(x[new] for x in rows)) for run, rows in zip(runs, self.samples, strict=True)
+            ]
             for extension, vectors in zip(extensions, added or (), strict=False):
                 extension.segments["reduction"][0].added = Added(*(x[new] for x in vectors))
             if joined:
@@ -162,7 +159,7 @@ def norms(A, x):
 def violations(rows):
     """Names of what exceeds its bound."""
     excess = [(name, np.max(error - bound), np.max(np.abs(size))) for name, error, bound, size in rows]
-    return [name for name, more, size in excess if not more <= tol.COUPLED * size]
+    return [name for name, more, size in excess if not (np.isfinite(more) and more <= tol.COUPLED * size)]
 
 
 @cache
@@ -177,8 +174,8 @@ def scenario(seed, static=None):
         parts.append(part.reduced(rng, with_static, rng.integers(not with_static, 5)))
     omega, p = parts[0].body.modes(1).omega[0], 2 * len(parts)
     rates, phases = rng.uniform(0.1, 1.5, p) * omega, rng.uniform(0, 3, p) * rng.integers(0, 2)
-    waves = np.sin(np.outer(0.08 * np.arange(STEPS + 1), rates / omega) + phases)
-    return Scenario(parts, list(links_of(shape, rng, parts)), waves * rng.standard_normal(p), 0.08 / omega)
+    loads = np.sin(np.outer(0.08 * np.arange(STEPS + 1), rates / omega) + phases) * rng.standard_normal(p)
+    return Scenario(parts, list(links_of(shape, rng, parts)), loads, 0.08 / omega)
 
 
 @cache
@@ -195,8 +192,8 @@ def test_coupled_errors_stay_below_their_bounds(seed):
 
 
 def test_both_true_errors_agree():
-    """In the mean of all seeds: R is no straight line between samples."""
-    pairs = [(scenario(seed).e[1], (scenario(seed).truth - scenario(seed).reduced.u)[1]) for seed in SEEDS]
+    """But for R that is no straight line between samples."""
+    pairs = [(case.e[1], (case.truth - case.reduced.u)[1]) for case in map(scenario, SEEDS)]
     assert np.median([np.max(np.abs(x - y)) / np.max(np.abs(x)) for x, y in pairs]) < tol.BETWEEN_SAMPLES
 
 
@@ -234,8 +231,9 @@ def attained(request):
 
 
 def test_the_bound_of_velocities_is_attained(attained):
-    for name, error, bound, _ in attained.compared(attained.e, attained.reduced.bounds()):
-        assert name != "velocity" or 1 <= np.max(bound) / np.max(error) < tol.NEARLY_ATTAINED
+    rows = attained.compared(attained.e, attained.reduced.bounds())
+    found = [np.max(bound) / np.max(error) for name, error, bound, _ in rows if name == "velocity"]
+    assert 1 <= min(found) <= max(found) < tol.NEARLY_ATTAINED
 
 
 def test_forgetting_a_body_at_the_start_is_noticed(attained, monkeypatch):

@@ -13,25 +13,18 @@ from mechanism_runs import (
     FROZEN,
     LIE,
     STEP,
-    add_spring,
-    assert_same_bounds,
-    from_to,
     pendulum,
     reports,
     solve,
-    steps_of,
     watch,
     with_frames,
 )
 
 from exudyn_romerr import load_report
-from exudyn_romerr.mbs import tangent
 from models import floating, mechanisms
 
 NEGLECTED = "Neglected"
 REACT = "these react to the body's deformation"
-NEWTON = 1e-6  # of energy bounds: what iterations of relative tolerance 1e-10 leave, and modes that start at random
-TRAPEZOIDAL = exu.DynamicSolverType.TrapezoidalIndex2
 SCENES = {
     "double pendulum": lambda: pendulum(2),
     "slider crank": lambda: mechanisms.slider_crank(2, t_end=0.01),
@@ -90,6 +83,21 @@ def test_explicit_solver_is_coupled_in_energy_only():
     assert len(report.t) == 21
 
 
+def test_chain_of_three_bars():
+    scene = mechanisms._scene((1, "RBE3"), (STEP, 10 * STEP))
+    left, right = mechanisms._faces(scene.fem)
+    ends = [mechanisms._ground_marker(scene.mbs, left)]
+    for bar in (1, 2, 3):
+        mechanisms._add_bar(scene, floating.RAYLEIGH, position=(bar - 1) * (right - left))
+        mechanisms._join(scene, f"hinge {bar}", ends[-1], scene.markers[f"left {bar}"], mechanisms.HINGE)
+        ends.append(scene.markers[f"right {bar}"])
+    mechanisms._finished(scene, itemInterface.LoadForceVector, ends[-1], mechanisms.swaying_force, False)
+    found = reports(scene, estimators=BOTH)
+    for report, of_two in zip(found, reports(pendulum(), estimators=BOTH), strict=False):
+        assert report.scope == dict.fromkeys(BOTH, COUPLED)
+        assert np.max(report.output("probe").bound["energy"]) > np.max(of_two.output("probe").bound["energy"])
+
+
 # --- the simulation is not touched ------------------------------------------
 
 
@@ -112,126 +120,6 @@ def everything(scene):
     states = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
     sensors = [scene.mbs.GetSensorStoredData(sensor) for sensor in scene.sensors.values()]
     return [*(read() for read in states), system.GetAECoordinates(), *sensors]
-
-
-# --- solves and runs --------------------------------------------------------
-
-
-@pytest.fixture
-def every_step(monkeypatch):
-    """Tangents at every step, wherever blocks of steps end."""
-    for name in ("LONGEST", "SLOW"):
-        monkeypatch.setattr(tangent, name, 1)
-
-
-@pytest.mark.usefixtures("every_step")
-def test_continued_solve_is_as_one():
-    scene = pendulum(steps=20)
-    monitors = watch(scene, estimators=BOTH)
-    solve(scene, solverType=TRAPEZOIDAL)  # its accelerations are not made anew by a solve that goes on
-    from_to(scene, 0, 8)
-    solve(scene, solverType=TRAPEZOIDAL, updateInitialValues=True)
-    from_to(scene, 8, 20)
-    solve(scene, solverType=TRAPEZOIDAL)
-    for monitor in monitors:
-        whole, first, second = (monitor.report(i) for i in range(3))
-        assert second.messages[0] == f"continues the run before from t = {8 * STEP:g} s"
-        for e, bound in whole.output("probe").bound.items():
-            parts = [first.output("probe").bound[e], second.output("probe").bound[e][1:]]
-            np.testing.assert_allclose(np.concatenate(parts), bound, rtol=1e-3, atol=1e-4 * np.max(bound))
-
-
-def test_second_solve_starts_anew():
-    scene = pendulum()
-    monitors = watch(scene, estimators=BOTH)
-    solve(scene)
-    solve(scene)
-    for monitor in monitors:
-        assert_same_bounds(*(monitor.report(i) for i in range(2)), rtol=0)
-
-
-@pytest.mark.usefixtures("every_step")
-def test_reports_during_a_run_change_nothing():
-    asked, wanted = [], [False]
-
-    def ask(mbs, t):
-        if wanted[0]:
-            asked.append([len(monitor.report().t) for monitor in (*monitors, monitors[0])])
-        return True
-
-    scene = pendulum()
-    monitors = watch(scene, estimators=BOTH, hook=ask)
-    solve(scene)
-    wanted[0] = True
-    solve(scene)
-    assert asked == [[i, i, i] for i in range(1, 12)]
-    for monitor in monitors:
-        assert_same_bounds(*(monitor.report(i) for i in range(2)), rtol=1e-6)
-
-
-def test_body_attached_between_solves_completes_the_mechanism():
-    scene = pendulum()
-    monitors = watch(scene, 1, estimators=BOTH)
-    solve(scene)
-    monitors += watch(scene, 2, estimators=BOTH)
-    solve(scene)
-    assert set(monitors[0].report(0).scope.values()) == {FROZEN}
-    assert {scope for monitor in monitors for scope in monitor.report().scope.values()} == {COUPLED}
-    for monitor, report in zip(monitors, reports(pendulum(), estimators=BOTH), strict=True):
-        assert_same_bounds(report, monitor.report(), rtol=1e-3, share=NEWTON)
-
-
-def test_items_added_between_solves_are_used():
-    scene = pendulum()
-    monitors = watch(scene, estimators=BOTH)
-    solve(scene)
-    add_spring(scene, stiffness=1e6)
-    solve(scene)
-    other = pendulum()
-    add_spring(other, stiffness=1e6)
-    for monitor, report in zip(monitors, reports(other, estimators=BOTH), strict=True):
-        assert_same_bounds(report, monitor.report(), rtol=1e-3, share=NEWTON)
-
-
-def test_order_of_attaching_does_not_matter():
-    second, first = reports(pendulum(), 2, 1, estimators=BOTH)
-    for report, other in zip((first, second), reports(pendulum(), estimators=BOTH), strict=True):
-        assert_same_bounds(report, other, rtol=1e-3, share=NEWTON)
-
-
-def test_steps_of_other_lengths():
-    failures = iter(range(12))
-
-    def force(t):  # the solver halves its step until all failures are used up
-        return (0.0, np.nan, 0.0) if t > 5.5 * STEP and next(failures, None) is not None else (0.0, 1e3 * t, 0.0)
-
-    scene = pendulum(force=force)
-    integration = scene.settings.timeIntegration
-    integration.adaptiveStep, integration.minimumStepSize, integration.adaptiveStepRecoverySteps = True, 1e-6, 1
-    for report, other in zip(
-        reports(scene, estimators=BOTH),
-        reports(pendulum(force=lambda t: (0.0, 1e3 * t, 0.0)), estimators=BOTH),
-        strict=True,
-    ):
-        assert report.t[-1] == pytest.approx(10 * STEP)
-        assert np.ptp(np.diff(report.t)) >= STEP / 2
-        for e in BOTH:
-            assert np.max(report.output("probe").bound[e]) == pytest.approx(np.max(other.output("probe").bound[e]), rel=0.1)
-
-
-def test_chain_of_three_bars():
-    scene = mechanisms._scene((1, "RBE3"), (STEP, 10 * STEP))
-    left, right = mechanisms._faces(scene.fem)
-    ends = [mechanisms._ground_marker(scene.mbs, left)]
-    for bar in (1, 2, 3):
-        mechanisms._add_bar(scene, floating.RAYLEIGH, position=(bar - 1) * (right - left))
-        mechanisms._join(scene, f"hinge {bar}", ends[-1], scene.markers[f"left {bar}"], mechanisms.HINGE)
-        ends.append(scene.markers[f"right {bar}"])
-    mechanisms._finished(scene, itemInterface.LoadForceVector, ends[-1], mechanisms.swaying_force, False)
-    found = reports(scene, estimators=BOTH)
-    for report, of_two in zip(found, reports(pendulum(), estimators=BOTH), strict=False):
-        assert report.scope == dict.fromkeys(BOTH, COUPLED)
-        assert np.max(report.output("probe").bound["energy"]) > np.max(of_two.output("probe").bound["energy"])
 
 
 # --- reports ----------------------------------------------------------------
@@ -277,11 +165,3 @@ def test_mbs_is_freed_when_dropped():
     gc.collect()
     assert mbs() is None
     assert len(runs[0].report().t) == 11
-
-
-def test_every_solve_keeps_its_run():
-    scene = pendulum(steps=3)
-    monitors = watch(scene)
-    for _ in range(5):
-        solve(scene)
-    assert [steps_of(monitor) for monitor in monitors] == [[4] * 5] * 2

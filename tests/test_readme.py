@@ -1,4 +1,4 @@
-"""The code in README.md and docs/floating.md runs; it prints what the README says."""
+"""The code in README.md, docs/floating.md and docs/mechanisms.md runs; it prints what the README says."""
 
 import re
 from pathlib import Path
@@ -41,6 +41,15 @@ def test_page_on_floating_bodies_runs(capsys, tmp_path, monkeypatch):
         exec(block, names)
     assert set(names["report"].outputs) >= {"tip speed", "right face"}
     assert "scope complete" in capsys.readouterr().out
+
+
+def test_page_on_mechanisms_runs(capsys):
+    """Its blocks are one script."""
+    names = {}
+    for block in BLOCK.findall((ROOT / "docs" / "mechanisms.md").read_text(encoding="utf-8")):
+        exec(block, names)
+    assert [set(report.scope.values()) for report in names["reports"]] == [{"coupled (linearised)"}] * 2
+    assert "scope of the finer run's bound: coupled (linearised)" in capsys.readouterr().out
 
 
 def test_own_body_can_be_bounded():

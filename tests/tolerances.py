@@ -108,3 +108,9 @@ RITZ = 1e-9
 # Exudyn's static modes are solved for to 5e-10; interfaces move by as much of a vector, angles are off by that.
 STILL = 1e-9
 STATIC_MODES = 1e-8
+# Generalised-alpha with up to 5 rad/s * 4 s / 640 per step, squared, over some periods; measured below 5e-4.
+SMALL_STEPS = 2e-3
+# Interpolated inverses are used twice: feedback.CLOSE squared, 1e-6, at worst; measured 1e-8.
+INTERPOLATED = 1e-6
+# estimators.mechanism.LINEARISED of the largest so far, 1 %, on top of the known error.
+ALL_VECTORS = 1.015

@@ -138,8 +138,8 @@ def attach(
     hook : callable, optional
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
-        As in evaluate. In a mechanism with a coupled scope, "auto" is "auxiliary" alone, auxiliary_modes counts vectors
-        made for the body ("auto": 20), and bounds are those of the reduction error, whatever time says.
+        As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
+        vectors made for the body ("auto": 20), and bounds are of the reduction error, whatever time says.
     scope : {"auto", "coupled (linearised)", "inputs frozen"}
         What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
         that can be had (all flexible bodies attached, outputs in the body's frame, nothing that switches), else, and
