@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .watch import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
+TANGENT_NUMBERS = 4_000_000  # 32 MB for each matrix of the tangents in a block
 
 
 class StepHook:
@@ -96,13 +97,14 @@ class StepHook:
         return slot_function(mbs) is self._occupant
 
     def _new_arrays(self, size: int, at_once: bool) -> tuple[np.ndarray, ...]:
-        rows = 1 if at_once else block_rows(size)
+        rows = 1 if at_once else block_rows(size, self.has_tangents)
         return np.empty(rows), *(np.empty((rows, size)) for _ in range(3))
 
 
-def block_rows(size: int) -> int:
-    """Return the number of steps in a block of an mbs with `size` coordinates."""
-    return min(BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
+def block_rows(size: int, with_tangents: bool = False) -> int:
+    """Return the number of steps in a block of an mbs with `size` coordinates, of which each may have a tangent."""
+    rows = min(BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
+    return min(rows, 1 + TANGENT_NUMBERS // (1 + size**2)) if with_tangents else rows
 
 
 def slot_function(mbs: Any) -> Callable | None:

@@ -56,6 +56,10 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
+            if self._tangents.redundant:
+                watch.note(
+                    f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"
+                )
 
     def advance(self, rows: tuple[np.ndarray, ...]) -> None:
         """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates)."""
