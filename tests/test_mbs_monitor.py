@@ -25,8 +25,8 @@ from mbs_scenes import (
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach, watch
 from exudyn_romerr.online import BLOCK, Run
-from exudyn_romerr.static_run import StaticRun
 from exudyn_romerr.outputs import Output
+from exudyn_romerr.static_run import StaticRun
 
 
 def solve(mbs, steps=20, end=0.1, start=0.0, solver=None, **options):
