@@ -61,8 +61,10 @@ class Enrichment:
             new = self._responses(columns, P, m - P.shape[1])
             P, columns = np.hstack([P, new]), body.M @ new
         P = P - V @ _moved(wrenches.T @ V, wrenches.T @ P)
-        squares, turn = la.eigh(P.T @ (body.K @ P), P.T @ (body.M @ P))
-        self.P, self.omega = P @ turn, np.sqrt(squares)
+        P = P @ _independent(self._factor.half_multiply(P))
+        squares, turn = la.eigh(P.T @ (body.M @ P))  # 1/omega^2
+        kept = np.flatnonzero(squares > RANK**2 * squares.max(initial=0.0))[::-1]
+        self.P, self.omega = P @ (turn[:, kept] / np.sqrt(squares[kept])), 1 / np.sqrt(squares[kept])
 
     def _of_unit_energy(self, loads: np.ndarray) -> np.ndarray:
         size = np.linalg.norm(self._factor.half_solve(loads), axis=0) if loads.size else np.ones(loads.shape[1])
@@ -96,6 +98,16 @@ class Enrichment:
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
     return la.qr(columns / np.linalg.norm(columns, axis=0), mode="economic")[0]
+
+
+def _independent(columns: np.ndarray) -> np.ndarray:
+    """Combinations of columns (n_free, m) that are orthonormal; what rounding alone tells apart is left out."""
+    if not columns.shape[1]:
+        return np.eye(0)
+    length = np.linalg.norm(columns, axis=0)
+    _, size, turn = la.svd(columns / length, full_matrices=False)
+    kept = size > RANK * size[0]
+    return turn[kept].T / size[kept] / length[:, None]
 
 
 def _moved(of_V: np.ndarray, of_P: np.ndarray) -> np.ndarray:

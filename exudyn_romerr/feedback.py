@@ -60,12 +60,14 @@ class Feedback:
         self.scheme = scheme
         self._interval: _Interval | None = None
 
-    def start(self, tangent: Tangent, force: np.ndarray, rest: np.ndarray | None = None) -> None:
-        """Begin under the force (k,): without error, or in equilibrium with the force `rest`."""
+    def start(
+        self, tangent: Tangent, force: np.ndarray, rest: np.ndarray | None = None, t: float | None = None
+    ) -> None:
+        """Begin under the force (k,), without error or in equilibrium with `rest`, at t if not the tangent's time."""
         k = len(force)
         e = np.zeros(k) if rest is None else _held(tangent.K, tangent.G, rest)
         e_tt = _held(tangent.M, tangent.G, force - tangent.K @ e)
-        self.t = tangent.t
+        self.t = tangent.t if t is None else t
         self._moving = np.array([e, np.zeros(k), e_tt, e_tt])
 
     @property

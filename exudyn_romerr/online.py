@@ -50,9 +50,11 @@ class Run:
     """The bounds along one dynamic solve.
 
     companion : in a mechanism, the run of the trajectory with auxiliary vectors, whose bounds are this body's too.
+    source : what the offline part was read as; another one before a static solve.
     """
 
     companion: Run | None = None
+    source: Offline | None = None
     is_static = False
 
     def __init__(self, offline: Offline):
@@ -68,6 +70,7 @@ class Run:
         self._round_off: list[np.ndarray] = []
         self._frames: list[np.ndarray] = []  # kept only for outputs in global axes
         self._last: Samples | None = None
+        self._settled = slice(None)
         layout = offline.coordinates
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(layout, self._jumps)}
@@ -167,9 +170,18 @@ class Run:
         return int(np.argmax(self._left))
 
     @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return self._inputs_given.shape[1]
+
+    @property
     def last_time(self) -> float:
         """Time of the last sample."""
-        return float(self._last.t[-1])
+        return float(np.concatenate(self._t)[self._settled][-1])
+
+    def settle(self) -> None:
+        """Let only the samples so far count: later ones may be bounded in part when something fails."""
+        self._settled = slice(sum(map(len, self._t)))
 
     @property
     def quintic(self) -> Quintic | None:
@@ -192,12 +204,14 @@ class Run:
         found = {name: stream.bounds() for name, stream in self._streams.items()}
         for name in found if self.companion is not None else ():
             found[name].update(self.companion._streams[name].bounds())
+        found = {name: {e: b.at(self._settled) for e, b in bounds.items()} for name, bounds in found.items()}
         return {"total": found["reduction"], **found}
 
     def samples(self) -> tuple[np.ndarray, ...]:
         """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
-        frames = np.vstack(self._frames) if self._frames else np.zeros(0)
-        return np.concatenate(self._t), np.vstack(self._values), np.vstack(self._round_off), frames
+        frames = np.vstack(self._frames)[self._settled] if self._frames else np.zeros(0)
+        parts = np.concatenate(self._t), np.vstack(self._values), np.vstack(self._round_off)
+        return *(x[self._settled] for x in parts), frames
 
     def node_bounds(self) -> dict[str, np.ndarray]:
         """Return the bounds at every node at the worst instant, by every estimator; full-size work."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from .errors import InputError, check_array, check_choice, real_array
 from .plan import Plan
+from .scope import SCOPES
 
 if TYPE_CHECKING:
     import os
@@ -134,7 +135,8 @@ class BoundReport:
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
         check_choice("estimator", e, self.reasons)
-        return "; ".join(filter(None, [self.reasons[e], self.scope_reason]))
+        widest = min(self.scope.values(), key=SCOPES.index)
+        return "; ".join(filter(None, [self.reasons[e], self.scope_reason if self.scope[e] == widest else ""]))
 
     def compare(self, name: str, t: Any, y: Any) -> OutputReport:
         """Compare an output with a truth.

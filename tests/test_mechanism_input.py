@@ -86,10 +86,19 @@ def test_body_beside_one_of_frozen_inputs_has_no_coupled_bound(estimators, what)
         assert set(monitor.report().scope.values()) == {FROZEN}
 
 
-@pytest.mark.parametrize("first", ["energy", "fast"])
-def test_bodies_with_different_estimators_are_refused(first):
+def test_body_without_a_coupled_estimator_leaves_the_others_frozen():
     scene = pendulum()
-    monitors = [*watch(scene, 1, estimators=first), *watch(scene, 2, estimators="auxiliary")]
+    monitors = [*watch(scene, 1, estimators="fast"), *watch(scene, 2, estimators="auxiliary")]
+    solve(scene)
+    for monitor in monitors:
+        assert set(monitor.report().scope.values()) == {FROZEN}
+        reason = monitor.report().scope_reason
+        assert "none of the estimators fast" in reason or "has frozen inputs only" in reason
+
+
+def test_bodies_with_different_estimators_are_refused():
+    scene = pendulum()
+    monitors = [*watch(scene, 1, estimators="energy"), *watch(scene, 2, estimators="auxiliary")]
     solve(scene)
     assert scene.mbs.systemData.GetTime() == 0
     for monitor in monitors:

@@ -50,12 +50,13 @@ def test_continued_solve_is_as_one():
 
 
 def test_second_solve_starts_anew():
+    """A tangent is read at the end of the second, when it is asked for, but not of the first, which is over then."""
     scene = pendulum()
     monitors = watch(scene, estimators=BOTH)
     solve(scene)
     solve(scene)
     for monitor in monitors:
-        assert_same_bounds(*(monitor.report(i) for i in range(2)), rtol=0)
+        assert_same_bounds(*(monitor.report(i) for i in range(2)), rtol=1e-5)
 
 
 @pytest.mark.usefixtures("every_step")

@@ -134,7 +134,7 @@ class Bounds:
     correction: np.ndarray | None = None
     correction_bound: np.ndarray | None = None
 
-    def at(self, index: np.ndarray) -> Bounds:
+    def at(self, index: np.ndarray | slice) -> Bounds:
         """Return the bounds at some of the instants."""
         return Bounds(*(None if x is None else x[index] for x in self.arrays()))
 

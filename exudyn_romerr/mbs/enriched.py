@@ -9,7 +9,7 @@ import numpy as np
 
 from ..basis import Basis
 from ..enrichment import Enrichment
-from ..errors import check_count
+from ..errors import AssumptionError, check_count
 from ..frame import skew, unit_inertia
 from ..offline import prepare
 from .sampling import Sampler
@@ -75,13 +75,16 @@ class EnrichedBody:
         asked = AUTO if options["auxiliary_modes"] == "auto" else options["auxiliary_modes"]
         V_y = Z.coordinates("V", V)
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
-        found = Enrichment(body, V_y, inertia, loads, wrenches, asked)
+        try:
+            found = Enrichment(body, V_y, inertia, loads, wrenches, asked)
+        except AssumptionError as error:
+            raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
         P = Z.expand(found.P)
         self.m = P.shape[1]
         highest = found.omega.max(initial=0.0)
         self.note = (
-            f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism; its tangent "
-            "is read by a solver of its own, results of the simulation stay the same bit for bit"
+            f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism; its "
+            "tangent is read by a solver of its own, results of the simulation stay the same bit for bit"
         )
         self._couple(flex, V, P, model.rayleigh)
         # where forces act: their motion by P (3, m); torques do not care

@@ -44,6 +44,7 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable]:
             due -= 1
             if due == 0:
                 due = hook.read_tangent(mbs, t)
+                room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
         go_on = True
         if i == room:
             go_on, room = hook.flush(), len(times)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import weakref
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +12,15 @@ import numpy as np
 
 from ..errors import InputError
 from ..online import BLOCK
+from ..scope import FROZEN
 from .gather import gatherer
 from .mechanism import Mechanism
 from .scene import running_static_solver
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
+    from ..offline import Offline
     from .watch import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
@@ -48,6 +51,11 @@ class StepHook:
         self._static_solver = static or self._static_solver
         for watch in self.watches:
             watch.begin(mbs, static is not None, self.attached)
+        others = _frozen([watch for watch in self.watches if watch.is_frozen])
+        for watch in self.watches if others else ():
+            if watch.is_coupled:
+                watch.begin(mbs, static is not None, self.attached, others)
+        self._mbs = weakref.ref(mbs)
         self._mechanism = Mechanism(self.watches, self._mechanism)
         self._mechanism.begin(mbs)
         # load steps are few, and their loads may be changed before the next solve asks for a block
@@ -59,8 +67,17 @@ class StepHook:
         with _interrupt_deferred():
             rows = self._drain()
             if rows:
+                self._mechanism.read_end(self._mbs(), rows[0][-1])
                 self._mechanism.take(*rows)
         return not any(watch.stops for watch in self.watches)
+
+    def read(self, mbs: Any, watch: Watch) -> Offline:
+        """Return what a watch would make bounds with if a solve began now."""
+        offline = watch.read(mbs, attached=self.attached)
+        if not offline.scene.coupled:
+            return offline
+        others = [other for other in self.watches if other.read(mbs, attached=self.attached).scene.scope == FROZEN]
+        return watch.read(mbs, attached=self.attached, others=_frozen(others))
 
     @property
     def attached(self) -> set[int]:
@@ -99,6 +116,12 @@ class StepHook:
     def _new_arrays(self, size: int, at_once: bool) -> tuple[np.ndarray, ...]:
         rows = 1 if at_once else block_rows(size, self.has_tangents)
         return np.empty(rows), *(np.empty((rows, size)) for _ in range(3))
+
+
+def _frozen(watches: Sequence[Watch]) -> str:
+    """Why coupled bounds cannot be had beside these; empty if there are none."""
+    numbers = ", ".join(str(watch.item) for watch in watches)
+    return f"it needs those of all bodies, and object {numbers} has frozen inputs only, see there" if watches else ""
 
 
 def block_rows(size: int, with_tangents: bool = False) -> int:

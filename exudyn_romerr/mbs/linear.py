@@ -23,7 +23,7 @@ class LinearSubject:
         self._model, self._offline = flex.model, offline
         self.columns, self.floor = slice(0, 0), 0.0
 
-    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = ()) -> Offline:
+    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
         """Find the body's coordinates in the mbs; AssumptionError if something else acts on it."""
         require_inputs_only(mbs, self._node, self.item)
         first = mbs.GetNodeODE2Index(self._node)

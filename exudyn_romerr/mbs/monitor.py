@@ -67,7 +67,7 @@ class Monitor:
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
         self._hook.flush()  # what was stored so far belongs to what was read before
-        return self._watch.read(self._mbs, attached=self._hook.attached).plan
+        return self._hook.read(self._mbs, self._watch).plan
 
     def report(self, i: int = -1) -> BoundReport:
         """Return the bounds of run i (default: the last), also while it is running.

@@ -50,7 +50,7 @@ class MovingSubject:
         self._signature: tuple = ()
         self._body: ElasticBody | None = None
 
-    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = ()) -> Offline:
+    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
         """Read body, joints and loads; do the offline work unless nothing of it changed since."""
         model = read_object(mbs, self._flex)
         actions = read_actions(mbs, self._flex, model, load_factor(mbs) if static else None)
@@ -59,7 +59,7 @@ class MovingSubject:
         idle = actions.drop_idle(body)
         support = read_support(mbs, model, idle)
         columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
-        scope = find_scope(mbs, self._wanted, model, actions, support, static, attached)
+        scope = find_scope(mbs, self._wanted, model, actions, support, static, attached, others)
         signature = (model.V.tobytes(), id(body), support, scope, *actions.signature())
         if signature != self._signature:
             terms = InputTerms(actions, support, self._flex, model.V)

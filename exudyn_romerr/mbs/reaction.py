@@ -37,15 +37,16 @@ class Reaction:
         if goes_on:
             self._feedback = before._feedback
         else:
-            tangent = _Extended(self._tangents.readings, self)[0]
-            self._feedback.start(tangent, self._forces(first)[0], self._forces_at_rest())
+            extended, t = _Extended(self._tangents.readings, self), float(first[0][0])
+            tangent = extended[int(np.searchsorted(extended.t, t, side="right")) - 1]
+            self._feedback.start(tangent, self._forces(first)[0], self._forces_at_rest(), t)
         e = self._feedback.state[:, None]
         runs, openings = [], []
         for watch, own in zip(self._watches, self._own, strict=True):
             body, rest = watch.enriched, watch.opening.rest
-            runs.append(Run(body.offline if rest is None else body.offline.from_static()))
-            states = self._states(body, own, first[1:], e)
             after = watch.opening.before.companion if goes_on else None
+            states, offline = self._states(body, own, first[1:], e), body.offline if after is None else after.offline
+            runs.append(Run(offline if rest is None else offline.from_static()))
             if rest is not None:
                 rest = body.rest(states[0][0, body.frame_size :], rest)
             sample = (None if x is None else x[0] for x in body.sampler(first[0], *states))

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..errors import AssumptionError
 from ..scope import COMPLETE, COUPLED, FROZEN
 
@@ -26,6 +28,8 @@ SWITCHING = (
     "JointALEMoving2D",
     "JointRollingDisc",
 )
+SWITCHES = ("useLimitStops", "dynamicFrictionForce", "staticFrictionOffsetForce")  # parameters
+PASSIVE = ("stiffness", "damping")  # parameters that take energy away or keep it, if not negative
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
@@ -60,8 +64,9 @@ def find_scope(
     support: Support,
     static: bool,
     attached: Collection[int],
+    others: str,
 ) -> Found:
-    """Return the widest scope that the scene allows, or the one asked for.
+    """Return the widest scope that the scene allows, or the one asked for; others: why other bodies do not.
 
     Raises
     ------
@@ -73,7 +78,8 @@ def find_scope(
         reacting.insert(0, "the frame")
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
-    refusal = next(_refusals(mbs, wanted, actions, static, attached), "")
+    without = next(_no_feedback(mbs, wanted, model), "")
+    refusal = others or next(_refusals(mbs, wanted, actions, static, attached, without), "")
     if refusal and wanted.scope == COUPLED and not static:
         raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
     frozen = (
@@ -83,11 +89,12 @@ def find_scope(
     )
     if refusal:
         return Found(FROZEN, f"{frozen} (no coupled bound: {refusal})")
-    without = next(_no_feedback(mbs, wanted, model), "")
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 
-def _refusals(mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int]) -> Iterator[str]:
+def _refusals(
+    mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int], without: str
+) -> Iterator[str]:
     """Why the bound cannot cover the feedback of the mechanism."""
     options = wanted.options
     if wanted.scope == OF_A_FILE:
@@ -104,11 +111,14 @@ def _refusals(mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached
         )
     if options["initial"] is not None or len(options["jumps"]):
         yield "initial= and jumps= are covered with frozen inputs only"
-    follow = [load.name for load in actions.loads if load.body_fixed]
-    if follow:
-        yield f"{', '.join(follow)} turn with the body (bodyFixed)"
+    names = _asked(options)
+    if "energy" not in names and (without or "auxiliary" not in names):
+        yield f"neither of the estimators {', '.join(names)} has a coupled bound" + (
+            f" ({without})" if without else ""
+        )
     yield from _unattached(mbs, attached)
     yield from _switching(mbs)
+    yield from _controlled(mbs)
 
 
 def _unattached(mbs: Any, attached: Collection[int]) -> Iterator[str]:
@@ -124,15 +134,38 @@ def _switching(mbs: Any) -> Iterator[str]:
     for i in range(mbs.systemData.NumberOfObjects()):
         item = mbs.GetObject(i)
         kind, name = item["objectType"], f"object {i} ({item['name']}, {item['objectType']})"
-        if "Contact" in kind or kind in SWITCHING or item.get("useLimitStops"):
-            yield f"{name} switches, slides or rolls: a linearised mechanism does not"
+        if "Contact" in kind or kind in SWITCHING or any(item.get(key) for key in SWITCHES):
+            yield f"{name} switches, slides, rolls or rubs: a linearised mechanism does not"
         if item.get("velocityLevel"):
             yield f"{name} constrains velocities, not positions"
         functions = [key for key in item if _controls(key) and item[key]]
         if functions:
             yield f"{name} has {', '.join(functions)}: a controller may do work on the error"
-    if mbs.systemData.DataSize():
+        if "markerNumbers" in item and any(np.any(np.asarray(item.get(key, 0.0)) < 0) for key in PASSIVE):
+            yield f"{name} has negative stiffness or damping: it may do work on the error"
+
+
+def _controlled(mbs: Any) -> Iterator[str]:
+    """What else than objects may switch, follow or control."""
+    system = mbs.systemData
+    if system.DataSize() or mbs.NumberOfGeneralContacts():
         yield "data coordinates of the mbs (contact, friction, hysteresis) switch: a linearised mechanism does not"
+    if system.ODE1Size():
+        yield "the mbs has ODE1 coordinates (hydraulics, controllers), which may do work on the error"
+    if mbs.GetPreStepUserFunction():
+        yield "a PreStep user function may change the mechanism or its loads"
+    for i in range(system.NumberOfLoads()):
+        load = mbs.GetLoad(i)
+        if load.get("bodyFixed"):
+            yield f"load {i} ({load['name']}) turns with its body (bodyFixed)"
+
+
+def _asked(options: dict[str, Any]) -> list[str]:
+    """Estimators that were asked for, of those that a coupled bound is known of if that was left open."""
+    asked = options["estimators"]
+    if asked == AUTO:
+        return ["energy", "auxiliary"]
+    return [asked] if isinstance(asked, str) else list(asked)
 
 
 def _controls(key: str) -> bool:
@@ -147,6 +180,5 @@ def _no_feedback(mbs: Any, wanted: Wanted, model: ReducedMatrices) -> Iterator[s
     solver = mbs.sys.get("dynamicSolver")
     if solver is not None and not hasattr(solver, "newmarkBeta"):
         yield "auxiliary modes react with the mechanism only under an implicit solver, which has accelerations"
-    asked = wanted.options["estimators"]
-    if asked != "auto" and "auxiliary" not in ([asked] if isinstance(asked, str) else asked):
+    if "auxiliary" not in _asked(wanted.options):
         yield "estimator 'auxiliary' was not asked for"

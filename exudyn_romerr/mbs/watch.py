@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..online import Run
+from ..scope import FROZEN
 from ..static_run import StaticRun
 from .scene import end_time, newton_tolerance
 
@@ -43,6 +44,7 @@ class Watch:
         self._subject = subject
         self._listens = False  # from the begin of a solve on, until the simulation diverges
         self._run: Run | StaticRun | None = None
+        self._changed = False  # the mbs, since the run that this one starts at the end of
         self._last: tuple | None = None  # time, q, q_t, q_tt of the last row evaluated
 
     @property
@@ -66,6 +68,11 @@ class Watch:
         return self.error is None and self._listens and self._offline.scene.coupled
 
     @property
+    def is_frozen(self) -> bool:
+        """Whether its bounds have frozen inputs, though something reacts to the body."""
+        return self.error is None and self._offline.scene.scope == FROZEN
+
+    @property
     def kind(self) -> tuple:
         """What has to be the same for all bodies of a mechanism: which bounds, over which streams."""
         return self.shares_energy, self._offline.time
@@ -79,17 +86,20 @@ class Watch:
         """Return q, q_t, q_tt, u and the frame of rows of the mbs."""
         return self._subject.sampled(t, *(state[:, self._columns] for state in states))
 
-    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = ()) -> Offline:
-        """Read the mbs; return what the bounds are made with, or raise if their assumptions do not hold there."""
-        return self._subject.read(mbs, static, attached)
+    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
+        """Read the mbs; return what the bounds are made with, or raise if their assumptions do not hold there.
 
-    def begin(self, mbs: Any, static: bool, attached: Collection[int] = ()) -> None:
+        attached: objects that are watched. others: why these have no coupled bounds; this one has none either then.
+        """
+        return self._subject.read(mbs, static, attached, others)
+
+    def begin(self, mbs: Any, static: bool, attached: Collection[int] = (), others: str = "") -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
         self.error, self.stopped, self._run, self._listens = None, False, None, True
         self._late = False  # the run starts later than the solve
         self._kind = StaticRun if static else Run
         with self.kept_errors():
-            self._offline = self.read(mbs, static, attached)
+            self._offline = self.read(mbs, static, attached, others)
             self._end_time, self._newton_tolerance = end_time(mbs, static), newton_tolerance(mbs, static)
             self._columns = self._subject.columns
 
@@ -105,9 +115,10 @@ class Watch:
         """Evaluate accepted steps: t (S,) and the mbs's q, q_t, q_tt, each (S, all its coordinates)."""
         self.receive(t, *states)
         self.open()
+        self.admit()
         self.segment()
         self.advance()
-        self.compare()
+        self.settle()
 
     def receive(self, t: np.ndarray, *states: np.ndarray) -> None:
         """Phase 1 of take: look at the rows; what a run opens with is in `opening` then.
@@ -120,11 +131,21 @@ class Watch:
             with self.kept_errors():
                 self._look(t.copy(), *(state[:, self._columns].copy() for state in states))
 
+    def postpone(self) -> None:
+        """Leave the run closed: other bodies cannot open theirs yet."""
+        self._run, self.opening, self.rows, self._late = None, None, (), True
+
     def open(self) -> None:
         """Phase 2: open the run that phase 1 found."""
         if self.error is None and self.opening is not None:
-            self._run.open(self.opening)
+            with self.kept_errors():
+                self._run.open(self.opening)
+
+    def admit(self) -> None:
+        """Phase 2, when all that belongs to it was opened: from now on the run has a report."""
+        if self.error is None and self.opening is not None:
             self.runs.append(self._run)
+            self._run.settle()
             self._last = self._opened
 
     def segment(self) -> None:
@@ -140,13 +161,16 @@ class Watch:
         if self.error is None and self.extension is not None:
             with self.kept_errors():
                 self._run.advance(self.extension)
-                self._last = self._newest
 
-    def compare(self) -> None:
-        """Compare the bounds with the tolerance; the solve is stopped when one exceeds it."""
-        if self.error is None and self._run is not None and self._listens:
-            with self.kept_errors():
-                self._compare(self._run.last_time)
+    def settle(self) -> None:
+        """Phase 5: what was advanced counts; it is compared with the tolerance, and the solve stopped if larger."""
+        if self.error is not None or self._run is None:
+            return
+        if self.extension is not None:
+            self._run.settle()
+            self._last = self._newest
+        with self.kept_errors():
+            self._compare(self._run.last_time)
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""
@@ -172,8 +196,14 @@ class Watch:
 
     def _start(self, t: float, *states: np.ndarray) -> None:
         before = None if self._kind is StaticRun else self._run_before(t, *states[:2])
-        offline = self._offline.from_static() if isinstance(before, StaticRun) else self._offline
+        if before is None:
+            offline = self._offline
+        else:
+            offline = self._offline.from_static() if before.is_static else before.offline
         run = self._kind(offline)
+        run.source = self._offline
+        if before is None and self._changed:
+            run.messages.append("the mbs was changed since the run before: its error so far is not carried over")
         first = self._first(t, before, *states)
         if first is None:
             self._late = True
@@ -193,13 +223,19 @@ class Watch:
 
     def _run_before(self, t: float, q: np.ndarray, q_t: np.ndarray) -> Run | None:
         """Return the run in whose last state this one starts: also a static one, if no initial state was given."""
+        self._changed = False
         if not self.runs:
             return None
         before, (t_last, q_last, q_t_last, _) = self.runs[-1], self._last
-        if isinstance(before, StaticRun):
-            released = self._offline.initial is None and np.array_equal(q, q_last) and not q_t.any()
-            return before if released else None
-        return before if t == t_last and np.array_equal(q, q_last) and np.array_equal(q_t, q_t_last) else None
+        if not np.array_equal(q, q_last):
+            return None
+        if before.is_static:
+            released = self._offline.initial is None and not q_t.any()
+            return before if released and before.inputs == self._offline.balance.coordinates.p else None
+        if t != t_last or not np.array_equal(q_t, q_t_last):
+            return None
+        self._changed = before.source is not self._offline
+        return None if self._changed else before
 
     def _diverge(self, t: float) -> None:
         if self._run is None:
