@@ -17,9 +17,9 @@ from .split import without
 if TYPE_CHECKING:
     from .body import ElasticBody
 
-RANK = 1e-8  # of the largest column: what is smaller is rounding of the others
+RANK = 1e-8  # of the largest response: what is smaller is rounding of what V and P hold already
 MISSED = 1e-6  # of a static mode: less is rounding of what V holds of it already
-HELD = 1e-8  # smallest singular value of the interfaces' motion in V, of the largest, that can take it out of P
+HELD = 1e-6  # smallest cosine between static modes and V that can take the interfaces' motion out of P
 
 
 class Enrichment:
@@ -49,51 +49,72 @@ class Enrichment:
 
     def __init__(self, body: ElasticBody, V: np.ndarray, inertia, loads, wrenches, m: int):
         self._factor, self._V = body.stiffness_factor, V
-        self._held = _orthonormal(self._factor.half_multiply(V))
         omega, shapes = la.eigh(V.T @ (body.K @ V), V.T @ (body.M @ V))
         omega = np.sqrt(omega)
         # forces that move the body by a unit acceleration move its modes by (omega_1/omega)^2: that is their weight
         modal = body.M @ (V @ shapes) * (omega[0] / omega) ** 2
         columns = np.hstack([omega[0] * inertia, omega[0] * modal, self._of_unit_energy(loads)])
-        P = np.hstack([self._static(wrenches), np.zeros((len(V), 0))])
+        wrenches = self._of_unit_energy(wrenches)
+        P = self._static(wrenches)
         m = min(P.shape[1] + m, len(V) - V.shape[1])
         while P.shape[1] < m and columns.shape[1]:
             new = self._responses(columns, P, m - P.shape[1])
             P, columns = np.hstack([P, new]), body.M @ new
-        P = P - V @ _moved(wrenches.T @ V, wrenches.T @ P)
+        P = P - V @ self._moved(wrenches, P)
         P = P @ _independent(self._factor.half_multiply(P))
         squares, turn = la.eigh(P.T @ (body.M @ P))  # 1/omega^2
         kept = np.flatnonzero(squares > RANK**2 * squares.max(initial=0.0))[::-1]
         self.P, self.omega = P @ (turn[:, kept] / np.sqrt(squares[kept])), 1 / np.sqrt(squares[kept])
 
-    def _of_unit_energy(self, loads: np.ndarray) -> np.ndarray:
-        size = np.linalg.norm(self._factor.half_solve(loads), axis=0) if loads.size else np.ones(loads.shape[1])
-        return loads / np.where(size > 0, size, 1.0)
+    def _of_unit_energy(self, forces: np.ndarray) -> np.ndarray:
+        """Forces scaled to unit norm in K^-1; those that do no work are left out."""
+        if not forces.size:
+            return forces
+        size = np.linalg.norm(self._factor.half_solve(forces), axis=0)
+        return forces[:, size > 0] / size[size > 0]
 
     def _static(self, wrenches: np.ndarray) -> np.ndarray:
         """What V misses of the static modes of the interfaces (all of them where V makes interfaces rigid)."""
+        none = np.zeros((len(self._V), 0))
         if not wrenches.shape[1]:
-            return wrenches
-        unit = self._of_unit_energy(wrenches)
-        left = np.linalg.norm(without(self._held, self._factor.half_solve(unit)), axis=0)
-        return self._left_of(unit[:, left > MISSED])
+            return none
+        left = np.linalg.norm(without(self._held(none), self._factor.half_solve(wrenches)), axis=0)
+        return self._left_of(wrenches[:, left > MISSED], none)
 
     def _responses(self, columns: np.ndarray, P: np.ndarray, m: int) -> np.ndarray:
         """The m largest responses K^-1 columns, in energy, of what V and P leave of them."""
-        known = self._held if not P.shape[1] else _orthonormal(np.hstack([self._held, self._factor.half_multiply(P)]))
-        rest = without(known, self._factor.half_solve(columns))
-        _, size, combined = la.svd(rest, full_matrices=False)
-        m = min(m, int(np.sum(size > RANK * size[0])))
-        return self._left_of(columns @ (combined[:m].T / size[:m]))
+        energies = self._factor.half_solve(columns)
+        _, size, combined = la.svd(without(self._held(P), energies), full_matrices=False)
+        m = min(m, int(np.sum(size > RANK * np.linalg.norm(energies, axis=0).max())))
+        return self._left_of(columns @ (combined[:m].T / size[:m]), P)
 
-    def _left_of(self, forces: np.ndarray) -> np.ndarray:
-        """K^-1 forces, K-orthogonal to V."""
+    def _held(self, P: np.ndarray) -> np.ndarray:
+        """Orthonormal basis of V and P where |.|_K is the 2-norm."""
+        return _orthonormal(self._factor.half_multiply(np.hstack([self._V, P])))
+
+    def _left_of(self, forces: np.ndarray, P: np.ndarray) -> np.ndarray:
+        """K^-1 forces, K-orthogonal to V and P."""
         if not forces.shape[1]:
             return forces
-        V, K_V = self._V, self._factor.half_multiply(self._V)
-        responses = self._factor.solve(forces)
-        within = la.lstsq(K_V, self._factor.half_multiply(responses))[0]
-        return responses - V @ within
+        known = np.hstack([self._V, P])
+        energies, responses = self._factor.half_multiply(known), self._factor.solve(forces)
+        for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
+            responses = responses - known @ la.lstsq(energies, self._factor.half_multiply(responses))[0]
+        return responses
+
+    def _moved(self, wrenches: np.ndarray, P: np.ndarray) -> np.ndarray:
+        """Combinations of V that move the interfaces as P does; wrenches: of unit energy."""
+        if not wrenches.shape[1]:
+            return np.zeros((self._V.shape[1], P.shape[1]))
+        size = np.linalg.norm(self._factor.half_multiply(self._V), axis=0)
+        of_V = wrenches.T @ (self._V / size)  # cosines between static modes and V
+        values = la.svd(of_V, compute_uv=False)
+        if len(values) < len(of_V) or values[-1] < HELD:
+            raise AssumptionError(
+                "the modes cannot move every interface in every direction: joints need interfaces with static modes "
+                "(Craig-Bampton)"
+            )
+        return la.pinv(of_V) @ (wrenches.T @ P) / size[:, None]
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
@@ -108,16 +129,3 @@ def _independent(columns: np.ndarray) -> np.ndarray:
     _, size, turn = la.svd(columns / length, full_matrices=False)
     kept = size > RANK * size[0]
     return turn[kept].T / size[kept] / length[:, None]
-
-
-def _moved(of_V: np.ndarray, of_P: np.ndarray) -> np.ndarray:
-    """Combinations of V that move the interfaces as P does."""
-    if not len(of_V):
-        return np.zeros((of_V.shape[1], of_P.shape[1]))
-    values = la.svd(of_V, compute_uv=False)
-    if len(values) < len(of_V) or values[-1] < HELD * values[0]:
-        raise AssumptionError(
-            "the modes cannot move every interface in every direction: joints need interfaces with static modes "
-            "(Craig-Bampton)"
-        )
-    return la.pinv(of_V) @ of_P

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -89,8 +90,9 @@ class Feedback:
             steps = np.flatnonzero(after == j)
             for i in steps.tolist():
                 found[:, i] = self._step(float(t[i]), force[i], first, last, steps[-1] + 1 - i)
-            here = found[1, steps]
-            speed[steps] = np.sqrt(np.maximum(np.einsum("si,ij,sj->s", here, first.M, here), 0.0))
+            speed[steps] = _speed(found[1, steps], t[steps], first, last)
+        if not np.isfinite(found).all():
+            raise AssumptionError(SINGULAR)
         return found, speed
 
     def _step(self, now: float, force: np.ndarray, first: Tangent, last: Tangent, left: int) -> np.ndarray:
@@ -146,7 +148,7 @@ class _Interval:
     def _solve(self, now: float, force: np.ndarray, ahead: np.ndarray) -> np.ndarray:
         """Return the increment z (k,)."""
         first, last = self._ends
-        share = 0.0 if first is last else (now - first.t) / (last.t - first.t)
+        share = float(_share(now, first, last))
         right = -_linear(self._W @ ahead, share)
         right[: len(force)] += force
         if self._inverses is not None:
@@ -174,6 +176,18 @@ SINGULAR = (
     "the linearised equations of the mechanism are singular (constraints that contradict each other, or coordinates "
     "without mass); no auxiliary modes with feedback: pass scope='inputs frozen'"
 )
+
+
+def _share(t: Any, first: Tangent, last: Tangent) -> Any:
+    """Where times are between two tangents, 0..1; the last one is held."""
+    return 0.0 * t if first is last else np.clip((t - first.t) / (last.t - first.t), 0.0, 1.0)
+
+
+def _speed(e_t: np.ndarray, t: np.ndarray, first: Tangent, last: Tangent) -> np.ndarray:
+    """Mass norm (S,) of velocities (S, k) at times between two tangents."""
+    squares = [np.einsum("si,ij,sj->s", e_t, tangent.M, e_t) for tangent in (first, last)]
+    share = _share(t, first, last)
+    return np.sqrt(np.maximum((1 - share) * squares[0] + share * squares[1], 0.0))
 
 
 def _held(A: np.ndarray, G: np.ndarray, force: np.ndarray) -> np.ndarray:

@@ -143,7 +143,7 @@ class Run:
             self._streams[name].advance(block, step_end, self._widening(block, step_end))
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
-            self._streams["initial"].advance(replace(block, c=0 * block.c), step_end)
+            self._streams["initial"].advance(replace(block, c=0 * block.c, joint=None, added=None), step_end)
         self._record(new)
 
     def best_now(self) -> dict[str, np.ndarray]:

@@ -113,14 +113,17 @@ class CorrectedEnergy(MechanismEnergy):
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
-        none = np.zeros((1, self.value_rows.shape[1]))
-        self._added = start.added or Added(none, none, np.zeros(1))
+        self._added = start.added or self._nothing(1)
         return super().start(start)
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        self._added = block.added
+        self._added = block.added or self._nothing(len(block.h))
         return super().advance(block)
+
+    def _nothing(self, count: int) -> Added:
+        none = np.zeros((count, self.value_rows.shape[1]))
+        return Added(none, none, np.zeros(count))
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""

@@ -113,7 +113,7 @@ def _refusals(
         yield "initial= and jumps= are covered with frozen inputs only"
     names = _asked(options)
     if "energy" not in names and (without or "auxiliary" not in names):
-        yield f"neither of the estimators {', '.join(names)} has a coupled bound" + (
+        yield f"none of the estimators {', '.join(names)} has a coupled bound here" + (
             f" ({without})" if without else ""
         )
     yield from _unattached(mbs, attached)

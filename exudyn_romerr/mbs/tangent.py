@@ -107,7 +107,14 @@ class Tangents:
                 f"constraints were switched on or off before t = {t:g} s; the linearised mechanism is another one "
                 "from there on: pass scope='inputs frozen', or solve up to there and go on with a second solve"
             )
-        return G[self._rows]
+        G = G[self._rows]
+        values = la.svd(G, compute_uv=False) if len(G) else np.ones(1)
+        if values[-1] <= RANK * values[0]:
+            raise AssumptionError(
+                f"constraints have become redundant before t = {t:g} s (a singular position), where the linearised "
+                "mechanism has no solution: pass scope='inputs frozen'"
+            )
+        return G
 
     def _forces(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
         """D and K by numerical differentiation; what a user function may leave half done on its way is set back."""
