@@ -39,7 +39,8 @@ class Reaction:
         else:
             extended, t = _Extended(self._tangents.readings, self), float(first[0][0])
             tangent = extended[int(np.searchsorted(extended.t, t, side="right")) - 1]
-            self._feedback.start(tangent, self._forces(first)[0], self._forces_at_rest(), t)
+            samples = [watch.sampled(*first) for watch in self._watches]
+            self._feedback.start(tangent, self._forces(samples)[0], self._forces_at_rest(), t)
         e = self._feedback.state[:, None]
         runs, openings = [], []
         for watch, own in zip(self._watches, self._own, strict=True):
@@ -65,7 +66,8 @@ class Reaction:
     def advance(self, rows: tuple[np.ndarray, ...]) -> None:
         """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates)."""
         extended = _Extended(self._tangents.readings, self)
-        e, speed = self._feedback.advance(rows[0], self._forces(rows), extended.t, extended.__getitem__)
+        forces = self._forces([watch.rows[1:] for watch in self._watches])
+        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__)
         self._tangents.forget()
         runs, extensions = [watch.run.companion for watch in self._watches], []
         for watch, run, own in zip(self._watches, runs, self._own, strict=True):
@@ -87,12 +89,11 @@ class Reaction:
         """Number of coordinates of mechanism and vectors."""
         return self._size
 
-    def _forces(self, rows: Sequence[np.ndarray]) -> np.ndarray:
-        """-P^T R (S, all coordinates) of the reduced bodies at rows of the mbs."""
-        forces = np.zeros((len(rows[0]), self._size))
-        for watch, own in zip(self._watches, self._own, strict=True):
-            q, q_t, q_tt, u, _ = watch.sampled(*rows)
-            forces[:, own] = watch.enriched.forces(q, q_t, q_tt, u)
+    def _forces(self, samples: Sequence[tuple]) -> np.ndarray:
+        """-P^T R (S, all coordinates) of the reduced bodies, from samples q, q_t, q_tt, u, frame of each."""
+        forces = np.zeros((len(samples[0][0]), self._size))
+        for (body, own), sample in zip(self.parts(), samples, strict=True):
+            forces[:, own] = body.forces(*sample[:4])
         return forces
 
     def _forces_at_rest(self) -> np.ndarray | None:
