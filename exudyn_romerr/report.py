@@ -92,8 +92,9 @@ class BoundReport:
     """The bounds of one run.
 
     t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
-    scope[e] : "complete" (loads and supports do not depend on the body's deformation) or "inputs frozen" (they do;
-    the bound holds for the full body under those of this simulation). time : "reconstructed",
+    scope[e] : "complete" (loads and supports do not depend on the body's deformation), "coupled (linearised)" (they
+    do, and the bound covers it to first order) or "inputs frozen" (they do; the bound holds for the full body under
+    those of this simulation). time : "reconstructed",
     "sampled" or "static". messages : what the reader must know first.
     """
 

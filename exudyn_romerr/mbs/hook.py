@@ -8,6 +8,7 @@ import weakref
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import exudyn as exu
 import numpy as np
 
 from ..errors import InputError
@@ -39,6 +40,7 @@ class StepHook:
         self.user = user
         self.watches: list[Watch] = []
         self._mechanism = Mechanism([])
+        self._told: Exception | None = None
         self.step, self._drain = gatherer(mbs, self)
         self._occupant: Callable = self.step
         self._static_solver: Any = None
@@ -69,6 +71,12 @@ class StepHook:
             if rows:
                 self._mechanism.read_end(self._mbs(), rows[0][-1])
                 self._mechanism.take(*rows)
+        for watch in self.watches:
+            if watch.error is not None and watch.error is not self._told:
+                self._told = watch.error
+                exu.Print(
+                    f"exudyn_romerr stops the solve, report() raises: {type(watch.error).__name__}: {watch.error}"
+                )
         return not any(watch.stops for watch in self.watches)
 
     def read(self, mbs: Any, watch: Watch) -> Offline:

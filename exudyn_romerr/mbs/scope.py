@@ -30,6 +30,8 @@ SWITCHING = (
 )
 SWITCHES = ("useLimitStops", "dynamicFrictionForce", "staticFrictionOffsetForce")  # parameters
 PASSIVE = ("stiffness", "damping")  # parameters that take energy away or keep it, if not negative
+LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
+MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
@@ -88,7 +90,7 @@ def find_scope(
         "make the error of the whole mechanism several times larger"
     )
     if refusal:
-        return Found(FROZEN, f"{frozen} (no coupled bound: {refusal})")
+        return Found(FROZEN, f"no coupled bound: {refusal}; {frozen}")
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 
@@ -158,6 +160,28 @@ def _controlled(mbs: Any) -> Iterator[str]:
         load = mbs.GetLoad(i)
         if load.get("bodyFixed"):
             yield f"load {i} ({load['name']}) turns with its body (bodyFixed)"
+    controllers = loads_by_motion(mbs)
+    if controllers:
+        yield f"{', '.join(controllers)} depend on the motion: a controller may do work on the error"
+
+
+def loads_by_motion(mbs: Any) -> list[str]:
+    """Names of loads whose user functions give something else in another state at the same time."""
+    system = mbs.systemData
+    numbers = [i for i in range(system.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
+    if not numbers:
+        return []
+    q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
+    values = [np.asarray(mbs.GetLoadValues(i)) for i in numbers]
+    try:
+        system.SetODE2Coordinates(q + MOVED * (1 + np.sin(np.arange(len(q)))))
+        system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
+        moved = [np.asarray(mbs.GetLoadValues(i)) for i in numbers]
+    finally:
+        system.SetODE2Coordinates(q)
+        system.SetODE2Coordinates_t(q_t)
+    changed = [not np.array_equal(*pair, equal_nan=True) for pair in zip(values, moved, strict=True)]
+    return [f"load {i} ({mbs.GetLoad(i)['name']})" for i, has in zip(numbers, changed, strict=True) if has]
 
 
 def _asked(options: dict[str, Any]) -> list[str]:

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..errors import AssumptionError
+from .scope import loads_by_motion
 
 CHANGE = 0.02  # of G from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing turns
@@ -71,6 +72,9 @@ class Tangents:
         system = mbs.systemData
         state = system.GetODE2Coordinates(), system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
         M, G = self._mass(mbs), self._constraints(mbs, t)
+        controllers = loads_by_motion(mbs)
+        if controllers:
+            raise AssumptionError(f"{', '.join(controllers)} depend on the motion: pass scope='inputs frozen'")
         if self._count % SLOW == 0:
             self._D, self._K = self._forces(mbs)
         if self._count:
