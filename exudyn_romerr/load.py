@@ -31,6 +31,8 @@ def load_report(path: str | os.PathLike) -> BoundReport:
         found = meta["format"]
         if found == FORMAT:
             return _assembled(arrays, meta)
+    except FileNotFoundError as error:
+        raise InputError(f"{path} is no file; pass the name given to report.save") from error
     except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} is no report of exudyn_romerr, or it is truncated: {error}") from error
     raise InputError(f"{path} has format {found!r}; this version reads format {FORMAT}: save it again")
