@@ -83,8 +83,8 @@ def test_foreign_files_are_refused(tmp_path):
     """No such file, text, another .npz."""
     (tmp_path / "text.npz").write_text("not a report")
     np.savez(tmp_path / "other.npz", x=np.ones(3))
-    for name in ("missing.npz", "text.npz", "other.npz"):
-        with pytest.raises(InputError, match="no report"):
+    for name, what in (("missing.npz", "no file"), ("text.npz", "no report"), ("other.npz", "no report")):
+        with pytest.raises(InputError, match=what):
             load_report(tmp_path / name)
 
 
