@@ -40,7 +40,7 @@ class StepHook:
         self.user = user
         self.watches: list[Watch] = []
         self._mechanism = Mechanism([])
-        self._told: Exception | None = None
+        self._told: set[str] = set()
         self.step, self._drain = gatherer(mbs, self)
         self._occupant: Callable = self.step
         self._static_solver: Any = None
@@ -48,6 +48,7 @@ class StepHook:
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
         """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt."""
         self.flush()
+        self._told.clear()
         self._occupant = slot_function(mbs)
         static = running_static_solver(mbs, self._static_solver)
         self._static_solver = static or self._static_solver
@@ -71,13 +72,15 @@ class StepHook:
             if rows:
                 self._mechanism.read_end(self._mbs(), rows[0][-1])
                 self._mechanism.take(*rows)
-        for watch in self.watches:
-            if watch.error is not None and watch.error is not self._told:
-                self._told = watch.error
-                exu.Print(
-                    f"exudyn_romerr stops the solve, report() raises: {type(watch.error).__name__}: {watch.error}"
-                )
+        self._tell()
         return not any(watch.stops for watch in self.watches)
+
+    def _tell(self) -> None:
+        """Print once why the solve is stopped: SolveDynamic does not raise, only report() will."""
+        for error in {str(watch.error): watch.error for watch in self.watches if watch.error is not None}.values():
+            if str(error) not in self._told:
+                self._told.add(str(error))
+                exu.Print(f"exudyn_romerr stops the solve, report() raises {type(error).__name__}: {error}")
 
     def read(self, mbs: Any, watch: Watch) -> Offline:
         """Return what a watch would make bounds with if a solve began now."""

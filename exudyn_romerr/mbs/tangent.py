@@ -28,6 +28,9 @@ PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are 
 CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
 
 
+FAILED = "the mechanism's tangent could not be computed"
+
+
 @dataclass(frozen=True)
 class Reading:
     """Read at time t: q, q_t, q_tt of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints.
@@ -72,9 +75,7 @@ class Tangents:
         system = mbs.systemData
         state = system.GetODE2Coordinates(), system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
         M, G = self._mass(mbs), self._constraints(mbs, t)
-        controllers = loads_by_motion(mbs)
-        if controllers:
-            raise AssumptionError(f"{', '.join(controllers)} depend on the motion: pass scope='inputs frozen'")
+        self._check_loads(mbs)
         if self._count % SLOW == 0:
             self._D, self._K = self._forces(mbs)
         if self._count:
@@ -88,6 +89,15 @@ class Tangents:
     def forget(self) -> None:
         """Keep the last reading only."""
         del self.readings[:-1]
+
+    @staticmethod
+    def _check_loads(mbs: Any) -> None:
+        try:
+            controllers = loads_by_motion(mbs)
+        except Exception as error:
+            raise AssumptionError(f"{FAILED}: {error}") from error
+        if controllers:
+            raise AssumptionError(f"{', '.join(controllers)} depend on the motion: pass scope='inputs frozen'")
 
     def _mass(self, mbs: Any) -> np.ndarray:
         self._solver.ComputeMassMatrix(mbs)
@@ -131,7 +141,7 @@ class Tangents:
                 found.append(self._solver.GetSystemJacobian()[:n, :n])
             found[1] += self._turning_forces(mbs, q)
         except Exception as error:
-            raise AssumptionError(f"the mechanism's tangent could not be computed: {error}") from error
+            raise AssumptionError(f"{FAILED}: {error}") from error
         finally:
             system.SetODE2Coordinates(q)
             system.SetODE2Coordinates_t(q_t)
