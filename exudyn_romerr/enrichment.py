@@ -12,6 +12,7 @@ import numpy as np
 import scipy.linalg as la
 
 from .errors import AssumptionError
+from .packing import orthonormal
 from .split import without
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ class Enrichment:
 
     def _held(self, P: np.ndarray) -> np.ndarray:
         """Orthonormal basis of V and P where |.|_K is the 2-norm."""
-        return _orthonormal(self._factor.half_multiply(np.hstack([self._V, P])))
+        return orthonormal(self._factor.half_multiply(np.hstack([self._V, P])))
 
     def _left_of(self, forces: np.ndarray, P: np.ndarray) -> np.ndarray:
         """K^-1 forces, K-orthogonal to V and P."""
@@ -115,10 +116,6 @@ class Enrichment:
                 "(Craig-Bampton)"
             )
         return la.pinv(of_V) @ (wrenches.T @ P) / size[:, None]
-
-
-def _orthonormal(columns: np.ndarray) -> np.ndarray:
-    return la.qr(columns / np.linalg.norm(columns, axis=0), mode="economic")[0]
 
 
 def _independent(columns: np.ndarray) -> np.ndarray:

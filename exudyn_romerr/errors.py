@@ -71,10 +71,10 @@ def check_nodes(nodes: Iterable[int], count: int) -> np.ndarray:
     return numbers.astype(int)
 
 
-def check_count(name: str, value: object, most: int, of: str) -> int:
-    """Return `value` as an int in 1..most or raise InputError; `of` says what is counted."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= value <= most:
-        raise InputError(f"{name}={value!r}; allowed: a whole number 1..{most} ({of})")
+def check_count(name: str, value: object, most: int, of: str, least: int = 1) -> int:
+    """Return `value` as an int in least..most or raise InputError; `of` says what is counted."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= value <= most:
+        raise InputError(f"{name}={value!r}; allowed: a whole number {least}..{most} ({of})")
     return int(value)
 
 

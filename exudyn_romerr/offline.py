@@ -122,7 +122,8 @@ def prepare(
     of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time}
     asked = _checked_estimators(estimators, body, scene)
     names = tuple(name for name in asked if not (scene.has_companion and name == "auxiliary"))
-    problem = _made_problem(body, basis, names, scene, initial=initial, **of_problem)
+    with_modes = "auxiliary" in names and not scene.corrected
+    problem = _made_problem(body, basis, names, scene, with_modes, initial=initial, **of_problem)
     _check_frame(problem, names, jumps, scene)
     signal = _made_signal(input_function, problem.B.shape[1], sampled_inputs)
     V, W, B = problem.V, problem.W, problem.B
@@ -139,7 +140,7 @@ def prepare(
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
         round_off=np.outer(np.where(problem.velocity_rows, problem.C2, problem.C_K), problem.round_off),
-        measure=_sharpest_norm(problem, names, scene),
+        measure=_sharpest_norm(problem, names, scene, with_modes),
         omega_1=float(body.modes(1).omega[0]),
         jumps=_checked_jumps(jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
@@ -178,12 +179,11 @@ def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> Inp
     return None if sampled and f is None else InputSignal(f, p)
 
 
-def _made_problem(body, basis, names: tuple[str, ...], scene: Scene, **options: Any) -> Problem:
+def _made_problem(body, basis, names: tuple[str, ...], scene: Scene, with_modes: bool, **options: Any) -> Problem:
     """Packed where the estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
     packed = scene.minor is not None and set(names) <= {"energy", "auxiliary"}
     if not packed or options["initial"] is not None or options["residual"] != "orthonormal":
         return Problem(body, basis, **options)
-    with_modes = "auxiliary" in names and not scene.corrected
     return PackedProblem(body, basis, cut=scene.minor, with_modes=with_modes, **options)
 
 
@@ -209,9 +209,9 @@ def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float
         raise AssumptionError("jumps= need a frame at rest; let the load grow over a few steps instead")
 
 
-def _sharpest_norm(problem: Problem, names: tuple[str, ...], scene: Scene) -> Callable:
+def _sharpest_norm(problem: Problem, names: tuple[str, ...], scene: Scene, with_modes: bool) -> Callable:
     """The norm of R that the sharpest estimator accumulates."""
-    if "auxiliary" in names and not scene.corrected:
+    if with_modes:
         return problem.split.norm_K
     return problem.norm_K if "energy" in names or scene.coupled else problem.norm_M
 

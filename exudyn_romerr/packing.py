@@ -134,7 +134,7 @@ class PackedProblem(Problem):
         columns, states = super().Y_K, plain.k - plain.p
         frame = np.arange(states, plain.k)[cut]
         rest = without(modes, columns)
-        basis = _orthonormal(np.delete(rest, frame, axis=1))
+        basis = orthonormal(np.delete(rest, frame, axis=1))
         T = np.vstack([modes.T @ columns, basis.T @ rest])
         left = np.linalg.norm(without(basis, rest[:, frame]), axis=0)
         self.packing = Packing(T[:, states:], cut, left)
@@ -155,8 +155,8 @@ class PackedProblem(Problem):
         return PackedSplit(self, self.auxiliary_modes)
 
 
-def _orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of the range; columns scaled first, those that rounding alone tells apart dropped."""
+def orthonormal(columns: np.ndarray) -> np.ndarray:
+    """Return a basis of the range; columns scaled first, those that rounding alone tells apart dropped."""
     length = np.linalg.norm(columns, axis=0)
     Q, triangle, _ = la.qr(columns / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(triangle))

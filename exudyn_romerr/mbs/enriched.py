@@ -12,6 +12,7 @@ from ..enrichment import Enrichment
 from ..errors import AssumptionError, check_count
 from ..frame import skew, unit_inertia
 from ..offline import prepare
+from ..residual import ResidualMap
 from .sampling import Sampler
 from .terms import InputTerms
 
@@ -107,21 +108,19 @@ class EnrichedBody:
         self._of_P = np.einsum("ain,ajm->ijnm", P, MP, optimize=True)
 
     def _force(self, body: ElasticBody, V: np.ndarray, P: np.ndarray) -> None:
-        """-P^T [M V, K V, -B]: what R of the modes alone does to P."""
-        self._rayleigh = body.rayleigh
-        self._of_modes = -P.T @ np.hstack([body.M @ V, body.K @ V])
-        self._of_inputs = P.T @ body.space.loads(self._terms.columns)
+        """-P^T R = -P^T L z of the modes alone."""
+        residual = ResidualMap(body, V, body.space.loads(self._terms.columns))
+        self._layout, self._forcing = residual.coordinates, -P.T @ residual.L
 
     def _prepare(self, flex, body, V: np.ndarray, actions: Actions, support: Support, scene: Scene, options) -> None:
         terms = InputTerms(actions, support, flex, V)
-        minor = None if support.at_rest else slice(12, 12 + 9 * V.shape[1])
         names = {name: options[name] for name in ("outputs", "residual", "kernels", "time")}
         self.offline: Offline = prepare(
             body,
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
             inputs=terms.columns,
             sampled_inputs=True,
-            scene=replace(scene, corrected=True, minor=minor),
+            scene=replace(scene, corrected=True, minor=terms.minor),
             estimators="auxiliary",
             **names,
         )
@@ -141,8 +140,7 @@ class EnrichedBody:
 
     def forces(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return -P^T R (S, m) of samples of the reduced body."""
-        alpha, beta = self._rayleigh
-        return np.hstack([q_tt + alpha * q_t, q + beta * q_t]) @ self._of_modes.T + u @ self._of_inputs.T
+        return self._layout(q, q_t, q_tt, u) @ self._forcing.T
 
     def couplings(self, t: np.ndarray, states: Sequence[np.ndarray]) -> Couplings:
         """Return what couples P to the mechanism at times t (T,), states q, q_t, q_tt (T, k) of the body in the mbs.
@@ -194,7 +192,7 @@ class EnrichedBody:
         q, q_t, q_tt = ((x[:, None] + dx).reshape(-1, x.shape[1]) for x, dx in zip(states, changes, strict=True))
         motion = self._frame.motion(*(x[:, :size] for x in (q, q_t, q_tt)))
         inputs = self._terms.values(self._actions, np.repeat(t, 4 * size), motion, q[:, size:], q_t[:, size:])
-        found = (inputs @ self._of_inputs.T).reshape(len(t), 2, 2, size, self.m)
+        found = (inputs @ self._forcing[:, self._layout.input_slot].T).reshape(len(t), 2, 2, size, self.m)
         D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * STEP), 1, 0)
         return D, K
 

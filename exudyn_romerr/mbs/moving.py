@@ -165,7 +165,7 @@ class MovingSubject:
             turns=not support.at_rest,
             checked=terms.unknown < model.V.shape[1],
             pose=FramePose(r, A),
-            minor=None if support.at_rest else slice(12, 12 + 9 * model.V.shape[1]),
+            minor=terms.minor,
             computed=(
                 f"floating body, held in its frame by {reference.source}",
                 f"damping alpha = {model.rayleigh[0]:.6g} 1/s, beta = {model.rayleigh[1]:.6g} s",

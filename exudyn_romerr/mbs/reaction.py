@@ -13,7 +13,7 @@ from ..mechanism import join_extensions, joined_openings
 from ..online import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from .enriched import EnrichedBody
     from .tangent import Reading, Tangents
@@ -21,14 +21,20 @@ if TYPE_CHECKING:
 
 
 class Reaction:
-    """The linearised mechanism with the vectors of its bodies behind its own coordinates (theory.md 7)."""
+    """The linearised mechanism with the vectors of its bodies behind its own coordinates (theory.md 7).
+
+    Attributes
+    ----------
+    size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are among these.
+    """
 
     def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
-        self._size, self._own = tangents.size, []
-        for watch in watches:
-            self._own.append(slice(self._size, self._size + watch.enriched.m))
-            self._size += watch.enriched.m
+        self.size = tangents.size
+        self.parts: list[tuple[EnrichedBody, slice]] = []
+        for body in (watch.enriched for watch in watches):
+            self.parts.append((body, slice(self.size, self.size + body.m)))
+            self.size += body.m
 
     def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None) -> None:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs."""
@@ -43,8 +49,8 @@ class Reaction:
             self._feedback.start(tangent, self._forces(samples)[0], self._forces_at_rest(), t)
         e = self._feedback.state[:, None]
         runs, openings = [], []
-        for watch, own in zip(self._watches, self._own, strict=True):
-            body, rest = watch.enriched, watch.opening.rest
+        for watch, (body, own) in zip(self._watches, self.parts, strict=True):
+            rest = watch.opening.rest
             after = watch.opening.before.companion if goes_on else None
             states, offline = self._states(body, own, first[1:], e), body.offline if after is None else after.offline
             runs.append(Run(offline if rest is None else offline.from_static()))
@@ -70,8 +76,7 @@ class Reaction:
         e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__)
         self._tangents.forget()
         runs, extensions = [watch.run.companion for watch in self._watches], []
-        for watch, run, own in zip(self._watches, runs, self._own, strict=True):
-            body = watch.enriched
+        for run, (body, own) in zip(runs, self.parts, strict=True):
             extension = run.extension(rows[0], *body.sampler(rows[0], *self._states(body, own, rows[1:], e)))
             for block, _ in extension.segments.values():
                 block.added = self._added(body, own, e, speed)
@@ -80,19 +85,10 @@ class Reaction:
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
 
-    def parts(self) -> Iterator[tuple[EnrichedBody, slice]]:
-        """Iterate over the bodies and where their vectors are among all coordinates."""
-        return zip((watch.enriched for watch in self._watches), self._own, strict=True)
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates of mechanism and vectors."""
-        return self._size
-
     def _forces(self, samples: Sequence[tuple]) -> np.ndarray:
         """-P^T R (S, all coordinates) of the reduced bodies, from samples q, q_t, q_tt, u, frame of each."""
-        forces = np.zeros((len(samples[0][0]), self._size))
-        for (body, own), sample in zip(self.parts(), samples, strict=True):
+        forces = np.zeros((len(samples[0][0]), self.size))
+        for (body, own), sample in zip(self.parts, samples, strict=True):
             forces[:, own] = body.forces(*sample[:4])
         return forces
 
@@ -100,11 +96,11 @@ class Reaction:
         """The same in the equilibrium that the full bodies start in; None if they start as the reduced ones."""
         if any(watch.opening.rest is None for watch in self._watches):
             return None
-        forces = np.zeros(self._size)
-        for watch, own in zip(self._watches, self._own, strict=True):
-            q, none = watch.opening.first.q, np.zeros_like(watch.opening.first.q)
-            forces[own] = watch.enriched.forces(q, none, none, watch.opening.rest[None])[0]
-        return forces
+        samples = []
+        for opening in (watch.opening for watch in self._watches):
+            none = np.zeros_like(opening.first.q)
+            samples.append((opening.first.q, none, none, opening.rest[None]))
+        return self._forces(samples)[0]
 
     @staticmethod
     def _added(body: EnrichedBody, own: slice, e: np.ndarray, speed: np.ndarray) -> Added:
@@ -121,7 +117,7 @@ class _Extended:
     """Readings of a mechanism as tangents with the vectors behind its coordinates; made when asked for, two kept."""
 
     def __init__(self, readings: Sequence[Reading], reaction: Reaction):
-        self._readings, self._size, self._parts = readings, reaction.size, list(reaction.parts())
+        self._readings, self._size, self._parts = readings, reaction.size, reaction.parts
         self.t = np.array([reading.t for reading in readings])
         states = [np.array([reading.state[k] for reading in readings]) for k in range(3)]
         self._couplings = [body.couplings(self.t, [x[:, body.columns] for x in states]) for body, _ in self._parts]

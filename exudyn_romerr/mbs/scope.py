@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +13,7 @@ from ..errors import AssumptionError
 from ..scope import COMPLETE, COUPLED, FROZEN
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection
 
     from .actions import Actions
     from .floating import ReducedMatrices
@@ -118,23 +120,22 @@ def _refusals(
         yield f"none of the estimators {', '.join(names)} has a coupled bound here" + (
             f" ({without})" if without else ""
         )
-    yield from _unattached(mbs, attached)
-    yield from _switching(mbs)
+    objects = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
+    yield from _unattached(objects, attached)
+    yield from _switching(objects)
     yield from _controlled(mbs)
 
 
-def _unattached(mbs: Any, attached: Collection[int]) -> Iterator[str]:
-    objects = {i: mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())}
-    reduced = {i: item["name"] for i, item in objects.items() if item["objectType"] == "FFRFreducedOrder"}
+def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
+    reduced = {i: item["name"] for i, item in enumerate(objects) if item["objectType"] == "FFRFreducedOrder"}
     missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
     if missing:
         yield f"flexible bodies of this mbs are not attached, so their errors are not known: {', '.join(missing)}"
 
 
-def _switching(mbs: Any) -> Iterator[str]:
+def _switching(objects: list[dict]) -> Iterator[str]:
     """Objects that are no ideal joints, linear springs or dampers."""
-    for i in range(mbs.systemData.NumberOfObjects()):
-        item = mbs.GetObject(i)
+    for i, item in enumerate(objects):
         kind, name = item["objectType"], f"object {i} ({item['name']}, {item['objectType']})"
         if "Contact" in kind or kind in SWITCHING or any(item.get(key) for key in SWITCHES):
             yield f"{name} switches, slides, rolls or rubs: a linearised mechanism does not"
@@ -160,28 +161,39 @@ def _controlled(mbs: Any) -> Iterator[str]:
         load = mbs.GetLoad(i)
         if load.get("bodyFixed"):
             yield f"load {i} ({load['name']}) turns with its body (bodyFixed)"
-    controllers = loads_by_motion(mbs)
+    controllers = loads_by_motion(mbs, loads_with_functions(mbs))
     if controllers:
         yield f"{', '.join(controllers)} depend on the motion: a controller may do work on the error"
 
 
-def loads_by_motion(mbs: Any) -> list[str]:
-    """Names of loads whose user functions give something else in another state at the same time."""
-    system = mbs.systemData
-    numbers = [i for i in range(system.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
+def loads_with_functions(mbs: Any) -> list[int]:
+    """Return the numbers of loads that have a user function."""
+    return [i for i in range(mbs.systemData.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
+
+
+def loads_by_motion(mbs: Any, numbers: list[int]) -> list[str]:
+    """Names of those loads that are something else in another state at the same time."""
     if not numbers:
         return []
-    q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
+    system = mbs.systemData
     values = [np.asarray(mbs.GetLoadValues(i)) for i in numbers]
-    try:
+    with coordinates_kept(system) as (q, q_t):
         system.SetODE2Coordinates(q + MOVED * (1 + np.sin(np.arange(len(q)))))
         system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
         moved = [np.asarray(mbs.GetLoadValues(i)) for i in numbers]
+    changed = [not np.array_equal(*pair, equal_nan=True) for pair in zip(values, moved, strict=True)]
+    return [f"load {i} ({mbs.GetLoad(i)['name']})" for i, has in zip(numbers, changed, strict=True) if has]
+
+
+@contextmanager
+def coordinates_kept(system: Any) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Give q and q_t of the current state, and set them back."""
+    q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
+    try:
+        yield q, q_t
     finally:
         system.SetODE2Coordinates(q)
         system.SetODE2Coordinates_t(q_t)
-    changed = [not np.array_equal(*pair, equal_nan=True) for pair in zip(values, moved, strict=True)]
-    return [f"load {i} ({mbs.GetLoad(i)['name']})" for i, has in zip(numbers, changed, strict=True) if has]
 
 
 def _asked(options: dict[str, Any]) -> list[str]:

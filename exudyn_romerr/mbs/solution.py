@@ -10,6 +10,7 @@ from exudyn.utilities import LoadSolutionFile
 
 from ..errors import InputError, RunError
 from .hook import block_rows
+from .mechanism import Mechanism
 from .monitor import make_subject
 from .scope import OF_A_FILE
 from .watch import Watch
@@ -84,9 +85,10 @@ def evaluate_file(
     watch = Watch(make_subject(mbs, flex, initial, options, OF_A_FILE), {})
     rows = read_solution(path, mbs.systemData.ODE2Size())
     watch.begin(mbs, static=False)
+    alone = Mechanism([watch])
     length = block_rows(mbs.systemData.ODE2Size())
     for first, end in [(0, 1), *((i, i + length) for i in range(1, len(rows[0]), length))]:
-        watch.take(*(x[first:end] for x in rows))
+        alone.take(*(x[first:end] for x in rows))
     if watch.error is not None:
         raise watch.error
     return watch.runs[-1].report()

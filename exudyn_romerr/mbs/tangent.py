@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..errors import AssumptionError
-from .scope import loads_by_motion
+from .scope import coordinates_kept, loads_by_motion, loads_with_functions
 
 CHANGE = 0.02  # of G from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing turns
@@ -65,7 +65,7 @@ class Tangents:
                 raise AssumptionError(f"the mechanism has no tangent: {self._solver.GetErrorString()}")
         self.size = self._solver.GetODE2size()
         self._first_constraint = self.size + self._solver.GetODE1size()
-        self._rotations = _rotations(mbs)
+        self._rotations, self._loads = _rotations(mbs), loads_with_functions(mbs)
         self.readings: list[Reading] = []
         self._stride, self._count, self._active, self._rows = 1, 0, None, None
         self.redundant = 0
@@ -90,10 +90,9 @@ class Tangents:
         """Keep the last reading only."""
         del self.readings[:-1]
 
-    @staticmethod
-    def _check_loads(mbs: Any) -> None:
+    def _check_loads(self, mbs: Any) -> None:
         try:
-            controllers = loads_by_motion(mbs)
+            controllers = loads_by_motion(mbs, self._loads)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
         if controllers:
@@ -132,19 +131,15 @@ class Tangents:
 
     def _forces(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
         """D and K by numerical differentiation; what a user function may leave half done on its way is set back."""
-        system, n = mbs.systemData, self.size
-        q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
-        found = []
+        n, found = self.size, []
         try:
-            for rates, positions, with_loads in ((-1.0, 0.0, 0), (0.0, -1.0, 1)):
-                self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
-                found.append(self._solver.GetSystemJacobian()[:n, :n])
-            found[1] += self._turning_forces(mbs, q)
+            with coordinates_kept(mbs.systemData) as (q, _):
+                for rates, positions, with_loads in ((-1.0, 0.0, 0), (0.0, -1.0, 1)):
+                    self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
+                    found.append(self._solver.GetSystemJacobian()[:n, :n])
+                found[1] += self._turning_forces(mbs, q)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
-        finally:
-            system.SetODE2Coordinates(q)
-            system.SetODE2Coordinates_t(q_t)
         return tuple(found)
 
     def _turning_forces(self, mbs: Any, q: np.ndarray) -> np.ndarray:

@@ -24,8 +24,8 @@ class InputTerms:
     Attributes
     ----------
     unknown : number of trailing columns of wrenches. weighs : whether inertia or gravity comes first; the first three
-    values are b then. first_load : number of columns before the loads. by_function : all inputs are functions of time
-    alone.
+    values are b then. minor : inputs that are small, see packing.py. first_load : number of columns before the
+    loads. by_function : all inputs are functions of time alone.
     """
 
     def __init__(self, actions: Actions, support: Support, flex: FloatingBody, V: np.ndarray):
@@ -36,7 +36,8 @@ class InputTerms:
         inertia = [-(translations(flex.mass) if self.at_rest else inertia_columns(flex.mass, flex.positions, V))]
         loads = [load.columns for load in actions.loads] + [place.columns for place in actions.wrenches]
         self.columns = np.hstack([*(inertia if self.weighs else []), np.zeros((len(V), 0)), *loads])
-        self.first_load = len(V.T) * 9 + 12 if not self.at_rest else 3 * self.weighs
+        self.minor = None if self.at_rest else slice(12, 12 + 9 * V.shape[1])
+        self.first_load = 3 * self.weighs if self.minor is None else self.minor.stop
         self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
 
     def values(self, actions: Actions, t: np.ndarray, motion: FrameMotion, q, q_t) -> np.ndarray:

@@ -94,7 +94,8 @@ def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
     -----
     Source: docs/theory.md, mechanisms. Does not cover: more than the scope of the fine run's bound says.
     """
-    modes = check_count("n", n + 1, MOST, "modes") - 1, n + check_count("m", m, MOST, "modes")
+    n = check_count("n", n, MOST, "modes", least=0)
+    modes = n, n + check_count("m", m, MOST, "modes")
     coarse, fine = (_solved(build, count) for count in modes)
     t = coarse[0].t
     if any(len(r.t) != len(t) or np.abs(r.t - t).max() > SAME_TIMES * np.ptp(t) for r in (*coarse, *fine)):

@@ -119,17 +119,8 @@ class Watch:
         except Exception as error:
             self.error = error
 
-    def take(self, t: np.ndarray, *states: np.ndarray) -> None:
-        """Evaluate accepted steps: t (S,) and the mbs's q, q_t, q_tt, each (S, all its coordinates)."""
-        self.receive(t, *states)
-        self.open()
-        self.admit()
-        self.segment()
-        self.advance()
-        self.settle()
-
     def receive(self, t: np.ndarray, *states: np.ndarray) -> None:
-        """Phase 1 of take: look at the rows; what a run opens with is in `opening` then.
+        """Phase 1 of Mechanism.take: look at rows t (S,), q, q_t, q_tt; what a run opens with is in `opening` then.
 
         In a mechanism the watches of all bodies take the phases together: bounds of one need the others' segments.
         """
