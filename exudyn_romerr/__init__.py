@@ -23,10 +23,13 @@ from .outputs import (
 from .report import BoundReport, OutputReport
 from .residual import initial_coordinates, initial_error
 from .space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
+from .stress import VonMises, node_strain, node_stress, von_mises
 
 __version__ = "0.1.0"
 
-_NEEDS_EXUDYN = dict.fromkeys(("add_reduced_body", "attach", "evaluate_file", "floating_body", "two_level"), "mbs")
+_NEEDS_EXUDYN = dict.fromkeys(
+    ("add_reduced_body", "attach", "choose_modes", "evaluate_file", "floating_body", "two_level"), "mbs"
+)
 
 __all__ = [
     "AssumptionError",
@@ -42,8 +45,10 @@ __all__ = [
     "RomErrError",
     "RunError",
     "Trajectory",
+    "VonMises",
     "add_reduced_body",
     "attach",
+    "choose_modes",
     "evaluate",
     "evaluate_file",
     "floating_body",
@@ -59,9 +64,12 @@ __all__ = [
     "modal_basis",
     "node_displacement",
     "node_rotation",
+    "node_strain",
+    "node_stress",
     "node_velocity",
     "relative_displacement",
     "two_level",
+    "von_mises",
 ]
 
 

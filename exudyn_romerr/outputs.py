@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class Output:
     of: str = "displacement"
     frame: str = "body"
     axes: str = AXES
+    decides: ClassVar[bool] = True  # how many auxiliary modes "auto" takes
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -82,6 +83,12 @@ class Output:
         C = body.space.rows(self.resolve(body))
         gram = C @ body.mass_factor.solve(C.T)
         return float(np.sqrt(np.linalg.eigvalsh(gram)[-1])) if joint else np.sqrt(np.diag(gram))
+
+
+class Onlooker(Output):
+    """An output beside those that were asked for: "auto" chooses auxiliary modes without it."""
+
+    decides: ClassVar[bool] = False
 
 
 def node_displacement(

@@ -64,6 +64,14 @@ class Problem:
         return self.initial is not None
 
     @cached_property
+    def decides(self) -> np.ndarray:
+        """Rows (R,) of outputs that decide how many auxiliary modes "auto" takes."""
+        rows = np.zeros(len(self.C), dtype=bool)
+        for out, part in zip(self.outputs, self.slices, strict=True):
+            rows[part] = out.decides
+        return rows
+
+    @cached_property
     def kernel(self) -> Kernel:
         """Kernel of the whole body."""
         return make_kernel(self.body, self.kernels)

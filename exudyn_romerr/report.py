@@ -14,7 +14,7 @@ from .scope import SCOPES
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
 CAUSES = {
     "basis": "basis: add modes",
@@ -241,3 +241,16 @@ def _ratio(bound: np.ndarray, truth: np.ndarray) -> np.ndarray:
     both_zero = (bound == 0) & (truth == 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(both_zero, 1.0, bound / truth)
+
+
+def outputs_of(reports: Iterable[BoundReport]) -> dict[str, OutputReport]:
+    """Return the outputs of all reports by name; InputError if two monitors have one of the same name."""
+    found: dict[str, OutputReport] = {}
+    for report in reports:
+        for name, out in report.outputs.items():
+            if name in found:
+                raise InputError(
+                    f"output {name!r} is in two monitors; give outputs of different bodies different names"
+                )
+            found[name] = out
+    return found

@@ -128,10 +128,10 @@ class Split:
         """Smallest m with |C|_rest <= 5 % of |C|_{K^-1} for every output, at most 60."""
         problem, body = self._problem, self._problem.body
         cap = min(AUTO_CAP, body.free.size)
-        if not len(problem.C):
+        if not problem.decides.any():
             return min(AUTO_WITHOUT_OUTPUTS, cap)
         modes = body.modes(cap)
-        seen = problem.C_K > 0  # rows that see free coordinates
+        seen = problem.decides & (problem.C_K > 0)  # rows that see free coordinates
         share = np.cumsum((problem.C[seen] @ modes.shapes / modes.omega) ** 2, axis=1) / problem.C_K[seen, None] ** 2
         enough = np.all(1 - share <= AUTO_SHARE**2, axis=0)
         if not enough.any():

@@ -403,7 +403,7 @@ def test_solve_without_initial_accelerations_is_bounded_from_its_first_step():
 
 def inputs_now(scene, monitor):
     """Inertia, loads and wrenches of the last state."""
-    system, subject = scene.mbs.systemData, monitor._watch._subject
+    system, subject = scene.mbs.systemData, monitor.subject
     reads = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
     return subject.sampled(np.array([system.GetTime()]), *(read()[None, subject.columns] for read in reads))[3][0]
 

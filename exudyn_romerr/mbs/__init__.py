@@ -1,6 +1,7 @@
 """All that touches Exudyn: reduced bodies in an mbs, and monitors beside its solves."""
 
 from .bodies import ReducedBody, add_reduced_body
+from .choose import choose_modes
 from .floating import FloatingBody, floating_body
 from .monitor import Monitor, attach
 from .solution import evaluate_file
@@ -14,6 +15,7 @@ __all__ = [
     "TwoLevel",
     "add_reduced_body",
     "attach",
+    "choose_modes",
     "evaluate_file",
     "floating_body",
     "two_level",

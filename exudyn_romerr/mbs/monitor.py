@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError, RunError, check_choice
 from ..kernels import KERNELS
-from ..offline import TIMES, prepare
+from ..offline import TIMES
 from ..problem import checked_outputs
 from ..residual import RESIDUALS
 from .bodies import ReducedBody
@@ -45,6 +45,11 @@ class Monitor:
 
     def __init__(self, mbs: Any, hook: StepHook, watch: Watch):
         self._mbs, self._hook, self._watch = mbs, hook, watch
+
+    @property
+    def subject(self) -> LinearSubject | MovingSubject:
+        """The body as the solves see it."""
+        return self._watch.subject
 
     @property
     def runs(self) -> tuple[Run | StaticRun, ...]:
@@ -175,7 +180,7 @@ def attach(
     }
     check_choice("scope", scope, ASKABLE)
     subject = make_subject(mbs, flex, initial, options, scope)
-    watch = Watch(subject, _checked_tolerance(tolerance, [out.name for out in options["outputs"]]))
+    watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in options["outputs"]]))
     shared = shared_hook(mbs, hook)
     shared.add(watch)
     return Monitor(mbs, shared, watch)
@@ -194,15 +199,7 @@ def make_subject(
 def _linear(flex: ReducedBody, initial: Any, options: dict[str, Any]) -> LinearSubject:
     """Everything is known already: the offline work is done now."""
     _refuse_sensors(options["outputs"])
-    offline = prepare(
-        flex.body,
-        flex.basis,
-        inputs=flex.inputs,
-        input_function=flex.input_function,
-        initial=flex.initial if initial is None else initial,
-        **options,
-    )
-    return LinearSubject(flex, offline)
+    return LinearSubject(flex, {"initial": flex.initial if initial is None else initial, **options})
 
 
 def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any], scope: str) -> MovingSubject:
@@ -234,7 +231,8 @@ def _refuse_sensors(outputs: Any) -> None:
             )
 
 
-def _checked_tolerance(tolerance: Any, names: Sequence[str]) -> dict[str, float]:
+def checked_tolerance(tolerance: Any, names: Sequence[str]) -> dict[str, float]:
+    """Return output -> tolerance, empty if there is none; InputError unless they are positive, of known outputs."""
     if tolerance is None:
         return {}
     if isinstance(tolerance, Real):

@@ -27,9 +27,10 @@ from .support import read_support
 from .terms import InputTerms
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Sequence
 
     from ..offline import Offline
+    from ..outputs import Output
     from .actions import Actions
     from .floating import FloatingBody, ReducedMatrices
     from .reference import Reference
@@ -79,6 +80,25 @@ class MovingSubject:
         self._now = mbs.systemData.GetODE2Coordinates()[columns][: model.frame.size]
         self.floor = self._weight(mbs)
         return self._sampler.offline
+
+    @property
+    def body(self) -> ElasticBody:
+        """The full body, as the last solve saw it."""
+        return self._body
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What is bounded."""
+        return tuple(self._options["outputs"])
+
+    def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
+        """Return V (N, n) and the full K (N, N)."""
+        return read_object(mbs, self._flex).V, self._flex.stiffness
+
+    def add(self, outputs: Sequence[Output]) -> None:
+        """Bound further outputs, from the next solve on."""
+        self._options = {**self._options, "outputs": [*self._options["outputs"], *outputs]}
+        self._signature = ()
 
     def _weight(self, mbs: Any) -> float:
         """Largest entry of V^T M e_j times the size of gravity at the start: terms that may cancel in free fall."""

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError, RunError, check_count
-from ..report import BoundReport
-from .monitor import Monitor
+from ..errors import InputError, check_count
+from ..report import outputs_of
+from .trial import build_trial, same_times
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..report import BoundReport
 
 MOST = 1_000_000  # modes; the scene itself knows how many its body has
-SAME_TIMES = 1e-9  # of the span: solvers add up their steps
 
 
 @dataclass(frozen=True)
@@ -96,14 +99,14 @@ def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
     """
     n = check_count("n", n, MOST, "modes", least=0)
     modes = n, n + check_count("m", m, MOST, "modes")
-    coarse, fine = (_solved(build, count) for count in modes)
+    coarse, fine = (build_trial(build, count).solve() for count in modes)
     t = coarse[0].t
-    if any(len(r.t) != len(t) or np.abs(r.t - t).max() > SAME_TIMES * np.ptp(t) for r in (*coarse, *fine)):
+    if not all(same_times(report.t, t) for report in (*coarse, *fine)):
         raise InputError(
             "the runs have other instants: build scenes of one step size, with "
             "simulationSettings.timeIntegration.adaptiveStep = False"
         )
-    found, finer = _outputs(coarse), _outputs(fine)
+    found, finer = outputs_of(coarse), outputs_of(fine)
     if list(found) != list(finer):
         raise InputError(
             f"outputs of n = {modes[0]} are {list(found)}, of n = {modes[1]} {list(finer)}; give both the same"
@@ -116,37 +119,3 @@ def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
 def _level(coarse: Any, fine: Any) -> LevelOutput:
     difference = fine.value - coarse.value
     return LevelOutput(coarse.name, coarse.unit, coarse.value, difference, np.abs(difference) + fine.bound["best"])
-
-
-def _solved(build: Callable[[int], tuple], n: int) -> tuple[BoundReport, ...]:
-    """Build the scene, solve it and return the reports."""
-    made = build(n)
-    if not isinstance(made, tuple | list) or len(made) != 3:
-        raise InputError(f"build({n}) returned {type(made).__name__}; needed: (mbs, monitor, simulationSettings)")
-    mbs, monitors, settings = made
-    monitors = [monitors] if isinstance(monitors, Monitor) else monitors
-    if not isinstance(monitors, Sequence) or not monitors or not all(isinstance(m, Monitor) for m in monitors):
-        raise InputError(
-            f"build({n}) returned {monitors!r} as its second; needed: what attach returned, or a list of it"
-        )
-    if not mbs.systemIsConsistent:
-        mbs.Assemble()
-    finished = mbs.SolveDynamic(settings)
-    reports = tuple(monitor.report() for monitor in monitors)  # its own error says more than the solver's
-    if not finished or any(report.t[-1] < reports[0].t[-1] for report in reports):
-        raise RunError(
-            f"the run with n = {n} ended at t = {reports[0].t[-1]:g} s; monitor.runs holds what was bounded"
-        )
-    return reports
-
-
-def _outputs(reports: Sequence[BoundReport]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for report in reports:
-        for name, out in report.outputs.items():
-            if name in found:
-                raise InputError(
-                    f"output {name!r} is in two monitors; give outputs of different bodies different names"
-                )
-            found[name] = out
-    return found

@@ -37,6 +37,7 @@ class Watch:
 
     Attributes
     ----------
+    subject : the body
     runs : list of Run or StaticRun
     error : Exception or None
         What went wrong in the last solve.
@@ -49,7 +50,7 @@ class Watch:
         self.runs: list[Run | StaticRun] = []
         self.error: Exception | None = None
         self.stopped = False
-        self._subject = subject
+        self.subject = subject
         self._listens = False  # from the begin of a solve on, until the simulation diverges
         self._run: Run | StaticRun | None = None
         self._changed = False  # the mbs, since the run that this one starts at the end of
@@ -63,7 +64,7 @@ class Watch:
     @property
     def enriched(self) -> EnrichedBody | None:
         """The body with auxiliary vectors that react with the mechanism, if it has such."""
-        return getattr(self._subject, "enriched", None)
+        return getattr(self.subject, "enriched", None)
 
     @property
     def run(self) -> Run | StaticRun | None:
@@ -92,14 +93,14 @@ class Watch:
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt, u and the frame of rows of the mbs."""
-        return self._subject.sampled(t, *(state[:, self._columns] for state in states))
+        return self.subject.sampled(t, *(state[:, self._columns] for state in states))
 
     def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
         """Read the mbs; return what the bounds are made with, or raise if their assumptions do not hold there.
 
         attached: objects that are watched. others: why these have no coupled bounds; this one has none either then.
         """
-        return self._subject.read(mbs, static, attached, others)
+        return self.subject.read(mbs, static, attached, others)
 
     def begin(self, mbs: Any, static: bool, attached: Collection[int] = (), others: str = "") -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
@@ -109,7 +110,7 @@ class Watch:
         with self.kept_errors():
             self._offline = self.read(mbs, static, attached, others)
             self._end_time, self._newton_tolerance = end_time(mbs, static), newton_tolerance(mbs, static)
-            self._columns = self._subject.columns
+            self._columns = self.subject.columns
 
     @contextmanager
     def kept_errors(self) -> Iterator[None]:
@@ -152,7 +153,7 @@ class Watch:
         if self.error is None and self.rows and self._run is not None:
             with self.kept_errors():
                 t, *states = self.rows
-                self.rows = t, *self._subject.sampled(t, *states)
+                self.rows = t, *self.subject.sampled(t, *states)
                 self.extension = self._run.extension(*self.rows)
 
     def advance(self) -> None:
@@ -212,14 +213,14 @@ class Watch:
             run.messages.append(LOADS_JUMP)
         if self._late and self._kind is Run:
             run.messages.append(f"the solver has no accelerations at its start: bounds begin at t = {t:g} s")
-        run.floor, run.end_time, run.newton_tolerance = self._subject.floor, self._end_time, self._newton_tolerance
+        run.floor, run.end_time, run.newton_tolerance = self.subject.floor, self._end_time, self._newton_tolerance
         self._run = run
 
     def _first(self, t: float, before: Run | None, *states: np.ndarray) -> tuple | None:
         """Return the first sample; a run that continues another has the accelerations that one ended with."""
-        first = self._subject.first(t, *states)
+        first = self.subject.first(t, *states)
         if first is None and before is not None:
-            first = self._subject.first(t, *states[:2], self._last[3], may_be_late=True)
+            first = self.subject.first(t, *states[:2], self._last[3], may_be_late=True)
         return first
 
     def _run_before(self, t: float, q: np.ndarray, q_t: np.ndarray) -> Run | None:

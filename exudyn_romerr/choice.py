@@ -1,0 +1,157 @@
+"""ModeChoice: which basis meets a tolerance, and what was tried to find out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .report import SAMPLED, outputs_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from .forecast import Forecast
+    from .report import BoundReport
+
+BASIS, STEP, SLACK = "basis", "step size", "slack"
+SECOND_ORDER = 4 / 3  # error of a step over the difference to half the step
+CURES = {
+    BASIS: "too few modes, or too few kinds of them: raise most=, or keep interfaces free (RBE3)",
+    STEP: "most of it from the time steps, whatever the modes: halve the step",
+    SLACK: "what auxiliary vectors leave, whatever the modes: raise auxiliary_modes=, let loads grow smoothly, or "
+    "take smaller steps",
+}
+
+
+@dataclass(frozen=True)
+class TriedRun:
+    """One simulation of choose_modes.
+
+    n, kind : its basis. tolerance : output -> what is allowed. bound : output -> its largest bound. reports : of all
+    monitors. forecast : output -> bounds with more or fewer modes.
+    """
+
+    n: int
+    kind: str | None
+    tolerance: dict[str, float]
+    reports: tuple[BoundReport, ...]
+    forecast: dict[str, Forecast]
+
+    @property
+    def bound(self) -> dict[str, float]:
+        """The largest bound of every output that has a tolerance."""
+        return self.expected(self.n)
+
+    @property
+    def met(self) -> bool:
+        """Whether every bound is within its tolerance."""
+        return self.would_meet(self.n)
+
+    @property
+    def excess(self) -> float:
+        """The largest bound over its tolerance."""
+        return max(x / limit if (limit := self.tolerance[name]) else x * np.inf for name, x in self.bound.items())
+
+    def expected(self, n: int, slack: dict[str, float] | None = None) -> dict[str, float]:
+        """Return the largest bounds forecast for n modes, with this run's slack unless another one is given."""
+        forecasts = {name: self.forecast[name] for name in self.tolerance}
+        return {name: float(f.bound[n]) + (slack[name] - f.slack if slack else 0.0) for name, f in forecasts.items()}
+
+    def would_meet(self, n: int, slack: dict[str, float] | None = None) -> bool:
+        """Whether the forecast for n modes is within the tolerances."""
+        return all(x <= self.tolerance[name] for name, x in self.expected(n, slack).items())
+
+    def limit(self) -> str | None:
+        """Return what makes bounds larger than allowed; None if none is."""
+        outputs = outputs_of(self.reports)
+        missed = [name for name, x in self.bound.items() if x > self.tolerance[name]]
+        if any(np.max(outputs[name].causes["time step"]) > self.tolerance[name] for name in missed):
+            return STEP
+        if any(self.forecast[name].slack > self.tolerance[name] for name in missed):
+            return SLACK
+        return BASIS if missed else None
+
+    @property
+    def basis(self) -> str:
+        """The basis in words."""
+        return f"n = {self.n}" if self.kind is None else f"n = {self.n}, {self.kind}"
+
+    def __str__(self) -> str:
+        lines = (f"{name} <= {self.bound[name]:.3g} (allowed {x:.3g})" for name, x in self.tolerance.items())
+        return f"{self.basis}: {', '.join(lines)}: {'met' if self.met else 'not met'}"
+
+
+@dataclass(frozen=True)
+class ModeChoice:
+    """What choose_modes found.
+
+    chosen : the run with the smallest basis that meets the tolerance, or, if none does, the one that came closest.
+    tried : all runs, in their order. step_error : output -> error of the time steps, estimated from a run with half
+    of them; None if bounds cover the steps, or no run was left.
+    """
+
+    chosen: TriedRun
+    tried: tuple[TriedRun, ...]
+    step_error: dict[str, float] | None
+
+    @property
+    def met(self) -> bool:
+        """Whether the bounds of the chosen basis are within the tolerances."""
+        return self.chosen.met
+
+    @property
+    def n(self) -> int:
+        """Modes of the chosen basis."""
+        return self.chosen.n
+
+    @property
+    def kind(self) -> str | None:
+        """Kind of the chosen basis."""
+        return self.chosen.kind
+
+    @property
+    def reports(self) -> tuple[BoundReport, ...]:
+        """Reports of the chosen run, one a monitor."""
+        return self.chosen.reports
+
+    @property
+    def limit(self) -> str | None:
+        """What keeps the error above the tolerance: "basis", "step size", "slack" (of auxiliary vectors), or None.
+
+        "step size" also where the bound is met, which does not cover the steps, and the estimate is not.
+        """
+        errors = self.step_error or {}
+        too_long = any(error > self.chosen.tolerance[name] for name, error in errors.items())
+        return STEP if self.met and too_long else self.chosen.limit()
+
+    def __str__(self) -> str:
+        scopes = {scope for report in self.reports for scope in report.scope.values()}
+        verdict = "is enough" if self.met else "came closest, and is not enough"
+        lines = [f"{self.chosen.basis} {verdict}; scope of the bounds: {', '.join(sorted(scopes))}"]
+        lines += [f"  run {i}: {run}" for i, run in enumerate(self.tried, start=1)]
+        lines += [f"  {self._smaller()}"] if self.met else [f"  {CURES[self.limit]}"]
+        if self.step_error is not None:
+            errors = ", ".join(f"{name} {x:.3g}" for name, x in self.step_error.items())
+            cure = "; too long" if self.limit == STEP else ""
+            lines.append(f"  error of the time steps, estimated from a run with half of them: {errors}{cure}")
+        elif self.reports[0].time == "sampled":
+            lines.append(f"  {SAMPLED}")
+        return "\n".join(lines)
+
+    def _smaller(self) -> str:
+        """Return why no smaller basis was chosen."""
+        if not self.n:
+            return "no smaller basis: n = 0"
+        fewer = next((run for run in self.tried if (run.n, run.kind) == (self.n - 1, self.kind)), None)
+        if fewer is not None:
+            return f"n = {self.n - 1} is not enough: it was tried"
+        worst = ", ".join(f"{name} <= {x:.3g}" for name, x in self.chosen.expected(self.n - 1).items())
+        verdict = "may be enough too: no run was left" if self.chosen.would_meet(self.n - 1) else "is not enough"
+        return f"n = {self.n - 1} {verdict}, by a forecast: {worst}"
+
+
+def smallest_basis(runs: Iterable[TriedRun]) -> TriedRun | None:
+    """Return the run with the fewest modes that met its tolerances; of several kinds the first."""
+    return min((run for run in runs if run.met), key=lambda run: run.n, default=None)
