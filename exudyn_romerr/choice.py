@@ -10,7 +10,7 @@ import numpy as np
 from .report import SAMPLED, outputs_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from .forecast import Forecast
     from .report import BoundReport
@@ -29,39 +29,45 @@ CURES = {
 class TriedRun:
     """One simulation of choose_modes.
 
-    n, kind : its basis. tolerance : output -> what is allowed. bound : output -> its largest bound. reports : of all
-    monitors. forecast : output -> bounds with more or fewer modes.
+    modes, kind : its basis. tolerance : output -> what is allowed. reports : of all monitors. forecast : output ->
+    Forecast. picked : modes are any, not the first ones.
     """
 
-    n: int
+    modes: tuple[int, ...]
     kind: str | None
     tolerance: dict[str, float]
     reports: tuple[BoundReport, ...]
     forecast: dict[str, Forecast]
+    picked: bool
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return len(self.modes)
 
     @property
     def bound(self) -> dict[str, float]:
         """The largest bound of every output that has a tolerance."""
-        return self.expected(self.n)
+        return self.expected(self.modes)
 
     @property
     def met(self) -> bool:
         """Whether every bound is within its tolerance."""
-        return self.would_meet(self.n)
+        return self.would_meet(self.modes)
 
     @property
     def excess(self) -> float:
         """The largest bound over its tolerance."""
         return max(x / limit if (limit := self.tolerance[name]) else x * np.inf for name, x in self.bound.items())
 
-    def expected(self, n: int, slack: dict[str, float] | None = None) -> dict[str, float]:
-        """Return the largest bounds forecast for n modes, with this run's slack unless another one is given."""
-        forecasts = {name: self.forecast[name] for name in self.tolerance}
-        return {name: float(f.bound[n]) + (slack[name] - f.slack if slack else 0.0) for name, f in forecasts.items()}
+    def expected(self, modes: Sequence[int], slack: dict[str, float] | None = None) -> dict[str, float]:
+        """Return the largest bounds forecast for other modes, with this run's slack unless another one is given."""
+        changed = {name: slack[name] - self.forecast[name].largest_slack if slack else 0.0 for name in self.tolerance}
+        return {name: self.forecast[name].bound(modes) + x for name, x in changed.items()}
 
-    def would_meet(self, n: int, slack: dict[str, float] | None = None) -> bool:
-        """Whether the forecast for n modes is within the tolerances."""
-        return all(x <= self.tolerance[name] for name, x in self.expected(n, slack).items())
+    def would_meet(self, modes: Sequence[int], slack: dict[str, float] | None = None) -> bool:
+        """Whether the forecast for other modes is within the tolerances."""
+        return all(x <= self.tolerance[name] for name, x in self.expected(modes, slack).items())
 
     def limit(self) -> str | None:
         """Return what makes bounds larger than allowed; None if none is."""
@@ -69,14 +75,20 @@ class TriedRun:
         missed = [name for name, x in self.bound.items() if x > self.tolerance[name]]
         if any(np.max(outputs[name].causes["time step"]) > self.tolerance[name] for name in missed):
             return STEP
-        if any(self.forecast[name].slack > self.tolerance[name] for name in missed):
+        if any(self.forecast[name].largest_slack > self.tolerance[name] for name in missed):
             return SLACK
         return BASIS if missed else None
 
     @property
     def basis(self) -> str:
         """The basis in words."""
-        return f"n = {self.n}" if self.kind is None else f"n = {self.n}, {self.kind}"
+        modes = f" (modes {', '.join(map(str, self.modes))})" if self.picked else ""
+        return f"n = {self.n}{modes}{'' if self.kind is None else f', {self.kind}'}"
+
+    def fewer(self) -> tuple[int, ...]:
+        """Return the modes less the last, or, if they may be any, less the one whose lack is felt least."""
+        drops = [tuple(k for k in self.modes if k != j) for j in self.modes] if self.picked else [self.modes[:-1]]
+        return min(drops, key=lambda modes: max(self.expected(modes).values()))
 
     def __str__(self) -> str:
         lines = (f"{name} <= {self.bound[name]:.3g} (allowed {x:.3g})" for name, x in self.tolerance.items())
@@ -103,8 +115,13 @@ class ModeChoice:
 
     @property
     def n(self) -> int:
-        """Modes of the chosen basis."""
+        """Number of modes of the chosen basis."""
         return self.chosen.n
+
+    @property
+    def modes(self) -> tuple[int, ...]:
+        """Which modes these are, numbered from 0 in the order of the largest basis."""
+        return self.chosen.modes
 
     @property
     def kind(self) -> str | None:
@@ -144,12 +161,13 @@ class ModeChoice:
         """Return why no smaller basis was chosen."""
         if not self.n:
             return "no smaller basis: n = 0"
-        fewer = next((run for run in self.tried if (run.n, run.kind) == (self.n - 1, self.kind)), None)
-        if fewer is not None:
-            return f"n = {self.n - 1} is not enough: it was tried"
-        worst = ", ".join(f"{name} <= {x:.3g}" for name, x in self.chosen.expected(self.n - 1).items())
-        verdict = "may be enough too: no run was left" if self.chosen.would_meet(self.n - 1) else "is not enough"
-        return f"n = {self.n - 1} {verdict}, by a forecast: {worst}"
+        modes = self.chosen.fewer()
+        name = f"modes {', '.join(map(str, modes))}" if self.chosen.picked else f"n = {len(modes)}"
+        if any((run.modes, run.kind) == (modes, self.kind) for run in self.tried):
+            return f"{name}: not enough, was tried"
+        worst = ", ".join(f"{output} <= {x:.3g}" for output, x in self.chosen.expected(modes).items())
+        verdict = "may be enough too, no run was left" if self.chosen.would_meet(modes) else "not enough"
+        return f"{name}: {verdict}, by a forecast: {worst}"
 
 
 def smallest_basis(runs: Iterable[TriedRun]) -> TriedRun | None:

@@ -1,4 +1,4 @@
-"""Forecast: what the bounds of a run would be with more or fewer modes, from the modal content of its error.
+"""Forecast: what the bounds of a run would be with other modes, from the modal content of its error.
 
 The corrected trajectory x of a run is close to that of the full model. Galerkin's with the modes v_1 .. v_n,
 K-orthonormal, is close to sum_j v_j a_j, a_j = v_j^T K x: exactly so for static solutions, and for eigenmodes that
@@ -24,9 +24,10 @@ if TYPE_CHECKING:
     from .body import ElasticBody
     from .online import Run
     from .outputs import Output
-    from .report import BoundReport, OutputReport
+    from .report import BoundReport
 
 CONTENT, RATE = "modal content", "rate of the modal content"
+TINY = np.finfo(float).tiny
 
 
 class Ladder:
@@ -57,54 +58,85 @@ class Ladder:
 
 @dataclass(frozen=True)
 class Forecast:
-    """Of one output of a run with n modes.
+    """One output (T, r) of a run, and what it would be with other modes.
 
-    bound : (most + 1,) its largest bound if the basis had 0 .. most modes; bound[n] is that of the run.
-    slack : what the largest bound has above the known error, which no modes of the ladder take away.
+    modes : of the run. known : (T, r) error that auxiliary vectors tell. slack : (T, r), what the bound has above it.
+    parts : (most, T, r) of every mode.
     """
 
-    n: int
-    bound: np.ndarray
-    slack: float
+    modes: tuple[int, ...]
+    known: np.ndarray
+    slack: np.ndarray
+    parts: np.ndarray
+
+    def left(self, modes: Sequence[int]) -> np.ndarray:
+        """Return the error (T, r) there would be with these modes: a mode more takes its part from it."""
+        added, dropped = (sorted(set(a) - set(b)) for a, b in ((modes, self.modes), (self.modes, modes)))
+        return self.known - self.parts[added].sum(axis=0) + self.parts[dropped].sum(axis=0)
+
+    def bound(self, modes: Sequence[int]) -> float:
+        """Return the largest bound there would be with these modes."""
+        return self.bound_of(self.left(modes))
+
+    def bound_of(self, left: np.ndarray) -> float:
+        """Return the largest bound of an error known to be `left`."""
+        return float(np.max(np.abs(left) + self.slack))
+
+    @property
+    def largest_slack(self) -> float:
+        """What no modes take away."""
+        return max(float(np.max(self.slack)), 0.0)
 
 
-def forecasts(report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, n: int) -> dict[str, Forecast]:
+def forecasts(
+    report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, modes: Sequence[int]
+) -> dict[str, Forecast]:
     """Return output -> Forecast from a run with onlookers, which are taken out of its report."""
     found = {name: report.outputs.pop(name).corrected for name in (CONTENT, RATE) if name in report.outputs}
     if found[CONTENT] is None:
         raise InputError("build attaches without estimator 'auxiliary', which alone tells what modes are missing")
-    frames, parts = run.samples()[3], zip(run.offline.outputs, run.offline.views, strict=True)
+    frames, modes_y = run.samples()[3], body.space.coordinates("modes", ladder.modes[:, ladder.always :])
     forecast = {}
-    for out, view in parts:
-        if out.name not in report.outputs:
+    for asked, view in zip(run.offline.outputs, run.offline.views, strict=True):
+        if (out := report.outputs.get(asked.name)) is None:
             continue
-        C, velocity, _ = stacked_rows([out], body)
-        shown = None if view is None else view.matrices(frames)
-        CV = C @ body.space.coordinates("modes", ladder.modes)
-        forecast[out.name] = _forecast(report.outputs[out.name], (CV, velocity, shown), found, ladder.always, n)
+        C, velocity, _ = stacked_rows([asked], body)
+        amounts = {name: x[:, ladder.always :] for name, x in found.items()}
+        parts = _parts(C @ modes_y, velocity, amounts, None if view is None else view.matrices(frames))
+        known = out.corrected - out.value
+        slack = out.bound["best"] - np.abs(known)
+        forecast[asked.name] = Forecast(tuple(modes), known, slack, parts)
     return forecast
 
 
-def _forecast(out: OutputReport, rows: tuple, found: dict[str, np.ndarray], always: int, n: int) -> Forecast:
-    """A step up the ladder takes a mode's part from the known error, a step down adds it; the rest stays."""
-    known = out.corrected - out.value
-    slack = np.maximum(out.bound["best"] - np.abs(known), 0.0)
-    most = len(rows[0].T) - always
-    bound = np.zeros(most + 1)
-    bound[n] = np.max(out.bound["best"])
-    for steps, sign in ((range(n, most), -1.0), (range(n - 1, -1, -1), 1.0)):
-        left = known.copy()
-        for j in steps:
-            left += sign * _part(rows, found, always + j)
-            bound[j + (sign < 0)] = np.max(np.abs(left) + slack)
-    return Forecast(n, bound, float(np.max(slack)))
-
-
-def _part(rows: tuple, found: dict[str, np.ndarray], j: int) -> np.ndarray:
-    """C v_j a_j (T, r), as the output shows it."""
-    CV, velocity, shown = rows
-    amounts = found[CONTENT][:, j, None]
+def _parts(CV: np.ndarray, velocity: np.ndarray, amounts: dict, shown: np.ndarray | None) -> np.ndarray:
+    """C v_j a_j (most, T, r), as the output shows it."""
+    a = amounts[CONTENT].T[:, :, None]
     if velocity.any():
-        amounts = np.where(velocity, found[RATE][:, j, None], amounts)
-    part = amounts * CV[:, j]
-    return part if shown is None else np.einsum("srk,sk->sr", shown, part)
+        a = np.where(velocity, amounts[RATE].T[:, :, None], a)
+    parts = a * CV.T[:, None]
+    return parts if shown is None else np.einsum("srk,jsk->jsr", shown, parts)
+
+
+def fewest_modes(forecast: dict[str, Forecast], tolerance: dict[str, float]) -> tuple[int, ...] | None:
+    """Return few modes that are forecast to be enough, whichever they are; None if all are not.
+
+    One by one, each time the mode that takes most from the largest bound over its tolerance; then those that later
+    ones made needless are dropped.
+    """
+
+    def excess(modes: Sequence[int]) -> float:
+        return max(forecast[name].bound(modes) / max(limit, TINY) for name, limit in tolerance.items())
+
+    taken: list[int] = []
+    rest = list(range(len(next(iter(forecast.values())).parts)))
+    while excess(taken) > 1 and rest:
+        best = min(rest, key=lambda j: excess([*taken, j]))
+        rest.remove(best)
+        taken.append(best)
+    if excess(taken) > 1:
+        return None
+    for j in list(taken):
+        without = [k for k in taken if k != j]
+        taken = without if excess(without) <= 1 else taken
+    return tuple(sorted(taken))

@@ -116,19 +116,36 @@ def _elements(fem: Any, positions: np.ndarray) -> list[tuple[str, np.ndarray]]:
         return sets
     if {kind for kind, _ in sets} != {"Tet4"}:
         raise InputError(f"fem: {loose.size} nodes, {loose[:8].tolist()} ..., are in none of its elements")
-    return [("Tet10", _with_middle_nodes(np.vstack([x for _, x in sets]), positions, loose))]
+    tets = np.vstack([elements for _, elements in sets])
+    return [("Tet10", _with_middle_nodes(tets, positions, loose, fem))]
 
 
-def _with_middle_nodes(tets: np.ndarray, positions: np.ndarray, loose: np.ndarray) -> np.ndarray:
+def _with_middle_nodes(tets: np.ndarray, positions: np.ndarray, loose: np.ndarray, fem: Any) -> np.ndarray:
     """Node numbers (e, 10): Exudyn keeps the corners only of ngsolve's quadratic tetrahedra."""
     pairs = np.sort(np.stack([tets[:, edge] for edge in TET_EDGES], axis=1), axis=2)
     edges, own = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
-    ends = positions[edges]
-    distance, found = cKDTree(positions[loose]).query(ends.mean(axis=1))
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    if not len(edges) == loose.size == np.unique(found).size or np.any(distance > BULGE * length):
+    middles = _middles_on_surface(edges, len(positions), fem)
+    # the other edges are straight, or the fem does not tell: the node next to the middle
+    others, left = np.flatnonzero(middles < 0), np.setdiff1d(loose, middles)
+    if len(edges) == loose.size and others.size:
+        ends = positions[edges[others]]
+        distance, found = cKDTree(positions[left]).query(ends.mean(axis=1))
+        near = distance <= BULGE * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        middles[others[near]] = left[found[near]]
+    if not np.array_equal(np.sort(middles), loose):
         raise InputError(
             f"fem: {loose.size} nodes are in none of its Tet4 elements, nor the middles of their {len(edges)} edges; "
             "give fem.elements the 'Tet10' of the mesh, or pass your own rows: Output(name, rows)"
         )
-    return np.hstack([tets, loose[found][own.reshape(len(tets), 6)]])
+    return np.hstack([tets, middles[own.reshape(len(tets), 6)]])
+
+
+def _middles_on_surface(edges: np.ndarray, count: int, fem: Any) -> np.ndarray:
+    """Middle nodes of edges (n, 2) that are on the surface, where the fem has its 6-node triangles; -1 elsewhere."""
+    middles, keys = np.full(len(edges), -1), edges @ [count, 1]
+    for part in fem.surface:
+        triangles = np.asarray(part.get("Trigs6", ())).reshape(-1, 6)
+        ends = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2) @ [count, 1]
+        at = np.minimum(np.searchsorted(keys, ends), len(keys) - 1)
+        middles[at[keys[at] == ends]] = triangles[:, 3:].ravel()[keys[at] == ends]
+    return middles

@@ -9,7 +9,7 @@ estimators.mechanism estimators nodes enrichment feedback scope plan samples bez
 load choice messages assemble offline starts online static_run mechanism evaluate forecast mbs.scene mbs.scope mbs.gather
 mbs.tangent mbs.watch mbs.reaction mbs.mechanism mbs.hook mbs.bodies mbs.linear mbs.frames mbs.floating
 mbs.reference mbs.actions mbs.support mbs.terms mbs.sampling mbs.enriched mbs.moving mbs.sensors mbs.monitor
-mbs.solution mbs.trial mbs.two_level mbs.choose mbs study __main__
+mbs.solution mbs.trial mbs.two_level mbs.choose mbs.keep mbs study __main__
 """.split()
 MAY_IMPORT_EXUDYN = ("mbs", "study", "__main__")
 ONLY_INSIDE_FUNCTIONS = ("matplotlib",)

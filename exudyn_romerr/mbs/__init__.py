@@ -3,6 +3,7 @@
 from .bodies import ReducedBody, add_reduced_body
 from .choose import choose_modes
 from .floating import FloatingBody, floating_body
+from .keep import keep_modes
 from .monitor import Monitor, attach
 from .solution import evaluate_file
 from .two_level import LevelOutput, TwoLevel, two_level
@@ -18,5 +19,6 @@ __all__ = [
     "choose_modes",
     "evaluate_file",
     "floating_body",
+    "keep_modes",
     "two_level",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..choice import SECOND_ORDER, STEP, ModeChoice, TriedRun, smallest_basis
 from ..errors import InputError, check_count
-from ..forecast import Ladder, forecasts
+from ..forecast import TINY, Ladder, fewest_modes, forecasts
 from ..report import outputs_of
 from .monitor import checked_tolerance
 from .trial import Trial, build_trial, same_times
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 RUNS = 4  # simulations at most; 4, 8, 16, 32 modes compared by eye take as many
 MOST = 1000  # modes of a basis
-TINY = np.finfo(float).tiny
 
 
 def choose_modes(
@@ -29,6 +28,7 @@ def choose_modes(
     tolerance: dict[str, float] | float,
     *,
     relative: bool = False,
+    pick: bool = False,
     kinds: Sequence[str] = (),
     first: int = 4,
     most: int = 32,
@@ -49,6 +49,9 @@ def choose_modes(
         Output name -> largest bound allowed, in the output's unit (a float if there is one output).
     relative : bool
         Tolerances are shares of the largest value of the output.
+    pick : bool
+        Take any of the modes, not the first n: build is called with the numbers (0 .. most - 1) of those to keep, in
+        ascending order, instead of n. keep_modes(fem, numbers) keeps them.
     kinds : sequence of str
         Kinds of bases to choose from, such as ("RBE2", "RBE3"); of equal n the first one.
     first, most : int
@@ -57,7 +60,7 @@ def choose_modes(
     Returns
     -------
     ModeChoice
-        Its .n, .kind and .met; print it.
+        Its .n, .modes, .kind and .met; print it.
 
     Raises
     ------
@@ -74,9 +77,9 @@ def choose_modes(
     """
     most = check_count("most", most, MOST, "modes")
     first = check_count("first", first, most, "modes, up to most", least=0)
-    search = _Search(build, tolerance, relative, _checked_kinds(kinds), most)
+    search = _Search(build, (tolerance, relative), pick, _checked_kinds(kinds), most)
     for kind in search.kinds:
-        search.run(first, kind)
+        search.run(tuple(range(first)), kind)
     while len(search.tried) < RUNS and (wanted := search.next_basis()) is not None:
         search.run(*wanted)
     return search.choice()
@@ -91,56 +94,64 @@ def _checked_kinds(kinds: Any) -> tuple:
 class _Search:
     """The runs so far, and which one is next."""
 
-    def __init__(self, build: Callable, tolerance: Any, relative: bool, kinds: tuple, most: int):
-        self._build, self._tolerance, self._relative = build, tolerance, relative
-        self.kinds, self._most = kinds, most
+    def __init__(self, build: Callable, tolerance: tuple[Any, bool], pick: bool, kinds: tuple, most: int):
+        self._build, (self._tolerance, self._relative), self._pick = build, tolerance, pick
+        self.kinds, self._all = kinds, tuple(range(most))
         self.tried: list[TriedRun] = []
         self._ladders = {kind: self._made_ladders(kind) for kind in kinds}
 
-    def _trial(self, n: int, kind: str | None) -> Trial:
-        return build_trial(self._build, *((n,) if kind is None else (n, kind)))
+    def _trial(self, modes: tuple[int, ...], kind: str | None) -> Trial:
+        basis = modes if self._pick else len(modes)
+        return build_trial(self._build, *((basis,) if kind is None else (basis, kind)))
 
     def _made_ladders(self, kind: str | None) -> list[Ladder]:
-        trial = self._trial(self._most, kind)
+        trial = self._trial(self._all, kind)
         names = [out.name for monitor in trial.monitors for out in monitor.subject.outputs]
         self._limits = checked_tolerance(self._tolerance, names)
         if not self._limits:
             raise InputError(f"tolerance={self._tolerance!r}; needed: a number or a dict, for some of {names}")
-        return [Ladder(*monitor.subject.modes(trial.mbs), self._most) for monitor in trial.monitors]
+        return [Ladder(*monitor.subject.modes(trial.mbs), len(self._all)) for monitor in trial.monitors]
 
-    def run(self, n: int, kind: str | None) -> None:
-        """Simulate with n modes."""
-        trial, ladders = self._trial(n, kind), self._ladders[kind]
+    def run(self, modes: tuple[int, ...], kind: str | None) -> None:
+        """Simulate with some modes."""
+        trial, ladders = self._trial(modes, kind), self._ladders[kind]
         for monitor, ladder in zip(trial.monitors, ladders, strict=True):
-            _check_modes(trial, monitor, ladder, n)
+            _check_modes(trial, monitor, ladder, len(modes))
             monitor.subject.add(ladder.onlookers(monitor.subject.outputs))
         reports, forecast = trial.solve(), {}
         for monitor, report, ladder in zip(trial.monitors, reports, ladders, strict=True):
-            forecast |= forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, n)
+            forecast |= forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, modes)
         outputs = outputs_of(reports)
         scale = {name: np.max(np.abs(outputs[name].value)) if self._relative else 1.0 for name in self._limits}
         tolerance = {name: float(limit * scale[name]) for name, limit in self._limits.items()}
-        self.tried.append(TriedRun(n, kind, tolerance, reports, forecast))
+        self.tried.append(TriedRun(modes, kind, tolerance, reports, forecast, self._pick))
 
-    def next_basis(self) -> tuple[int, str | None] | None:
+    def next_basis(self) -> tuple[tuple[int, ...], str | None] | None:
         """Return the smallest basis that may be enough and was not tried; None if there is none."""
         best, hopeful = smallest_basis(self.tried), {kind: self._hopeful(kind) for kind in self.kinds}
-        if best is None and not any(hopeful.values()):
+        if best is None and not any(modes is not None for modes in hopeful.values()):
             if self._closest().limit() == STEP:
                 return None
             # forecasts from far below are too high: what auxiliary vectors leave shrinks with more modes
-            hopeful = {kind: [self._most] * (self._runs(kind)[-1].n < self._most) for kind in self.kinds}
-        wanted = [(n[0], kind) for kind, n in hopeful.items() if n]
-        smallest = min(wanted, key=lambda basis: basis[0], default=None)
-        return None if smallest is None or (best is not None and best.n <= smallest[0]) else smallest
+            hopeful = dict.fromkeys(self.kinds, self._all)
+        known = {(run.modes, run.kind) for run in self.tried}
+        wanted = [
+            (modes, kind) for kind, modes in hopeful.items() if modes is not None and (modes, kind) not in known
+        ]
+        smallest = min(wanted, key=lambda basis: len(basis[0]), default=None)
+        return None if smallest is None or (best is not None and best.n <= len(smallest[0])) else smallest
 
-    def _hopeful(self, kind: str | None) -> list[int]:
-        """Numbers of modes forecast to be enough, more than what failed and fewer than what met."""
+    def _hopeful(self, kind: str | None) -> tuple[int, ...] | None:
+        """Fewest modes forecast to be enough: any, or the first ones, more than what failed, fewer than what met."""
         runs = self._runs(kind)
         met = smallest_basis(runs)
-        below = self._most + 1 if met is None else met.n
+        latest = met or runs[-1]
+        if self._pick:
+            return fewest_modes(latest.forecast, latest.tolerance)
+        below = len(self._all) + 1 if met is None else met.n
         above = max((run.n for run in runs if not run.met and run.n < below), default=-1)
-        return [n for n in range(above + 1, below) if (met or runs[-1]).would_meet(n, _slack(runs, n))]
+        first = (self._all[:n] for n in range(above + 1, below))
+        return next((modes for modes in first if latest.would_meet(modes, _slack(runs, len(modes)))), None)
 
     def _runs(self, kind: str | None) -> list[TriedRun]:
         return [run for run in self.tried if run.kind == kind]
@@ -156,7 +167,7 @@ class _Search:
 
     def _step_error(self, chosen: TriedRun) -> dict[str, float] | None:
         """Estimate the error of the time steps from a run with half of them; None if the solver chooses its steps."""
-        trial = self._trial(chosen.n, chosen.kind)
+        trial = self._trial(chosen.modes, chosen.kind)
         trial.settings.timeIntegration.numberOfSteps *= 2
         halved = trial.solve()
         if not same_times(chosen.reports[0].t, halved[0].t[::2]):
@@ -170,11 +181,9 @@ class _Search:
 
 def _slack(runs: Sequence[TriedRun], n: int) -> dict[str, float]:
     """Slack of every output with n modes, between those of the runs on a straight line in the logarithm."""
-    known = sorted((run.n, run.forecast) for run in runs)
-    return {
-        name: float(np.exp(np.interp(n, [m for m, _ in known], [np.log(f[name].slack + TINY) for _, f in known])))
-        for name in runs[0].tolerance
-    }
+    known = sorted(runs, key=lambda run: run.n)
+    sizes = {name: [np.log(run.forecast[name].largest_slack + TINY) for run in known] for name in runs[0].tolerance}
+    return {name: float(np.exp(np.interp(n, [run.n for run in known], size))) for name, size in sizes.items()}
 
 
 def _check_modes(trial: Trial, monitor: Monitor, ladder: Ladder, n: int) -> None:
