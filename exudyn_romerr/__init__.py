@@ -8,6 +8,7 @@ from typing import Any
 
 from .basis import Basis, gramian_basis, krylov_basis, modal_basis
 from .body import Constants, ElasticBody
+from .choice import ModeChoice
 from .errors import AssumptionError, InputError, RomErrError, RunError
 from .evaluate import Trajectory, evaluate
 from .load import load_report
@@ -40,6 +41,7 @@ __all__ = [
     "InputError",
     "MassOrthogonal",
     "MeanMotion",
+    "ModeChoice",
     "Output",
     "OutputReport",
     "RomErrError",

@@ -86,9 +86,9 @@ def _slopes(kind: str, where: np.ndarray, name: str) -> np.ndarray:
     """Gradients (b, a, 3) of the shape functions a in space, at every node b of one element."""
     reference = _reference_slopes(kind)
     jacobian = np.einsum("ai,bak->bik", where, reference)
-    volume = np.linalg.det(jacobian) / np.prod(np.linalg.norm(jacobian, axis=1), axis=1)
+    volume, box = np.linalg.det(jacobian), np.prod(np.linalg.norm(jacobian, axis=1), axis=1)
     # ngsolve counts the corners of its tetrahedra the other way round: all negative is as good as all positive
-    if np.any(volume * np.sign(volume[0]) <= FLAT):
+    if np.any(volume * np.sign(volume[0]) <= FLAT * box):
         raise InputError(f"fem: {name} is flat or turned inside out: its Jacobian is not of one sign at all nodes")
     return reference @ np.linalg.inv(jacobian)
 

@@ -7,7 +7,7 @@ tetrahedra are far too stiff in bending; as the full model of a reduction they a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,8 @@ import scipy.linalg as la
 from exudyn import itemInterface
 from exudyn.FEM import FEMinterface, HCBstaticModeSelection, ObjectFFRFreducedOrderInterface
 from scipy import sparse
+
+import exudyn_romerr as romerr
 
 DATA = Path(__file__).parent / "data"
 GRAVITY = [0.0, 0.0, -9.81]  # m/s^2
@@ -74,14 +76,17 @@ def interface(fem: FEMinterface, name: str) -> tuple[np.ndarray, np.ndarray]:
     return found["NodeNumbers"], found["NodeWeights"]
 
 
-def reduce(fem: FEMinterface, n: int, kind: str = "RBE3") -> None:
-    """Compute modes into fem.modeBasis.
+def reduce(fem: FEMinterface, n: int | Sequence[int], kind: str = "RBE3") -> None:
+    """Compute modes into fem.modeBasis; n: how many eigenmodes, or the numbers (from 0) of those to keep.
 
     kind : "RBE2", "RBE3": Craig-Bampton with interfaces left (held) and right, 6 static modes and n eigenmodes.
         "free": n eigenmodes of the free body, rigid body modes excluded.
         "complete": all modes with zero weighted mean displacement and rotation of the left interface, whatever n.
     """
-    if kind == "complete":
+    if not isinstance(n, int):
+        reduce(fem, max(n, default=-1) + 1, kind)
+        romerr.keep_modes(fem, n)
+    elif kind == "complete":
         _complete_modes(fem)
     elif kind == "free":
         # dense: the sparse solver factorises the singular K and starts from random numbers
@@ -105,7 +110,7 @@ def out_of_plane_force(t: float) -> tuple[float, float, float]:
 
 
 def clamped_bar(
-    n: int = 4,
+    n: int | Sequence[int] = 4,
     kind: str = "RBE3",
     body: str = "bar",
     h: float = 1e-4,
@@ -125,7 +130,7 @@ def clamped_bar(
 
 
 def pendulum(
-    n: int = 4,
+    n: int | Sequence[int] = 4,
     kind: str = "RBE3",
     body: str = "bar",
     h: float = 1e-3,
@@ -141,7 +146,7 @@ def pendulum(
 
 
 def rotor(
-    n: int = 6,
+    n: int | Sequence[int] = 6,
     kind: str = "RBE3",
     h: float = 5e-4,
     t_end: float = 0.5,

@@ -9,6 +9,7 @@ two runs would be what the time steps make of that, not what the missing modes d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -74,7 +75,7 @@ class MechanismScene:
 
 
 def double_pendulum(
-    n: int = 4,
+    n: int | Sequence[int] = 4,
     kind: str = "RBE3",
     h: float = 2e-3,
     t_end: float = 0.3,
@@ -98,7 +99,7 @@ def double_pendulum(
 
 
 def slider_crank(
-    n: int = 4,
+    n: int | Sequence[int] = 4,
     kind: str = "RBE3",
     h: float = 5e-4,
     t_end: float = 0.12,
@@ -137,7 +138,7 @@ def slider_crank(
 
 
 def sprung_body(
-    n: int = 4,
+    n: int | Sequence[int] = 4,
     kind: str = "RBE3",
     h: float = 1e-3,
     t_end: float = 0.1,

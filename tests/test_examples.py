@@ -13,6 +13,7 @@ from examples import (
     first_bound,
     flexible_pendulum,
     fundamental_matrix_norms,
+    how_many_modes,
     hump,
     linkage_scene,
     rotor_run_up,
@@ -256,3 +257,13 @@ def test_sprung_body_is_bounded_from_its_static_equilibrium_on(tmp_path, capsys)
     assert np.all(np.abs(out.error + out.value - out.corrected) <= out.corrected_bound)
     assert "of the corrected output" in capsys.readouterr().out
     assert (tmp_path / "sprung_body.png").read_bytes()[:4] == PNG
+
+
+def test_modes_that_the_rod_needs_are_found(tmp_path, capsys):
+    choices = how_many_modes.main(tmp_path, t_end=0.02, shown=(0, 4))
+    assert all(choice.met and len(choice.tried) <= 4 for choice in choices)
+    assert choices[0].n <= choices[1].n
+    printed = capsys.readouterr().out
+    assert printed.count("is enough; scope of the bounds: coupled (linearised)") == 2
+    assert "4 eigenmodes: true error" in printed
+    assert (tmp_path / "how_many_modes.png").read_bytes()[:4] == PNG

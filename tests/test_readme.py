@@ -56,6 +56,15 @@ def test_page_on_mechanisms_runs_and_prints_what_it_shows(capsys):
     assert [set(report.scope.values()) for report in names["reports"]] == [{"coupled (linearised)"}] * 2
 
 
+def test_page_on_the_number_of_modes_runs_and_prints_what_it_shows(capsys):
+    """Its blocks are one script."""
+    page, names = (ROOT / "docs" / "how_many_modes.md").read_text(encoding="utf-8"), {}
+    for block in BLOCK.findall(page):
+        exec(block, names)
+        assert_printed(shown_below(page, block), capsys.readouterr().out)
+    assert (names["choice"].n, names["choice"].limit) == (5, None)
+
+
 def test_own_body_can_be_bounded():
     """The last block defines all that attach needs."""
     import exudyn as exu
