@@ -75,9 +75,9 @@ def draw(choices: list[romerr.ModeChoice], errors: tuple, path: Path) -> None:
     for choice, share in zip(choices, TOLERANCES, strict=True):
         limit = 1e6 * choice.chosen.tolerance[NAME]
         axes.axhline(limit, color="black", lw=0.8, ls=":")
-        words = f"{100 * share:g} % of the largest displacement: {choice.n} modes"
+        words = f"{100 * share:g} %: {choice.n} modes"
         axes.annotate(words, (0, limit), xytext=(0, 3), textcoords="offset points", fontsize="small")
-    axes.set(xlabel="eigenmodes beside 6 static modes", ylabel="largest reduction error / µm", title=NAME)
+    axes.set(xlabel="eigenmodes beside 6 static modes", ylabel="largest reduction error / µm", title=f"{NAME}, tolerances in % of its largest displacement")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper right")
     figure.savefig(path, dpi=150)
