@@ -77,7 +77,8 @@ def draw(choices: list[romerr.ModeChoice], errors: tuple, path: Path) -> None:
         axes.axhline(limit, color="black", lw=0.8, ls=":")
         words = f"{100 * share:g} %: {choice.n} modes"
         axes.annotate(words, (0, limit), xytext=(0, 3), textcoords="offset points", fontsize="small")
-    axes.set(xlabel="eigenmodes beside 6 static modes", ylabel="largest reduction error / µm", title=f"{NAME}, tolerances in % of its largest displacement")
+    axes.set(xlabel="eigenmodes beside 6 static modes", ylabel="largest reduction error / µm")
+    axes.set_title(f"{NAME}; dotted: tolerances, in % of its largest displacement")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper right")
     figure.savefig(path, dpi=150)
