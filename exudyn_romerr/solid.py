@@ -107,10 +107,10 @@ def _elements(fem: Any, positions: np.ndarray) -> list[tuple[str, np.ndarray]]:
     sets = [(kind, np.asarray(x)) for part in fem.elements for kind, x in part.items() if kind != "Name" and len(x)]
     if not sets:
         raise InputError("fem has no elements; import them with the mesh, or pass your own rows: Output(name, rows)")
-    for kind, elements in sets:
+    for i, (kind, elements) in enumerate(sets):
         if kind not in TYPES or elements.shape[1:] != TYPES[kind].nodes.shape[:1]:
             raise InputError(f"fem.elements has {kind!r} of shape {elements.shape}; allowed: {', '.join(TYPES)}")
-        check_nodes(elements.ravel(), len(positions))
+        sets[i] = kind, check_nodes(elements.ravel(), len(positions)).reshape(elements.shape)
     loose = np.setdiff1d(np.arange(len(positions)), np.concatenate([elements.ravel() for _, elements in sets]))
     if not loose.size:
         return sets
