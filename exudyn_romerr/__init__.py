@@ -29,7 +29,17 @@ from .stress import VonMises, node_strain, node_stress, von_mises
 __version__ = "0.1.0"
 
 _NEEDS_EXUDYN = dict.fromkeys(
-    ("add_reduced_body", "attach", "choose_modes", "evaluate_file", "floating_body", "keep_modes", "two_level"), "mbs"
+    (
+        "add_reduced_body",
+        "attach",
+        "choose_modes",
+        "evaluate_file",
+        "floating_body",
+        "hold_modes",
+        "keep_modes",
+        "two_level",
+    ),
+    "mbs",
 )
 
 __all__ = [
@@ -55,6 +65,7 @@ __all__ = [
     "evaluate_file",
     "floating_body",
     "gramian_basis",
+    "hold_modes",
     "initial_coordinates",
     "initial_error",
     "keep_modes",

@@ -78,7 +78,7 @@ def mean_motion(nodes: Sequence[int], weights: Sequence[float] | None = None) ->
     nodes : sequence of int
         At least three, not on one line.
     weights : sequence of float, optional
-        Positive, scaled to sum 1; default: equal.
+        Scaled to sum 1; default: equal. Weight 0 (middle nodes of quadratic elements) has no say.
 
     Raises
     ------
@@ -86,11 +86,12 @@ def mean_motion(nodes: Sequence[int], weights: Sequence[float] | None = None) ->
         Too few nodes, or weights that do not fit them.
     """
     numbers = check_array("nodes", nodes, (None,))
-    if len(numbers) < 3:
-        raise InputError(f"nodes lists {len(numbers)} nodes; needed: at least three that are not on one line")
     share = np.ones(len(numbers)) if weights is None else check_array("weights", weights, (len(numbers),))
-    if np.any(share <= 0):
-        raise InputError(f"weights contains {share.min():g}; allowed: positive numbers")
+    if np.any(share < 0):
+        raise InputError(f"weights contains {share.min():g}; allowed: positive numbers and 0")
+    if np.count_nonzero(share) < 3:
+        found = f"{np.count_nonzero(share)} nodes" + (" with a weight" if np.any(share == 0) else "")
+        raise InputError(f"nodes lists {found}; needed: at least three that are not on one line")
     return MeanMotion(numbers.astype(int), share / share.sum())
 
 

@@ -332,21 +332,6 @@ def test_picked_modes_are_fewer_than_the_first_ones(crank_truth):
     assert f"modes {', '.join(map(str, choice.modes))}" in str(choice)
 
 
-def test_kept_modes_are_those_asked_for():
-    fem = floating.load_fem("bar")
-    with pytest.raises(romerr.InputError, match="no modes"):
-        romerr.keep_modes(fem, [0])
-    floating.reduce(fem, 5)
-    V, values = fem.modeBasis["matrix"], fem.eigenValues
-    with pytest.raises(romerr.InputError, match=r"allowed: numbers 0\.\.4"):
-        romerr.keep_modes(fem, [5])
-    romerr.keep_modes(fem, (3, 1))
-    np.testing.assert_array_equal(fem.modeBasis["matrix"], V[:, [0, 1, 2, 3, 4, 5, 7, 9]])
-    np.testing.assert_array_equal(fem.eigenValues, values[[1, 3]])
-    romerr.keep_modes(fem, ())
-    assert fem.modeBasis["matrix"].shape[1] == 6
-
-
 def test_fewest_modes_may_be_none():
     choice = romerr.choose_modes(crank, {"tip": 1.0}, first=2, most=4)
     assert (choice.n, choice.met) == (0, True)

@@ -2,8 +2,8 @@
 
 from .bodies import ReducedBody, add_reduced_body
 from .choose import choose_modes
+from .fem_modes import hold_modes, keep_modes
 from .floating import FloatingBody, floating_body
-from .keep import keep_modes
 from .monitor import Monitor, attach
 from .solution import evaluate_file
 from .two_level import LevelOutput, TwoLevel, two_level
@@ -19,6 +19,7 @@ __all__ = [
     "choose_modes",
     "evaluate_file",
     "floating_body",
+    "hold_modes",
     "keep_modes",
     "two_level",
 ]

@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     from .floating import FloatingBody
 
 CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
+NEARLY = (
+    "the smallest is what Exudyn's RBE3 modes are off in N/m: call romerr.hold_modes(fem, nodes, weights) with that "
+    "interface after ComputeHurtyCraigBamptonModes, before ObjectFFRFreducedOrderInterface(fem)"
+)
+NEAR = 1e-2
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,7 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
         return Reference(None, f"{still.size} nodes that no mode moves", _coordinates(still))
     raise AssumptionError(
         "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest "
-        f"motion, allowed {HELD:g}): {_listed(tried)}; {CURE}"
+        f"motion, allowed {HELD:g}): {_listed(tried)}; {NEARLY if _nearly(tried) else CURE}"
     )
 
 
@@ -98,6 +103,11 @@ def _is_rigid(nodes: list[int], positions: np.ndarray, V: np.ndarray) -> bool:
     motions = np.linalg.qr(rigid_modes(positions[nodes] - positions[nodes].mean(axis=0)))[0]
     part = V.reshape(len(positions), 3, -1)[nodes].reshape(3 * len(nodes), -1)
     return bool(np.max(np.abs(part - motions @ (motions.T @ part))) <= HELD * np.max(np.abs(V)))
+
+
+def _nearly(tried: dict[str, float]) -> bool:
+    """Whether some conditions are missed by little: what Exudyn's solver leaves, not another choice of modes."""
+    return min(tried.values(), default=np.inf) < NEAR
 
 
 def _note(tried: dict[str, float], name: str, off: float) -> float:

@@ -40,7 +40,8 @@ def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
     if kind not in QUANTITIES:
         raise InputError(
             f"sensor {number} ({sensor['name']}) measures {kind.name}; bounds are known for "
-            f"{', '.join(quantity.name for quantity in QUANTITIES)}"
+            f"{', '.join(quantity.name for quantity in QUANTITIES)}; for stress and strain pass "
+            "romerr.node_stress(name, node=..., fem=fem, material=...) or romerr.node_strain(name, node=..., fem=fem)"
         )
     of, frame = QUANTITIES[kind]
     return nodes_output(sensor["name"], nodes, weights, "xyz", UNITS.get(of, "m"), of, frame)
