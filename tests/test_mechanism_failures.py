@@ -232,7 +232,7 @@ def test_error_of_one_solve_does_not_stay_for_the_next(monkeypatch):
     scene = pendulum()
     monitors = watch(scene)
     with monkeypatch.context() as patch:
-        patch.setattr(Tangents, "_forces", lambda self, mbs: 1 / 0)
+        patch.setattr(Tangents, "_forces", lambda self, *rest: 1 / 0)
         solve(scene)
     for monitor in monitors:
         assert type(raised(monitor)) is ZeroDivisionError

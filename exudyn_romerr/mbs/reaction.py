@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ..estimators.base import Added
 from ..feedback import Feedback, Tangent
@@ -13,11 +15,13 @@ from ..mechanism import join_extensions, joined_openings
 from ..online import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from .enriched import EnrichedBody
     from .tangent import Reading, Tangents
     from .watch import Watch
+
+PARTS = 16  # tangents to a reading: what is linear in between follows the spline
 
 
 class Reaction:
@@ -114,31 +118,57 @@ class Reaction:
 
 
 class _Extended:
-    """Readings of a mechanism as tangents with the vectors behind its coordinates; made when asked for, two kept."""
+    """Tangents with the vectors behind the coordinates of the mechanism, on a spline in time through its readings.
+
+    Made when asked for, two kept. t : their times, those of the readings and up to PARTS - 1 between any two.
+    """
 
     def __init__(self, readings: Sequence[Reading], reaction: Reaction):
-        self._readings, self._size, self._parts = readings, reaction.size, reaction.parts
-        self.t = np.array([reading.t for reading in readings])
+        self._size = reaction.size
+        times = np.array([reading.t for reading in readings])
         states = [np.array([reading.state[k] for reading in readings]) for k in range(3)]
-        self._couplings = [body.couplings(self.t, [x[:, body.columns] for x in states]) for body, _ in self._parts]
+        parts = [
+            (body.couplings(times, [x[:, body.columns] for x in states]), body, own) for body, own in reaction.parts
+        ]
+        whole = [self._whole(j, *matrices, parts) for j, matrices in enumerate(_matrices(readings, times))]
+        between = [
+            np.linspace(first.t, last.t, int(np.ceil(PARTS * np.clip(last.change, 0, 1))) + 1)[1:-1]
+            for first, last in pairwise(readings)
+        ]
+        self.t = np.sort(np.concatenate([times, *between]))
+        self._spline = _spline(times, np.array(whole))
         self._made: dict[int, Tangent] = {}
 
     def __getitem__(self, j: int) -> Tangent:
         if j not in self._made:
             self._made = {i: tangent for i, tangent in self._made.items() if i == j - 1}
-            self._made[j] = self._tangent(j)
+            stacked = self._spline(self.t[j])
+            M, D, K = stacked[: 3 * self._size].reshape(3, self._size, self._size)
+            self._made[j] = Tangent(self.t[j], M, D, K, stacked[3 * self._size :])
         return self._made[j]
 
-    def _tangent(self, j: int) -> Tangent:
-        reading = self._readings[j]
+    def _whole(self, j: int, reading: Reading, damping: np.ndarray, parts: Sequence[tuple]) -> np.ndarray:
+        """M, D, K and G of reading j with the vectors, one upon another."""
         n = len(reading.M)
         M, D, K = np.zeros((3, self._size, self._size))
-        M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, reading.D, reading.K
-        for (body, own), of in zip(self._parts, self._couplings, strict=True):
+        M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, damping, reading.K
+        for of, body, own in parts:
             rows = np.concatenate([body.columns, np.arange(own.start, own.stop)])
             M[rows, own], D[rows, own], K[rows, own] = of.M[j], of.D[j], of.K[j]
             M[own, body.columns] = of.M[j][: len(body.columns)].T
             D[own, body.columns], K[own, body.columns] = of.D_rows[j], of.K_rows[j]
         G = np.zeros((len(reading.G), self._size))
         G[:, :n] = reading.G
-        return Tangent(reading.t, M, D, K, G)
+        return np.vstack([M, D, K, G])
+
+
+def _matrices(readings: Sequence[Reading], times: np.ndarray) -> Iterator[tuple[Reading, np.ndarray]]:
+    """Readings, each with D, which is interpolated where it was not read."""
+    known = [i for i, reading in enumerate(readings) if reading.D is not None]
+    damping = _spline(times[known], np.array([readings[i].D for i in known]))
+    return ((reading, damping(min(reading.t, times[known[-1]]))) for reading in readings)
+
+
+def _spline(t: np.ndarray, values: np.ndarray) -> Callable[[float], np.ndarray]:
+    """A cubic spline through values at times t; of one value, that."""
+    return CubicSpline(t, values) if len(t) > 1 else lambda _: values[0]

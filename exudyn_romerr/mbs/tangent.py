@@ -7,7 +7,7 @@ each time, and states, accelerations and time have to be restored after it).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -19,12 +19,15 @@ import scipy.linalg as la
 from ..errors import AssumptionError
 from .scope import coordinates_kept, loads_by_motion, loads_with_functions
 
-CHANGE = 0.02  # of G from one tangent to the next: more, and they are taken more often
+CHANGE = 0.3  # of G and K from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing turns
-SLOW = 4  # tangents that share one K and D: they cost 20 times as much as M and G, and change less
-TURN = 1e-6  # of rotation parameters, to differentiate by
+SLOW = 4  # tangents to a reading of D, which changes less than K
+STEP = 1e-7  # of coordinates, to differentiate by
 RANK = 1e-10  # of the largest singular value: constraints below are redundant
 PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
+INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
+KEPT = 3  # readings of the block before: a spline through them goes on smoothly
+TINY = np.finfo(float).tiny
 CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
 
 
@@ -35,19 +38,21 @@ FAILED = "the mechanism's tangent could not be computed"
 class Reading:
     """Read at time t: q, q_t, q_tt of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints.
 
-    K holds loads too, and how inertia and the forces of constraints turn with rotations.
+    K holds loads too, and how inertia and the forces of constraints change with the coordinates. D: None if it was
+    not read, and is to be interpolated. change : of G and K since the reading before, over CHANGE.
     """
 
     t: float
     state: tuple[np.ndarray, np.ndarray, np.ndarray]
     M: np.ndarray
-    D: np.ndarray
+    D: np.ndarray | None
     K: np.ndarray
     G: np.ndarray
+    change: float
 
 
 class Tangents:
-    """Reads the tangent every few steps of a solve; more often where the mechanism turns fast.
+    """Reads the tangent every few steps of a solve; more often where the mechanism turns fast, or its forces change.
 
     Attributes
     ----------
@@ -64,8 +69,11 @@ class Tangents:
             if not self._solver.InitializeSolver(mbs, settings):
                 raise AssumptionError(f"the mechanism has no tangent: {self._solver.GetErrorString()}")
         self.size = self._solver.GetODE2size()
+        self._no_jacobian = np.zeros((self.size + self._solver.GetODE1size() + self._solver.GetAEsize(),) * 2)
         self._first_constraint = self.size + self._solver.GetODE1size()
-        self._rotations, self._loads = _rotations(mbs), loads_with_functions(mbs)
+        increments = {j for rotation in _rotations(mbs, INCREMENTS) for j in rotation}
+        self._coordinates = [j for j in range(self.size) if j not in increments]
+        self._rotations, self._loads = _rotations(mbs, PARAMETERS), loads_with_functions(mbs)
         self.readings: list[Reading] = []
         self._stride, self._count, self._active, self._rows = 1, 0, None, None
         self.redundant = 0
@@ -76,19 +84,19 @@ class Tangents:
         state = system.GetODE2Coordinates(), system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
         M, G = self._mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
-        if self._count % SLOW == 0:
-            self._D, self._K = self._forces(mbs)
+        D, K = self._forces(mbs, self._count % SLOW == 0)
+        change = _change(self.readings[-1], (t, M, K, G), self._rotations) / CHANGE if self._count else 0.0
         if self._count:
-            change = np.linalg.norm(G - self.readings[-1].G) / max(np.linalg.norm(G), 1e-300)
-            self._stride = max(self._stride // 2, 1) if change > CHANGE else self._stride
-            self._stride = min(2 * self._stride, LONGEST) if change < CHANGE / 3 else self._stride
+            self._stride = max(self._stride // 2, 1) if change > 1 else self._stride
+            self._stride = min(2 * self._stride, LONGEST) if change < 1 / 3 else self._stride
         self._count += 1
-        self.readings.append(Reading(t, state, M, self._D, self._K, G))
+        self.readings.append(Reading(t, state, M, D, K, G, change))
         return self._stride
 
     def forget(self) -> None:
-        """Keep the last reading only."""
-        del self.readings[:-1]
+        """Keep the last readings, which what follows is interpolated with."""
+        with_rates = [i for i, reading in enumerate(self.readings) if reading.D is not None]
+        del self.readings[: min(with_rates[-1], max(len(self.readings) - KEPT, 0))]
 
     def _check_loads(self, mbs: Any) -> None:
         try:
@@ -103,7 +111,7 @@ class Tangents:
         return self._solver.GetSystemMassMatrix()[: self.size, : self.size]
 
     def _all_constraints(self, mbs: Any) -> np.ndarray:
-        self._solver.ComputeJacobianODE2RHS(mbs, 0.0, 0.0, 0.0, 0)  # sets the Jacobian to zero
+        self._solver.SetSystemJacobian(self._no_jacobian)
         if self._solver.GetAEsize():
             self._solver.ComputeJacobianAE(mbs, 1.0, 0.0, 0.0, False)
         return self._solver.GetSystemJacobian()[self._first_constraint :, : self.size]
@@ -129,44 +137,63 @@ class Tangents:
             )
         return G
 
-    def _forces(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
-        """D and K by numerical differentiation; what a user function may leave half done on its way is set back."""
-        n, found = self.size, []
+    def _forces(self, mbs: Any, with_rates: bool) -> tuple[np.ndarray | None, np.ndarray]:
+        """D, if asked for, and K by numerical differentiation; what user functions leave half done is set back."""
         try:
             with coordinates_kept(mbs.systemData) as (q, _):
-                for rates, positions, with_loads in ((-1.0, 0.0, 0), (0.0, -1.0, 1)):
-                    self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
-                    found.append(self._solver.GetSystemJacobian()[:n, :n])
-                found[1] += self._turning_forces(mbs, q)
+                D = self._jacobian(mbs, 0.0, -1.0, 0) if with_rates else None
+                return D, self._jacobian(mbs, -1.0, 0.0, 1) + self._carried_forces(mbs, q)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
-        return tuple(found)
 
-    def _turning_forces(self, mbs: Any, q: np.ndarray) -> np.ndarray:
-        """d(M q'' + G^T l)/dq (n, n) by rotation parameters, which Exudyn's Jacobians leave out."""
+    def _jacobian(self, mbs: Any, positions: float, rates: float, with_loads: int) -> np.ndarray:
+        self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
+        return self._solver.GetSystemJacobian()[: self.size, : self.size]
+
+    def _carried_forces(self, mbs: Any, q: np.ndarray) -> np.ndarray:
+        """d(M q'' + G^T l)/dq (n, n), which Exudyn's Jacobians leave out.
+
+        By rotations and by modal coordinates: arms of joints' forces follow the deformation.
+        """
         system = mbs.systemData
         q_tt, multipliers = system.GetODE2Coordinates_tt(), system.GetAECoordinates()
-        turned = np.zeros((self.size, self.size))
-        for j in self._rotations:
-            sides = []
-            for step in (TURN, -TURN):
-                moved = q.copy()
-                moved[j] += step
-                system.SetODE2Coordinates(moved)
-                sides.append(self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers)
-            turned[:, j] = (sides[0] - sides[1]) / (2 * TURN)
-        return turned
+
+        def force(at: np.ndarray) -> np.ndarray:
+            system.SetODE2Coordinates(at)
+            return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers
+
+        before, carried = force(q), np.zeros((self.size, self.size))
+        for j in self._coordinates:
+            moved = q.copy()
+            moved[j] += STEP
+            carried[:, j] = (force(moved) - before) / STEP
+        return carried
 
 
-def _rotations(mbs: Any) -> list[int]:
-    """Coordinates that are rotation parameters."""
-    found: list[int] = []
+def _rotations(mbs: Any, types: Sequence[str]) -> list[list[int]]:
+    """Coordinates of the rotation of every node of some types."""
+    found = []
     for node in range(mbs.systemData.NumberOfNodes()):
         item = mbs.GetNode(node)
-        if item["nodeType"] in PARAMETERS:
+        if item["nodeType"] in types:
             first = mbs.GetNodeODE2Index(node)
-            found += range(first + 3, first + len(item["referenceCoordinates"]))
+            found.append([*range(first + 3, first + len(item["referenceCoordinates"]))])
     return found
+
+
+def _change(before: Reading, now: tuple, rotations: Sequence[list[int]]) -> float:
+    """Return how much G and K of t, M, K, G have changed: of G its share, of K that of K + M/dt^2, dt the time since.
+
+    Where K is soft, its change accelerates masses for that time. A rotation's parameters count together: one of them
+    may have no mass.
+    """
+    t, M, K, G = now
+    of_G = np.linalg.norm(G - before.G) / max(np.linalg.norm(G), TINY)
+    stiffness = np.abs(np.diag(K)) + np.diag(M) / (t - before.t) ** 2
+    for parameters in rotations:
+        stiffness[parameters] = stiffness[parameters].mean()
+    scale = 1 / np.sqrt(np.maximum(stiffness, TINY))
+    return max(of_G, float(np.max(scale[:, None] * np.abs(K - before.K) * scale)))
 
 
 def _independent(G: np.ndarray, active: np.ndarray) -> np.ndarray:

@@ -1,0 +1,261 @@
+"""A quarter car over a bump: which modes of the lower control arm are enough, by bounds beside the simulation.
+
+    python examples/wishbone_suspension.py [FOLDER] [--full]     prints a table, writes FOLDER/wishbone*.png
+
+FOLDER is examples/results if left out. Double wishbone suspension with a flexible lower arm of 3369 coordinates; all
+modes are too many for a truth, so the truth is a run with 50 modes, itself within its own, far smaller bound. --full
+adds a basis of 70 modes and measures what the bounds cost.
+"""
+
+import argparse
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time, thread_time
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+import exudyn_romerr as romerr
+from exudyn_romerr.plot import COLOURS, WIDE
+from models import floating, wishbone
+from models.wishbone import INTERFACES
+
+STEP = 1e-3  # s
+NAME = "ball joint"
+ROW = 2  # z of x, y, z: the arm bends upwards
+TRUTH = {"n": 32, "vectors": 40}
+# what the basis holds: (kind, interfaces with static modes, numbers of eigenmodes, of more of them, marker)
+BASES = {
+    "static modes of bushes only": ("RBE3", INTERFACES[:2], (8, 16, 32), (64,), "o"),
+    "... of ball joint, too": ("RBE3", INTERFACES[:3], (4, 8, 16), (), "s"),
+    "... of spring seat, too": ("RBE3", INTERFACES, (0,), (4,), "^"),
+    "the same, rigid interfaces": ("RBE2", INTERFACES, (0,), (8,), "D"),
+}
+SHOWN = ("static modes of bushes only", 8)  # over time and on the arm
+PROMISES = (0.01, 0.001)
+RESULTS = Path(__file__).resolve().parent / "results"
+
+
+@dataclass
+class Case:
+    """One run: basis and number n of its eigenmodes, number of all modes, CPU seconds of the drive, report.
+
+    truth : the same output of the truth, and its bound, (T, 3) each.
+    """
+
+    basis: str
+    n: int
+    modes: int
+    seconds: float
+    report: romerr.BoundReport
+    truth: tuple[np.ndarray, np.ndarray]
+    scene: wishbone.QuarterCar
+
+    @property
+    def output(self) -> Any:
+        """Displacement (T, 3) of the ball joint in the frame of the front bush."""
+        return self.report.output(NAME)
+
+    @property
+    def error(self) -> np.ndarray:
+        """True error (T, 3), known within the truth's own bound."""
+        return np.abs(self.truth[0] - self.output.value)
+
+    @property
+    def largest(self) -> float:
+        """Largest displacement in m, over time and directions."""
+        return np.max(np.abs(self.output.value))
+
+    @property
+    def proven(self) -> float:
+        """Largest bound over largest displacement."""
+        return np.max(self.output.bound["best"]) / self.largest
+
+    @property
+    def missed(self) -> np.ndarray:
+        """How far the error is above the bound (T,), at least; all zero, if theory and code are right."""
+        over = self.error - self.truth[1] - self.output.bound["best"]
+        return np.maximum(over.max(axis=1), 0.0)
+
+    def __str__(self) -> str:
+        error = np.max(self.error)
+        return (
+            f"{self.basis:<29}{self.modes:6d}{self.seconds:8.1f}{error:12.2e}{100 * error / self.largest:10.4f}"
+            f"{100 * self.proven:10.4f}{self.proven * self.largest / error:9.2f}"
+            f"{np.count_nonzero(self.missed):8d}{100 * self.missed.max() / self.largest:10.4f}"
+        )
+
+
+HEADER = (
+    f"{'':<29}{'':>6}{'run':>8}{'true error':>22}{'bound':>10}{'bound /':>9}{'bound too low':>18}\n"
+    f"{'basis of the lower arm':<29}{'modes':>6}{'CPU s':>8}{'m':>12}{'%':>10}{'%':>10}{'error':>9}"
+    f"{'instants':>11}{'by %':>7}"
+)
+
+
+def scene_of(basis: str, n: int, t_end: float, bounds: bool = True, vectors: Any = "auto") -> tuple:
+    """Return the quarter car with n eigenmodes of the arm, in its equilibrium, and a monitor of its ball joint."""
+    kind, static, *_ = BASES[basis]
+    scene = wishbone.quarter_car(n, kind, static, h=STEP, t_end=t_end)
+    monitor = None
+    if bounds:
+        nodes, weights = floating.interface(scene.fem, "ball")
+        joint = romerr.mean_displacement(NAME, nodes=nodes, weights=weights)
+        flex = romerr.floating_body(scene.fem, scene.bodies[0])
+        monitor = romerr.attach(scene.mbs, flex, outputs=[joint], auxiliary_modes=vectors)
+    scene.settle()
+    return scene, monitor
+
+
+def drive(scene: wishbone.QuarterCar, monitor: Any) -> tuple[romerr.BoundReport, float]:
+    """Drive over the bump; return the report and CPU seconds, offline work of the bounds included."""
+    begin = process_time()
+    scene.mbs.SolveDynamic(scene.settings)
+    return monitor.report(), process_time() - begin
+
+
+def cases(t_end: float, full: bool) -> list[Case]:
+    """Run the truth and all bases; print the table."""
+    scene, monitor = scene_of("... of spring seat, too", TRUTH["n"], t_end, vectors=TRUTH["vectors"])
+    report, seconds = drive(scene, monitor)
+    truth = report.output(NAME)
+    largest = np.max(np.abs(truth.value))
+    share = 100 * np.max(truth.bound["best"]) / largest
+    print(f"scope {report.scope['auxiliary']}; {len(report.t) - 1} steps of {1e3 * STEP:g} ms")
+    print(f"truth: {18 + TRUTH['n']} modes, {seconds:.1f} s, its own bound {share:.5f} % of {largest:.3e} m")
+    print(HEADER, flush=True)
+    found = []
+    for basis, (_, static, few, more, _) in BASES.items():
+        for n in (*few, *(more if full else ())):
+            scene, monitor = scene_of(basis, n, t_end)
+            report, seconds = drive(scene, monitor)
+            modes = 6 * (len(static) - 1) + n
+            found.append(Case(basis, n, modes, seconds, report, (truth.value, truth.bound["best"]), scene))
+            print(found[-1], flush=True)
+    return found
+
+
+def enough(found: list[Case]) -> str:
+    """Return in words how many modes are enough, by the bound."""
+    lines = []
+    for basis in BASES:
+        words = []
+        for promise in PROMISES:
+            good = [case.modes for case in found if case.basis == basis and case.proven <= promise]
+            words.append(f"{100 * promise:g} %: " + (f"{min(good)} modes" if good else "none of these"))
+        lines.append(f"enough by the bound, {basis}: " + ", ".join(words))
+    return "\n".join(lines)
+
+
+def draw_time(case: Case, path: Path) -> None:
+    """Draw road and ball joint over time; below, true error and bound."""
+    signal, error = Figure(figsize=(7.2, 7.2), layout="constrained").subplots(2, 1, sharex=True)
+    t, out = 1e3 * case.report.t, case.output
+    signal.plot(t, 1e3 * out.value[:, ROW], color=COLOURS["value"], label=f"ball joint, {case.modes} modes")
+    road = [wishbone.bump(x)[0] for x in case.report.t]
+    signal.plot(t, 1e2 * np.array(road), ":", color=COLOURS["convolution"], label="height of the road / cm")
+    signal.set(
+        ylabel="z in the frame of the front bush / mm", title="Lower control arm over a bump of 50 mm at 4 m/s"
+    )
+    error.semilogy(t, 1e6 * out.bound["best"][:, ROW], color=COLOURS["auxiliary"], lw=WIDE, label="bound")
+    label = f"|true error|: {18 + TRUTH['n']} modes less these"
+    error.semilogy(t, 1e6 * case.error[:, ROW], color=COLOURS["error"], lw=1.0, label=label)
+    error.semilogy(t, 1e6 * case.truth[1][:, ROW], "--", color=COLOURS["fast"], label="bound of the truth itself")
+    error.set(xlabel="t / ms", ylabel="reduction error of z / µm", ylim=(1e-4, 20))
+    for axes in (signal, error):
+        axes.grid(alpha=0.3)
+        axes.legend(loc="best")
+    signal.figure.savefig(path, dpi=150)
+
+
+def draw_arm(case: Case, path: Path) -> None:
+    """Draw the arm, coloured by the bound of the displacement's error at every node."""
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    axes = figure.add_subplot(projection="3d")
+    fem, bound = case.scene.fem, 1e6 * case.report.node_bound["auxiliary"]
+    nodes, triangles = 1e3 * fem.GetNodePositionsAsArray(), fem.surface[0]["Trigs"]
+    surface = Poly3DCollection(nodes[triangles], cmap="viridis", edgecolor="none", antialiased=False)
+    surface.set_array(bound[triangles].mean(axis=1))
+    axes.add_collection3d(surface)
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set(xlabel="x / mm (forward)", ylabel="y / mm (outboard)", zticks=[])
+    axes.set_box_aspect(high - low)
+    axes.view_init(elev=50, azim=-125)
+    figure.colorbar(surface, ax=axes, shrink=0.7, label="bound of the reduction error at the worst instant / µm")
+    axes.set_title(f"Lower control arm, {case.modes} modes: where it may be wrong, and by how much")
+    figure.savefig(path, dpi=150)
+
+
+def draw_modes(found: list[Case], path: Path) -> None:
+    """Draw bounds and errors over the number of modes, and over run time."""
+    figure = Figure(figsize=(9.6, 5.6), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    for axes, x in ((left, "modes"), (right, "seconds")):
+        for basis, (*_, marker) in BASES.items():
+            chosen = [case for case in found if case.basis == basis]
+            place, style = [getattr(case, x) for case in chosen], {"marker": marker, "ms": 8}
+            error = [100 * np.max(case.error) / case.largest for case in chosen]
+            axes.plot(place, [100 * case.proven for case in chosen], color=COLOURS["auxiliary"], **style)
+            axes.plot(place, error, ":", color=COLOURS["error"], mfc="none", mew=1.5, **style)
+        for promise in PROMISES:
+            axes.axhline(100 * promise, color="#999999", lw=1, zorder=0)
+        axes.grid(alpha=0.3)
+    left.set(xlabel="modes of the arm, static ones included", yscale="log")
+    left.set(ylabel="largest reduction error / largest displacement / %")
+    right.set(xlabel="CPU time of the drive with its bounds / s", xscale="log")
+    right.xaxis.set(major_locator=LogLocator(subs=(1, 2, 3, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
+    grey = [Line2D([], [], ls="", marker=m, ms=8, color="#777777", label=name) for name, (*_, m) in BASES.items()]
+    kinds = [
+        Line2D([], [], color=COLOURS["auxiliary"], marker="o", label="filled: bound"),
+        Line2D([], [], ls=":", color=COLOURS["error"], marker="o", mfc="none", label="hollow: true error"),
+    ]
+    figure.legend(handles=[*kinds, *grey], loc="outside lower center", ncols=3)
+    figure.savefig(path, dpi=150)
+
+
+def cost(t_end: float, pairs: int = 7) -> float:
+    """Print and return the run time with bounds over that without: median of pairs, offline work left out."""
+    with_bounds, without = scene_of(*SHOWN, t_end), scene_of(*SHOWN, t_end, bounds=False)
+
+    def seconds(scene: wishbone.QuarterCar, monitor: Any) -> float:
+        scene.settings.solution.sensors.active = False
+        begin = thread_time()
+        scene.mbs.SolveDynamic(scene.settings)
+        if monitor is not None:
+            monitor.report()
+        return thread_time() - begin
+
+    ratios = [seconds(*with_bounds) / seconds(*without) for _ in range(1 + pairs)][1:]
+    low, middle, high = np.percentile(ratios, (25, 50, 75))
+    print(f"run time with bounds / without: {middle:.3f} (quartiles {low:.3f} .. {high:.3f}, {pairs} pairs)")
+    return middle
+
+
+def main(folder: str | Path = RESULTS, t_end: float = 0.2, full: bool = False) -> list[Case]:
+    """Print the table, save the pictures; return the runs."""
+    found = cases(t_end, full)
+    print(enough(found))
+    shown = next(case for case in found if (case.basis, case.n) == SHOWN)
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    draw_time(shown, Path(folder) / "wishbone.png")
+    draw_arm(shown, Path(folder) / "wishbone_arm.png")
+    draw_modes(found, Path(folder) / "wishbone_modes.png")
+    if full:
+        cost(t_end)
+    return found
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("folder", nargs="?", default=RESULTS)
+    parser.add_argument("--full", action="store_true", help="one more basis each, and the cost of the bounds")
+    options = parser.parse_args()
+    main(options.folder, full=options.full)

@@ -1,0 +1,220 @@
+"""The quarter car with a flexible lower arm: its mesh, its equilibrium, and bounds against runs with more modes."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as sla
+
+import exudyn_romerr as romerr
+from examples import wishbone_suspension
+from models import floating, solid_bar, wishbone
+from models.beam3d import STEEL
+from models.wishbone import INTERFACES, TYRE_STIFFNESS, WHEEL_LOAD
+
+STEP, END = 1e-3, 0.04  # s
+BUSHES = INTERFACES[:2]
+COUPLED = "coupled (linearised)"
+# What Newton's iterations leave, relative 1e-10 of coordinates of up to 0.1 m in the equilibrium
+AT_REST = 1e-9
+
+
+def flat(t):
+    return 0.0, 0.0
+
+
+@cache
+def arm():
+    """Nodes, M, K."""
+    fem = wishbone.load_fem()
+    return fem.GetNodePositionsAsArray(), fem.GetMassMatrix(sparse=True), fem.GetStiffnessMatrix(sparse=True)
+
+
+def rigid_motions(nodes):
+    turns = [np.cross(unit, nodes).ravel() for unit in np.eye(3)]
+    return np.column_stack([np.tile(np.eye(3), (len(nodes), 1)), *turns])
+
+
+@cache
+def run(n, kind="RBE3", static=INTERFACES, vectors="auto"):
+    """The scene after its drive, and the monitor of its ball joint."""
+    scene = wishbone.quarter_car(n, kind, static, h=STEP, t_end=END)
+    nodes, weights = floating.interface(scene.fem, "ball")
+    ball = romerr.mean_displacement("ball", nodes=nodes, weights=weights)
+    flex = romerr.floating_body(scene.fem, scene.bodies[0])
+    monitor = romerr.attach(scene.mbs, flex, outputs=[ball], auxiliary_modes=vectors)
+    scene.solve()
+    return scene, monitor
+
+
+def compared(*basis):
+    """Output, true error (T, 3) and how far it is known: the bound of the run that is the truth."""
+    truth, out = (run(*which)[1].report().output("ball") for which in ((16, "RBE3", INTERFACES, 40), basis))
+    return out, np.abs(truth.value - out.value), truth.bound["best"]
+
+
+def stored(scene, name):
+    return scene.mbs.GetSensorStoredData(scene.sensors[name])
+
+
+def test_stored_arm_is_what_make_wishbone_makes():
+    pytest.importorskip("netgen.occ")
+    from models import make_wishbone
+
+    made = make_wishbone.arrays(make_wishbone.imported())
+    with np.load(wishbone.DATA / "wishbone.npz") as file:
+        assert set(file) == set(made)
+        for name in made:
+            np.testing.assert_allclose(file[name], made[name], rtol=0, atol=1e-12)
+
+
+def test_arm_is_of_steel_and_free_to_move():
+    nodes, M, K = arm()
+    rigid = rigid_motions(nodes)
+    assert 3000 <= 3 * len(nodes) <= 6000
+    assert 4.0 < (rigid.T @ (M @ rigid))[0, 0] < 7.0  # kg
+    volume = solid_volume()
+    np.testing.assert_allclose(rigid[:, :3].T @ (M @ rigid[:, :3]), STEEL.density * volume * np.eye(3), atol=1e-9)
+    assert np.abs(K @ rigid).max() < 1e-11 * np.abs(K).max() * np.abs(rigid).max()
+
+
+def solid_volume():
+    with np.load(wishbone.DATA / "wishbone.npz") as file:
+        corners = file["nodes"][file["tets"][:, :4]]
+    return np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])).sum() / 6
+
+
+def test_lowest_eigenfrequency_is_that_of_an_arm():
+    _, M, K = arm()
+    values = np.sort(sla.eigsh(K, 7, M, sigma=-1e4, v0=np.ones(K.shape[0]), return_eigenvectors=False))
+    assert np.abs(values[:6]).max() < 1e-6 * values[6]
+    assert 100 < np.sqrt(values[6]) / (2 * np.pi) < 400  # Hz
+
+
+def test_interfaces_are_four_holes():
+    fem = wishbone.load_fem()
+    nodes = [floating.interface(fem, name)[0] for name in INTERFACES]
+    assert len(np.unique(np.concatenate(nodes))) == sum(map(len, nodes))
+    for name in INTERFACES:
+        chosen, weights = floating.interface(fem, name)
+        assert weights.sum() == pytest.approx(1.0)
+        centre = weights @ fem.GetNodePositionsAsArray()[chosen]
+        np.testing.assert_allclose(centre, wishbone.POINTS[name], atol=1e-3)
+
+
+def test_modes_hold_the_first_interface():
+    """Exudyn's RBE3 modes do to 4 digits only, unless the stiffness is of the size of the weights."""
+    fem = wishbone.load_fem()
+    stiffness = fem.stiffnessMatrix
+    wishbone.reduce(fem, 2)
+    assert fem.stiffnessMatrix is stiffness
+    V = fem.modeBasis["matrix"]
+    rows = romerr.mean_motion(*floating.interface(fem, "front")).rows(fem.GetNodePositionsAsArray())
+    assert np.abs(rows @ V).max() < 1e-10 * np.abs(rows).max() * np.abs(V).max()
+    last = V[:, -1]
+    assert fem.eigenValues[-1] == pytest.approx(
+        last @ (stiffness @ last) / (last @ (fem.massMatrix @ last)), rel=1e-6
+    )
+
+
+def test_matrices_are_those_of_the_mesh():
+    with np.load(wishbone.DATA / "wishbone.npz") as file:
+        mass, stiffness = solid_bar.matrices(file["nodes"], file["tets"].astype(int))
+    _, M, K = arm()
+    assert abs(M - mass).max() == abs(K - stiffness).max() == 0
+
+
+def test_car_stands_still_on_a_flat_road():
+    scene = wishbone.quarter_car(0, h=STEP, t_end=0.02, road=flat)
+    scene.solve()
+    for name in ("chassis", "wheel", "ball node local"):
+        assert np.ptp(stored(scene, name)[:, 1:], axis=0).max() < AT_REST
+    mass = wishbone.SPRUNG_MASS + wishbone.WHEEL_MASS + wishbone.UPPER_ARM_MASS + STEEL.density * solid_volume()
+    pressed = WHEEL_LOAD - TYRE_STIFFNESS * stored(scene, "wheel")[-1, 3]
+    assert pressed == pytest.approx(9.81 * mass, rel=1e-4)
+
+
+def test_bump_is_smooth_and_50_mm_high():
+    length = wishbone.BUMP[1] / wishbone.SPEED
+    t = np.linspace(-0.1, length + 0.1, 2001)
+    height, slope = np.array([wishbone.bump(x) for x in t]).T
+    assert height.max() == pytest.approx(0.05, rel=1e-4)
+    assert np.all(height[(t <= 0) | (t >= length)] == 0)
+    np.testing.assert_allclose(slope, np.gradient(height, t) / wishbone.SPEED, atol=2e-3)
+
+
+def test_wheel_follows_the_bump_and_stays_on_the_road():
+    scene = wishbone.quarter_car(0, h=2e-3, t_end=0.3)
+    scene.solve()
+    wheel, road = (stored(scene, name)[-151:, 3] for name in ("wheel", "road"))
+    np.testing.assert_allclose(road, [wishbone.bump(2e-3 * i)[0] for i in range(151)], atol=1e-12)
+    assert wheel.max() - wheel[0] > 0.045
+    assert np.min(WHEEL_LOAD - TYRE_STIFFNESS * (wheel - road)) > 1e3
+
+
+def test_loads_are_the_same_where_the_static_solve_ends_and_the_drive_begins():
+    monitor = run(0)[1]
+    static, drive = monitor.report(0).output("ball").value, monitor.report().output("ball").value
+    np.testing.assert_array_equal(static[-1], drive[0])
+    assert np.abs(drive[1] - drive[0]).max() < 1e-3 * np.abs(drive).max()
+
+
+@pytest.mark.parametrize("basis", [(0,), (8, "RBE3", BUSHES), (0, "RBE2")])
+def test_bounds_are_coupled_and_nothing_is_missing(basis):
+    report = run(*basis)[1].report()
+    assert report.scope["auxiliary"] == COUPLED
+    assert not [message for message in report.messages if "Galerkin" in message]
+
+
+@pytest.mark.parametrize("basis", [(0,), (8, "RBE3", BUSHES), (0, "RBE2")])
+def test_error_is_below_its_bound(basis):
+    """At every instant, in all three directions."""
+    out, error, known = compared(*basis)
+    assert np.all(error <= out.bound["auxiliary"] + known)
+
+
+def test_bound_is_sharp_for_a_basis_that_is_proven_to_meet_1_percent():
+    out, error, known = compared(8, "RBE3", BUSHES)
+    assert known.max() < 1e-2 * error.max()
+    assert out.bound["auxiliary"].max() < 0.01 * np.abs(out.value).max()
+    assert out.bound["auxiliary"].max() < 2 * error.max()
+
+
+def test_static_modes_of_all_interfaces_need_no_eigenmode():
+    out, error, _ = compared(0)
+    assert out.bound["auxiliary"].max() < 1e-4 * np.abs(out.value).max()
+    assert error.max() < 1e-5 * np.abs(out.value).max()
+
+
+def test_more_vectors_make_the_bound_of_all_static_modes_sharp():
+    out, error, known = compared(0, "RBE3", INTERFACES, 60)
+    assert np.all(error <= out.bound["auxiliary"] + known)
+    assert error.max() < out.bound["auxiliary"].max() < 2 * error.max()
+
+
+def test_rigid_interfaces_are_an_error_that_the_bound_shows():
+    out, error, _ = compared(0, "RBE2")
+    assert error.max() > 0.01 * np.abs(out.value).max()
+    assert out.bound["auxiliary"].max() > 0.99 * error.max()
+
+
+def test_results_are_the_same_with_and_without_bounds():
+    scene = wishbone.quarter_car(0, h=STEP, t_end=END)  # static modes alone: no random digits
+    scene.solve()
+    for name in scene.sensors:
+        np.testing.assert_array_equal(stored(scene, name), stored(run(0)[0], name))
+
+
+def test_example_draws_and_tells_what_is_enough(tmp_path, monkeypatch, capsys):
+    few = {
+        name: (kind, static, counts[:1], (), mark)
+        for name, (kind, static, counts, _, mark) in wishbone_suspension.BASES.items()
+    }
+    monkeypatch.setattr(wishbone_suspension, "BASES", few)
+    monkeypatch.setattr(wishbone_suspension, "TRUTH", {"n": 4, "vectors": 20})
+    found = wishbone_suspension.main(tmp_path, t_end=0.01)
+    assert len(found) == len(few)
+    for name in ("wishbone", "wishbone_arm", "wishbone_modes"):
+        assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    printed = capsys.readouterr().out
+    assert "enough by the bound, the same, rigid interfaces: 1 %: none of these" in printed
