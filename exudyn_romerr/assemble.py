@@ -21,19 +21,13 @@ if TYPE_CHECKING:
 def assemble(run: Run) -> BoundReport:
     """Return the report of what the run has bounded so far."""
     offline, streams = run.offline, run.streams()
-    t, values, round_off, frames = run.samples()
+    t = run.samples()[0]
     total, scene = streams["total"], offline.scene
-    widest = scene.widest(total)
-    outputs = {}
-    for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
-        rows = (values[:, part], round_off[:, part], _rows_of(streams, part))
-        seen = rows if view is None else _seen(view, rows, frames, offline)
-        outputs[out.name] = _output_report(out, *seen, widest)
     return BoundReport(
         t=t,
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
-        outputs=outputs,
+        outputs=output_reports(run, decides=True),
         scope={name: scene.scope_of(name) for name in total},
         scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else "not certified"])),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions().items()},
@@ -43,6 +37,19 @@ def assemble(run: Run) -> BoundReport:
         total_mass=offline.total_mass,
         nodes=run.node_bounds,
     )
+
+
+def output_reports(run: Run, decides: bool) -> dict[str, OutputReport]:
+    """Return the outputs that were asked for, or (decides=False) the onlookers beside them."""
+    offline, streams = run.offline, run.streams()
+    _, values, round_off, frames = run.samples()
+    widest, found = offline.scene.widest(streams["total"]), {}
+    for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
+        if out.decides == decides:
+            rows = (values[:, part], round_off[:, part], _rows_of(streams, part))
+            seen = rows if view is None else _seen(view, rows, frames, offline)
+            found[out.name] = _output_report(out, *seen, widest)
+    return found
 
 
 def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, dict[str, Bounds]]:

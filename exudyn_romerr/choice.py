@@ -19,9 +19,8 @@ BASIS, STEP, SLACK = "basis", "step size", "slack"
 SECOND_ORDER = 4 / 3  # error of a step over the difference to half the step
 CURES = {
     BASIS: "too few modes, or too few kinds of them: raise most=, or keep interfaces free (RBE3)",
-    STEP: "most of it from the time steps, whatever the modes: halve the step",
-    SLACK: "what auxiliary vectors leave, whatever the modes: raise auxiliary_modes=, let loads grow smoothly, or "
-    "take smaller steps",
+    STEP: "the time steps alone make it larger than allowed: halve the step",
+    SLACK: "what auxiliary vectors leave is larger than allowed: raise auxiliary_modes=, or let loads grow smoothly",
 }
 
 
@@ -58,7 +57,7 @@ class TriedRun:
     @property
     def excess(self) -> float:
         """The largest bound over its tolerance."""
-        return max(x / limit if (limit := self.tolerance[name]) else x * np.inf for name, x in self.bound.items())
+        return max(x / self.tolerance[name] for name, x in self.bound.items())
 
     def expected(self, modes: Sequence[int], slack: dict[str, float] | None = None) -> dict[str, float]:
         """Return the largest bounds forecast for other modes, with this run's slack unless another one is given."""
@@ -101,12 +100,13 @@ class ModeChoice:
 
     chosen : the run with the smallest basis that meets the tolerance, or, if none does, the one that came closest.
     tried : all runs, in their order. step_error : output -> error of the time steps, estimated from a run with half
-    of them; None if bounds cover the steps, or no run was left.
+    of them; None if bounds cover the steps, or no run was left. failed : what ended the search, if a run failed.
     """
 
     chosen: TriedRun
     tried: tuple[TriedRun, ...]
     step_error: dict[str, float] | None
+    failed: str | None
 
     @property
     def met(self) -> bool:
@@ -149,6 +149,8 @@ class ModeChoice:
         lines = [f"{self.chosen.basis} {verdict}; scope of the bounds: {', '.join(sorted(scopes))}"]
         lines += [f"  run {i}: {run}" for i, run in enumerate(self.tried, start=1)]
         lines += [f"  {self._smaller()}"] if self.met else [f"  {CURES[self.limit]}"]
+        if self.failed is not None:
+            lines.append(f"  not tried further, for a run failed: {self.failed}")
         if self.step_error is not None:
             errors = ", ".join(f"{name} {x:.3g}" for name, x in self.step_error.items())
             cure = "; too long" if self.limit == STEP else ""
@@ -166,7 +168,7 @@ class ModeChoice:
         if any((run.modes, run.kind) == (modes, self.kind) for run in self.tried):
             return f"{name}: not enough, was tried"
         worst = ", ".join(f"{output} <= {x:.3g}" for output, x in self.chosen.expected(modes).items())
-        verdict = "may be enough too, no run was left" if self.chosen.would_meet(modes) else "not enough"
+        verdict = "may be enough too, but was not tried" if self.chosen.would_meet(modes) else "not enough"
         return f"{name}: {verdict}, by a forecast: {worst}"
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg as la
 
+from .assemble import output_reports
 from .errors import InputError
 from .outputs import Onlooker, stacked_rows
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from .outputs import Output
     from .report import BoundReport
 
-CONTENT, RATE = "modal content", "rate of the modal content"
+CONTENT, RATE = "(modal content)", "(rate of the modal content)"
 TINY = np.finfo(float).tiny
 
 
@@ -91,8 +92,8 @@ class Forecast:
 def forecasts(
     report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, modes: Sequence[int]
 ) -> dict[str, Forecast]:
-    """Return output -> Forecast from a run with onlookers, which are taken out of its report."""
-    found = {name: report.outputs.pop(name).corrected for name in (CONTENT, RATE) if name in report.outputs}
+    """Return output -> Forecast from a run with onlookers."""
+    found = {name: out.corrected for name, out in output_reports(run, decides=False).items()}
     if found[CONTENT] is None:
         raise InputError("build attaches without estimator 'auxiliary', which alone tells what modes are missing")
     frames, modes_y = run.samples()[3], body.space.coordinates("modes", ladder.modes[:, ladder.always :])

@@ -43,7 +43,7 @@ def make_plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, s
         *scene.computed,
         f"residual of {layout.k} columns{packed}, {problem.residual}",
         *(f"estimator '{name}'{_details(problem, name)}" for name in made),
-        *(f"output '{out.name}' ({out.unit}, {out.of})" for out in problem.outputs),
+        *(f"output '{out.name}' ({out.unit}, {out.of})" for out in problem.outputs if out.decides),
     ]
     left_out = [(f"estimator '{name}'", _why_not(name, asked, body)) for name in ESTIMATORS if name not in names]
     left_out += scene.left_out

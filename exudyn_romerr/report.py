@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import InputError, check_array, check_choice, real_array
 from .plan import Plan
-from .scope import SCOPES
+from .scope import FROZEN, SCOPES
 
 if TYPE_CHECKING:
     import os
@@ -55,18 +55,19 @@ class OutputReport:
     error: np.ndarray | None = None
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
 
-    def verdict(self, time: str) -> list[str]:
+    def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
         """Return a line for each row: largest value, bound at the worst instant, the estimator that gave it."""
-        return [self._row_verdict(row, time) for row in range(self.value.shape[1])]
+        return [self._row_verdict(row, time, scope) for row in range(self.value.shape[1])]
 
-    def _row_verdict(self, row: int, time: str) -> str:
+    def _row_verdict(self, row: int, time: str, scope: dict[str, str]) -> str:
         largest = np.max(np.abs(self.value[:, row]), initial=0.0)
         worst = np.max(self.bound["best"][:, row], initial=0.0)
         share = f" ({100 * worst / largest:.2g} %)" if largest > 0 and np.isfinite(worst) else ""
         best = min((e for e in self.bound if e != "best"), key=lambda e: np.max(self.bound[e][:, row]))
         name = f"{self.name}, row {row + 1}" if self.value.shape[1] > 1 else self.name
         kind = "reduction error" if time == "sampled" else "error"
-        return f"{name}: up to {largest:.4g} {self.unit}, {kind} at most {worst:.3g} {self.unit}{share}, by '{best}'"
+        by = f"by '{best}', inputs frozen" if scope[best] == FROZEN else f"by '{best}'"
+        return f"{name}: up to {largest:.4g} {self.unit}, {kind} at most {worst:.3g} {self.unit}{share}, {by}"
 
     def at_round_off(self) -> bool:
         """Whether the largest bound is below what rounding of the FE matrices alone does to the output."""
@@ -181,7 +182,7 @@ class BoundReport:
         if self.time == "sampled":
             lines.append(f"! {SAMPLED}")
         for out in self.outputs.values():
-            lines += [*out.verdict(self.time), f"  {out.advice()}"]
+            lines += [*out.verdict(self.time, self.scope), f"  {out.advice()}"]
             if out.corrected is not None:
                 left = np.max(out.corrected_bound)
                 lines.append(f"  the corrected output is within {left:.3g} {out.unit} of the full model")

@@ -74,5 +74,5 @@ def test_what_cannot_be_changed_is_refused(change):
 
 
 def test_modes_that_are_not_there_are_refused():
-    with pytest.raises(romerr.InputError, match=r"modes lists 5; allowed: numbers 0\.\.4"):
+    with pytest.raises(romerr.InputError, match=r"modes lists 5; allowed: 0\.\.4"):
         romerr.keep_modes(bar_modes(), [1, 5])

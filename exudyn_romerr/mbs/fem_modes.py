@@ -12,7 +12,7 @@ from ..space import mean_motion, rigid_modes
 
 
 def keep_modes(fem: Any, modes: Iterable[int]) -> None:
-    """Drop all eigenmodes of fem.modeBasis but some; static modes stay.
+    """Drop all eigenmodes of fem.modeBasis but some; static modes stay. To keep others, compute all modes again.
 
     Parameters
     ----------
@@ -28,10 +28,14 @@ def keep_modes(fem: Any, modes: Iterable[int]) -> None:
         No modes yet, numbers that are not there, or stress modes that would no longer fit.
     """
     V, values = _modes(fem, "keep_modes"), np.asarray(fem.eigenValues, dtype=float)
+    if len(values) > V.shape[1]:
+        raise InputError(
+            f"fem.eigenValues has {len(values)} entries, the basis {V.shape[1]} modes; cut it to those of the modes"
+        )
     kept = np.unique(check_numbers("modes", list(modes)))
     wrong = kept[~np.isin(kept, np.arange(len(values)))]
     if wrong.size:
-        raise InputError(f"modes lists {wrong[0]:g}; allowed: numbers 0..{len(values) - 1} of the fem's eigenmodes")
+        raise InputError(f"modes lists {wrong[0]:g}; allowed: 0..{len(values) - 1}, the eigenmodes that fem has now")
     kept, always = kept.astype(int), V.shape[1] - len(values)
     fem.modeBasis = {**fem.modeBasis, "matrix": V[:, [*range(always), *(always + kept)]]}
     fem.eigenValues = values[kept]

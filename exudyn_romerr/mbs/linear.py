@@ -12,29 +12,23 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from ..body import ElasticBody
     from ..offline import Offline
     from ..outputs import Output
     from .bodies import ReducedBody
 
 
 class LinearSubject:
-    """Its offline work is done when it is attached; the mbs is read for what it must not contain."""
+    """Its offline work is done when it is attached; the mbs is read for what it must not contain.
+
+    body : the full body.
+    """
 
     def __init__(self, flex: ReducedBody, options: dict[str, Any]):
         self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
-        self._flex, self._model, self._options = flex, flex.model, options
-        self._offline = self._prepare()
+        self._model, self.body, self._basis = flex.model, flex.body, flex.basis  # not flex, which holds the mbs
+        self._options = {"inputs": flex.inputs, "input_function": flex.input_function, **options}
+        self._offline = prepare(self.body, self._basis, **self._options)
         self.columns, self.floor = slice(0, 0), 0.0
-
-    def _prepare(self) -> Offline:
-        flex = self._flex
-        return prepare(flex.body, flex.basis, inputs=flex.inputs, input_function=flex.input_function, **self._options)
-
-    @property
-    def body(self) -> ElasticBody:
-        """The full body."""
-        return self._flex.body
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -43,12 +37,12 @@ class LinearSubject:
 
     def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
         """Return V (N, n) and the full K (N, N)."""
-        return self._flex.basis.V, self.body.stiffness
+        return self._basis.V, self.body.stiffness
 
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs."""
         self._options = {**self._options, "outputs": [*self._options["outputs"], *outputs]}
-        self._offline = self._prepare()
+        self._offline = prepare(self.body, self._basis, **self._options)
 
     def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
         """Find the body's coordinates in the mbs; AssumptionError if something else acts on it."""

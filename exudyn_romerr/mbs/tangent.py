@@ -20,7 +20,8 @@ from ..errors import AssumptionError
 from .scope import coordinates_kept, loads_by_motion, loads_with_functions
 
 CHANGE = 0.3  # of G and K from one tangent to the next: more, and they are taken more often
-LONGEST = 64  # steps between tangents, also where nothing turns
+LONGEST = 64  # steps between tangents, also where nothing changes
+SMALL = 0.1  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
 SLOW = 4  # tangents to a reading of D, which changes less than K
 STEP = 1e-7  # of coordinates, to differentiate by
 RANK = 1e-10  # of the largest singular value: constraints below are redundant
@@ -88,7 +89,7 @@ class Tangents:
         change = _change(self.readings[-1], (t, M, K, G), self._rotations) / CHANGE if self._count else 0.0
         if self._count:
             self._stride = max(self._stride // 2, 1) if change > 1 else self._stride
-            self._stride = min(2 * self._stride, LONGEST) if change < 1 / 3 else self._stride
+            self._stride = min(2 * self._stride, LONGEST) if change < SMALL else self._stride
         self._count += 1
         self.readings.append(Reading(t, state, M, D, K, G, change))
         return self._stride

@@ -46,13 +46,19 @@ class Trial:
 
 def build_trial(build: Callable, *arguments: Any) -> Trial:
     """Call build; InputError unless it returns (mbs, monitor or list of them, simulationSettings)."""
+    if not callable(build):
+        raise InputError(f"build is a {type(build).__name__}; needed: a function that makes a scene")
     call, made = f"build({', '.join(map(repr, arguments))})", build(*arguments)
     if not isinstance(made, tuple | list) or len(made) != 3:
         raise InputError(f"{call} returned {type(made).__name__}; needed: (mbs, monitor, simulationSettings)")
     mbs, monitors, settings = made
     monitors = [monitors] if isinstance(monitors, Monitor) else monitors
     if not isinstance(monitors, Sequence) or not monitors or not all(isinstance(m, Monitor) for m in monitors):
-        raise InputError(f"{call} returned {monitors!r} as its second; needed: what attach returned, or a list of it")
+        kind = type(monitors).__name__
+        raise InputError(f"{call} returned a {kind} as its second; needed: what attach returned, or a list of it")
+    if not hasattr(settings, "timeIntegration"):
+        kind = type(settings).__name__
+        raise InputError(f"{call} returned a {kind} as its third; needed: exudyn.SimulationSettings")
     return Trial(call, mbs, tuple(monitors), settings)
 
 
