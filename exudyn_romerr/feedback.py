@@ -21,6 +21,11 @@ CLOSE = (
     1e-3  # of a solution: what interpolated inverses may miss at first; they are used twice, so its square is left
 )
 SAME = 1e-9  # of a step size: solvers add up their steps
+GROWN = 1e60  # its square, times masses, is still a number
+TOO_SENSITIVE = (
+    "the error of the linearised mechanism has grown beyond all numbers: its motion is too sensitive to be "
+    "linearised for so long. Ask for estimators='energy', for scope='inputs frozen', or solve for a shorter time"
+)
 MANY = 4  # steps between two tangents: fewer are solved one by one, more with inverses interpolated in time
 
 
@@ -93,6 +98,8 @@ class Feedback:
             speed[steps] = _speed(found[1, steps], t[steps], first, last)
         if not np.isfinite(found).all():
             raise AssumptionError(SINGULAR)
+        if np.max(np.abs(found), initial=0.0) > GROWN:
+            raise AssumptionError(TOO_SENSITIVE)
         return found, speed
 
     def _step(self, now: float, force: np.ndarray, first: Tangent, last: Tangent, left: int) -> np.ndarray:

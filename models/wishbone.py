@@ -18,6 +18,7 @@ from exudyn import itemInterface
 from exudyn.FEM import FEMinterface, HCBstaticModeSelection, ObjectFFRFreducedOrderInterface
 from exudyn.utilities import InertiaCuboid, RigidBodyInertia
 
+import exudyn_romerr as romerr
 from models import solid_bar
 from models.floating import DATA, GRAVITY, RAYLEIGH, add_interface_marker, interface, solver_settings
 from models.mechanisms import MechanismScene
@@ -37,7 +38,6 @@ POINTS = {
     "chassis": (0.0, -0.4, 0.3),
 }
 INTERFACES = ("front", "rear", "ball", "seat")  # of the lower arm; the first one holds its frame
-STIFFNESS_UNIT = 1e-10
 SPRUNG_MASS = 350.0  # kg
 WHEEL_MASS = 38.0  # kg, with hub, brake and knuckle
 UPPER_ARM_MASS = 2.5  # kg
@@ -109,12 +109,9 @@ def reduce(fem: FEMinterface, n: int, kind: str = "RBE3", static: Sequence[str] 
     static : interfaces; the first one is held, each other one has 6 static modes.
     """
     nodes, weights = zip(*(interface(fem, name) for name in static), strict=True)
-    stiffness, mode = fem.stiffnessMatrix, HCBstaticModeSelection[kind]
-    # Exudyn factorises stiffness in N/m, 1e10, beside rows of weights, 1e-4, without scaling: RBE3 modes would hold
-    # the first interface to 4 digits only. They do not depend on the unit of the stiffness.
-    fem.stiffnessMatrix = STIFFNESS_UNIT * stiffness
+    mode = HCBstaticModeSelection[kind]
     fem.ComputeHurtyCraigBamptonModes(nodes, n, computationMode=mode, boundaryNodesWeights=weights)
-    fem.stiffnessMatrix, fem.eigenValues = stiffness, fem.eigenValues / STIFFNESS_UNIT
+    romerr.hold_modes(fem, nodes[0], weights[0])  # Exudyn's RBE3 modes do to 4 digits only
 
 
 def quarter_car(
@@ -184,14 +181,9 @@ def _add_bodies(scene: QuarterCar, damping: tuple[float, float]) -> None:
 def _marker(scene: QuarterCar, body: str, point: str) -> int:
     """Add a marker on a rigid body at one of POINTS."""
     number = scene.objects[body]
-    local = np.subtract(POINTS[point], 0 if body == "ground" else _place(scene, number))
+    of_body = exu.OutputVariableType.Position, [0, 0, 0], exu.ConfigurationType.Reference
+    local = np.subtract(POINTS[point], scene.mbs.GetObjectOutputBody(number, *of_body))
     return scene.mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=number, localPosition=local))
-
-
-def _place(scene: QuarterCar, number: int) -> np.ndarray:
-    return scene.mbs.GetObjectOutputBody(
-        number, exu.OutputVariableType.Position, configuration=exu.ConfigurationType.Reference
-    )
 
 
 def _add_joints(scene: QuarterCar) -> None:
@@ -210,10 +202,8 @@ def _add_joints(scene: QuarterCar) -> None:
 def _add_springs(scene: QuarterCar) -> None:
     mbs, objects = scene.mbs, scene.objects
     for name in ("front", "rear"):
-        markers = [_marker(scene, "chassis", name), scene.markers[name]]
-        bush = itemInterface.RigidBodySpringDamper(
-            markerNumbers=markers, stiffness=BUSH_STIFFNESS, damping=BUSH_DAMPING
-        )
+        ends = [_marker(scene, "chassis", name), scene.markers[name]]
+        bush = itemInterface.RigidBodySpringDamper(markerNumbers=ends, stiffness=BUSH_STIFFNESS, damping=BUSH_DAMPING)
         objects[f"{name} bush"] = mbs.AddObject(bush)
     rods = {
         "spring": (scene.markers["seat"], "chassis", "tower", "seat", (SPRING, DAMPER, PRELOAD)),
@@ -243,32 +233,24 @@ def _add_road(scene: QuarterCar, road: RoadFunction) -> None:
     def push(mbs: Any, t: float, loadVector: Any) -> list[float]:
         return [-WHEEL_LOAD * road(t)[1] if scene.driving else 0, 0, 0]
 
-    on_road, on_wheel = _marker(scene, "road", "wheel"), _marker(scene, "wheel", "wheel")
-    objects["bump"] = mbs.AddObject(
-        itemInterface.GenericJoint(
-            markerNumbers=[_marker(scene, "ground", "wheel"), on_road], offsetUserFunction=offset
-        )
+    ground, on_road, on_wheel = (_marker(scene, body, "wheel") for body in ("ground", "road", "wheel"))
+    guide = itemInterface.GenericJoint(markerNumbers=[ground, on_road], offsetUserFunction=offset)
+    tyre = itemInterface.CartesianSpringDamper(
+        markerNumbers=[on_road, on_wheel],
+        stiffness=[0, 0, TYRE_STIFFNESS],
+        damping=[0, 0, TYRE_DAMPING],
+        offset=[0, 0, WHEEL_LOAD / TYRE_STIFFNESS],
     )
-    objects["tyre"] = mbs.AddObject(
-        itemInterface.CartesianSpringDamper(
-            markerNumbers=[on_road, on_wheel],
-            stiffness=[0, 0, TYRE_STIFFNESS],
-            damping=[0, 0, TYRE_DAMPING],
-            offset=[0, 0, WHEEL_LOAD / TYRE_STIFFNESS],
-        )
-    )
+    objects["bump"], objects["tyre"] = mbs.AddObject(guide), mbs.AddObject(tyre)
     mbs.AddLoad(itemInterface.LoadForceVector(markerNumber=on_wheel, loadVectorUserFunction=push))
 
 
 def _add_sensors(scene: QuarterCar) -> None:
-    mbs, u = scene.mbs, exu.OutputVariableType.Displacement
+    kind = {"outputVariableType": exu.OutputVariableType.Displacement, "storeInternal": True}
     for name in ("chassis", "wheel", "road"):
-        sensor = itemInterface.SensorBody(bodyNumber=scene.objects[name], outputVariableType=u, storeInternal=True)
-        scene.sensors[name] = mbs.AddSensor(sensor)
-    sensor = itemInterface.SensorSuperElement(
-        bodyNumber=scene.bodies[0]["oFFRFreducedOrder"],
-        meshNodeNumber=interface(scene.fem, "ball")[0][0],
-        outputVariableType=exu.OutputVariableType.DisplacementLocal,
-        storeInternal=True,
-    )
-    scene.sensors["ball node local"] = mbs.AddSensor(sensor)
+        sensor = itemInterface.SensorBody(bodyNumber=scene.objects[name], **kind)
+        scene.sensors[name] = scene.mbs.AddSensor(sensor)
+    kind["outputVariableType"] = exu.OutputVariableType.DisplacementLocal
+    arm, node = scene.bodies[0]["oFFRFreducedOrder"], interface(scene.fem, "ball")[0][0]
+    sensor = itemInterface.SensorSuperElement(bodyNumber=arm, meshNodeNumber=node, **kind)
+    scene.sensors["ball node local"] = scene.mbs.AddSensor(sensor)

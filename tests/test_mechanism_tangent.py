@@ -12,8 +12,8 @@ from models import mechanisms, wishbone
 STEP = 1e-6  # central: rounding 1e-16 of forces of 1e4 N, over 2e-6; the second derivatives' share is 1e-12
 # One-sided differences over 1e-7, in Exudyn's part of each coordinate's size; measured 4e-3 at the wishbone's bushes.
 NEAR = 1e-2
-# The same of what Exudyn leaves out, without stiff springs in it: measured 2e-5.
-CARRIED = 1e-3
+# The same of what Exudyn leaves out, without stiff springs in it: measured 3e-6.
+CARRIED = 1e-4
 
 
 def running(scene, at):

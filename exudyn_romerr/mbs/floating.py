@@ -96,6 +96,11 @@ def floating_body(
             raise InputError(f"fem.{name} is empty; import or compute it before floating_body")
     if isinstance(items, dict):
         items = items.get("FFRFReducedOrderObjectDict", items)
+    if isinstance(items, dict) and "oFFRF" in items:
+        raise InputError(
+            "items are those of an ObjectFFRF, which has all coordinates of the fem: nothing is reduced, there is no "
+            "reduction error to bound"
+        )
     missing = [key for key in ITEMS if not isinstance(items, dict) or key not in items]
     if missing:
         raise InputError(

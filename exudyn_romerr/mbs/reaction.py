@@ -15,7 +15,7 @@ from ..mechanism import join_extensions, joined_openings
 from ..online import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Sequence
 
     from .enriched import EnrichedBody
     from .tangent import Reading, Tangents
@@ -130,13 +130,13 @@ class _Extended:
         parts = [
             (body.couplings(times, [x[:, body.columns] for x in states]), body, own) for body, own in reaction.parts
         ]
-        whole = [self._whole(j, *matrices, parts) for j, matrices in enumerate(_matrices(readings, times))]
+        whole = np.array([self._whole(j, reading, parts) for j, reading in enumerate(readings)])
         between = [
             np.linspace(first.t, last.t, int(np.ceil(PARTS * np.clip(last.change, 0, 1))) + 1)[1:-1]
             for first, last in pairwise(readings)
         ]
         self.t = np.sort(np.concatenate([times, *between]))
-        self._spline = _spline(times, np.array(whole))
+        self._spline = CubicSpline(times, whole) if len(times) > 1 else lambda _: whole[0]
         self._made: dict[int, Tangent] = {}
 
     def __getitem__(self, j: int) -> Tangent:
@@ -147,11 +147,11 @@ class _Extended:
             self._made[j] = Tangent(self.t[j], M, D, K, stacked[3 * self._size :])
         return self._made[j]
 
-    def _whole(self, j: int, reading: Reading, damping: np.ndarray, parts: Sequence[tuple]) -> np.ndarray:
+    def _whole(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
         """M, D, K and G of reading j with the vectors, one upon another."""
         n = len(reading.M)
         M, D, K = np.zeros((3, self._size, self._size))
-        M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, damping, reading.K
+        M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, reading.D, reading.K
         for of, body, own in parts:
             rows = np.concatenate([body.columns, np.arange(own.start, own.stop)])
             M[rows, own], D[rows, own], K[rows, own] = of.M[j], of.D[j], of.K[j]
@@ -160,15 +160,3 @@ class _Extended:
         G = np.zeros((len(reading.G), self._size))
         G[:, :n] = reading.G
         return np.vstack([M, D, K, G])
-
-
-def _matrices(readings: Sequence[Reading], times: np.ndarray) -> Iterator[tuple[Reading, np.ndarray]]:
-    """Readings, each with D, which is interpolated where it was not read."""
-    known = [i for i, reading in enumerate(readings) if reading.D is not None]
-    damping = _spline(times[known], np.array([readings[i].D for i in known]))
-    return ((reading, damping(min(reading.t, times[known[-1]]))) for reading in readings)
-
-
-def _spline(t: np.ndarray, values: np.ndarray) -> Callable[[float], np.ndarray]:
-    """A cubic spline through values at times t; of one value, that."""
-    return CubicSpline(t, values) if len(t) > 1 else lambda _: values[0]

@@ -19,10 +19,9 @@ import scipy.linalg as la
 from ..errors import AssumptionError
 from .scope import coordinates_kept, loads_by_motion, loads_with_functions
 
-CHANGE = 0.3  # of G and K from one tangent to the next: more, and they are taken more often
+CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing changes
 SMALL = 0.1  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
-SLOW = 4  # tangents to a reading of D, which changes less than K
 STEP = 1e-7  # of coordinates, to differentiate by
 RANK = 1e-10  # of the largest singular value: constraints below are redundant
 PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
@@ -39,14 +38,14 @@ FAILED = "the mechanism's tangent could not be computed"
 class Reading:
     """Read at time t: q, q_t, q_tt of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints.
 
-    K holds loads too, and how inertia and the forces of constraints change with the coordinates. D: None if it was
-    not read, and is to be interpolated. change : of G and K since the reading before, over CHANGE.
+    K holds loads too, and how inertia and the forces of constraints change with the coordinates. change : of G and K
+    since the reading before, over CHANGE.
     """
 
     t: float
     state: tuple[np.ndarray, np.ndarray, np.ndarray]
     M: np.ndarray
-    D: np.ndarray | None
+    D: np.ndarray
     K: np.ndarray
     G: np.ndarray
     change: float
@@ -76,7 +75,7 @@ class Tangents:
         self._coordinates = [j for j in range(self.size) if j not in increments]
         self._rotations, self._loads = _rotations(mbs, PARAMETERS), loads_with_functions(mbs)
         self.readings: list[Reading] = []
-        self._stride, self._count, self._active, self._rows = 1, 0, None, None
+        self._stride, self._active, self._rows = 1, None, None
         self.redundant = 0
 
     def read(self, mbs: Any, t: float) -> int:
@@ -85,19 +84,17 @@ class Tangents:
         state = system.GetODE2Coordinates(), system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
         M, G = self._mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
-        D, K = self._forces(mbs, self._count % SLOW == 0)
-        change = _change(self.readings[-1], (t, M, K, G), self._rotations) / CHANGE if self._count else 0.0
-        if self._count:
+        D, K = self._forces(mbs)
+        change = _change(self.readings[-1], (t, M, K, G), self._rotations) / CHANGE if self.readings else 0.0
+        if self.readings:
             self._stride = max(self._stride // 2, 1) if change > 1 else self._stride
             self._stride = min(2 * self._stride, LONGEST) if change < SMALL else self._stride
-        self._count += 1
         self.readings.append(Reading(t, state, M, D, K, G, change))
         return self._stride
 
     def forget(self) -> None:
         """Keep the last readings, which what follows is interpolated with."""
-        with_rates = [i for i, reading in enumerate(self.readings) if reading.D is not None]
-        del self.readings[: min(with_rates[-1], max(len(self.readings) - KEPT, 0))]
+        del self.readings[:-KEPT]
 
     def _check_loads(self, mbs: Any) -> None:
         try:
@@ -138,12 +135,12 @@ class Tangents:
             )
         return G
 
-    def _forces(self, mbs: Any, with_rates: bool) -> tuple[np.ndarray | None, np.ndarray]:
-        """D, if asked for, and K by numerical differentiation; what user functions leave half done is set back."""
+    def _forces(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+        """D and K by numerical differentiation; what user functions leave half done is set back."""
         try:
             with coordinates_kept(mbs.systemData) as (q, _):
-                D = self._jacobian(mbs, 0.0, -1.0, 0) if with_rates else None
-                return D, self._jacobian(mbs, -1.0, 0.0, 1) + self._carried_forces(mbs, q)
+                D, K = self._jacobian(mbs, 0.0, -1.0, 0), self._jacobian(mbs, -1.0, 0.0, 1)
+                return D, K + self._carried_forces(mbs, q)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
 
@@ -185,16 +182,20 @@ def _rotations(mbs: Any, types: Sequence[str]) -> list[list[int]]:
 def _change(before: Reading, now: tuple, rotations: Sequence[list[int]]) -> float:
     """Return how much G and K of t, M, K, G have changed: of G its share, of K that of K + M/dt^2, dt the time since.
 
-    Where K is soft, its change accelerates masses for that time. A rotation's parameters count together: one of them
-    may have no mass.
+    Where K is soft, its change accelerates masses for that time. Of a rotation's parameters the lightest axis counts,
+    about which a slim body spins: the third largest inertia, for of four parameters one direction has none.
     """
     t, M, K, G = now
-    of_G = np.linalg.norm(G - before.G) / max(np.linalg.norm(G), TINY)
     stiffness = np.abs(np.diag(K)) + np.diag(M) / (t - before.t) ** 2
     for parameters in rotations:
-        stiffness[parameters] = stiffness[parameters].mean()
+        stiffness[parameters] = la.eigvalsh(M[np.ix_(parameters, parameters)])[-3] / (t - before.t) ** 2
     scale = 1 / np.sqrt(np.maximum(stiffness, TINY))
-    return max(of_G, float(np.max(scale[:, None] * np.abs(K - before.K) * scale)))
+    return max(_turned(before.G, G), float(np.max(scale[:, None] * np.abs(K - before.K) * scale)))
+
+
+def _turned(before: np.ndarray, G: np.ndarray) -> float:
+    """Share of G that has changed; it holds the rotation parameters themselves, too."""
+    return float(np.linalg.norm(G - before) / max(np.linalg.norm(G), TINY))
 
 
 def _independent(G: np.ndarray, active: np.ndarray) -> np.ndarray:
