@@ -490,3 +490,17 @@ def test_mbs_is_freed_when_dropped():
     mbs, _ = run()
     gc.collect()
     assert mbs() is None
+
+
+def test_run_that_goes_on_at_a_rounded_time_keeps_its_error():
+    """After 1600 steps the solver is at 0.1 - 4e-15; the user writes startTime = 0.1."""
+    mbs, _, monitor = scene()
+    first = settings(1600)
+    mbs.SolveDynamic(first, updateInitialValues=True)
+    assert mbs.systemData.GetTime() != 0.1
+    mbs.SolveDynamic(settings(160, end=0.11, start=0.1))
+    before, after = (monitor.report(i) for i in range(2))
+    assert any("continues the run before" in message for message in after.messages)
+    for e, bound in after.output("tip").bound.items():
+        np.testing.assert_allclose(bound[0], before.output("tip").bound[e][-1], rtol=1e-6)
+        assert np.all(bound[0] > 0)
