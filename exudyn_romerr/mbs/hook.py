@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .watch import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
-TANGENT_NUMBERS = 4_000_000  # 32 MB for each matrix of the tangents in a block
+TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines through all take 15 times that
 
 
 class StepHook:
