@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 RANK = 1e-8  # of the largest response: what is smaller is rounding of what V and P hold already
 MISSED = 1e-6  # of a static mode: less is rounding of what V holds of it already
-HELD = 1e-6  # smallest cosine between static modes and V that can take the interfaces' motion out of P
+HELD = 1e-5  # smallest cosine of static modes and V that take motion of interfaces out of P; at 3e-6 P grew 200 times
 
 
 class Enrichment:
