@@ -20,23 +20,21 @@ import exudyn_romerr as romerr
 from models import floating
 
 
-def write_matrices(folder: Path) -> None:
+def write_matrices(mass: sparse.spmatrix, stiffness: sparse.spmatrix, folder: Path) -> None:
     """Write mass.mtx (Matrix Market) and stiffness.npz (scipy.sparse.save_npz)."""
-    fem = floating.load_fem("bar")
-    mmwrite(folder / "mass.mtx", sparse.coo_matrix(fem.massMatrix), precision=17)
-    sparse.save_npz(folder / "stiffness.npz", fem.stiffnessMatrix)
+    mmwrite(folder / "mass.mtx", sparse.coo_matrix(mass), precision=17)
+    sparse.save_npz(folder / "stiffness.npz", stiffness)
 
 
 def main(t_end: float = 0.02) -> romerr.BoundReport:
     """Read both matrices, hold one end, load the other, reduce to 6 vectors; print and return the bounds."""
+    fem = floating.load_fem("bar")  # stands for the FE program
     with tempfile.TemporaryDirectory() as name:
-        write_matrices(Path(name))
+        write_matrices(fem.massMatrix, fem.stiffnessMatrix, Path(name))
         M, K = mmread(Path(name) / "mass.mtx"), sparse.load_npz(Path(name) / "stiffness.npz")
 
-    held = floating.interface(floating.load_fem("bar"), "left")[0]  # node numbers; yours come from the FE program
-    tip = (
-        3 * int(floating.interface(floating.load_fem("bar"), "tip")[0][0]) + 2
-    )  # coordinate: 3 a node, z is the last
+    held = floating.interface(fem, "left")[0]  # node numbers; yours come from the FE program
+    tip = 3 * int(floating.interface(fem, "tip")[0][0]) + 2  # coordinate: 3 a node, z is the last
     fixed = (3 * held[:, None] + np.arange(3)).ravel()
     body = romerr.ElasticBody(M, K, rayleigh=floating.RAYLEIGH, fixed=fixed)
 

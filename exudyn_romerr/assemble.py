@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 def assemble(run: Run) -> BoundReport:
     """Return the report of what the run has bounded so far."""
-    offline, streams = run.offline, run.streams()
-    t = run.samples()[0]
+    offline, streams, samples = run.offline, run.streams(), run.samples()
+    t = samples[0]
     total, scene = streams["total"], offline.scene
     return BoundReport(
         t=t,
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
-        outputs=output_reports(run, decides=True),
+        outputs=_output_reports(offline, streams, samples, decides=True),
         scope={name: scene.scope_of(name) for name in total},
         scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else "not certified"])),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions().items()},
@@ -39,10 +39,14 @@ def assemble(run: Run) -> BoundReport:
     )
 
 
-def output_reports(run: Run, decides: bool) -> dict[str, OutputReport]:
+def onlooker_reports(run: Run) -> dict[str, OutputReport]:
+    """Return the outputs beside those that were asked for."""
+    return _output_reports(run.offline, run.streams(), run.samples(), decides=False)
+
+
+def _output_reports(offline: Offline, streams: dict, samples: tuple, decides: bool) -> dict[str, OutputReport]:
     """Return the outputs that were asked for, or (decides=False) the onlookers beside them."""
-    offline, streams = run.offline, run.streams()
-    _, values, round_off, frames = run.samples()
+    _, values, round_off, frames = samples
     widest, found = offline.scene.widest(streams["total"]), {}
     for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
         if out.decides == decides:

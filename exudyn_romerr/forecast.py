@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg as la
 
-from .assemble import output_reports
+from .assemble import onlooker_reports
 from .errors import InputError
 from .outputs import Onlooker, stacked_rows
 
@@ -77,11 +77,7 @@ class Forecast:
 
     def bound(self, modes: Sequence[int]) -> float:
         """Return the largest bound there would be with these modes."""
-        return self.bound_of(self.left(modes))
-
-    def bound_of(self, left: np.ndarray) -> float:
-        """Return the largest bound of an error known to be `left`."""
-        return float(np.max(np.abs(left) + self.slack))
+        return float(np.max(np.abs(self.left(modes)) + self.slack))
 
     @property
     def largest_slack(self) -> float:
@@ -93,7 +89,7 @@ def forecasts(
     report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, modes: Sequence[int]
 ) -> dict[str, Forecast]:
     """Return output -> Forecast from a run with onlookers."""
-    found = {name: out.corrected for name, out in output_reports(run, decides=False).items()}
+    found = {name: out.corrected for name, out in onlooker_reports(run).items()}
     if found[CONTENT] is None:
         raise InputError("build attaches without estimator 'auxiliary', which alone tells what modes are missing")
     frames, modes_y = run.samples()[3], body.space.coordinates("modes", ladder.modes[:, ladder.always :])

@@ -93,9 +93,14 @@ def reduce(fem: FEMinterface, n: int | Sequence[int], kind: str = "RBE3") -> Non
         fem.ComputeEigenmodes(n, excludeRigidBodyModes=6, useSparseSolver=False)
         fem.eigenValues = fem.eigenValues[6 : 6 + n]  # the dense solver leaves all of them
     else:
-        nodes, weights = zip(*(interface(fem, side) for side in ("left", "right")), strict=True)
-        mode = HCBstaticModeSelection[kind]
-        fem.ComputeHurtyCraigBamptonModes(nodes, n, computationMode=mode, boundaryNodesWeights=weights)
+        craig_bampton(fem, ("left", "right"), n, kind)
+
+
+def craig_bampton(fem: FEMinterface, names: Sequence[str], n: int, kind: str) -> None:
+    """Compute "RBE2" or "RBE3" modes of some node sets, the first one held, and n eigenmodes into fem.modeBasis."""
+    nodes, weights = zip(*(interface(fem, name) for name in names), strict=True)
+    mode = HCBstaticModeSelection[kind]
+    fem.ComputeHurtyCraigBamptonModes(nodes, n, computationMode=mode, boundaryNodesWeights=weights)
 
 
 def ramped_force(t: float) -> tuple[float, float, float]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("EXUDYN_SUPPRESS_UI_WINDOW_OPEN", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -35,11 +36,11 @@ def geometry() -> occ.OCCGeometry:
     return occ.OCCGeometry(bar - occ.Box(*(occ.Pnt(*corner) for corner in solid_bar.NOTCH)))
 
 
-def imported(mesh_size: float) -> FEMinterface:
-    """Return Exudyn's FEMinterface of quadratic tetrahedra."""
+def imported(mesh: Any) -> FEMinterface:
+    """Return Exudyn's FEMinterface of a netgen mesh, in quadratic tetrahedra of steel."""
     fem = FEMinterface()
     fem.ImportMeshFromNGsolve(
-        ngsolve.Mesh(geometry().GenerateMesh(maxh=mesh_size)),
+        ngsolve.Mesh(mesh),
         density=STEEL.density,
         youngsModulus=STEEL.youngs_modulus,
         poissonsRatio=STEEL.poisson_ratio,
@@ -48,18 +49,23 @@ def imported(mesh_size: float) -> FEMinterface:
     return fem
 
 
-def arrays(fem: FEMinterface) -> dict[str, np.ndarray]:
-    """Return the fields of solid_bar.Mesh."""
-    nodes = fem.GetNodePositionsAsArray()
-    corners = np.asarray(fem.elements[0]["Tet4"])
-    middles = np.stack([nodes[corners[:, [a, b]]].mean(axis=1) for a, b in solid_bar.EDGES], axis=1)
+def tetrahedra(fem: FEMinterface) -> np.ndarray:
+    """Return the node numbers (e, 10) of the tetrahedra, of which the fem has the corners only."""
+    nodes, corners = fem.GetNodePositionsAsArray(), np.asarray(fem.elements[0]["Tet4"])
+    middles = np.stack([nodes[corners[:, edge]].mean(axis=1) for edge in solid_bar.EDGES], axis=1)
     distance, found = cKDTree(nodes).query(middles)
     if distance.max() > 1e-9:
         raise ValueError(f"mid-edge nodes are off the middle by {distance.max():.1e} m: edges must be straight")
+    return np.hstack([corners, found])
+
+
+def arrays(fem: FEMinterface) -> dict[str, np.ndarray]:
+    """Return the fields of solid_bar.Mesh."""
+    nodes = fem.GetNodePositionsAsArray()
     clamped, tip = (np.flatnonzero(np.abs(nodes[:, 0] - x) < 1e-9) for x in (0.0, solid_bar.SIZE[0]))
     fixed = (3 * clamped[:, None] + np.arange(3)).ravel()
     omega = romerr.ElasticBody.from_fem(fem, fixed=fixed).modes(10).omega
-    numbers = {"tets": np.hstack([corners, found]), "clamped": clamped, "tip": tip}
+    numbers = {"tets": tetrahedra(fem), "clamped": clamped, "tip": tip}
     return {"nodes": nodes, **{name: x.astype(np.int16) for name, x in numbers.items()}, "omega": omega}
 
 
@@ -77,7 +83,7 @@ def main() -> None:
     """Write the three meshes."""
     solid_bar.DATA.mkdir(exist_ok=True)
     for level, mesh_size in enumerate(MESH_SIZES):
-        fem = imported(mesh_size)
+        fem = imported(geometry().GenerateMesh(maxh=mesh_size))
         mesh = arrays(fem)
         path = solid_bar.DATA / f"solid_bar_{level}.npz"
         print(f"{path.name}: {3 * len(mesh['nodes'])} coordinates, {len(mesh['tets'])} tetrahedra")

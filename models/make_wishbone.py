@@ -18,13 +18,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import netgen.meshing as meshing
 import netgen.occ as occ
-import ngsolve
 import numpy as np
 from exudyn.FEM import FEMinterface
-from scipy.spatial import cKDTree
 
 from models import make_solid_bar, wishbone
-from models.beam3d import STEEL
 from models.solid_bar import EDGES
 
 WIDTH, HEIGHT = 0.022, 0.026  # m, section of the legs
@@ -77,25 +74,12 @@ def imported() -> FEMinterface:
     """Return Exudyn's FEMinterface of quadratic tetrahedra with straight edges: holes are polygons."""
     mesh = occ.OCCGeometry(arm()).GenerateMesh(**MESH)
     mesh.SetGeometry(meshing.NetgenGeometry())  # or mid-edge nodes go to the cylinders, and elements are curved
-    fem = FEMinterface()
-    fem.ImportMeshFromNGsolve(
-        ngsolve.Mesh(mesh),
-        density=STEEL.density,
-        youngsModulus=STEEL.youngs_modulus,
-        poissonsRatio=STEEL.poisson_ratio,
-        meshOrder=2,
-    )
-    return fem
+    return make_solid_bar.imported(mesh)
 
 
 def arrays(fem: FEMinterface) -> dict[str, np.ndarray]:
     """Return everything that wishbone.load_fem reads."""
-    nodes, corners = fem.GetNodePositionsAsArray(), np.asarray(fem.elements[0]["Tet4"])
-    middles = np.stack([nodes[corners[:, edge]].mean(axis=1) for edge in EDGES], axis=1)
-    distance, found = cKDTree(nodes).query(middles)
-    if distance.max() > 1e-9:
-        raise ValueError(f"mid-edge nodes are off the middle by {distance.max():.1e} m: edges must be straight")
-    tets = np.hstack([corners, found])
+    nodes, tets = fem.GetNodePositionsAsArray(), make_solid_bar.tetrahedra(fem)
     surface = _surface(tets)
     a, b, c, ab, ac, bc = surface.T
     triangles = np.concatenate([np.stack(x, axis=1) for x in ((a, ab, ac), (b, bc, ab), (c, ac, bc), (ab, bc, ac))])

@@ -93,8 +93,8 @@ def double_pendulum(
     left, right = _faces(scene.fem)
     _add_bar(scene, damping)
     _add_bar(scene, damping, position=right - left)
-    _join(scene, "hinge 1", _ground_marker(scene.mbs, left), scene.markers["left 1"], HINGE)
-    _join(scene, "hinge 2", scene.markers["right 1"], scene.markers["left 2"], HINGE)
+    join(scene, "hinge 1", _ground_marker(scene.mbs, left), scene.markers["left 1"], HINGE)
+    join(scene, "hinge 2", scene.markers["right 1"], scene.markers["left 2"], HINGE)
     return _finished(scene, itemInterface.LoadForceVector, scene.markers["right 2"], force, assemble)
 
 
@@ -123,10 +123,10 @@ def slider_crank(
     piston = scene.objects["piston"] = mbs.CreateRigidBody(referencePosition=wrist, inertia=block)
     at_shaft, at_pin = (_body_marker(mbs, crank, [x, 0, 0]) for x in (0, CRANK_RADIUS))
     at_wrist = _body_marker(mbs, piston)
-    _join(scene, "shaft", _ground_marker(mbs, shaft), at_shaft, HINGE)
-    _join(scene, "crank pin", at_pin, scene.markers["left 1"], HINGE)
-    _join(scene, "guide", _ground_marker(mbs, wrist), at_wrist, [0, 1, 1, 1, 1, 1])
-    _join(scene, "piston pin", at_wrist, scene.markers["right 1"], [1, 0, 1, 0, 0, 0])
+    join(scene, "shaft", _ground_marker(mbs, shaft), at_shaft, HINGE)
+    join(scene, "crank pin", at_pin, scene.markers["left 1"], HINGE)
+    join(scene, "guide", _ground_marker(mbs, wrist), at_wrist, [0, 1, 1, 1, 1, 1])
+    join(scene, "piston pin", at_wrist, scene.markers["right 1"], [1, 0, 1, 0, 0, 0])
     # On the average of a turn 2/3 of the rod's mass and 1/2 of the piston's move with the crank pin.
     moved = 2 / 3 * scene.cms.totalMass + PISTON_MASS / 2
     mean = (CRANK_INERTIA + moved * CRANK_RADIUS**2) * speed / t_end
@@ -176,10 +176,11 @@ def _scene(modes: tuple, times: tuple) -> MechanismScene:
     fem = load_fem("bar")
     reduce(fem, *modes)
     SC = exu.SystemContainer()
-    return MechanismScene(SC, SC.AddSystem(), fem, ObjectFFRFreducedOrderInterface(fem), _settings(*times))
+    return MechanismScene(SC, SC.AddSystem(), fem, ObjectFFRFreducedOrderInterface(fem), settings_to_compare(*times))
 
 
-def _settings(h: float, t_end: float) -> exu.SimulationSettings:
+def settings_to_compare(h: float, t_end: float) -> exu.SimulationSettings:
+    """Return settings of a dynamic solve that iterates far enough for runs to be compared."""
     settings = solver_settings(h, t_end)
     newton = settings.timeIntegration.newton
     # Two runs are compared: iterate further than the default tolerances, 1e-8 and 1e-10.
@@ -231,7 +232,7 @@ def _body_marker(mbs: Any, body: int, position: Any = (0, 0, 0)) -> int:
     return mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=body, localPosition=position))
 
 
-def _join(scene: MechanismScene, name: str, marker0: int, marker1: int, axes: list[int]) -> None:
+def join(scene: MechanismScene, name: str, marker0: int, marker1: int, axes: list[int]) -> None:
     joint = itemInterface.GenericJoint(markerNumbers=[marker0, marker1], constrainedAxes=axes)
     scene.objects[name] = scene.mbs.AddObject(joint)
 

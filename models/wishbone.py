@@ -15,13 +15,13 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 from exudyn import itemInterface
-from exudyn.FEM import FEMinterface, HCBstaticModeSelection, ObjectFFRFreducedOrderInterface
+from exudyn.FEM import FEMinterface, ObjectFFRFreducedOrderInterface
 from exudyn.utilities import InertiaCuboid, RigidBodyInertia
 
 import exudyn_romerr as romerr
 from models import solid_bar
-from models.floating import DATA, GRAVITY, RAYLEIGH, add_interface_marker, interface, solver_settings
-from models.mechanisms import MechanismScene
+from models.floating import DATA, GRAVITY, RAYLEIGH, add_interface_marker, craig_bampton, interface
+from models.mechanisms import MechanismScene, join, settings_to_compare
 
 # m, in the position that the mesh has
 POINTS = {
@@ -108,10 +108,8 @@ def reduce(fem: FEMinterface, n: int, kind: str = "RBE3", static: Sequence[str] 
 
     static : interfaces; the first one is held, each other one has 6 static modes.
     """
-    nodes, weights = zip(*(interface(fem, name) for name in static), strict=True)
-    mode = HCBstaticModeSelection[kind]
-    fem.ComputeHurtyCraigBamptonModes(nodes, n, computationMode=mode, boundaryNodesWeights=weights)
-    romerr.hold_modes(fem, nodes[0], weights[0])  # Exudyn's RBE3 modes do to 4 digits only
+    craig_bampton(fem, static, n, kind)
+    romerr.hold_modes(fem, *interface(fem, static[0]))  # Exudyn's RBE3 modes do to 4 digits only
 
 
 def quarter_car(
@@ -146,12 +144,9 @@ def quarter_car(
 
 
 def _settings(h: float, t_end: float) -> exu.SimulationSettings:
-    settings = solver_settings(h, t_end)
-    for newton in (settings.timeIntegration.newton, settings.staticSolver.newton):
-        # runs are compared: iterate further than the default tolerances, 1e-8 and 1e-10
-        newton.relativeTolerance, newton.absoluteTolerance = 1e-10, 1e-12
-    newton = settings.timeIntegration.newton
-    newton.modifiedNewtonContractivity, newton.maxModifiedNewtonIterations, newton.maxIterations = 0.9, 25, 50
+    settings = settings_to_compare(h, t_end)
+    newton = settings.staticSolver.newton
+    newton.relativeTolerance, newton.absoluteTolerance = 1e-10, 1e-12  # as in the dynamic solve
     settings.staticSolver.verboseMode = 0
     return settings
 
@@ -195,8 +190,7 @@ def _add_joints(scene: QuarterCar) -> None:
         "lower ball": (scene.markers["ball"], _marker(scene, "wheel", "ball"), ball),
     }
     for name, (marker0, marker1, axes) in joints.items():
-        joint = itemInterface.GenericJoint(markerNumbers=[marker0, marker1], constrainedAxes=axes)
-        scene.objects[name] = scene.mbs.AddObject(joint)
+        join(scene, name, marker0, marker1, axes)
 
 
 def _add_springs(scene: QuarterCar) -> None:

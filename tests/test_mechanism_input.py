@@ -216,7 +216,7 @@ def on_interior_nodes(kind, n, *joints):
     }
     for joint in joints:
         marker, place = places[joint]
-        mechanisms._join(scene, joint, ground_marker(scene, place), marker, mechanisms.HINGE)
+        mechanisms.join(scene, joint, ground_marker(scene, place), marker, mechanisms.HINGE)
     return scene, middle
 
 

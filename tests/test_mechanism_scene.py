@@ -89,7 +89,7 @@ def test_chain_of_three_bars():
     ends = [mechanisms._ground_marker(scene.mbs, left)]
     for bar in (1, 2, 3):
         mechanisms._add_bar(scene, floating.RAYLEIGH, position=(bar - 1) * (right - left))
-        mechanisms._join(scene, f"hinge {bar}", ends[-1], scene.markers[f"left {bar}"], mechanisms.HINGE)
+        mechanisms.join(scene, f"hinge {bar}", ends[-1], scene.markers[f"left {bar}"], mechanisms.HINGE)
         ends.append(scene.markers[f"right {bar}"])
     mechanisms._finished(scene, itemInterface.LoadForceVector, ends[-1], mechanisms.swaying_force, False)
     found = reports(scene, estimators=BOTH)

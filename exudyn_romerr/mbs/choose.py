@@ -89,8 +89,8 @@ def choose_modes(
 
 
 def _checked_kinds(kinds: Any) -> tuple:
-    names = [kind for kind in kinds if isinstance(kind, str)] if isinstance(kinds, list | tuple) else None
-    if names is None or len(set(names)) != len(kinds) or len(kinds) >= RUNS:
+    is_list = isinstance(kinds, list | tuple) and len(kinds) < RUNS
+    if not is_list or len({kind for kind in kinds if isinstance(kind, str)}) != len(kinds):
         raise InputError(f"kinds={kinds!r}; needed: up to {RUNS - 1} different names, such as ('RBE2', 'RBE3')")
     return tuple(kinds) or (None,)
 

@@ -47,8 +47,8 @@ class Reaction:
         if goes_on:
             self._feedback = before._feedback
         else:
-            extended, t = _Extended(self._tangents.readings, self), float(first[0][0])
-            tangent = extended[int(np.searchsorted(extended.t, t, side="right")) - 1]
+            t = float(first[0][0])
+            tangent = _Extended([reading for reading in self._tangents.readings if reading.t <= t][-1:], self)[0]
             samples = [watch.sampled(*first) for watch in self._watches]
             self._feedback.start(tangent, self._forces(samples)[0], self._forces_at_rest(), t)
         e = self._feedback.state[:, None]

@@ -30,18 +30,14 @@ class Trial:
 
     def solve(self) -> tuple[BoundReport, ...]:
         """Solve, and return the reports of all monitors; RunError if the end was not reached."""
-        self.assemble()
+        if not self.mbs.systemIsConsistent:
+            self.mbs.Assemble()
         finished = self.mbs.SolveDynamic(self.settings)
         reports = tuple(monitor.report() for monitor in self.monitors)  # its own error says more than the solver's
         end, reached = self.settings.timeIntegration.endTime, min(report.t[-1] for report in reports)
         if not finished or reached < end - SAME_TIMES * abs(end):
             raise RunError(f"the run of {self.call} ended at t = {reached:g} s; monitor.runs holds what was bounded")
         return reports
-
-    def assemble(self) -> None:
-        """Assemble the scene unless it was."""
-        if not self.mbs.systemIsConsistent:
-            self.mbs.Assemble()
 
 
 def build_trial(build: Callable, *arguments: Any) -> Trial:
