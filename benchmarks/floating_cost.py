@@ -2,9 +2,7 @@
 
 The pendulum of models/floating.py with 14 modes, one output, estimators "energy" and "auxiliary" with 20 modes, scope
 "inputs frozen"; mechanism_cost.py does the same for coupled bounds.
-Paired runs in one process, variants in turn (A B C A B C ...), so that a machine that changes its speed changes it
-for all; ratios are taken pair by pair, of CPU time: everything runs in one thread, and others do not count. Sensors
-are off: they would only make the simulation itself slower.
+Paired runs, CPU time: see pairs.py.
 
     python benchmarks/floating_cost.py [--steps 5000] [--pairs 15] [--step 1e-3]
     python benchmarks/floating_cost.py --dof 1000 30000 [300000] [--kind RBE2]     with ngsolve (pip install .[mesh])
@@ -32,35 +30,31 @@ from exudyn import itemInterface
 from exudyn.FEM import FEMinterface, HCBstaticModeSelection, ObjectFFRFreducedOrderInterface
 
 import exudyn_romerr as romerr
+from benchmarks import pairs
 from models import floating
 
 MODES = 8  # eigenmodes beside the 6 static ones
 AUXILIARY = 20
 BAR = (0.4, 0.04, 0.06)  # m
 SPREAD = 1.1  # of the time that bounds add to a step, from mesh to mesh: what the project promises
+SCENE = f"pendulum of {6 + MODES} modes, one output"
 CLOSE, TRIES = 0.1, 6  # a mesh within 10 % of the number of coordinates asked for is taken, or the last one tried
 
 
 def settings(steps: int, h: float) -> exu.SimulationSettings:
     """Return settings that write nothing."""
-    made = exu.SimulationSettings()
-    made.timeIntegration.numberOfSteps, made.timeIntegration.endTime = steps, steps * h
+    made = pairs.quiet(exu.SimulationSettings(), steps, h)
     made.timeIntegration.generalizedAlpha.spectralRadius = floating.SPECTRAL_RADIUS
-    made.timeIntegration.verboseMode = 0
-    made.solution.file.write = made.solution.sensors.active = False
     return made
 
 
-class Bare:
-    """The pendulum in an mbs of its own, to be solved again and again; nothing beside it."""
-
-    label = "without bounds"
+class Bare(pairs.Variant):
+    """The pendulum, nothing beside it."""
 
     def __init__(self, steps: int, h: float):
         self.scene, self.settings = self.build(h, steps * h), settings(steps, h)
-        begin = perf_counter()
-        self.prepare()
-        self.offline = perf_counter() - begin
+        self.mbs = self.scene.mbs
+        self.timed_prepare()
 
     def build(self, h: float, t_end: float) -> Any:
         """Return the scene."""
@@ -70,23 +64,13 @@ class Bare:
         """Assemble."""
         self.scene.mbs.Assemble()
 
-    def finish(self) -> None:
-        """Do what is left to do when the solver has returned."""
-
-    def seconds(self) -> float:
-        """Solve once; return CPU time in s, finish() included."""
-        begin = thread_time()
-        self.scene.mbs.SolveDynamic(self.settings)
-        self.finish()
-        return thread_time() - begin
-
 
 class Sampled(Bare):
     """Bounds of the reduction error."""
 
     label = "energy + auxiliary 20, sampled"
     time = "sampled"
-    limit = 1.05  # of the median ratio of run times with and without bounds: what the project promises
+    limit, reach = 1.05, 1.05
 
     def prepare(self) -> None:
         """Attach the monitor, and do its offline work."""
@@ -104,7 +88,10 @@ class Reconstructed(Sampled):
 
     label = "energy + auxiliary 20, reconstructed"
     time = "reconstructed"
-    limit = 1.15
+    limit, reach = 1.15, 1.1
+
+
+VARIANTS = (Bare, Sampled, Reconstructed)
 
 
 def monitor(mbs: exu.MainSystem, flex: Any, node: int, time: str = "reconstructed") -> Any:
@@ -115,26 +102,6 @@ def monitor(mbs: exu.MainSystem, flex: Any, node: int, time: str = "reconstructe
     mbs.Assemble()
     _ = made.plan
     return made
-
-
-def measure(variants: list[Bare], pairs: int) -> np.ndarray:
-    """Return run times in s, (pairs, variants); one round before is not counted."""
-    rounds = [[variant.seconds() for variant in variants] for _ in range(1 + pairs)]
-    return np.array(rounds[1:])
-
-
-def print_ratios(variants: list[Bare], times: np.ndarray, scene: str = f"{6 + MODES} modes, one output") -> None:
-    """Print step times and ratios."""
-    steps, ratios = variants[0].settings.timeIntegration.numberOfSteps, times / times[:, :1]
-    h = variants[0].settings.timeIntegration.endTime / steps
-    print(f"{steps:g} steps of {1e3 * h:g} ms, {len(times)} rounds, {scene}")
-    print(f"{'variant':<38}{'us a step':>10}{'ratio, median':>15}{'quartiles':>15}")
-    for variant, t, ratio in zip(variants, times.T, ratios.T, strict=True):
-        low, middle, high = np.percentile(ratio, (25, 50, 75))
-        print(f"{variant.label:<38}{1e6 * np.median(t) / steps:10.1f}{middle:15.4f}{low:9.3f}..{high:.3f}")
-    for variant, middle in zip(variants[1:], np.median(ratios, axis=0)[1:], strict=True):
-        kept = "kept" if middle <= variant.limit else "NOT KEPT"
-        print(f"{variant.label}: offline {1e3 * variant.offline:.3g} ms; promised at most {variant.limit:g}: {kept}")
 
 
 class Costs(NamedTuple):
@@ -233,9 +200,9 @@ def pendulum(fem: FEMinterface, faces: list, weights: list) -> tuple[exu.MainSys
     return mbs, items
 
 
-def measure_meshes(meshes: list[Mesh], steps: int, pairs: int, h: float) -> np.ndarray:
+def measure_meshes(meshes: list[Mesh], steps: int, rounds: int, h: float) -> np.ndarray:
     """Return Costs of every mesh (pairs, meshes, 3); one round before is not counted."""
-    return np.array([[mesh.costs(steps, h) for mesh in meshes] for _ in range(1 + pairs)][1:])
+    return np.array([[mesh.costs(steps, h) for mesh in meshes] for _ in range(1 + rounds)][1:])
 
 
 def print_meshes(meshes: list[Mesh], costs: np.ndarray) -> None:
@@ -269,9 +236,9 @@ def main(arguments: list[str] | None = None) -> tuple[list[Bare] | list[Mesh], n
         found = meshes, measure_meshes(meshes, options.steps, options.pairs, options.step)
         print_meshes(*found)
     else:
-        variants = [kind(options.steps, options.step) for kind in (Bare, Sampled, Reconstructed)]
-        found = variants, measure(variants, options.pairs)
-        print_ratios(*found)
+        variants = [kind(options.steps, options.step) for kind in VARIANTS]
+        found = variants, pairs.measure(variants, options.pairs)
+        pairs.print_ratios(*found, SCENE)
     return found
 
 

@@ -20,7 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on a shared machine thread
 import numpy as np
 
 import exudyn_romerr as romerr
-from benchmarks import floating_cost
+from benchmarks import floating_cost, pairs
 from models import floating, mechanisms
 
 VECTORS = 20
@@ -48,7 +48,7 @@ class Variant(floating_cost.Bare):
     """A scene in an mbs of its own, with coupled bounds of all its bodies, or without bounds."""
 
     def __init__(self, case: Case, estimators: tuple[str, ...], steps: int):
-        self.case, self.estimators, self.limit = case, estimators, case.limit
+        self.case, self.estimators, self.limit = case, estimators, case.limit if estimators else None
         if estimators:
             self.label = f"coupled {estimators[0]}" + f" {VECTORS}" * ("auxiliary" in estimators)
         super().__init__(steps, case.h)
@@ -84,6 +84,11 @@ class Variant(floating_cost.Bare):
         self.reports = [monitor.report() for monitor in self.monitors]
 
 
+def variants_of(case: Case, steps: int) -> list[Variant]:
+    """Return the scene without bounds and with each estimator."""
+    return [Variant(case, estimators, steps) for estimators in VARIANTS]
+
+
 def main(arguments: list[str] | None = None) -> dict[str, tuple[list[Variant], np.ndarray]]:
     """Measure and print; return variants and their run times in s, (pairs, variants), scene by scene."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
@@ -93,9 +98,9 @@ def main(arguments: list[str] | None = None) -> dict[str, tuple[list[Variant], n
     options = parser.parse_args(arguments)
     found = {}
     for name in options.scenes:
-        variants = [Variant(CASES[name], estimators, options.steps) for estimators in VARIANTS]
-        found[name] = variants, floating_cost.measure(variants, options.pairs)
-        floating_cost.print_ratios(*found[name], f"{CASES[name].text}, one output a body")
+        variants = variants_of(CASES[name], options.steps)
+        found[name] = variants, pairs.measure(variants, options.pairs)
+        pairs.print_ratios(*found[name], f"{CASES[name].text}, one output a body")
     return found
 
 

@@ -116,6 +116,14 @@ def row(label: str, basis: romerr.Basis, step: float | None, end: float = END) -
     )
 
 
+def numbered_row(parameters: dict) -> Row:
+    """Run one of the cases and print its line."""
+    data = parameters["functionData"]
+    line = row(*cases(data["full"])[parameters["case"]], data["end"])
+    print(line, flush=True)
+    return line
+
+
 def online_seconds(run: Simulation, estimator: str, repeats: int = 3) -> float:
     """Return the time to evaluate one estimator at all accepted steps, offline part taken off, median of several.
 
@@ -177,10 +185,8 @@ def sweep(output: Path, full: bool = False, end: float = END) -> list[Row]:
     """Print the table, save it and its picture to the directory output; return the lines."""
     output.mkdir(parents=True, exist_ok=True)
     print(f"\n{HEADER}", flush=True)
-    rows = []
-    for case in cases(full):
-        rows.append(row(*case, end))
-        print(rows[-1], flush=True)
+    numbers = {"case": list(range(len(cases(full))))}  # serially: the run times count
+    rows = romerr.sweep(numbered_row, numbers, parameterFunctionData={"full": full, "end": end}).complete()
     print("\n".join(f"* {line.remark}" for line in rows if line.remark))
     (output / "error_against_run_time.txt").write_text(table(rows) + "\n")
     draw(rows, output / "error_against_run_time.png")

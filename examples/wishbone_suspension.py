@@ -4,14 +4,14 @@
 
 FOLDER is examples/results if left out. Double wishbone suspension with a flexible lower arm of 3369 coordinates; all
 modes are too many for a truth, so the truth is a run with 50 modes, itself within its own, far smaller bound. --full
-runs bases with more modes, too, asks choose_modes for 1 %, too, and measures what the bounds cost.
+runs bases with more modes, too, and asks choose_modes for 1 %, too. Cost: benchmarks/wishbone_cost.py.
 """
 
 import argparse
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from time import process_time, thread_time
+from time import process_time
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -233,24 +233,6 @@ def draw_modes(found: list[Case], path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
-def cost(t_end: float, pairs: int = 7) -> float:
-    """Print and return the run time with bounds over that without: median of pairs, offline work left out."""
-    with_bounds, without = scene_of(*SHOWN, t_end), scene_of(*SHOWN, t_end, bounds=False)
-
-    def seconds(scene: wishbone.QuarterCar, monitor: Any) -> float:
-        scene.settings.solution.sensors.active = False
-        begin = thread_time()
-        scene.mbs.SolveDynamic(scene.settings)
-        if monitor is not None:
-            monitor.report()
-        return thread_time() - begin
-
-    ratios = [seconds(*with_bounds) / seconds(*without) for _ in range(1 + pairs)][1:]
-    low, middle, high = np.percentile(ratios, (25, 50, 75))
-    print(f"run time with bounds / without: {middle:.3f} (quartiles {low:.3f} .. {high:.3f}, {pairs} pairs)")
-    return middle
-
-
 def main(folder: str | Path = RESULTS, t_end: float = 0.2, full: bool = False) -> list[Case]:
     """Print the table, save the pictures; return the runs."""
     found = cases(t_end, full)
@@ -262,14 +244,12 @@ def main(folder: str | Path = RESULTS, t_end: float = 0.2, full: bool = False) -
     draw_time(shown, Path(folder) / "wishbone.png")
     draw_arm(shown, Path(folder) / "wishbone_arm.png")
     draw_modes(found, Path(folder) / "wishbone_modes.png")
-    if full:
-        cost(t_end)
     return found
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("folder", nargs="?", default=RESULTS)
-    parser.add_argument("--full", action="store_true", help="more modes, choose_modes for 1 %%, cost of the bounds")
+    parser.add_argument("--full", action="store_true", help="more modes, choose_modes for 1 %%")
     options = parser.parse_args()
     main(options.folder, full=options.full)

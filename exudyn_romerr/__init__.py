@@ -4,7 +4,7 @@ Public names; those that need Exudyn are loaded when first used.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .basis import Basis, gramian_basis, krylov_basis, modal_basis
 from .body import Constants, ElasticBody
@@ -21,10 +21,24 @@ from .outputs import (
     node_velocity,
     relative_displacement,
 )
+from .pictures import plot_convergence, plot_run_time
 from .report import BoundReport, OutputReport
 from .residual import initial_coordinates, initial_error
 from .space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
 from .stress import VonMises, node_strain, node_stress, von_mises
+
+if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
+    from .mbs import (
+        add_reduced_body,
+        attach,
+        choose_modes,
+        evaluate_file,
+        floating_body,
+        hold_modes,
+        keep_modes,
+        two_level,
+    )
+    from .study import sweep
 
 __version__ = "0.1.0"
 
@@ -40,7 +54,7 @@ _NEEDS_EXUDYN = dict.fromkeys(
         "two_level",
     ),
     "mbs",
-)
+) | {"sweep": "study"}
 
 __all__ = [
     "AssumptionError",
@@ -81,16 +95,21 @@ __all__ = [
     "node_strain",
     "node_stress",
     "node_velocity",
+    "plot_convergence",
+    "plot_run_time",
     "relative_displacement",
+    "sweep",
     "two_level",
     "von_mises",
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _NEEDS_EXUDYN:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_NEEDS_EXUDYN[name]}", __name__), name)
+if not TYPE_CHECKING:  # to a type checker an unknown name is an error
+
+    def __getattr__(name: str) -> Any:
+        if name not in _NEEDS_EXUDYN:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(f".{_NEEDS_EXUDYN[name]}", __name__), name)
 
 
 def __dir__() -> list[str]:

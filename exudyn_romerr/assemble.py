@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .made import made_here
 from .messages import is_balanced, run_messages
 from .report import BoundReport, OutputReport
-from .scope import FROZEN
+from .scope import FROZEN, NOT_CERTIFIED
 
 if TYPE_CHECKING:
     from .estimators.base import Bounds
@@ -29,13 +30,14 @@ def assemble(run: Run) -> BoundReport:
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=_output_reports(offline, streams, samples, decides=True),
         scope={name: scene.scope_of(name) for name in total},
-        scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else "not certified"])),
+        scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else NOT_CERTIFIED])),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions().items()},
         plan=offline.plan,
         messages=run_messages(run),
         time=run.time,
         total_mass=offline.total_mass,
         nodes=run.node_bounds,
+        made=made_here(),
     )
 
 
@@ -85,6 +87,7 @@ def _output_report(
         corrected=corrected,
         corrected_bound=corrected_bound,
         causes=_causes(bound["best"], streams, widest),
+        labels=out.labels,
     )
 
 
@@ -111,6 +114,8 @@ def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: lis
     initial = _with_best(streams["initial"], widest)["best"] if "initial" in streams else np.zeros_like(best)
     jumped = [b.jumped for b in streams["total"].values() if b.jumped is not None]
     jumps = np.min(jumped, axis=0) if jumped else np.zeros_like(best)
+    # a part may be inf where its sum is not: the square of an expanded residual that cancelled at a sample
+    reduction, initial, jumps = (np.minimum(part, best) for part in (reduction, initial, jumps))
     with np.errstate(invalid="ignore"):  # inf - inf: sorted out below
         weights = {
             "basis": np.maximum(reduction - initial - jumps, 0.0),

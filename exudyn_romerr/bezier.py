@@ -6,6 +6,8 @@ from math import comb
 
 import numpy as np
 
+from .products import combined
+
 DEGREE = 5
 NODES = np.arange(DEGREE + 1) / DEGREE  # where a function is interpolated
 CHECKS = (NODES[:-1] + NODES[1:]) / 2  # where what the polynomial misses is looked at
@@ -52,11 +54,8 @@ def hermite_controls(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarra
     velocity = [v0, v0 + h * a0 / 4, middle, v1 - h * a1 / 4, v1]
     bend = 20 * dq / h**2
     acceleration = [a0, bend - (8 * v1 + 12 * v0) / h + a1 - 2 * a0, -bend + (12 * v1 + 8 * v0) / h + a0 - 2 * a1, a1]
-    return (
-        np.stack(position, axis=1),
-        RAISE[4] @ np.stack(velocity, axis=1),
-        RAISE[3] @ np.stack(acceleration, axis=1),
-    )
+    points = np.stack(position), combined(RAISE[4], velocity), combined(RAISE[3], acceleration)
+    return tuple(x.swapaxes(0, 1) for x in points)
 
 
 def subdivided(c: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

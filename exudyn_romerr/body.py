@@ -11,8 +11,16 @@ import scipy.sparse as sp
 
 from . import oscillator
 from .errors import AssumptionError, InputError, check_count
-from .factor import SINGULAR_PIVOT, SymmetricFactor
-from .matrices import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, is_dissipative
+from .factor import SINGULAR_PIVOT, SymmetricFactor, idle_motion
+from .matrices import (
+    DOUBLE,
+    checked_dofs,
+    checked_matrix,
+    checked_positions,
+    checked_rayleigh,
+    is_dissipative,
+    precision,
+)
 from .modes import Modes, count_below, lowest_modes
 from .space import MassOrthogonal, MeanMotion, Space, rigid_parts
 
@@ -40,7 +48,8 @@ class ElasticBody:
     Parameters
     ----------
     mass, stiffness : scipy.sparse matrix or ndarray, (N, N)
-        Symmetric; mass positive definite, stiffness positive definite once `fixed` is taken out.
+        Symmetric; mass positive definite, stiffness positive definite once `fixed` is taken out. In single precision
+        they are computed with in double; reports say what their rounding leaves open.
     rayleigh : (float, float), optional
         (alpha, beta) in 1/s and s: D = alpha M + beta K. Neither rayleigh nor damping: undamped.
     damping : scipy.sparse matrix or ndarray, (N, N), optional
@@ -79,6 +88,7 @@ class ElasticBody:
         reference: MeanMotion | MassOrthogonal | None = None,
         rigid: Sequence[Sequence[int]] = (),
     ):
+        self.precision = {"mass": precision(mass), "stiffness": precision(stiffness)}
         self.mass = checked_matrix("mass", mass, None)
         self.N = self.mass.shape[0]
         self.stiffness = checked_matrix("stiffness", stiffness, self.N)
@@ -211,8 +221,8 @@ class ElasticBody:
         self.require_rayleigh("constants C1, C11, C12")
         omega = self.all_modes().omega
         s_max = oscillator.largest_impulse_response(omega, self.damping_ratios(omega))
-        C1 = np.sqrt(np.max((omega**2 * s_max) ** 2 + s_max**2 + 2.0))  # |Phi11|, |Phi22| <= 1
-        return Constants(C1=float(C1), C11=1.0, C12=float(np.max(s_max)))
+        C1 = oscillator.largest_state_response(omega, s_max)
+        return Constants(C1=C1, C11=1.0, C12=float(np.max(s_max)))
 
     def _conditions(self, reference: MeanMotion | MassOrthogonal | None) -> np.ndarray | None:
         if reference is None:
@@ -240,19 +250,36 @@ class ElasticBody:
                 f"{' ...' if massless.size > 8 else ''} ({massless.size} in all): condense or fix them"
             )
         if self.mass_factor.smallest_pivot <= SINGULAR_PIVOT:
-            raise InputError("mass is not positive definite; every free coordinate needs inertia")
+            raise InputError(self._singular_mass_message())
         if self.stiffness_factor.smallest_pivot <= SINGULAR_PIVOT:
             raise AssumptionError(self._singular_stiffness_message())
         if self.damping is not None and not is_dissipative(self.D):
             raise AssumptionError("damping feeds energy in: x^T D x < 0 for some x; bounds need x^T D x >= 0")
+
+    def _singular_mass_message(self) -> str:
+        motion = idle_motion(self.M)
+        if motion is None:
+            return "mass is not positive definite: some motions have negative mass; check its off-diagonal entries"
+        moved = np.flatnonzero(np.abs(motion) > 1e-6)  # smaller entries are what rounding leaves of zero
+        named = ", ".join(f"{dof} by {x:.3g}" for dof, x in zip(self.free[moved[:8]], motion[moved[:8]], strict=True))
+        return (
+            f"mass is singular: a motion of {moved.size} coordinates has no inertia, coordinates {named}"
+            f"{', ...' if moved.size > 8 else ''}; condense or fix some of them, or give them mass"
+        )
 
     def _singular_stiffness_message(self) -> str:
         # relative to the stiffest coordinate: above rounding (1e-16), below the elastic modes of meshed bodies; a
         # body without any stiffness takes any shift
         tiny = 1e-13 * np.max(np.abs(self.K.diagonal()) / self.M.diagonal()) or 1.0
         rigid = count_below(self.M, self.K, np.sqrt(tiny))
+        if self.precision["stiffness"] > DOUBLE:
+            return (
+                f"stiffness came in single precision and is not positive definite ({rigid} modes are not held or "
+                "unstable): rounding to 7 digits alone may do that; pass it in double precision"
+            )
         return (
             f"stiffness is not positive definite with {self.fixed.size} fixed coordinates: {rigid} rigid-body "
             "(or unstable) modes are left; hold the body by fixed=... (coordinate numbers: 3 node + 0, 1, 2 for "
-            "solids, not node numbers) or reference=mean_motion(nodes). Frames that move are not covered yet"
+            "solids, not node numbers) or reference=mean_motion(nodes). Frames that move are not covered yet. A link "
+            "so stiff that 16 digits hold nothing beside it looks the same: join what it links to one coordinate"
         )

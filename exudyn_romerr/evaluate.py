@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError, check_array, check_type, real_array
+from .matrices import precision
 from .offline import prepare
 from .online import BLOCK, Run
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 class Trajectory:
     """A reduced trajectory: t (T,), q, q_t, q_tt (T, n) and inputs u (T, p) (None: no inputs).
 
+    In single precision it is computed with in double; `precision` is the relative spacing of its numbers.
+
     Raises
     ------
     InputError
@@ -36,6 +39,7 @@ class Trajectory:
     u: Any = None
 
     def __post_init__(self) -> None:
+        self.precision = max(map(precision, (self.q, self.q_t, self.q_tt, self.u)))
         self.t = check_array("t", self.t, (None,))
         if self.t.size == 0:
             raise InputError("t is empty; a trajectory has at least one sample")
@@ -125,6 +129,7 @@ def evaluate(
         time=time,
         auxiliary_modes=auxiliary_modes,
         sampled_inputs=True,
+        samples_precision=traj.precision,
     )
     run = Run(offline)
     u = [traj.u] if offline.signal is None else [None]

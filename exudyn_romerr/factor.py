@@ -11,6 +11,8 @@ from .errors import AssumptionError
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
 SINGULAR_PIVOT = 1e-14
+LIFT = 1e-12  # of the diagonal, added to a singular matrix so that it can be factorised
+ITERATIONS = 4  # of the inverse power method: a null vector grows by 1e12 in each
 
 
 class SymmetricFactor:
@@ -89,3 +91,19 @@ class SymmetricFactor:
     @cached_property
     def _root(self) -> np.ndarray:
         return np.sqrt(self.pivots)[:, None]
+
+
+def idle_motion(matrix: sp.spmatrix) -> np.ndarray | None:
+    """Return x (n,), largest entry 1, with x^T A x = 0 but for rounding; None if A has no such x, or is indefinite.
+
+    A has a positive diagonal and is singular; of several such x any one.
+    """
+    diagonal = matrix.diagonal()
+    factor = SymmetricFactor(matrix + sp.diags(LIFT * diagonal))
+    if not factor.complete or factor.negative_pivots:
+        return None
+    x = np.random.default_rng(0).standard_normal(len(diagonal))
+    for _ in range(ITERATIONS):
+        x = factor.solve(diagonal * x)
+        x /= np.abs(x).max()
+    return x if x @ (matrix @ x) <= LIFT * (x @ (diagonal * x)) else None

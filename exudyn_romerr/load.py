@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import zipfile
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .errors import InputError
 from .plan import Plan
 from .report import DICTS, FORMAT, OPTIONAL, BoundReport, OutputReport
-
-if TYPE_CHECKING:
-    import os
 
 
 def load_report(path: str | os.PathLike) -> BoundReport:
@@ -30,7 +27,7 @@ def load_report(path: str | os.PathLike) -> BoundReport:
         meta = json.loads(str(arrays["meta"]))
         found = meta["format"]
         if found == FORMAT:
-            return _assembled(arrays, meta)
+            return _assembled(arrays, meta, os.fspath(path))
     except FileNotFoundError as error:
         raise InputError(f"{path} is no file; pass the name given to report.save") from error
     except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:
@@ -38,8 +35,12 @@ def load_report(path: str | os.PathLike) -> BoundReport:
     raise InputError(f"{path} has format {found!r}; this version reads format {FORMAT}: save it again")
 
 
-def _assembled(arrays: dict, meta: dict) -> BoundReport:
-    outputs = [_load_output(arrays, i, *names) for i, names in enumerate(meta["outputs"])]
+def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
+    labels = meta.get("labels", [()] * len(meta["outputs"]))  # older files have none
+    outputs = [
+        _load_output(arrays, i, *names, tuple(rows))
+        for i, (names, rows) in enumerate(zip(meta["outputs"], labels, strict=True))
+    ]
     computed, left_out = meta["plan"]
     return BoundReport(
         t=arrays["t"],
@@ -48,15 +49,17 @@ def _assembled(arrays: dict, meta: dict) -> BoundReport:
         outputs={out.name: out for out in outputs},
         plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
         nodes=_under(arrays, "node/") or None,
+        made=meta.get("made", {}),
+        origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
     )
 
 
-def _load_output(arrays: dict, i: int, name: str, unit: str, of: str) -> OutputReport:
+def _load_output(arrays: dict, i: int, name: str, unit: str, of: str, labels: tuple) -> OutputReport:
     dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
     optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
     plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
-    return OutputReport(name, unit, of, **plain, **dicts, **optional)
+    return OutputReport(name, unit, of, **plain, **dicts, **optional, labels=labels)
 
 
 def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:

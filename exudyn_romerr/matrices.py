@@ -14,6 +14,7 @@ from .factor import SymmetricFactor
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+DOUBLE = float(np.finfo(float).eps)
 SYMMETRY = 1e-9  # relative to the largest entry: assembled FE matrices printed with 10 digits still pass
 
 
@@ -29,6 +30,13 @@ def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = T
     if symmetric and abs(matrix - matrix.T).max() > SYMMETRY * abs(matrix).max():
         raise InputError(f"{name} is not symmetric: entries differ by {abs(matrix - matrix.T).max():.2e}")
     return sp.csc_matrix((matrix + matrix.T) / 2) if symmetric else matrix
+
+
+def precision(value: Any) -> float:
+    """Return the relative spacing of the numbers that an array came in; 2.2e-16 for whole numbers and lists."""
+    dtype = getattr(value, "dtype", None)
+    single = dtype is not None and np.issubdtype(dtype, np.floating)
+    return max(float(np.finfo(dtype).eps), DOUBLE) if single else DOUBLE
 
 
 def checked_inputs(inputs: Any, size: int) -> np.ndarray:

@@ -21,7 +21,7 @@ UNCHECKED = (
 
 def run_messages(run: Run) -> list[str]:
     """Return the messages of a run, the gravest first."""
-    return [*_defect(run), *run.messages, *_end(run), *_between_samples(run)]
+    return [*_defect(run), *run.messages, *_end(run), *_between_samples(run), *_single(run)]
 
 
 def is_balanced(run: Run) -> bool:
@@ -30,7 +30,7 @@ def is_balanced(run: Run) -> bool:
 
 
 def _limit(run: Run) -> float:
-    return GALERKIN_DEFECT + TOLERANCES * run.newton_tolerance
+    return GALERKIN_DEFECT + TOLERANCES * (run.newton_tolerance + run.offline.samples_precision)
 
 
 def _defect(run: Run) -> list[str]:
@@ -43,6 +43,16 @@ def _defect(run: Run) -> list[str]:
         f"{_limit(run):.1e}): a load on the body is not known here, or depends on more than time, or damping "
         "differs, or a step was too long to be solved well. No bound of this run is certified: it holds for the "
         "loads known"
+    ]
+
+
+def _single(run: Run) -> list[str]:
+    names = run.offline.single
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)} came in fewer than 16 digits: bounds are those of the numbers as they are; what their "
+        "rounding alone may move is report.output(name).round_off"
     ]
 
 

@@ -15,6 +15,10 @@ from .factor import SymmetricFactor
 DENSE_LIMIT = 600  # below: LAPACK is faster than Lanczos and finds all modes by construction
 RETRIES = 5
 GAP = 1e-9  # relative distance of the inertia count from an eigenvalue: above the solvers' rounding
+WIDE = 1e-10  # smallest over largest 1/omega^2: below, what LAPACK finds of the highest modes is mostly rounding
+STEPS = 3  # of refinement: each squares the error
+CLOSE = 1e-7  # change of a mode by a step: the square of it is what is left
+MIXED = 1e-4  # share of another mode in a mode above which a step is not taken
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,11 @@ def lowest_modes(M: sp.csc_matrix, K: sp.csc_matrix, m: int, factor: SymmetricFa
     """Return the m lowest modes of K phi = omega^2 M phi; `factor` is K's."""
     n = M.shape[0]
     if n <= DENSE_LIMIT or m > n // 4:
-        return _dense_modes(M, K, m)
-    modes = _lanczos_modes(M, K, m, factor)
+        omega, shapes = _refined(M, factor, _dense_shapes(M.toarray(), K.toarray(), min(m + 1, n)))
+        cut = np.inf if m == n else float(omega[m]) * (1 - GAP)
+        return Modes(omega[:m], shapes[:, :m], cut)
+    omega, shapes = _refined(M, factor, _lanczos_shapes(M, K, m, factor))
+    modes = Modes(omega, shapes, float(omega[-1]) * (1 - GAP))
     check_no_mode_missed(M, K, modes)
     return modes
 
@@ -87,23 +94,62 @@ def _missing_below(M, K, omega, limit) -> int:
     return count_below(M, K, limit) - int(np.sum(omega < limit))
 
 
-def _dense_modes(M, K, m) -> Modes:
+def _dense_shapes(M: np.ndarray, K: np.ndarray, m: int) -> np.ndarray:
+    """Shapes (n, m) of the lowest modes, omega ascending."""
     # (M, K), not (K, M): LAPACK's error is relative to the largest eigenvalue, so 1/omega^2 as the eigenvalue
     # keeps the digits of the low modes, which carry the response
-    n = M.shape[0]
-    wanted = [n - m - 1, n - 1] if m < n // 4 else None  # few modes: twice as fast as all
-    compliance, shapes = la.eigh(M.toarray(), K.toarray(), subset_by_index=wanted)
-    omega = 1 / np.sqrt(compliance[::-1])
-    shapes = shapes[:, ::-1] * omega
-    cut = np.inf if m == n else omega[m] * (1 - GAP)
-    return Modes(omega[:m], shapes[:, :m], float(cut))
+    n = len(M)
+    wanted = [n - m, n - 1] if m < n // 4 else None  # few modes: twice as fast as all
+    compliance, shapes = la.eigh(M, K, subset_by_index=wanted)
+    compliance, shapes = compliance[::-1][:m], shapes[:, ::-1][:, :m]
+    if compliance[-1] > WIDE * compliance[0]:
+        return shapes
+    squares, high = (x[..., :m] for x in la.eigh(K, M))
+    low = _low_count(compliance, squares)
+    return np.hstack([shapes[:, :low], high[:, low:]])
 
 
-def _lanczos_modes(M, K, m, factor) -> Modes:
+def _low_count(compliance: np.ndarray, squares: np.ndarray) -> int:
+    """Number of modes to take from 1/omega^2 (m,), the rest from omega^2 (m,), both in the order of omega."""
+    middle = np.sqrt(compliance[0] / squares[-1])
+    known = np.where(compliance > middle, 1 / np.maximum(compliance, middle), squares)
+    lost = np.maximum(known[:-1] * compliance[0], squares[-1] / known[1:])  # rounding of either, over 1e-16
+    gap = np.maximum(1 - known[:-1] / known[1:], GAP)  # a cluster that is cut would be found twice, or half
+    return 1 + int(np.argmin(lost / gap))
+
+
+def _lanczos_shapes(M, K, m, factor) -> np.ndarray:
+    """Shapes (n, m) of the lowest modes, omega ascending."""
     n = M.shape[0]
     inverse = LinearOperator((n, n), matvec=factor.solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(n)  # ARPACK's own start differs from run to run
     squares, shapes = eigsh(K, m, M, sigma=0.0, OPinv=inverse, v0=start)
+    return shapes[:, np.argsort(squares)]
+
+
+def _refined(M: sp.csc_matrix, factor: SymmetricFactor, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return omega (m,) ascending and M-orthonormal shapes, right to rounding: steps of Ogita and Aishima (2018).
+
+    Eigenvalue solvers leave (omega_m/omega_1)^2 times the rounding in the highest of them. `factor` is K's: products
+    in its coordinates do not cancel.
+    """
+    X = X / np.sqrt(np.einsum("ij,ij->j", X, M @ X))
+    for _ in range(STEPS):
+        Y, R = factor.half_multiply(X), _missing(M, X)
+        S = Y.T @ Y
+        squares = np.diag(S) / (1 - np.diag(R))
+        gap, mixed = squares - squares[:, None], S + (squares + squares[:, None]) / 2 * R
+        near = np.abs(mixed) >= MIXED * np.abs(gap)  # equal but for rounding: any vectors of their common space do
+        turn = np.where(near, 0.0, mixed / np.where(near, 1.0, gap))  # antisymmetric: its exponential is orthogonal
+        E = R / 2 + turn + turn @ (turn + turn @ turn / 3) / 2
+        X = X + X @ E
+        if np.abs(E).max() < CLOSE:
+            break
     order = np.argsort(squares)
-    omega = np.sqrt(squares[order])
-    return Modes(omega, shapes[:, order], float(omega[-1]) * (1 - GAP))
+    return np.sqrt(squares[order]), X[:, order]
+
+
+def _missing(M, X: np.ndarray) -> np.ndarray:
+    """What X^T M X lacks of the identity, symmetric to the last bit."""
+    product = X.T @ (M @ X)
+    return np.eye(X.shape[1]) - (product + product.T) / 2

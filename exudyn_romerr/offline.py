@@ -13,10 +13,12 @@ from .estimators.mechanism import CorrectedEnergy, MechanismEnergy
 from .estimators.static import StaticError
 from .estimators.turning import Turning
 from .inputs import InputSignal
+from .matrices import DOUBLE
 from .nodes import node_bounds
 from .packing import PackedCoordinates, PackedProblem, Packing
 from .plan import Plan, make_plan
 from .problem import Problem
+from .round_off import RoundOff, of_input
 from .scope import COUPLED, Scene
 
 if TYPE_CHECKING:
@@ -49,9 +51,9 @@ class Offline:
     estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
     frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
     jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z) that knots of the reconstruction are
-    chosen by. round_off (R, n): what rounding of K moves per coordinate. initial: None, "equilibrium" or "state".
-    nodes: bounds at every node, on demand. static, from_static: made when a static solve, or a run from its end,
-    begins.
+    chosen by. rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single:
+    names of what has fewer. initial: None, "equilibrium" or "state". nodes: bounds at every node, on demand. static,
+    from_static: made when a static solve, or a run from its end, begins.
     """
 
     coordinates: Coordinates | PackedCoordinates
@@ -65,7 +67,10 @@ class Offline:
     packing: Packing | None
     jump_response: np.ndarray
     mass_root: np.ndarray
-    round_off: np.ndarray
+    rounding: RoundOff
+    input_rounding: RoundOff | None
+    single: tuple[str, ...]
+    samples_precision: float
     measure: Callable
     omega_1: float
     jumps: tuple[float, ...]
@@ -100,11 +105,14 @@ def prepare(
     time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
     sampled_inputs: bool = False,
+    samples_precision: float = DOUBLE,
     scene: Scene = ALONE,
+    live: bool = False,
 ) -> Offline:
     """Do the offline work of evaluate and attach; their docstrings describe the arguments.
 
-    sampled_inputs: the inputs come as samples with the trajectory, input_function may be missing.
+    sampled_inputs: the inputs come as samples with the trajectory, input_function may be missing. samples_precision:
+    relative spacing of the trajectory's numbers. live: bounds are looked at every step, which the plan says.
 
     Raises
     ------
@@ -119,14 +127,16 @@ def prepare(
         "kernels": kernels,
         "auxiliary_modes": auxiliary_modes,
     }
-    of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time}
+    of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time, "live": live}
     asked = _checked_estimators(estimators, body, scene)
     names = tuple(name for name in asked if not (scene.has_companion and name == "auxiliary"))
     with_modes = "auxiliary" in names and not scene.corrected
     problem = _made_problem(body, basis, names, scene, with_modes, initial=initial, **of_problem)
     _check_frame(problem, names, jumps, scene)
+    measure = _sharpest_norm(problem, names, scene, with_modes)  # first, for it takes most modes: none made twice
     signal = _made_signal(input_function, problem.B.shape[1], sampled_inputs)
     V, W, B = problem.V, problem.W, problem.B
+    eps, single = of_input(problem, samples_precision)
     return Offline(
         coordinates=problem.map.coordinates,
         signal=signal,
@@ -139,14 +149,17 @@ def prepare(
         packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
-        round_off=np.outer(np.where(problem.velocity_rows, problem.C2, problem.C_K), problem.round_off),
-        measure=_sharpest_norm(problem, names, scene, with_modes),
+        rounding=RoundOff(problem, dict.fromkeys(eps, DOUBLE) | {"outputs": np.full(len(problem.C), DOUBLE)}),
+        input_rounding=RoundOff(problem, eps) if single else None,
+        single=tuple(single),
+        samples_precision=samples_precision,
+        measure=measure,
         omega_1=float(body.modes(1).omega[0]),
         jumps=_checked_jumps(jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
         total_mass=body.total_mass,
-        plan=make_plan(problem, asked, time, estimators, scene),
+        plan=make_plan(problem, asked, time, estimators, scene, live),
         views=problem.views,
         scene=scene,
         from_static=lambda: prepare(

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .estimators.base import Block, Bounds, Start
     from .offline import Offline
     from .report import BoundReport
+    from .round_off import Rounded
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
 
@@ -62,6 +63,7 @@ class Run:
         self.messages: list[str] = []
         self._left = np.zeros(1)  # what is left of W^T R, in every mode
         self._terms = 0.0  # the largest of its terms
+        self._noise = 0.0  # what rounding may leave of it
         self.end_time: float | None = None  # where the solver was to go, if known
         self.newton_tolerance = 0.0  # of the solver, relative
         self.floor = 0.0  # size of terms of W^T R that cancelled before they came here
@@ -70,7 +72,7 @@ class Run:
         self._round_off: list[np.ndarray] = []
         self._frames: list[np.ndarray] = []  # kept only for outputs in global axes
         self._last: Samples | None = None
-        self._settled = slice(None)
+        self._settled, self._recorded = slice(None), 0
         layout = offline.coordinates
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(layout, self._jumps)}
@@ -78,9 +80,10 @@ class Run:
             root = offline.mass_root if offline.scene.turns else None
             choice = (offline.measure, offline.omega_1, root)
             self._segmenters["total"] = Quintic(layout, self._jumps, offline.signal, *choice)
-        self._streams = {name: Stream(offline.estimators) for name in self._segmenters}
+        last = list(self._segmenters)[-1]
+        self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
         if offline.initial is not None:
-            self._streams["initial"] = Stream(offline.estimators)
+            self._streams["initial"] = Stream(offline.estimators, only_outputs=True)
 
     @property
     def _total(self) -> Stream:
@@ -108,16 +111,19 @@ class Run:
     def open(self, opening: Opening) -> None:
         """Begin the run."""
         first, before, start, _ = opening
+        rounded = self._rounding(first)
         if start is not None:
-            for name, stream in self._streams.items():
-                stream.start(replace(start, z=0 * start.z) if name == "initial" else start)
+            for name in self._segmenters:
+                self._streams[name].start(start, rounded)
+            if "initial" in self._streams:
+                self._streams["initial"].start(replace(start, z=0 * start.z))
         else:
             for name, stream in self._streams.items():
                 stream.go_on(before._streams[name])
             self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
             self._left = np.maximum(self._left, before._left)
-            self._terms = max(self._terms, before._terms)
-        self._record(first)
+            self._terms, self._noise = max(self._terms, before._terms), max(self._noise, before._noise)
+        self._record(first, rounded)
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
@@ -139,12 +145,14 @@ class Run:
     def advance(self, extension: Extension) -> None:
         """Go on by checked samples."""
         new, segments = extension
+        rounded = self._rounding(new)
         for name, (block, step_end) in segments.items():
-            self._streams[name].advance(block, step_end, self._widening(block, step_end))
+            skipped = [] if block.skipped is None else [self._off_the_samples(block.skipped[step_end])]
+            self._streams[name].advance(block, step_end, rounded, *skipped)
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
             self._streams["initial"].advance(replace(block, c=0 * block.c, joint=None, added=None), step_end)
-        self._record(new)
+        self._record(new, rounded)
 
     def best_now(self) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (r,) at the last step given."""
@@ -160,9 +168,9 @@ class Run:
 
     @property
     def defect(self) -> float:
-        """Galerkin defect: the largest W^T R over the largest of its terms, so far."""
+        """Galerkin defect: the largest W^T R, but for rounding, over the largest of its terms, so far."""
         terms = max(self._terms, self.floor)
-        return float(self._left.max()) / terms if terms else 0.0
+        return max(float(self._left.max()) - self._noise, 0.0) / terms if terms else 0.0
 
     @property
     def worst_mode(self) -> int:
@@ -181,7 +189,7 @@ class Run:
 
     def settle(self) -> None:
         """Let only the samples so far count: later ones may be bounded in part when something fails."""
-        self._settled = slice(sum(map(len, self._t)))
+        self._settled = slice(self._recorded)
 
     @property
     def quintic(self) -> Quintic | None:
@@ -200,7 +208,7 @@ class Run:
         return assemble(self)
 
     def streams(self) -> dict[str, dict[str, Bounds]]:
-        """Return the bounds so far: stream -> estimator -> bounds; "total" is the one that counts."""
+        """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
         found = {name: stream.bounds() for name, stream in self._streams.items()}
         for name in found if self.companion is not None else ():
             found[name].update(self.companion._streams[name].bounds())
@@ -246,6 +254,7 @@ class Run:
         u, cut = self._inputs(t, u), np.zeros((len(t), 0))
         if not self.offline.scene.corrected:  # what its balance lacks is in its bounds
             self._measure_defect(self.offline.balance.coordinates(*states, u))
+            self._noise = max(self._noise, self.offline.rounding.in_balance(states[0]))
         self._inputs_given = u[-1:]  # as they are, also where they are packed below
         if self.offline.packing is not None:
             u, cut = self.offline.packing(u)
@@ -261,11 +270,12 @@ class Run:
         check_finite("u", u)
         return u
 
-    def _widening(self, block: Block, step_end: np.ndarray) -> tuple | None:
-        """Distance of the samples from the trajectory that is bounded: position, velocity, outputs."""
-        if block.skipped is None:
-            return None
-        dq, dq_t = block.skipped[step_end, 0], block.skipped[step_end, 1]
+    def _rounding(self, new: Samples) -> Rounded:
+        return self.offline.rounding(new.q, new.q_t, new.q_tt, new.u)
+
+    def _off_the_samples(self, skipped: np.ndarray) -> tuple:
+        """Distance of samples from the trajectory that is bounded: position, velocity, outputs."""
+        dq, dq_t = skipped[:, 0], skipped[:, 1]
         position, velocity = (row_norms(x @ self.offline.mass_root.T) for x in (dq, dq_t))
         return position, velocity, np.abs(self._outputs_of(dq, dq_t))
 
@@ -273,10 +283,12 @@ class Run:
         rows = self.offline.value_rows.T
         return np.where(self.offline.velocity_rows, q_t @ rows, q @ rows)
 
-    def _record(self, new: Samples) -> None:
+    def _record(self, new: Samples, rounded: Rounded) -> None:
         self._t.append(new.t)
+        self._recorded += len(new.t)  # counted: a sum over all blocks would take longer with each
         self._values.append(self._outputs_of(new.q, new.q_t))
-        self._round_off.append(np.abs(new.q) @ self.offline.round_off.T)
+        of_input = self.offline.input_rounding
+        self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u) if of_input else rounded).outputs)
         if any(self.offline.views):
             self._frames.append(new.frame)
         self._last = new.part(slice(-1, None))

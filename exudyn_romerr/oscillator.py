@@ -74,6 +74,14 @@ def largest_impulse_response(omega: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     return np.exp(-zeta * omega * peak_time(omega, zeta)) / omega
 
 
+def largest_state_response(omega: np.ndarray, s_max: np.ndarray) -> float:
+    """Return a bound of |Phi(t)| of all modes in state form: the root of the squared suprema of its four blocks.
+
+    omega and s_max (largest |s|) in one unit of time, which the result depends on: Phi12 is a time, Phi21 a rate.
+    """
+    return float(np.sqrt(np.max((omega**2 * s_max) ** 2 + s_max**2 + 2.0)))  # |Phi11|, |Phi22| <= 1
+
+
 def impulse_response_on(omega: np.ndarray, zeta: np.ndarray, lo: np.ndarray, hi: np.ndarray) -> np.ndarray:
     """Return max of |s| over each interval [lo, hi]: an end, or the first extremum inside (peaks decay)."""
     ends = np.maximum(np.abs(impulse_response(omega, zeta, lo)), np.abs(impulse_response(omega, zeta, hi)))

@@ -38,6 +38,8 @@ class Output:
         an observer at rest sees of them, the motion of the frame included.
     axes : str
         Which components of each vector an output in global axes shows.
+    labels : tuple of str
+        Names of its rows, as they are shown; () for "row 1", "row 2", ...
     """
 
     name: str
@@ -46,6 +48,7 @@ class Output:
     of: str = "displacement"
     frame: str = "body"
     axes: str = AXES
+    labels: tuple[str, ...] = ()
     decides: ClassVar[bool] = True  # how many auxiliary modes "auto" takes
 
     def __post_init__(self) -> None:
@@ -62,6 +65,9 @@ class Output:
         rows = check_array(name, np.atleast_2d(rows), (None, body.N))
         if self.frame == "global" and len(rows) % 3:
             raise InputError(f"{name} are {len(rows)}; in global axes they are vectors, three rows each")
+        shown = len(rows) if self.frame == "body" else len(rows) // 3 * len(self.axes)
+        if len(self.labels) not in (0, shown):
+            raise InputError(f"labels={self.labels!r} of output {self.name!r}; it has {shown} rows, each needs one")
         return rows
 
     def view(self, body: ElasticBody) -> View | None:
@@ -111,7 +117,7 @@ def node_velocity(name: str, *, node: int, component: str = "xyz", unit: str = "
 
 def node_rotation(name: str, *, node: int, component: str = "xyz", unit: str = "rad") -> Output:
     """Rotation of a node that has rotational coordinates (6 a node); solids have none: use several nodes."""
-    return Output(name, _node_rows([node], None, component, 3), unit)
+    return Output(name, _node_rows([node], None, component, 3), unit, labels=tuple(component))
 
 
 def mean_displacement(
@@ -144,7 +150,7 @@ def mean_rotation(
         check_nodes(nodes, len(body.positions))
         return mean_motion(nodes, weights).motion_rows(body.positions)[3:][[AXES.index(a) for a in axes]]
 
-    return Output(name, rows, unit)
+    return Output(name, rows, unit, labels=tuple(axes))
 
 
 def relative_displacement(name: str, *, node: int, other: int, component: str = "xyz", unit: str = "m") -> Output:
@@ -153,7 +159,7 @@ def relative_displacement(name: str, *, node: int, other: int, component: str = 
     def rows(body: ElasticBody) -> np.ndarray:
         return _node_rows([node], None, component, 0)(body) - _node_rows([other], None, component, 0)(body)
 
-    return Output(name, rows, unit)
+    return Output(name, rows, unit, labels=tuple(_checked_axes(component)))
 
 
 class StackedRows(NamedTuple):
@@ -186,7 +192,8 @@ def stacked_rows(outputs: Sequence[Output], body: ElasticBody) -> StackedRows:
 def nodes_output(name, nodes, weights, component: str, unit: str, of: str, frame: str) -> Output:
     """Output of weighted nodes: components in body axes, or whole vectors of which global ones are shown."""
     axes = _checked_axes(component)
-    return Output(name, _node_rows(nodes, weights, component if frame == "body" else AXES, 0), unit, of, frame, axes)
+    rows = _node_rows(nodes, weights, component if frame == "body" else AXES, 0)
+    return Output(name, rows, unit, of, frame, axes, tuple(axes))
 
 
 def _checked_axes(component: str) -> str:

@@ -14,7 +14,7 @@ from .basis import Basis
 from .body import ElasticBody
 from .errors import InputError, check_array, check_choice, check_type
 from .kernels import KERNELS, Kernel, make_kernel
-from .matrices import checked_inputs
+from .matrices import checked_inputs, precision
 from .outputs import Output, stacked_rows
 from .residual import RESIDUALS, ResidualMap, StartNorms, make_norm
 from .split import Split
@@ -49,11 +49,15 @@ class Problem:
         self.body, self.basis = body, basis
         self.residual, self.kernels, self.initial, self.auxiliary_modes = residual, kernels, initial, auxiliary_modes
         self.V, self.W = basis.restricted_to(body)
+        self.precision = precision(inputs)
         self.B = body.space.loads(checked_inputs(inputs, body.N))
         self.map = self.terms = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
         self.C, self.velocity_rows, self.slices = stacked_rows(checked_outputs(outputs), body)
         self.outputs = tuple(outputs)
         self.views = tuple(out.view(body) for out in outputs)
+        self.rows_precision = np.repeat(
+            [precision(out.rows) for out in outputs], [x.stop - x.start for x in self.slices]
+        )
         self.initial_state = _checked_initial(initial, body)
 
     packing = None  # see packing.py
@@ -154,12 +158,6 @@ class Problem:
     def of_displacements(self, rows: np.ndarray) -> np.ndarray:
         """Return rows (R, k) with those of velocity outputs zero."""
         return np.where(self.velocity_rows[:, None], 0.0, rows)
-
-    @cached_property
-    def round_off(self) -> np.ndarray:
-        """Eps | |K| |V_j| |_{K^-1} (n,): energy norm of what rounding of K's entries does to unit coordinates."""
-        moved = self.body.stiffness_factor.half_solve(abs(self.body.K) @ np.abs(self.V))
-        return np.finfo(float).eps * np.linalg.norm(moved, axis=0)
 
     @cached_property
     def split(self) -> Split:

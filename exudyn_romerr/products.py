@@ -19,6 +19,17 @@ def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     return result.reshape(*rows.shape[:-1], m)
 
 
+def combined(matrix: np.ndarray, arrays: list[np.ndarray]) -> np.ndarray:
+    """Return the sums (j, ...) of matrix (j, k) times k arrays of one shape."""
+    columns = np.stack(arrays).reshape(len(arrays), -1)
+    count = max(1, ONE_THREAD // matrix.size)
+    result = np.empty((len(matrix), columns.shape[1]))
+    for first in range(0, columns.shape[1], count):
+        part = np.s_[:, first : first + count]
+        np.matmul(matrix, columns[part], out=result[part])
+    return result.reshape(len(matrix), *arrays[0].shape)
+
+
 def row_norms(rows: np.ndarray) -> np.ndarray:
     """Return the 2-norms (...) of rows (..., m); scaled first where squares would overflow or vanish."""
     square = np.einsum("...j,...j->...", rows, rows)

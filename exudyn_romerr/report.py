@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .errors import InputError, check_array, check_choice, real_array
+from .formats import columns, write_csv
 from .plan import Plan
-from .scope import FROZEN, SCOPES
+from .verdict import advice, at_round_off, row_names, row_verdict, widest_scope
+from .writing import write_whole
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Callable, Iterable
 
-CAUSES = {
-    "basis": "basis: add modes",
-    "time step": "step size, not the basis: halve it",
-    "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
-    "jumps": "load jumps: add modes, or let the load grow over a short time",
-}
 SAMPLED = (
     "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
     "does between the samples"
@@ -38,8 +34,10 @@ class OutputReport:
     value : (T, r) output of the reduced body. bound[e] : (T, r) bound of its error by estimator e, bound["best"]
     the smallest. reduction_bound[e] : the same for the residual at the samples only, which does not see the time
     integration. corrected (T, r) : the output with the known part of its error taken out, within corrected_bound of
-    the truth; None without auxiliary modes. causes[cause] : (T, r), shares of bound["best"]. error (T, r) and
-    effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
+    the truth; None without auxiliary modes. round_off (T, r) : what rounding of the matrices, loads and samples, as
+    they came in, may move the output by; a bound below it says nothing about the body. causes[cause] : (T, r), shares
+    of bound["best"]. error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
+    labels : names of the rows, or ().
     """
 
     name: str
@@ -54,38 +52,24 @@ class OutputReport:
     causes: dict[str, np.ndarray]
     error: np.ndarray | None = None
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
+    labels: tuple[str, ...] = ()
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
         """Return a line for each row: largest value, bound at the worst instant, the estimator that gave it."""
-        return [self._row_verdict(row, time, scope) for row in range(self.value.shape[1])]
+        return [row_verdict(self, row, time, scope) for row in range(self.value.shape[1])]
 
-    def _row_verdict(self, row: int, time: str, scope: dict[str, str]) -> str:
-        largest = np.max(np.abs(self.value[:, row]), initial=0.0)
-        worst = np.max(self.bound["best"][:, row], initial=0.0)
-        share = f" ({100 * worst / largest:.2g} %)" if largest > 0 and np.isfinite(worst) else ""
-        best = min((e for e in self.bound if e != "best"), key=lambda e: np.max(self.bound[e][:, row]))
-        name = f"{self.name}, row {row + 1}" if self.value.shape[1] > 1 else self.name
-        kind = "reduction error" if time == "sampled" else "error"
-        by = f"by '{best}', inputs frozen" if scope[best] == FROZEN else f"by '{best}'"
-        return f"{name}: up to {largest:.4g} {self.unit}, {kind} at most {worst:.3g} {self.unit}{share}, {by}"
-
-    def at_round_off(self) -> bool:
-        """Whether the largest bound is below what rounding of the FE matrices alone does to the output."""
-        return bool(np.max(self.bound["best"]) < np.max(self.round_off))
+    def at_round_off(self) -> np.ndarray:
+        """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
+        return at_round_off(self)
 
     def advice(self) -> str:
         """Return one line: the cause that dominates the bound at its worst instant, and what to do."""
-        at = np.unravel_index(np.argmax(self.bound["best"]), self.value.shape)
-        shares = {cause: share[at] for cause, share in self.causes.items()}
-        total = sum(shares.values())
-        if self.at_round_off():
-            return f"at round-off: the FE matrices' own rounding moves it by {np.max(self.round_off):.1g} {self.unit}"
-        if not 0 < total < np.inf:
-            return "nothing to improve" if total == 0 else "no finite bound: ask for another estimator"
-        cause = max(shares, key=shares.get)
-        rest = np.max(self.bound["best"] - self.causes[cause])
-        left = f"; the rest alone bounds it by {rest:.3g} {self.unit}" if rest > 0 else ""
-        return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}{left}"
+        return advice(self)
+
+    @property
+    def row_names(self) -> list[str]:
+        """How the rows are called: "tip x", "tip y"; "tip row 1" without labels; "tip" if there is only one."""
+        return row_names(self.name, self.labels, self.value.shape[1])
 
 
 @dataclass
@@ -96,7 +80,8 @@ class BoundReport:
     scope[e] : "complete" (loads and supports do not depend on the body's deformation), "coupled (linearised)" (they
     do, and the bound covers it to first order) or "inputs frozen" (they do; the bound holds for the full body under
     those of this simulation). time : "reconstructed",
-    "sampled" or "static". messages : what the reader must know first.
+    "sampled" or "static". messages : what the reader must know first. made : when, by which script and versions the
+    run was bounded. origin : the file it was saved to, or read from, last.
     """
 
     t: np.ndarray
@@ -111,6 +96,8 @@ class BoundReport:
     time: str
     total_mass: float | None
     nodes: Callable[[], dict] | dict | None = field(default=None, repr=False)
+    made: dict[str, str] = field(default_factory=dict)
+    origin: str = ""
 
     @property
     def node_bound(self) -> dict[str, np.ndarray]:
@@ -137,8 +124,8 @@ class BoundReport:
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
         check_choice("estimator", e, self.reasons)
-        widest = min(self.scope.values(), key=SCOPES.index)
-        return "; ".join(filter(None, [self.reasons[e], self.scope_reason if self.scope[e] == widest else ""]))
+        widest = self.scope[e] == widest_scope(self.scope)
+        return "; ".join(filter(None, [self.reasons[e], self.scope_reason if widest else ""]))
 
     def compare(self, name: str, t: Any, y: Any) -> OutputReport:
         """Compare an output with a truth.
@@ -201,7 +188,15 @@ class BoundReport:
         ] + ([f"  scope: {self.scope_reason}"] if self.scope_reason else [])
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write everything to one .npz file (no pickle; readable without Exudyn)."""
+        """Write everything to one .npz file (no pickle; readable without Exudyn).
+
+        A file that is there already is replaced when all is written, and not before.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written (disk full, no such folder); the report itself is as it was.
+        """
         arrays = {"t": self.t}
         arrays.update({f"position/{e}": x for e, x in self.position_bound.items()})
         arrays.update({f"velocity/{e}": x for e, x in self.velocity_bound.items()})
@@ -214,13 +209,16 @@ class BoundReport:
                     arrays[f"output/{i}/{kind}"] = getattr(out, kind)
             for kind in DICTS:
                 arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
-        with open(path, "wb") as file:
-            np.savez_compressed(file, meta=np.array(json.dumps(self._meta())), **arrays)
+        meta = np.array(json.dumps(self._meta()))
+        write_whole(path, lambda stream: np.savez_compressed(stream, meta=meta, **arrays))
+        self.origin = os.fspath(path)
 
     def _meta(self) -> dict:
         return {
             "format": FORMAT,
             "outputs": [(out.name, out.unit, out.of) for out in self.outputs.values()],
+            "labels": [out.labels for out in self.outputs.values()],
+            "made": self.made,
             "scope": self.scope,
             "scope_reason": self.scope_reason,
             "reasons": self.reasons,
@@ -235,6 +233,32 @@ class BoundReport:
         from .plot import plot_report
 
         return plot_report(self, path, outputs)
+
+    def plot_causes(self, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+        """Draw what the bounds come from, in %, over time; save to path if given, return the figure."""
+        from .plot import plot_causes
+
+        return plot_causes(self, path, outputs)
+
+    def plot_body(self, mesh: Any, path: str | os.PathLike | None = None, **options: Any) -> Any:
+        """Draw the body, coloured by node_bound; mesh and options: see surface.draw_body. Return the figure."""
+        from .surface import plot_body
+
+        return plot_body(self, mesh, path, **options)
+
+    def to_dict(self) -> dict[str, np.ndarray]:
+        """Return everything over time as {name of a column: (T,)}, for pandas.DataFrame; see formats.columns."""
+        return columns(self)
+
+    def to_csv(self, path: str | os.PathLike) -> None:
+        """Write the columns of to_dict to a CSV file; InputError if it cannot be written."""
+        write_csv(self, path)
+
+    def to_html(self, path: str | os.PathLike) -> None:
+        """Write a page that needs no other file: verdicts, scope, figures, tables; InputError if it cannot."""
+        from .page import write_page
+
+        write_page(self, path)
 
 
 def _ratio(bound: np.ndarray, truth: np.ndarray) -> np.ndarray:

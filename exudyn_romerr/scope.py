@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .frame import FramePose
 
 COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "inputs frozen")  # the widest first
+NOT_CERTIFIED = "not certified"  # ends the reason of a scope: loads may be missing
 
 
 @dataclass(frozen=True)

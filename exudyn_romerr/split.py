@@ -96,8 +96,7 @@ class Split:
     def mode_residual(self) -> np.ndarray:
         """|K phi - omega^2 M phi|_{K^-1} / |phi|_K of every mode (m,): how exact the computed modes are."""
         body = self._problem.body
-        left = self.P - body.stiffness_factor.solve(body.M @ (self.P * self.omega**2))
-        return np.sqrt(np.einsum("ij,ij->j", left, body.K @ left)) / self.omega
+        return np.linalg.norm(self.modes_K - body.stiffness_factor.half_solve(body.M @ (self.P * self.omega)), axis=0)
 
     @cached_property
     def modes_K(self) -> np.ndarray:

@@ -12,12 +12,19 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from .offline import Offline
+    from .online import Opening, Run
     from .samples import Jump, Samples
 
 IN_THE_SPAN = (
     "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
     "equilibrium say, pass initial='equilibrium' or initial=(q0, q0_t)"
 )
+
+LOADS_JUMP = (
+    "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below the "
+    "step size too, and no basis or bound follows that. Give user functions of loads the same value in both"
+)
+JUMP = 1e-6  # of the loads
 
 
 def start_of(offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None) -> Start:
@@ -45,3 +52,13 @@ def _before_the_first_jump(layout, first: Samples, jumps: Sequence[Jump], z) -> 
         if jump.t == first.t[0] and not jump.is_before(jump.t, u):
             return jump.u_left, layout(q, q_t, q_tt - jump.dq_tt, jump.u_left)
     return u, z
+
+
+def loads_jump(opening: Opening, run: Run) -> bool:
+    """Whether known loads differ from those that the full body is in equilibrium with."""
+    scene = run.offline.scene
+    if opening.rest is None or scene.minor is None:
+        return False
+    known = slice(scene.minor.stop, run.inputs - scene.unknown)
+    before, now = opening.rest[known], opening.first.u[0][known]
+    return bool(np.any(np.abs(now - before) > JUMP * np.max(np.abs([before, now]), initial=0.0)))

@@ -58,5 +58,7 @@ class StaticRun(Run):
         return self._checked(t, q, 0 * q, 0 * q, u, frame)
 
     def _take(self, new: Samples) -> None:
-        self._streams["reduction"].load_steps(self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u))
-        self._record(new)
+        z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
+        rounded = self._rounding(new)
+        self._streams["reduction"].load_steps(z, rounded)
+        self._record(new, rounded)

@@ -46,7 +46,7 @@ def node_strain(name: str, *, node: int, fem: Any, component: str | None = None,
     Equal to a sensor of StrainLocal where that is right: Exudyn's ComputePostProcessingModes takes quadratic
     tetrahedra for linear ones. Does not cover: beams, shells, strain inside elements (pass rows of your own).
     """
-    return Output(name, _rows(np.eye(6), node, fem, component), unit)
+    return Output(name, _rows(np.eye(6), node, fem, component), unit, labels=_labels(component))
 
 
 def node_stress(
@@ -81,7 +81,8 @@ def node_stress(
             f"material={material!r} has no elasticityTensor; pass KirchhoffMaterial(youngsModulus, poissonsRatio) of "
             "exudyn.FEM, of a mesh with several materials that at the node"
         )
-    return Output(name, _rows(check_array("material.elasticityTensor", tensor, (6, 6)), node, fem, component), unit)
+    rows = _rows(check_array("material.elasticityTensor", tensor, (6, 6)), node, fem, component)
+    return Output(name, rows, unit, labels=_labels(component))
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,10 @@ def _rows(tensor: np.ndarray, node: int, fem: Any, component: str | None) -> np.
         check_choice("component", component, STRAINS)
     rows = tensor @ strain_rows(fem, node)
     return rows if component is None else rows[STRAINS.index(component)]
+
+
+def _labels(component: str | None) -> tuple[str, ...]:
+    return STRAINS if component is None else (component,)
 
 
 def _size(stress: np.ndarray) -> np.ndarray:

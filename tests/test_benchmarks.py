@@ -1,14 +1,30 @@
 """The benchmarks, shortened: they run and count what they say. No speed is asserted: machines differ."""
 
 import numpy as np
+import pytest
 
-from benchmarks import floating_cost, kernel_offline, mechanism_cost, online_linkage
+from benchmarks import (
+    child,
+    floating_cost,
+    growth,
+    kernel_offline,
+    mechanism_cost,
+    offline,
+    online_linkage,
+    page,
+    pairs,
+    question,
+    question_scenes,
+    speed,
+    speed_figure,
+    wishbone_cost,
+)
 from models import floating
 
 
 def test_online_linkage_measures_every_variant(capsys):
     variants, times = online_linkage.main(["--end", "0.05", "--pairs", "2"])
-    assert times.shape == (2, 4)
+    assert times.shape == (2, 5)
     assert np.all(times > 0)
     assert len(variants[-1].report.t) == 51
     printed = capsys.readouterr().out
@@ -20,11 +36,11 @@ def test_online_linkage_measures_every_variant(capsys):
 def test_online_linkage_variants_simulate_the_same():
     end = 0.02
     states = []
-    for kind in (online_linkage.Bare, online_linkage.Storing, online_linkage.Bounds, online_linkage.SharpBounds):
+    for kind in online_linkage.VARIANTS:
         variant = kind(end)
         variant.seconds()
         states.append(variant.mbs.systemData.GetODE2Coordinates())
-    np.testing.assert_array_equal(states[1:], states[:1] * 3)
+    np.testing.assert_array_equal(states[1:], states[:1] * 4)
 
 
 def test_kernel_offline_tells_what_is_counted(capsys):
@@ -60,7 +76,7 @@ def test_floating_cost_variants_simulate_the_same():
 def test_floating_cost_of_a_mesh_counts_every_step(capsys):
     """On a stored mesh: the benchmark itself makes them with ngsolve."""
     mesh = floating_cost.reduced(floating.load_fem("bar"))
-    costs = floating_cost.measure_meshes([mesh], steps=40, pairs=2, h=1e-3)
+    costs = floating_cost.measure_meshes([mesh], steps=40, rounds=2, h=1e-3)
     assert costs.shape == (2, 1, 3)
     assert len(mesh.spent) == 41
     assert len(mesh.monitor.report().t) == 41
@@ -83,3 +99,147 @@ def test_mechanism_cost_measures_every_variant(capsys):
                 dict.fromkeys(variant.estimators, "coupled (linearised)")
             ] * bodies
     assert capsys.readouterr().out.count("promised at most") == 4
+
+
+def test_wishbone_cost_measures_the_same_drive(capsys):
+    (bare, bounded), times = wishbone_cost.main(["--end", "0.005", "--pairs", "1"])
+    assert times.shape == (1, 2)
+    assert len(bounded.report.t) == 11
+    states = [drive.mbs.systemData.GetODE2Coordinates() for drive in (bare, bounded)]
+    # both static solves end within the solver's tolerance, and eigenmodes start from random numbers
+    np.testing.assert_allclose(*np.abs(states), atol=1e-7 * np.max(np.abs(states)))
+    assert "promised at most 1.3" in capsys.readouterr().out
+
+
+def test_ratios_are_taken_pair_by_pair():
+    variants = [online_linkage.Bare(0.01), online_linkage.Bounds(0.01)]
+    slow_machine = np.array([[1.0, 1.5], [10.0, 20.0], [2.0, 5.0]])
+    first, second = pairs.ratios(variants, slow_machine)
+    assert first[2:] == (1, 1, 1)
+    assert second[2:] == (1.75, 2.0, 2.25)
+    np.testing.assert_allclose(pairs.added(variants, slow_machine), [0, 3e6 / 10])
+    assert [pairs.kept(2.0, 2.0), pairs.kept(2.1, 2.0)] == ["kept", "NOT KEPT"]
+
+
+def test_growth_measures_modes_outputs_and_steps():
+    bare, paper, sharp = growth.online(6, 2, steps=20, rounds=1)
+    assert bare > 0
+    assert sharp > paper
+
+
+def test_growth_runs_a_mesh_and_long_runs_in_processes_of_their_own():
+    told = child.child(growth.__file__, "mesh", "1113")
+    assert told["N"] == 1113
+    assert min(told[name] for name in ("body", "modes", "attach", "memory")) > 0
+    steps = {
+        20: {kind: child.child(growth.__file__, "steps", kind, "20") for kind in ("Bare", "Bounds", "SharpBounds")}
+    }
+    found = growth.Growth(
+        {6: (1.0, 2.0, 3.0)}, {1: (1.0, 2.0, 3.0)}, {100: (1.0, 2.0, 3.0)}, [{"asked": 1113, **told}], steps
+    )
+    printed = growth.text(found)
+    for words in ("n = 6", "1 outputs", "100 steps", "    1113", "resident MB"):
+        assert words in printed
+    assert [promise.issue for promise in speed.growth_promises(found)] == [7, 7]
+
+
+def test_a_child_that_does_not_end_is_ended(monkeypatch):
+    monkeypatch.setattr(child, "LIMITS", (0.5, 8.0))
+    told = child.child(growth.__file__, "steps", "SharpBounds", "10000000")
+    assert told == {"ended": "not done within 0.5 s"}
+
+
+def test_a_child_without_memory_says_so(monkeypatch):
+    monkeypatch.setattr(child, "LIMITS", (60.0, 0.05))
+    assert child.child(growth.__file__, "mesh", "1113")["ended"]
+
+
+def test_offline_phases_add_up(capsys):
+    (found,) = offline.main(["--quick"])
+    assert found.dof == 3 * 1123
+    assert set(found.phases) == {*offline.PHASES, "all else"}
+    assert min(found.phases.values()) > 0
+    assert sum(found.phases.values()) == pytest.approx(found.total)
+    assert "in all / Craig-Bampton" in capsys.readouterr().out
+    (promise,) = speed.offline_promises([found, found._replace(name="frozen")])
+    assert promise.found == found.total / found.craig_bampton
+
+
+def test_speed_prints_every_scene_and_limit(capsys, tmp_path, monkeypatch):
+    few = [scene._replace(steps=(20, 20)) for scene in speed.SCENES]
+    monkeypatch.setattr(speed, "SCENES", few)
+    tables, promises = speed.main(["--quick", "--only", "ratios", "promises"])
+    assert list(tables) == ["ratios", "promises"]
+    printed = capsys.readouterr().out
+    for scene in few:
+        assert scene.title in printed
+    assert [promise.issue for promise in promises] == sorted(promise.issue for promise in promises)
+    assert {promise.issue for promise in promises} == {2, 3, 4, 5, 6, 7}
+    assert promises[0].verdict in ("kept", "NOT KEPT")
+
+
+def test_speed_figure_is_drawn(tmp_path):
+    bare, bounded = online_linkage.Bare(0.01), online_linkage.Bounds(0.01)
+    ratios = {"linkage": [pairs.Ratio(bare, 5.0, 1.0, 1.0, 1.0), pairs.Ratio(bounded, 9.0, 1.7, 1.8, 1.9)]}
+    rows, size = {6: (1.0, 2.0, 3.0), 12: (2.0, 3.0, 4.0)}, {"N": 1113, "body": 0.1, "modes": 0.2, "attach": 0.3}
+    speed_figure.draw(ratios, growth.Growth(rows, rows, rows, [size], {}), tmp_path / "speed.png")
+    assert (tmp_path / "speed.png").stat().st_size > 10_000
+
+
+def test_a_table_replaces_the_one_on_the_page(tmp_path):
+    copy = tmp_path / "speed.md"
+    copy.write_text(page.PAGE.read_text(encoding="utf-8"), encoding="utf-8")
+    for name in (*speed.PARTS, "question"):
+        page.put(name, f"new {name}\\1", copy)
+    text = copy.read_text(encoding="utf-8")
+    assert all(text.count(f"```text\nnew {name}\\1\n```") == 1 for name in (*speed.PARTS, "question"))
+    with pytest.raises(ValueError, match="no code block"):
+        page.put("another", "", copy)
+
+
+def test_question_knows_claims_from_true_errors(tmp_path, capsys, monkeypatch):
+    short = question_scenes.tip(0.05)
+    monkeypatch.setattr(question, "tip", lambda end: short._replace(repeats=1, share=5e-4))
+    (table,) = question.main([str(tmp_path), "--quick", "--only", "tip"])
+    ways = {
+        way: [answer for answer in table.answers if answer.way == way]
+        for way in ("with bounds", "compared", "full order")
+    }
+    assert [len(answers) for answers in ways.values()] == [3, 3, 2]
+    for answer in ways["with bounds"]:  # total error, scope complete
+        assert answer.error <= answer.claim
+    # both runs have the same time steps, which a difference cannot see
+    assert ways["compared"][1].claim < 0.1 * ways["compared"][1].error
+    assert "WRONG" in capsys.readouterr().out
+    assert (tmp_path / "speed_question.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("make", [question_scenes.rod, question_scenes.ball_joint])
+def test_question_runs_a_scene_with_bounds_and_without_alike(make):
+    asked = make(0.0025)
+    n, h = asked.bounded[0]
+    bare, bounded = asked.run(n, h, False), asked.run(n, h, True)
+    np.testing.assert_allclose(bare.t, bounded.t, atol=1e-12)
+    # eigenmodes start from random numbers, and both runs end within the solver's tolerance
+    np.testing.assert_allclose(bare.y, bounded.y, atol=1e-6 * np.max(np.abs(bounded.y)))
+    assert np.max(np.abs(asked.truth(bare) - bare.y)) <= bounded.bound
+
+
+def test_a_full_order_step_is_not_waited_for():
+    assert "over 1 s" in question.full_order(1.0)
+
+
+@pytest.mark.parametrize(
+    ("way", "claim", "error", "words"),
+    [
+        ("with bounds", 0.9, 0.8, "says yes; it is"),
+        ("with bounds", 1.1, 0.8, "says no; it is"),
+        ("with bounds", 0.9, 1.1, "BOUND TOO LOW"),
+        ("compared", 0.1, 1.1, "says yes; it is not: WRONG"),
+        ("compared", 2.0, 1.1, "says no; it is not"),
+        ("full order", None, 1.1, "claims nothing; it is not"),
+        ("full order", None, None, "claims nothing"),
+    ],
+)
+def test_verdicts_of_a_question(way, claim, error, words):
+    assert question.verdict(question.Answer(way, "", 1.0, 1.0, claim, error), within=1.0) == words

@@ -158,3 +158,14 @@ def test_masks_are_no_coordinate_numbers(mask):
     """A boolean mask would fix coordinates 0 and 1."""
     with pytest.raises(romerr.InputError, match="fixed holds bools"):
         romerr.ElasticBody(np.eye(3), np.eye(3), fixed=mask)
+
+
+def test_body_that_stays_at_rest_has_bounds_at_nodes_by_every_estimator():
+    """All of them zero: the first estimator's worst instant once kept the others from having one."""
+    body = chain(6, positions=np.arange(6.0).reshape(2, 3))
+    t, rest = np.linspace(0, 1, 5), np.zeros((5, 2))
+    basis = romerr.modal_basis(body, 2)
+    names = ("energy", "fast")
+    report = romerr.evaluate(body, basis, romerr.Trajectory(t, rest, rest, rest), estimators=names)
+    assert set(report.node_bound) == set(report.position_bound) == set(names)
+    assert all(not bound.any() for bound in report.node_bound.values())

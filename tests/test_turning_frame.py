@@ -432,7 +432,7 @@ def test_without_spin_the_bounds_are_those_of_a_body_at_rest(seed, time, packed)
 @pytest.mark.parametrize("kind", SPINS)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_bounds_do_not_depend_on_how_samples_come(seed, kind):
-    """One part, or four: but for decays that are taken equal when they differ by less than 1e-9."""
+    """One part, or four: but for what may be rounding of modes, which is estimated block by block."""
     case = scenario(seed)
     offline = case.offline(time="reconstructed", estimators=ALL, auxiliary_modes=2)
     once, often = (case.run(SPINS.index(kind), offline, parts) for parts in ((1,), (1, 2, 40, 100)))

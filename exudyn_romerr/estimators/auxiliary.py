@@ -54,8 +54,9 @@ class Auxiliary:
         if start.y0 is not None:  # eta = P^T M e0 = Omega^-2 P^T K e0, eta' = P^T M e0'
             rows = self.start_rows[:, : len(start.y0)]
             self.state = np.array([rows @ start.y0 / omega**2, rows @ start.y0_t])
-            terms = np.abs(rows) @ np.abs(start.y0) / omega**2 + np.abs(rows) @ np.abs(start.y0_t) / omega
-            self.rounding = 8 * EPS * terms
+            e, e_t = np.abs(rows) @ np.abs(start.y0) / omega**2, np.abs(rows) @ np.abs(start.y0_t)
+            # modes are M-orthogonal to rounding: each eta sees that much of all the others
+            self.rounding = 8 * EPS * (e + np.linalg.norm(e) + (e_t + np.linalg.norm(e_t)) / omega)
         cut = np.array([start.cut])
         return self._bounds(start.z[None], self.state[None], self.growth.at_start(), self.rounding[None], cut)
 
@@ -119,7 +120,9 @@ class Auxiliary:
         position = np.hypot(row_norms(eta), static + d_M) + row_norms(inexact)
         turned = row_norms(inexact * self.oscillators.omega)
         velocity = np.hypot(row_norms(eta_t), v_M) + turned
-        jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
+        jumped = None
+        if g_jump.any():
+            jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
         return Bounds(position, velocity, np.abs(known) + slack, jumped, known, slack)
 
     def _unresolved(self, block: Block) -> np.ndarray:

@@ -123,12 +123,13 @@ class Block:
 class Bounds:
     """Bounds at S instants: position (S,) and velocity (S,) in the M-norm, outputs (S, R).
 
-    jumped : (S, R), the share of load jumps in outputs. correction : (S, R), the part of the outputs' error that is
-    known with its sign; correction_bound : (S, R), what is left of the error then. None where an estimator has none.
+    jumped : (S, R), the share of load jumps in outputs; None: no jumps so far. correction : (S, R), the part of the
+    outputs' error that is known with its sign; correction_bound : (S, R), what is left of the error then. None where
+    an estimator has none, or nobody asks (of_outputs).
     """
 
-    position: np.ndarray
-    velocity: np.ndarray
+    position: np.ndarray | None
+    velocity: np.ndarray | None
     outputs: np.ndarray
     jumped: np.ndarray | None = None
     correction: np.ndarray | None = None
@@ -158,9 +159,17 @@ class Bounds:
         """Return the fields in their order."""
         return (self.position, self.velocity, self.outputs, self.jumped, self.correction, self.correction_bound)
 
+    def of_outputs(self) -> Bounds:
+        """Return the bounds of the outputs alone."""
+        return Bounds(None, None, self.outputs)
+
     @classmethod
     def joined(cls, chunks: Sequence[Bounds]) -> Bounds:
         """Return chunks one after another."""
+        if len(chunks) == 1:
+            return chunks[0]
+        if any(chunk.jumped is not None for chunk in chunks):  # none before the first jump
+            chunks = [replace(x, jumped=0 * x.outputs if x.jumped is None else x.jumped) for x in chunks]
         fields = zip(*map(cls.arrays, chunks), strict=True)
         return cls(*(None if parts[0] is None else np.concatenate(parts) for parts in fields))
 

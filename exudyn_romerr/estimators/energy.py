@@ -68,7 +68,9 @@ class Energy:
         _, d_M, v_M = smallest(self.rates, g)
         static = np.abs(z @ self.static_rows.T) + times(cut, self.static_cut)
         outputs = static + output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)
-        jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
+        jumped = None
+        if g_jump.any():
+            jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
         position = self.norm_static(z) + cut * self.per_mass + d_M
         return Bounds(position, v_M, outputs, jumped)
 

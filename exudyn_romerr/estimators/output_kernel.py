@@ -51,8 +51,8 @@ class OutputConvolution(Convolution):
     assumes = "Rayleigh damping (or none)"
 
     def __init__(self, problem: Problem):
+        split = problem.split  # before the kernel, which would ask for the first mode alone
         super().__init__(problem)
-        split = problem.split
         zeta = problem.body.damping_ratios(split.omega)
         pairs = [(rate.r, rate.c) for rate in split.rates]
         rows = np.flatnonzero(~self.velocity_rows)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .. import oscillator
 from ..lagtable import LagTable
 from ..recurrence import decaying_sum
 from .base import Block, MassNormEstimator
@@ -15,18 +16,28 @@ if TYPE_CHECKING:
 
 
 class StateSpace(MassNormEstimator):
-    """(|e|_M^2 + |e'|_M^2)^(1/2) <= C1 (|e_s0| + int |R|_{M^-1}), paper (11): the baseline with the hump."""
+    """(|e|_M^2 + |e'/omega_1|_M^2)^(1/2) <= C1 (|e_s0| + int |R|_{M^-1} / omega_1): the baseline with the hump.
+
+    Paper (11), with time measured in 1/omega_1: C1 mixes displacements and velocities, so that in seconds, hours or
+    milliseconds it would give a different bound each.
+    """
 
     name = "state-space"
     assumes = "Rayleigh damping, all modes known (up to 2000 coordinates)"
 
     def __init__(self, problem: Problem):
         super().__init__(problem)
-        self.C1 = problem.body.constants().C1
+        body = problem.body
+        body.require_rayleigh("estimator 'state-space'")
+        omega = body.all_modes().omega
+        self.omega_1 = w = float(omega[0])
+        s_max = oscillator.largest_impulse_response(omega, body.damping_ratios(omega))
+        self.C1 = oscillator.largest_state_response(omega / w, s_max * w)
 
     def _state_bounds(self, t, integral, block):
-        bound = self.C1 * (np.hypot(self.initial.e_M, self.initial.v_M) + integral)
-        return bound, bound
+        w = self.omega_1
+        bound = self.C1 * (np.hypot(self.initial.e_M, self.initial.v_M / w) + integral / w)
+        return bound, w * bound
 
 
 class Fast(MassNormEstimator):

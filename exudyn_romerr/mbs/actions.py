@@ -109,11 +109,18 @@ class Actions:
         """Drop what acts where the reference conditions allow no motion; return the markers there."""
         idle = {number for number, place in self.places.items() if not place.works(body)}
         still = {self.places[number].name for number in idle}
-        acting = {place.name for place in self.wrenches} | {load.place.name for load in self.loads}
-        self.idle = sorted(still & acting)
+        self.idle = sorted(still & self._acting())
         self.wrenches = [place for place in self.wrenches if place.name not in still]
         self.loads = [load for load in self.loads if load.place.name not in still]
         return idle
+
+    @property
+    def free(self) -> list[str]:
+        """Names of markers that nothing acts at."""
+        return [place.name for place in self.places.values() if place.name not in {*self._acting(), *self.idle}]
+
+    def _acting(self) -> set[str]:
+        return {place.name for place in self.wrenches} | {load.place.name for load in self.loads}
 
     def signature(self) -> tuple:
         """Return all of it that offline work depends on."""

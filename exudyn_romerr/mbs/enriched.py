@@ -83,10 +83,7 @@ class EnrichedBody:
         P = Z.expand(found.P)
         self.m = P.shape[1]
         highest = found.omega.max(initial=0.0)
-        self.note = (
-            f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism; its "
-            "tangent is read by a solver of its own, results of the simulation stay the same bit for bit"
-        )
+        self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
         self._couple(flex, V, P, model.rayleigh)
         # where forces act: their motion by P (3, m); torques do not care
         self._moved_loads = [

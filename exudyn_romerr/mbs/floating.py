@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
 
@@ -16,6 +17,7 @@ from .frames import FrameNode
 
 ITEMS = ("nRigidBody", "nGenericODE2", "oFFRFreducedOrder")
 INTERFACES = ("free", "rigid")
+OLDEST = (1, 13)  # Exudyn whose markers tell their axes, localHT
 SAME = 1e-9  # relative; Exudyn rounds reduced matrices at 1e-13 of their largest entry
 
 
@@ -80,7 +82,7 @@ def floating_body(
     Raises
     ------
     InputError
-        A fem without matrices; items that are not those of a reduced flexible body.
+        A fem without matrices; items that are not those of a reduced flexible body; Exudyn older than 1.13.
     AssumptionError
         A mass matrix that is not the same in all directions (beams, shells).
 
@@ -88,6 +90,7 @@ def floating_body(
     -----
     Source: docs/theory.md, floating frame. Does not cover: geometric stiffening.
     """
+    _check_version(exu.__version__)
     if not hasattr(fem, "GetMassMatrix"):
         raise InputError(f"fem is a {type(fem).__name__}; needed: the FEMinterface that the modes were computed with")
     for name in ("massMatrix", "stiffnessMatrix"):

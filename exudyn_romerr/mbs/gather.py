@@ -47,7 +47,7 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable]:
                 room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
         go_on = True
         if i == room:
-            go_on, room = hook.flush(), len(times)
+            go_on, room = hook.goes_on(t), len(times)
         return go_on if hook.user is None else hook.call_user(mbs, t, go_on)
 
     def drain() -> tuple:

@@ -15,8 +15,9 @@ from ..errors import InputError
 from ..online import BLOCK
 from ..scope import FROZEN
 from .gather import gatherer
+from .live import live_line
 from .mechanism import Mechanism
-from .scene import running_static_solver
+from .scene import is_verbose, running_static_solver
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -40,18 +41,18 @@ class StepHook:
         self.user = user
         self.watches: list[Watch] = []
         self._mechanism = Mechanism([])
-        self._told: set[str] = set()
         self.step, self._drain = gatherer(mbs, self)
         self._occupant: Callable = self.step
         self._static_solver: Any = None
+        self._verbose = False
 
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
         """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt."""
         self.flush()
-        self._told.clear()
         self._occupant = slot_function(mbs)
         static = running_static_solver(mbs, self._static_solver)
         self._static_solver = static or self._static_solver
+        self._verbose = is_verbose(mbs, static is not None)
         for watch in self.watches:
             watch.begin(mbs, static is not None, self.attached)
         others = _frozen([watch for watch in self.watches if watch.is_frozen])
@@ -65,22 +66,27 @@ class StepHook:
         at_once = static is not None or any(watch.tolerance for watch in self.watches)
         return self._new_arrays(mbs.systemData.ODE2Size(), at_once)
 
-    def flush(self) -> bool:
-        """Evaluate the rows stored so far; False if the solve is to be stopped."""
+    def flush(self) -> list[str]:
+        """Evaluate the rows stored so far; return in words what failed."""
         with _interrupt_deferred():
             rows = self._drain()
-            if rows:
-                self._mechanism.read_end(self._mbs(), rows[0][-1])
-                self._mechanism.take(*rows)
-        self._tell()
-        return not any(watch.stops for watch in self.watches)
+            if not rows:
+                return []
+            self._mechanism.read_end(self._mbs(), rows[0][-1])
+            self._mechanism.take(*rows)
+            if self._verbose:
+                exu.Print(live_line(self.watches, rows[0][-1]))
+            return [watch.failure for watch in self.watches if watch.notes_error(rows[0][-1])]
 
-    def _tell(self) -> None:
-        """Print once why the solve is stopped: SolveDynamic does not raise, only report() will."""
-        for error in {str(watch.error): watch.error for watch in self.watches if watch.error is not None}.values():
-            if str(error) not in self._told:
-                self._told.add(str(error))
-                exu.Print(f"exudyn_romerr stops the solve, report() raises {type(error).__name__}: {error}")
+    def evaluate(self, t: float) -> None:
+        """Evaluate the rows stored so far, up to t; print what failed."""
+        for failure in dict.fromkeys(self.flush()):  # SolveDynamic does not raise, only report() will
+            exu.Print(f"exudyn_romerr stops the solve at t = {t:g}: {failure}")
+
+    def goes_on(self, t: float) -> bool:
+        """Evaluate the rows stored so far, up to t; False if the solve is to be stopped."""
+        self.evaluate(t)
+        return not any(watch.stops for watch in self.watches)
 
     def read(self, mbs: Any, watch: Watch) -> Offline:
         """Return what a watch would make bounds with if a solve began now."""
@@ -112,13 +118,17 @@ class StepHook:
                 watch.note(f"stopped at t = {t:g}: the PostStep function returned {result!r}")
         return result if go_on else False
 
-    def add(self, watch: Watch) -> None:
-        """Serve one more watch from the next solve on; InputError if its body is watched already."""
+    def check(self, watch: Watch, user: Callable | None) -> None:
+        """Raise InputError if its body is watched already, or another function than `user` is called already."""
         if watch.item in [other.item for other in self.watches]:
             raise InputError(
                 f"flex: the body of object {watch.item} is attached already; pass all outputs to one attach call"
             )
-        self.watches.append(watch)
+        if user is not None and self.user not in (None, user):
+            raise InputError(
+                f"hook={user!r}, but the mbs has another PostStep function already, {self.user!r}; "
+                "pass one function that calls both"
+            )
 
     def is_in_charge(self, mbs: Any) -> bool:
         """Whether Exudyn calls this hook: directly, or through a function that did so in the last solve."""
@@ -147,23 +157,20 @@ def slot_function(mbs: Any) -> Callable | None:
     return slot["function"] if slot else None
 
 
-def shared_hook(mbs: Any, user: Callable | None) -> StepHook:
-    """Return the hook in the slot of the mbs, or put one there that calls what was in the slot before.
+def shared_hook(mbs: Any, user: Callable | None, watch: Watch) -> StepHook:
+    """Let the hook in the slot of the mbs serve a watch, or put one there that calls what was in the slot before.
 
-    `user` is the function passed by hook=; InputError if the hook calls another one already.
+    `user` is the function passed by hook=. Where InputError is raised, the mbs is as it was.
     """
     found = slot_function(mbs)
     hook = getattr(found, "hook", None)
     if not isinstance(hook, StepHook):
         hook = StepHook(mbs, found)
-    if user is not None and hook.user not in (None, user):
-        raise InputError(
-            f"hook={user!r}, but the mbs has another PostStep function already, {hook.user!r}; "
-            "pass one function that calls both"
-        )
+    hook.check(watch, user)
     hook.user = user or hook.user
     if hook.step is not found:
         mbs.SetPostStepUserFunction(hook.step)
+    hook.watches.append(watch)
     return hook
 
 

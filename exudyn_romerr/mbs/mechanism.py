@@ -124,6 +124,8 @@ class Mechanism:
 
     def _open_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
         if self._reaction is not None and self._opens:
+            if not self.tangents.readings:
+                raise RunError("the solve was interrupted before anything was bounded; solve again")
             self._reaction.open(rows, self._before)
             self._before = None
 

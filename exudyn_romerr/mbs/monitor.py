@@ -17,6 +17,7 @@ from .bodies import ReducedBody
 from .floating import FloatingBody, read_object
 from .hook import StepHook, shared_hook
 from .linear import LinearSubject
+from .live import sensor_of
 from .moving import MovingSubject
 from .scope import ASKABLE
 from .sensors import sensor_output
@@ -24,6 +25,8 @@ from .watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from exudyn.itemInterface import SensorUserFunction
 
     from ..online import Run
     from ..outputs import Output
@@ -74,6 +77,35 @@ class Monitor:
         self._hook.flush()  # what was stored so far belongs to what was read before
         return self._hook.read(self._mbs, self._watch).plan
 
+    def bound_sensor(self, name: str, **options: Any) -> SensorUserFunction:
+        """Return a sensor of the bound of one output, for mbs.AddSensor before mbs.Assemble().
+
+        Its values are output(name).bound["best"] of the report, one for each row, at the times that Exudyn writes
+        sensors (simulationSettings.solution.sensors.writePeriod), of the very step. They are inf where the report
+        has no bound: before its first instant, and after its last.
+
+        Parameters
+        ----------
+        name : str
+            Of an output.
+        **options
+            Of exudyn's SensorUserFunction: fileName, writeToFile, name, storeInternal (here: True) ...
+
+        Raises
+        ------
+        InputError
+            No output has that name.
+
+        Notes
+        -----
+        Steps are evaluated whenever sensors are written, in smaller blocks than without.
+        """
+        subject = self._watch.subject
+        subject.look_for_sensors(self._mbs)
+        outputs = {out.name: out for out in subject.outputs}
+        check_choice("name", name, outputs)
+        return sensor_of(self._hook, self._watch, outputs[name], options)
+
     def report(self, i: int = -1) -> BoundReport:
         """Return the bounds of run i (default: the last), also while it is running.
 
@@ -109,7 +141,7 @@ def attach(
     mbs: Any,
     flex: ReducedBody | FloatingBody,
     *,
-    outputs: Sequence[Output | int],
+    outputs: Sequence[Output | int] | None = None,
     initial: Any = None,
     jumps: Sequence[float] = (),
     tolerance: dict[str, float] | float | None = None,
@@ -131,8 +163,9 @@ def attach(
     mbs : exudyn MainSystem
     flex : ReducedBody or FloatingBody
         From add_reduced_body or floating_body.
-    outputs : sequence of Output or sensor numbers
-        Sensors on mesh nodes of a floating body; they give their output its name.
+    outputs : sequence of Output or sensor numbers, optional
+        Sensors on mesh nodes of a floating body; they give their output its name. Default: all of displacement,
+        position or velocity that are there when a solve begins; monitor.plan lists them.
     initial : None, ((N,), (N,)) or "equilibrium"
         State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
     jumps : sequence of float
@@ -179,11 +212,10 @@ def attach(
         "auxiliary_modes": auxiliary_modes,
     }
     check_choice("scope", scope, ASKABLE)
+    options["live"] = tolerance is not None
     subject = make_subject(mbs, flex, initial, options, scope)
-    watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in options["outputs"]]))
-    shared = shared_hook(mbs, hook)
-    shared.add(watch)
-    return Monitor(mbs, shared, watch)
+    watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in subject.outputs]))
+    return Monitor(mbs, shared_hook(mbs, hook, watch), watch)
 
 
 def make_subject(
@@ -199,6 +231,11 @@ def make_subject(
 def _linear(flex: ReducedBody, initial: Any, options: dict[str, Any]) -> LinearSubject:
     """Everything is known already: the offline work is done now."""
     _refuse_sensors(options["outputs"])
+    if options["outputs"] is None:
+        raise InputError(
+            "outputs is missing: sensors cannot tell what to bound of a body made by add_reduced_body; pass "
+            "outputs=[romerr.node_displacement('tip', node=..., component='z')], romerr.Output(name, rows), or []"
+        )
     return LinearSubject(flex, {"initial": flex.initial if initial is None else initial, **options})
 
 
@@ -209,10 +246,12 @@ def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any
     if isinstance(outputs, list | tuple):
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
         outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
-    options["outputs"] = checked_outputs(outputs)
+    options["outputs"] = outputs if outputs is None else checked_outputs(outputs)
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
         check_choice(name, options[name], known)
-    return MovingSubject(flex, {"initial": initial, **options}, scope)
+    subject = MovingSubject(flex, {"initial": initial, **options}, scope)
+    subject.look_for_sensors(mbs)
+    return subject
 
 
 def _check_body(mbs: Any, flex: Any) -> None:
@@ -235,6 +274,8 @@ def checked_tolerance(tolerance: Any, names: Sequence[str]) -> dict[str, float]:
     """Return output -> tolerance, empty if there is none; InputError unless they are positive, of known outputs."""
     if tolerance is None:
         return {}
+    if not names:
+        raise InputError("tolerance was given, but no outputs are known yet: pass outputs=, or add sensors before")
     if isinstance(tolerance, Real):
         if len(names) != 1:
             raise InputError(f"tolerance={tolerance!r} for {len(names)} outputs; pass a dict name -> value")

@@ -23,6 +23,7 @@ from .reference import find_reference
 from .sampling import Sampler
 from .scene import load_factor
 from .scope import Wanted, find_scope
+from .sensors import NO_SENSOR, BodySensors, body_sensors
 from .support import read_support
 from .terms import InputTerms
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from .scope import Found
     from .support import Support
 
+TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 
 
@@ -45,7 +47,9 @@ class MovingSubject:
 
     def __init__(self, flex: FloatingBody, options: dict[str, Any], scope: str):
         self.item, self._flex, self._options = flex.number, flex, options
+        self._by_sensors, self._sensors = options["outputs"] is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
+        self._use([] if self._by_sensors else options["outputs"])
         self.enriched: EnrichedBody | None = None
         self.columns = np.zeros(0, dtype=int)
         self._signature: tuple = ()
@@ -54,6 +58,7 @@ class MovingSubject:
     def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
         """Read body, joints and loads; do the offline work unless nothing of it changed since."""
         model = read_object(mbs, self._flex)
+        self.look_for_sensors(mbs)
         actions = read_actions(mbs, self._flex, model, load_factor(mbs) if static else None)
         reference = find_reference(self._flex, model.V, actions.interfaces())
         body = self._made_body(model, reference)
@@ -63,13 +68,14 @@ class MovingSubject:
         scope = find_scope(mbs, self._wanted, model, actions, support, static, attached, others)
         signature = (model.V.tobytes(), id(body), support, scope, *actions.signature())
         if signature != self._signature:
+            self._signature = ()  # until all of what follows was done
             terms = InputTerms(actions, support, self._flex, model.V)
             scene = self._scene(model, actions, terms, reference, support, scope)
             self.enriched = None
             if scene.feedback:
                 kept = (self._flex, body, model, actions, support, scene, columns, terms)
                 self.enriched = EnrichedBody(*kept, self._options)
-                scene = replace(scene, computed=(*scene.computed, self.enriched.note))
+                scene = replace(scene, computed=(*scene.computed, self.enriched.note, TANGENT))
             offline = self._prepare(body, model, terms, scene)
             self._sampler, self._signature = Sampler.of(model.frame, actions, terms, offline), signature
         else:  # functions of time may be other ones
@@ -97,7 +103,19 @@ class MovingSubject:
 
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""
-        self._options = {**self._options, "outputs": [*self._options["outputs"], *outputs]}
+        self._use([*self._options["outputs"], *outputs])
+
+    def look_for_sensors(self, mbs: Any) -> None:
+        """Where no outputs were asked for, let them be the sensors on the body that the mbs has now."""
+        found = body_sensors(mbs, self._flex) if self._by_sensors else self._sensors
+        if found != self._sensors:
+            added = self._options["outputs"][len(self._sensors.measured) :]
+            self._sensors = found
+            self._use([*(item.output() for item in found.measured), *added])
+
+    def _use(self, outputs: Sequence[Output]) -> None:
+        self._options = {**self._options, "outputs": outputs}
+        self._wanted = replace(self._wanted, options=self._options)
         self._signature = ()
 
     def _weight(self, mbs: Any) -> float:
@@ -173,9 +191,13 @@ class MovingSubject:
         full = f"Full model: all of the fem, interfaces {self._flex.interfaces}, held by {reference.source}"
         reason = f"{scope.reason}. {full}"
         r, A = model.frame.reference_pose()
-        left_out = [(name, "the reference conditions hold it: what acts there does no work") for name in actions.idle]
+        left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
+        left_out += [(f"wrench at {name}", "no load, joint or connector acts there") for name in actions.free]
         if support.at_rest:
             left_out.append(("terms of a turning frame", support.text))
+        if self._by_sensors:
+            left_out += self._sensors.left_out
+            left_out += [] if self._sensors.measured else [("outputs", NO_SENSOR)]
         return Scene(
             scope=scope.name,
             reason=reason,
@@ -187,8 +209,8 @@ class MovingSubject:
             pose=FramePose(r, A),
             minor=terms.minor,
             computed=(
-                f"floating body, held in its frame by {reference.source}",
-                f"damping alpha = {model.rayleigh[0]:.6g} 1/s, beta = {model.rayleigh[1]:.6g} s",
+                f"floating body: held in its frame by {reference.source}",
+                f"damping: alpha = {model.rayleigh[0]:.6g} 1/s, beta = {model.rayleigh[1]:.6g} s",
                 f"frame: {support.text}",
                 *(f"known: {load.name}" for load in actions.loads),
                 *(f"wrench from V^T R = 0: {place.name}" for place in actions.wrenches),

@@ -23,9 +23,15 @@ def running_static_solver(mbs: Any, known: Any) -> Any:
 
 
 def end_time(mbs: Any, static: bool) -> float | None:
-    """Return the time the running dynamic solver is to go to; None if it is not kept in mbs.sys."""
+    """Return the time the dynamic solver that has just begun is to go to; None if it is not kept in mbs.sys."""
     solver = None if static else mbs.sys.get("dynamicSolver")
-    return None if solver is None else float(solver.it.endTime)
+    return None if solver is None or solver.it.currentStepIndex > 0 else float(solver.it.endTime)
+
+
+def is_verbose(mbs: Any, static: bool) -> bool:
+    """Whether the solver that has just begun was asked to tell of every step (verboseMode = 2)."""
+    solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
+    return solver is not None and solver.it.currentStepIndex == 0 and solver.output.verboseMode > 1
 
 
 def newton_tolerance(mbs: Any, static: bool) -> float:

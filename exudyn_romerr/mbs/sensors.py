@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
@@ -22,6 +23,34 @@ QUANTITIES = {
     exu.OutputVariableType.DisplacementLocal: ("displacement", "body"),
     exu.OutputVariableType.VelocityLocal: ("velocity", "body"),
 }
+KNOWN = ", ".join(quantity.name for quantity in QUANTITIES)
+NO_SENSOR = (
+    f"no sensor of {KNOWN} on a mesh node of the body; add one, or pass "
+    "outputs=[romerr.node_displacement('tip', node=..., component='z')] to attach"
+)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a sensor measures: nodes with weights, displacement, position or velocity, in which axes."""
+
+    name: str
+    nodes: tuple[int, ...]
+    weights: tuple[float, ...] | None
+    of: str
+    frame: str
+
+    def output(self) -> Output:
+        """Return the output that shows the same."""
+        return nodes_output(self.name, self.nodes, self.weights, "xyz", UNITS.get(self.of, "m"), self.of, self.frame)
+
+
+@dataclass(frozen=True)
+class BodySensors:
+    """Sensors on mesh nodes of a body: those that bounds are known for, and (sensor, why not) of the others."""
+
+    measured: tuple[Measured, ...]
+    left_out: tuple[tuple[str, str], ...]
 
 
 def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
@@ -34,31 +63,63 @@ def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
     """
     if not 0 <= number < mbs.systemData.NumberOfSensors():
         raise InputError(f"outputs contains sensor {number}; the mbs has {mbs.systemData.NumberOfSensors()} sensors")
+    return _measured(mbs, flex, number).output()
+
+
+def body_sensors(mbs: Any, flex: FloatingBody) -> BodySensors:
+    """Return what the sensors on the body measure that the mbs has now; names that are there twice get numbers."""
+    measured, left_out = {}, []
+    for number in range(mbs.systemData.NumberOfSensors()):
+        if _is_on(mbs, flex, mbs.GetSensor(number)):
+            try:
+                measured[number] = _measured(mbs, flex, number)
+            except InputError as error:
+                left_out.append(("output", str(error)))
+    names = [item.name for item in measured.values()]
+    for number, item in measured.items():
+        if names.count(item.name) > 1:
+            measured[number] = replace(item, name=f"{item.name}, sensor {number}")
+    return BodySensors(tuple(measured.values()), tuple(left_out))
+
+
+def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
     sensor = mbs.GetSensor(number)
     nodes, weights = _nodes(mbs, flex, number, sensor)
     kind = sensor["outputVariableType"]
     if kind not in QUANTITIES:
         raise InputError(
-            f"sensor {number} ({sensor['name']}) measures {kind.name}; bounds are known for "
-            f"{', '.join(quantity.name for quantity in QUANTITIES)}; for stress and strain pass "
-            "romerr.node_stress(name, node=..., fem=fem, material=...) or romerr.node_strain(name, node=..., fem=fem)"
+            f"sensor {number} ({sensor['name']}) measures {kind.name}; bounds are known for {KNOWN}; for stress and "
+            "strain pass romerr.node_stress(name, node=..., fem=fem, material=...) or "
+            "romerr.node_strain(name, node=..., fem=fem)"
         )
     of, frame = QUANTITIES[kind]
-    return nodes_output(sensor["name"], nodes, weights, "xyz", UNITS.get(of, "m"), of, frame)
+    return Measured(sensor["name"], nodes, weights, of, frame)
 
 
-def _nodes(mbs: Any, flex: FloatingBody, number: int, sensor: dict) -> tuple[list[int], list[float] | None]:
-    """Nodes and weights that the sensor sees."""
-    if sensor["sensorType"] == "SuperElement" and int(sensor["bodyNumber"]) == flex.number:
-        return [int(sensor["meshNodeNumber"])], None
+def _is_on(mbs: Any, flex: FloatingBody, sensor: dict) -> bool:
+    """Whether it sees mesh nodes of the body."""
     if sensor["sensorType"] == "Marker":
-        marker = mbs.GetMarker(int(sensor["markerNumber"]))
-        if np.any(marker.get("offset", 0.0)):
-            raise InputError(f"sensor {number} ({sensor['name']}) is on a marker with an offset; use one without")
-        if marker["markerType"] in MESH_MARKERS and int(marker["bodyNumber"]) == flex.number:
-            return list(marker["meshNodeNumbers"]), list(marker["weightingFactors"])
-    on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
-    raise InputError(
-        f"sensor {number} ({sensor['name']}), of type {sensor['sensorType']!r}, is on {on}; allowed: "
-        f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}"
-    )
+        sensor = mbs.GetMarker(int(sensor["markerNumber"]))
+        if sensor["markerType"] not in MESH_MARKERS:
+            return False
+    elif sensor["sensorType"] != "SuperElement":
+        return False
+    return int(sensor["bodyNumber"]) == flex.number
+
+
+def _nodes(
+    mbs: Any, flex: FloatingBody, number: int, sensor: dict
+) -> tuple[tuple[int, ...], tuple[float, ...] | None]:
+    """Nodes and weights that the sensor sees."""
+    if not _is_on(mbs, flex, sensor):
+        on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
+        raise InputError(
+            f"sensor {number} ({sensor['name']}), of type {sensor['sensorType']!r}, is on {on}; allowed: "
+            f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}"
+        )
+    if sensor["sensorType"] == "SuperElement":
+        return (int(sensor["meshNodeNumber"]),), None
+    marker = mbs.GetMarker(int(sensor["markerNumber"]))
+    if np.any(marker.get("offset", 0.0)):
+        raise InputError(f"sensor {number} ({sensor['name']}) is on a marker with an offset; use one without")
+    return tuple(int(node) for node in marker["meshNodeNumbers"]), tuple(map(float, marker["weightingFactors"]))

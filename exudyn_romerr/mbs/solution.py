@@ -32,7 +32,7 @@ def evaluate_file(
     flex: ReducedBody | FloatingBody,
     path: str | os.PathLike,
     *,
-    outputs: Sequence[Output | int],
+    outputs: Sequence[Output | int] | None = None,
     initial: Any = None,
     jumps: Sequence[float] = (),
     estimators: Any = "auto",

@@ -11,22 +11,18 @@ import numpy as np
 from ..errors import RunError
 from ..online import Run
 from ..scope import FROZEN
+from ..starts import LOADS_JUMP, loads_jump
 from ..static_run import StaticRun
 from .scene import end_time, newton_tolerance
 
 if TYPE_CHECKING:
     from ..offline import Offline
-    from ..online import Opening
+    from ..online import Extension
     from .enriched import EnrichedBody
     from .linear import LinearSubject
     from .moving import MovingSubject
 
 
-LOADS_JUMP = (
-    "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below the "
-    "step size too, and no basis or bound follows that. Give user functions of loads the same value in both"
-)
-JUMP = 1e-6  # of the loads
 SAME = 1e-9  # of a time: solvers add up their steps, and users give the next start as they think of it
 
 
@@ -40,8 +36,8 @@ class Watch:
     ----------
     subject : the body
     runs : list of Run or StaticRun
-    error : Exception or None
-        What went wrong in the last solve.
+    error, failure : Exception or None, str
+        What went wrong in the last solve, and in words, with what is left.
     stopped : bool
         A tolerance was exceeded in the last solve.
     """
@@ -50,7 +46,8 @@ class Watch:
         self.item, self.tolerance = subject.item, tolerance
         self.runs: list[Run | StaticRun] = []
         self.error: Exception | None = None
-        self.stopped = False
+        self._pending: Exception | None = None  # an error that counts when the steps before it do
+        self.stopped, self.failure = False, ""
         self.subject = subject
         self._listens = False  # from the begin of a solve on, until the simulation diverges
         self._run: Run | StaticRun | None = None
@@ -71,6 +68,10 @@ class Watch:
     def run(self) -> Run | StaticRun | None:
         """The run that is under way."""
         return self._run
+
+    def bounded_until(self) -> float:
+        """Return the time of the last step that was bounded in the run under way."""
+        return self._last[0]
 
     @property
     def is_coupled(self) -> bool:
@@ -105,8 +106,8 @@ class Watch:
 
     def begin(self, mbs: Any, static: bool, attached: Collection[int] = (), others: str = "") -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
-        self.error, self.stopped, self._run, self._listens = None, False, None, True
-        self._late = False  # the run starts later than the solve
+        self.error, self.failure, self.stopped, self._run, self._listens = None, "", False, None, True
+        self._pending, self._late = None, False  # late: the run starts later than the solve
         self._kind = StaticRun if static else Run
         with self.kept_errors():
             self._offline = self.read(mbs, static, attached, others)
@@ -152,10 +153,28 @@ class Watch:
     def segment(self) -> None:
         """Phase 3: make segments of the rows that go on, in `extension`; samples are kept in `rows`."""
         if self.error is None and self.rows and self._run is not None:
+            t, *states = self.rows
             with self.kept_errors():
-                t, *states = self.rows
-                self.rows = t, *self.subject.sampled(t, *states)
-                self.extension = self._run.extension(*self.rows)
+                self.extension = self._extension(t, *states)
+            if self.error is not None and not self._offline.scene.coupled:
+                self._extend_by_part(t, *states)
+
+    def _extension(self, *rows: np.ndarray) -> Extension:
+        self.rows = rows[0], *self.subject.sampled(*rows)
+        return self._run.extension(*self.rows)
+
+    def _extend_by_part(self, *rows: np.ndarray) -> None:
+        """Go on by the steps before the first that fails; the error counts when they do."""
+        self._pending, self.error = self.error, None
+        good, bad = 0, len(rows[0])
+        while bad - good > 1:
+            middle = (good + bad) // 2
+            try:
+                self.extension = self._extension(*(x[:middle] for x in rows))
+                good = middle
+            except Exception:
+                bad = middle
+        self._newest = tuple(x[good - 1] for x in rows)  # not taken if there are none
 
     def advance(self) -> None:
         """Phase 4: advance the bounds."""
@@ -170,13 +189,26 @@ class Watch:
         if self.extension is not None:
             self._run.settle()
             self._last = self._newest
+        self.error, self._pending = self._pending, None
         with self.kept_errors():
-            self._compare(self._run.last_time)
+            self._compare(self.bounded_until())
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""
         if self._run is not None:
             self._run.messages.append(message)
+
+    def notes_error(self, t: float) -> bool:
+        """Say in the report of what was kept why bounds end before t; False if nothing failed since the last call."""
+        if self.error is None or self.failure:
+            return False
+        text, run = f"{type(self.error).__name__}: {self.error}", self._run
+        self.failure = f"there are no bounds, report() raises {text}"
+        if run is not None and run in self.runs[-1:]:
+            until = f"bounds end at t = {run.last_time:g}"
+            self.failure = f"{until}, report() raises {text}"
+            self.note(f"{until}: the steps up to t = {t:g} could not be evaluated, {text}")
+        return True
 
     def _look(self, t: np.ndarray, *states: np.ndarray) -> None:
         finite = np.logical_and.reduce([np.isfinite(state).all(axis=1) for state in states])
@@ -210,7 +242,7 @@ class Watch:
             self._late = True
             return
         self.opening = run.opening(t, *first, after=before)
-        if before is not None and before.is_static and _loads_jump(self.opening, run):
+        if before is not None and before.is_static and loads_jump(self.opening, run):
             run.messages.append(LOADS_JUMP)
         if self._late and self._kind is Run:
             run.messages.append(f"the solver has no accelerations at its start: bounds begin at t = {t:g} s")
@@ -253,13 +285,3 @@ class Watch:
                 self.stopped = True
                 bound = np.max(best[name])
                 self.note(f"stopped at t = {t:g}: tolerance on {name!r} exceeded, {bound:.3g} > {limit:g}")
-
-
-def _loads_jump(opening: Opening, run: Run) -> bool:
-    """Whether known loads differ from those that the full body is in equilibrium with."""
-    scene = run.offline.scene
-    if opening.rest is None or scene.minor is None:
-        return False
-    known = slice(scene.minor.stop, run.inputs - scene.unknown)
-    before, now = opening.rest[known], opening.first.u[0][known]
-    return bool(np.any(np.abs(now - before) > JUMP * np.max(np.abs([before, now]), initial=0.0)))

@@ -1,0 +1,65 @@
+"""What coupled bounds cost beside the quarter car of examples/wishbone_suspension.py: 14 modes, steps of 0.5 ms.
+
+Paired runs, CPU time: see pairs.py. Every run is the drive over the bump, from the equilibrium on.
+
+    python benchmarks/wishbone_cost.py [--end 0.2] [--pairs 7]
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on a shared machine threads wait for one another
+
+import numpy as np
+
+from benchmarks import pairs
+from examples import wishbone_suspension
+
+SCENE = "quarter car, arm of 14 modes, one output of 3 rows"
+
+
+class Drive(pairs.Variant):
+    """The drive to `end` in s, with bounds or without."""
+
+    def __init__(self, end: float, bounds: bool):
+        self.bounds = bounds
+        if bounds:
+            self.label, self.limit = "default: coupled auxiliary 20", 1.3
+        self.end = end
+        self.timed_prepare()
+
+    def prepare(self) -> None:
+        """Build the scene, find its equilibrium; with bounds, their offline work is the static solve's, too."""
+        scene, self.monitor = wishbone_suspension.scene_of(*wishbone_suspension.SHOWN, self.end, bounds=self.bounds)
+        self.scene, self.mbs = scene, scene.mbs  # the scene holds the road
+        h = wishbone_suspension.STEP
+        self.settings = pairs.quiet(scene.settings, round(self.end / h), h)
+
+    def finish(self) -> None:
+        """Ask for the report: it evaluates the last block."""
+        if self.monitor is not None:
+            self.report = self.monitor.report()
+
+
+def variants_of(end: float) -> list[Drive]:
+    """Return the drive without and with bounds."""
+    return [Drive(end, bounds) for bounds in (False, True)]
+
+
+def main(arguments: list[str] | None = None) -> tuple[list[Drive], np.ndarray]:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
+    parser.add_argument("--end", type=float, default=0.2, help="simulated time in s")
+    parser.add_argument("--pairs", type=int, default=7)
+    options = parser.parse_args(arguments)
+    variants = variants_of(options.end)
+    times = pairs.measure(variants, options.pairs)
+    pairs.print_ratios(variants, times, SCENE)
+    return variants, times
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""Command line: what a saved report says, as text, picture, HTML page or table. Needs no Exudyn."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from . import __version__, load_report
+from .errors import InputError, RomErrError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from .report import BoundReport
+
+ABOUT = "Error bounds of a reduced simulation, from the file that report.save(...) wrote."
+STATUS = "exit status: 0 fine; 1 something given is wrong, the message says what to do; 2 wrong usage"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line (default: that of the process) and return its exit status, see STATUS."""
+    for stream in (sys.stdout, sys.stderr):  # no name of an output breaks a terminal that cannot show it
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    given = _parser().parse_args(arguments)
+    try:
+        given.run(given)
+        sys.stdout.flush()
+    except RomErrError as error:
+        print(f"romerr: {error}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "romerr",
+        description=ABOUT,
+        epilog=f"example: romerr show run.npz\n\n{STATUS}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="command")
+    _add(commands, "show", _show, "print the summary", "romerr show run.npz")
+    plot = _add(
+        commands, "plot", _plot, "draw outputs with their bounds", "romerr plot run.npz --output 'tip z'", "png"
+    )
+    plot.add_argument(
+        "--output", action="extend", nargs="+", metavar="NAME", help="only these outputs (default: all)"
+    )
+    _add(commands, "report", _report, "write an HTML page", "romerr report run.npz -o run.html", "html")
+    _add(commands, "csv", _csv, "write values and bounds over time", "romerr csv run.npz -o run.csv", "csv")
+    return parser
+
+
+def _add(commands, name: str, run, text: str, example: str, ending: str = "") -> argparse.ArgumentParser:
+    """Add a command; one that writes a file has an ending for it."""
+    parser = commands.add_parser(
+        name,
+        help=text,
+        description=f"{text[0].upper()}{text[1:]}.",
+        epilog=f"example: {example}",
+        allow_abbrev=False,
+    )
+    parser.add_argument("file", metavar="run.npz", help="what report.save(...) wrote")
+    if ending:
+        known = "; .svg and .pdf too" if ending == "png" else ""
+        parser.add_argument("-o", metavar="file", dest="to", help=f"default: run.{ending} beside run.npz{known}")
+    parser.set_defaults(run=run, ending=ending)
+    return parser
+
+
+def _show(given: argparse.Namespace) -> None:
+    print(load_report(given.file))
+
+
+def _plot(given: argparse.Namespace) -> None:
+    report, to = _opened(given)
+    report.plot(to, given.output)
+    print(f"written: {to}")
+
+
+def _report(given: argparse.Namespace) -> None:
+    report, to = _opened(given)
+    report.to_html(to)
+    print(f"written: {to}")
+
+
+def _csv(given: argparse.Namespace) -> None:
+    report, to = _opened(given)
+    report.to_csv(to)
+    print(f"written: {to}")
+
+
+def _opened(given: argparse.Namespace) -> tuple[BoundReport, str]:
+    """The report, and where to write: never over it."""
+    to = given.to or f"{os.path.splitext(given.file)[0]}.{given.ending}"
+    report = load_report(given.file)
+    if os.path.exists(to) and os.path.samefile(to, given.file):
+        raise InputError(f"{to} is the report itself and would be lost; pass another name after -o")
+    return report, to
+
+
+if __name__ == "__main__":
+    sys.exit(main())

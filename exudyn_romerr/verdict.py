@@ -1,0 +1,101 @@
+"""What a bound says in words: how large an output is, how wrong at most, from what cause, and what to do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .scope import COUPLED, FROZEN, SCOPES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from .report import OutputReport
+
+CAUSES = {
+    "basis": "basis: add modes",
+    "time step": "step size, not the basis: halve it",
+    "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
+    "jumps": "load jumps: add modes, or let the load grow over a short time",
+}
+CONDITIONS = {
+    COUPLED: "to first order of the error, that of the time steps not included",
+    FROZEN: "inputs frozen: as if the error did not change the frame motion, loads and wrenches of this run",
+}
+
+
+def widest_scope(scope: dict[str, str]) -> str:
+    """Return the scope that covers most; that of bound["best"]."""
+    return min(scope.values(), key=SCOPES.index)
+
+
+def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -> str:
+    """Return one line of the summary: largest value, bound at the worst instant, the estimator that gave it."""
+    best = best_estimator(out, row, scope)
+    kind = "reduction error" if time == "sampled" else "error"
+    by = f"by '{best}', inputs frozen" if scope[best] == FROZEN else f"by '{best}'"
+    text = f"{out.row_names[row]}: up to {_largest(out.value, row):.4g} {out.unit}, {kind}"
+    if at_round_off(out)[row]:
+        return f"{text} at round-off: at most {_floor(out, row)}, {by} and by rounding of the input"
+    return f"{text} at most {_wrong_by(out, row)}, {by}"
+
+
+def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str]) -> str:
+    """Return the verdict on one row of an output as a sentence that can stand alone."""
+    text = f"{out.row_names[row]} is up to {_largest(out.value, row):.4g} {out.unit}"
+    if not np.isfinite(_largest(out.bound["best"], row)):
+        return f"{text}; how wrong it may be is not known: {advice(out, row)}."
+    conditions = [CONDITIONS.get(widest_scope(scope)), "time integration not covered" if time == "sampled" else None]
+    only = f" ({'; '.join(filter(None, conditions))})" if any(conditions) else ""
+    if at_round_off(out)[row]:
+        return f"{text}, wrong by at most {_floor(out, row)}{only}, which is round-off: {advice(out, row)}."
+    return f"{text}, wrong by at most {_wrong_by(out, row)}{only}, {advice(out, row)}."
+
+
+def best_estimator(out: OutputReport, row: int, scope: dict[str, str]) -> str:
+    """Return the estimator with the smallest bound, of those whose scope covers most."""
+    widest = [e for e in out.bound if e != "best" and scope[e] == widest_scope(scope)]
+    return min(widest, key=lambda e: _largest(out.bound[e], row))
+
+
+def at_round_off(out: OutputReport) -> np.ndarray:
+    """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
+    return np.max(out.bound["best"], axis=0, initial=0.0) < 2 * np.max(out.round_off, axis=0, initial=0.0)
+
+
+def advice(out: OutputReport, row: int | None = None) -> str:
+    """Return the cause that dominates the bound at its worst instant, and what to do; of all rows, or of one."""
+    rows = slice(None) if row is None else slice(row, row + 1)
+    bound, causes = out.bound["best"][:, rows], {cause: x[:, rows] for cause, x in out.causes.items()}
+    at = np.unravel_index(np.argmax(bound), bound.shape)
+    shares = {cause: x[at] for cause, x in causes.items()}
+    total = sum(shares.values())
+    if at_round_off(out)[rows][at[1]]:
+        return "nothing to improve: more modes or shorter steps do not show above rounding of the input"
+    if not 0 < total < np.inf:
+        return "nothing to improve" if total == 0 else "no finite bound: ask for another estimator"
+    cause = max(shares, key=shares.get)
+    rest = np.max(bound - causes[cause])
+    left = f"; the rest alone bounds it by {rest:.3g} {out.unit}" if rest > 0 else ""
+    return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}{left}"
+
+
+def row_names(name: str, labels: Iterable[str], count: int) -> list[str]:
+    """Return the names of an output's rows: its own if it has only one."""
+    labels = labels or [f"row {row + 1}" for row in range(count)]
+    return [name] if count == 1 else [f"{name} {label}" for label in labels]
+
+
+def _largest(x: np.ndarray, row: int) -> float:
+    return np.max(np.abs(x[:, row]), initial=0.0)
+
+
+def _wrong_by(out: OutputReport, row: int) -> str:
+    largest, bound = _largest(out.value, row), _largest(out.bound["best"], row)
+    share = f" ({100 * bound / largest:.2g} %)" if largest > 0 and np.isfinite(bound) else ""
+    return f"{bound:.3g} {out.unit}{share}"
+
+
+def _floor(out: OutputReport, row: int) -> str:
+    return f"{_largest(out.bound['best'], row) + _largest(out.round_off, row):.1g} {out.unit}"
