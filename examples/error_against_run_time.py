@@ -188,7 +188,7 @@ def sweep(output: Path, full: bool = False, end: float = END) -> list[Row]:
     numbers = {"case": list(range(len(cases(full))))}  # serially: the run times count
     rows = romerr.sweep(numbered_row, numbers, parameterFunctionData={"full": full, "end": end}).complete()
     print("\n".join(f"* {line.remark}" for line in rows if line.remark))
-    (output / "error_against_run_time.txt").write_text(table(rows) + "\n")
+    (output / "error_against_run_time.txt").write_text(table(rows) + "\n", encoding="utf-8")
     draw(rows, output / "error_against_run_time.png")
     print(f"saved {output / 'error_against_run_time.png'} and .txt")
     return rows

@@ -191,7 +191,7 @@ def main(
         extreme = extreme_cases()
         print(f"\n{extreme}")
         text += f"\n\n{extreme}"
-    (output / "numerical_stability.txt").write_text(text + "\n")
+    (output / "numerical_stability.txt").write_text(text + "\n", encoding="utf-8")
     t = sensitivity.sample_times(step)
     draw_residuals(study.paper, t, output / "numerical_stability_residuals.png")
     draw_bounds(study.paper, study.ours, t, output / "numerical_stability_bounds.png")

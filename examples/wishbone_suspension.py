@@ -19,10 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 import exudyn_romerr as romerr
-from exudyn_romerr.plot import COLOURS, WIDE
+from exudyn_romerr.style import COLOURS, WIDE, save
 from models import floating, wishbone
 from models.wishbone import INTERFACES
 
@@ -187,23 +186,12 @@ def draw_time(case: Case, path: Path) -> None:
 
 def draw_arm(case: Case, path: Path) -> None:
     """Draw the arm, coloured by the bound of the displacement's error at every node."""
-    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
-    axes = figure.add_subplot(projection="3d")
-    fem, bound = case.scene.fem, 1e6 * case.report.node_bound["auxiliary"]
-    nodes, triangles = 1e3 * fem.GetNodePositionsAsArray(), fem.surface[0]["Trigs"]
-    surface = Poly3DCollection(nodes[triangles], cmap="viridis", edgecolor="none", antialiased=False)
-    surface.set_array(bound[triangles].mean(axis=1))
-    axes.add_collection3d(surface)
-    low, high = nodes.min(axis=0), nodes.max(axis=0)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set(zticks=[])
-    axes.set_xlabel("x / mm (forward)", labelpad=12)
-    axes.set_ylabel("y / mm (outboard)", labelpad=14)
-    axes.set_box_aspect(high - low)
+    figure = case.report.plot_body(case.scene.fem)
+    axes = figure.axes[0]
     axes.view_init(elev=50, azim=-125)
-    figure.colorbar(surface, ax=axes, shrink=0.7, label="bound of the reduction error at the worst instant / µm")
-    axes.set_title(f"Lower control arm, {case.modes} modes: where it may be wrong, and by how much")
-    figure.savefig(path, dpi=150)
+    axes.set(xlabel="x / m (forward)", ylabel="y / m (outboard)")
+    axes.set_title(f"Lower control arm, {case.modes} modes, reduction error\n{axes.get_title()}")
+    save(figure, path)
 
 
 def draw_modes(found: list[Case], path: Path) -> None:

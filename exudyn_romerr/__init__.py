@@ -6,6 +6,7 @@ Public names; those that need Exudyn are loaded when first used.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .band import add_bands
 from .basis import Basis, gramian_basis, krylov_basis, modal_basis
 from .body import Constants, ElasticBody
 from .choice import ModeChoice
@@ -72,6 +73,7 @@ __all__ = [
     "RunError",
     "Trajectory",
     "VonMises",
+    "add_bands",
     "add_reduced_body",
     "attach",
     "choose_modes",

@@ -48,7 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="command")
     _add(commands, "show", _show, "print the summary", "romerr show run.npz")
     plot = _add(
-        commands, "plot", _plot, "draw outputs with their bounds", "romerr plot run.npz --output 'tip z'", "png"
+        commands, "plot", _plot, "draw outputs with their bounds", 'romerr plot run.npz --output "tip z"', "png"
     )
     plot.add_argument(
         "--output", action="extend", nargs="+", metavar="NAME", help="only these outputs (default: all)"

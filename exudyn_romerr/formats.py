@@ -91,5 +91,4 @@ def _write(report: BoundReport, stream: BinaryIO) -> None:
     writer = csv.writer(text)
     writer.writerow(table)
     writer.writerows(zip(*(x.tolist() for x in table.values()), strict=True))
-    text.flush()
-    text.detach()  # the stream is not ours to close
+    text.detach()  # flushed; the stream is not ours to close

@@ -17,11 +17,16 @@ UNCHECKED = (
     "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
     "noticed. No bound of this run is certified; add eigenmodes"
 )
+NO_OUTPUTS = (
+    "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
+    "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "
+    "velocity on mesh nodes to a body in a floating frame"
+)
 
 
 def run_messages(run: Run) -> list[str]:
     """Return the messages of a run, the gravest first."""
-    return [*_defect(run), *run.messages, *_end(run), *_between_samples(run), *_single(run)]
+    return [*_defect(run), *_no_outputs(run), *run.messages, *_end(run), *_between_samples(run), *_single(run)]
 
 
 def is_balanced(run: Run) -> bool:
@@ -44,6 +49,10 @@ def _defect(run: Run) -> list[str]:
         "differs, or a step was too long to be solved well. No bound of this run is certified: it holds for the "
         "loads known"
     ]
+
+
+def _no_outputs(run: Run) -> list[str]:
+    return [] if any(out.decides for out in run.offline.outputs) else [NO_OUTPUTS]
 
 
 def _single(run: Run) -> list[str]:

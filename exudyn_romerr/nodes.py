@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .progress import progress
+
 if TYPE_CHECKING:
     from typing import Any
 
@@ -31,7 +33,7 @@ def node_bounds(problem: Problem, make: Any, instants: dict[str, tuple]) -> dict
     rows = (per_node * np.arange(len(body.positions))[:, None] + np.arange(3)).ravel()
     bounds = {name: np.zeros(len(rows)) for name in instants}
     Z = body.space.Z.tocsr()
-    for first in range(0, len(rows), CHUNK):
+    for first in progress(range(0, len(rows), CHUNK), "bounds at nodes"):
         part = slice(first, first + CHUNK)
         seen = _with_rows(problem, Z[rows[part]].toarray())
         for name, instant in instants.items():

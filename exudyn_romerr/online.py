@@ -13,6 +13,7 @@ from .frame import FrameRows, Turn
 from .packing import Cut
 from .products import row_norms
 from .reconstruct import Linear, Quintic
+from .rows import Rows
 from .samples import Samples, make_jumps
 from .starts import IN_THE_SPAN, start_of
 from .stream import Stream, best_output
@@ -67,12 +68,9 @@ class Run:
         self.end_time: float | None = None  # where the solver was to go, if known
         self.newton_tolerance = 0.0  # of the solver, relative
         self.floor = 0.0  # size of terms of W^T R that cancelled before they came here
-        self._t: list[np.ndarray] = []
-        self._values: list[np.ndarray] = []
-        self._round_off: list[np.ndarray] = []
-        self._frames: list[np.ndarray] = []  # kept only for outputs in global axes
+        self._t, self._values, self._round_off, self._frames = (Rows() for _ in range(4))
         self._last: Samples | None = None
-        self._settled, self._recorded = slice(None), 0
+        self._settled = slice(None)
         layout = offline.coordinates
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(layout, self._jumps)}
@@ -185,11 +183,11 @@ class Run:
     @property
     def last_time(self) -> float:
         """Time of the last sample."""
-        return float(np.concatenate(self._t)[self._settled][-1])
+        return float(self._t.read()[self._settled][-1])
 
     def settle(self) -> None:
         """Let only the samples so far count: later ones may be bounded in part when something fails."""
-        self._settled = slice(self._recorded)
+        self._settled = slice(len(self._t))
 
     @property
     def quintic(self) -> Quintic | None:
@@ -217,9 +215,8 @@ class Run:
 
     def samples(self) -> tuple[np.ndarray, ...]:
         """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
-        frames = np.vstack(self._frames)[self._settled] if self._frames else np.zeros(0)
-        parts = np.concatenate(self._t), np.vstack(self._values), np.vstack(self._round_off)
-        return *(x[self._settled] for x in parts), frames
+        kept = self._t, self._values, self._round_off, self._frames
+        return tuple(rows.read()[self._settled] for rows in kept)
 
     def node_bounds(self) -> dict[str, np.ndarray]:
         """Return the bounds at every node at the worst instant, by every estimator; full-size work."""
@@ -285,11 +282,10 @@ class Run:
 
     def _record(self, new: Samples, rounded: Rounded) -> None:
         self._t.append(new.t)
-        self._recorded += len(new.t)  # counted: a sum over all blocks would take longer with each
         self._values.append(self._outputs_of(new.q, new.q_t))
         of_input = self.offline.input_rounding
         self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u) if of_input else rounded).outputs)
-        if any(self.offline.views):
+        if any(self.offline.views):  # outputs in global axes
             self._frames.append(new.frame)
         self._last = new.part(slice(-1, None))
 

@@ -21,8 +21,8 @@ from .style import (
     mark_edges,
     new_figure,
     save,
+    spread,
 )
-from .style import spread as markers_at
 
 if TYPE_CHECKING:
     import os
@@ -117,15 +117,16 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     """
     out, t = _row_of(report, name, row), report.t
     for place, e in enumerate(e for e in out.bound if e != "best"):
-        style = {"linestyle": STYLES[e], "marker": MARKERS[e], "markevery": markers_at(len(t), place)}
+        style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
         label = f"bound '{e}'"
         log_line(ax, t, out.bound[e][:, row], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
     if out.error is not None:
-        style = {"color": COLOURS["error"], "linewidth": THIN, "marker": _dots(t)}
+        style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, np.abs(out.error[:, row]), label="|true error|", **style)
     if out.at_round_off()[row]:
         label = "rounding of the input: nothing below is known"
-        log_line(ax, t, out.round_off[:, row], color="#777777", linestyle=":", linewidth=THIN, label=label)
+        style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
+        log_line(ax, t, out.round_off[:, row], label=label, **style)
     title = f"{out.row_names[row]}: how wrong at most"
     ylabel = f"{_kind(report)} of {out.row_names[row]} / {out.unit}"
     ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .estimators.base import Block, Bounds, Start
+from .rows import Rows
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -25,7 +27,7 @@ class Stream:
     def __init__(self, estimators: Mapping[str, Any], only_outputs: bool = False):
         self._only_outputs = only_outputs
         self.estimators = {name: copy.copy(e) for name, e in estimators.items()}
-        self._chunks: dict[str, list[Bounds]] = {name: [] for name in estimators}
+        self._kept = {name: KeptBounds() for name in estimators}
         self._worst = dict.fromkeys(estimators, 0.0)
         self.worst: dict[str, tuple] = {}  # what the outputs were bounded with where |e|_M has its largest bound
 
@@ -37,8 +39,8 @@ class Stream:
     def go_on(self, before: Stream) -> None:
         """Begin where another stream ended."""
         self.estimators = {name: copy.copy(e) for name, e in before.estimators.items()}
-        for name, chunks in before._chunks.items():
-            self._chunks[name].append(chunks[-1].at(np.array([-1])))
+        for name, kept in before._kept.items():
+            self._kept[name].append(kept.read().at(slice(-1, None)))
 
     def advance(self, block: Block, step_end: np.ndarray, *widenings: tuple) -> None:
         """Take a block; step_end: index of the segment that ends each step.
@@ -51,7 +53,7 @@ class Stream:
     def _remember(self, name: str, bounds: Bounds, widenings: tuple) -> None:
         for widening in widenings:
             bounds = bounds.widened(*widening)
-        self._chunks[name].append(bounds.of_outputs() if self._only_outputs else bounds)
+        self._kept[name].append(bounds.of_outputs() if self._only_outputs else bounds)
 
     def _noted(self, name: str, e: Any, bounds: Bounds) -> Bounds:
         i = int(np.argmax(bounds.position))
@@ -66,12 +68,34 @@ class Stream:
 
     def now(self, names: Collection[str]) -> list[Bounds]:
         """Return the bounds of some estimators at the last instant."""
-        return [chunks[-1].at(np.array([-1])) for name, chunks in self._chunks.items() if name in names]
+        return [kept.read().at(slice(-1, None)) for name, kept in self._kept.items() if name in names]
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of every estimator so far."""
-        self._chunks = {name: [Bounds.joined(chunks)] for name, chunks in self._chunks.items()}  # none kept twice
-        return {name: chunk for name, (chunk,) in self._chunks.items()}
+        return {name: kept.read() for name, kept in self._kept.items()}
+
+
+class KeptBounds:
+    """The bounds of one estimator so far."""
+
+    def __init__(self) -> None:
+        self._fields: dict[str, Rows] = {}
+        self._count = 0
+
+    def append(self, bounds: Bounds) -> None:
+        """Add bounds at further instants."""
+        for name, x in vars(bounds).items():
+            if x is not None and name not in self._fields:
+                self._fields[name] = Rows()
+                self._fields[name].append(np.zeros((self._count, *x.shape[1:])))  # no jumps before the first
+            if name in self._fields:
+                self._fields[name].append(np.zeros_like(bounds.outputs) if x is None else x)
+        self._count += len(bounds.outputs)
+
+    def read(self) -> Bounds:
+        """Return all of them."""
+        names = (field.name for field in fields(Bounds))
+        return Bounds(*(self._fields[name].read() if name in self._fields else None for name in names))
 
 
 def best_output(bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from .errors import InputError
 from .writing import write_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
 # Okabe and Ito: told apart by the colour-blind; line styles, markers and hatches tell them apart in grey print
 COLOURS = {
@@ -93,10 +93,14 @@ def picture(
     return figure
 
 
-def log_line(ax: Any, x: np.ndarray, y: np.ndarray, **style: Any) -> None:
-    """Plot y >= 0 on a logarithmic axis; zeros and inf, which have no place there, become marks at its edges."""
-    drawn = np.where((y > 0) & np.isfinite(y), y, np.nan)
-    ax.plot(x, drawn, **style)
+def log_line(ax: Any, x: np.ndarray, y: np.ndarray, every: Iterable[int] | None = None, **style: Any) -> None:
+    """Plot y >= 0 on a logarithmic axis; zeros and inf, which have no place there, become marks at its edges.
+
+    every : places of markers, default all; single places between others that are not drawn have one anyway.
+    """
+    drawn = (y > 0) & np.isfinite(y)
+    at = None if every is None else sorted({*every, *isolated(drawn).tolist()})
+    ax.plot(x, np.where(drawn, y, np.nan), markevery=at, **style)
     mark_edges(ax, x, y, style.get("color"))
 
 
@@ -121,10 +125,10 @@ def ends(mask: np.ndarray) -> np.ndarray:
     return np.flatnonzero(mask & ~(padded[:-2] & padded[2:]))
 
 
-def spread(count: int, place: int) -> slice | list[int]:
+def spread(count: int, place: int) -> range:
     """Return where a curve of `count` samples has its markers: about ten, beside those of other curves."""
     step = max(count // 10, 1)
-    return slice((place * step) // 3 % step, None, step)
+    return range((place * step) // 3 % step, count, step)
 
 
 def finish(ax: Any) -> None:

@@ -18,10 +18,12 @@ if TYPE_CHECKING:
 
 SHOWN = 0.05  # of the body's size: how large the largest displacement is drawn
 TICKS = 5  # along the longest edge
-ZOOM = 1.15  # matplotlib leaves room around the box
+LABELPAD = 8  # points, from the ticks
+ZOOM = 1.05  # matplotlib leaves room around the box: parts are not clipped where they need it
 THINNEST = 0.05  # of the longest edge: how thin the box around a flat or straight body may be
 TETRAHEDRA = (4, 10)  # nodes
 EDGE = (0.0, 0.0, 0.0, 0.3)  # of faces: without light it is the mesh that shows the shape
+FINE = 20_000  # faces: of more one would see their edges only
 MAP = "viridis"  # even in lightness: as good in grey print and for the colour-blind
 
 
@@ -61,8 +63,8 @@ def draw_body(
 
     Notes
     -----
-    A face or line has the colour of its worst node, orange if the bound there is infinite. Beams that are drawn deformed
-    have the undeformed ones beside them, dashed.
+    A face or line has the colour of its worst node, orange if the bound there is infinite. Beams that are drawn
+    deformed have the undeformed ones beside them, dashed.
     """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
@@ -76,8 +78,8 @@ def draw_body(
         ax.add_collection3d(Line3DCollection(positions[cells], colors="#999999", linewidths=THIN, linestyles="--"))
     parts = _coloured(ax, moved, cells, bound[cells].max(axis=1))
     _frame(ax, moved, unit)
-    bar = ax.figure.colorbar(parts, ax=ax, location="bottom", shrink=0.7, aspect=40, pad=0.02)
-    bar.set_label(f"bound '{e}' of the displacement's error / {unit}")
+    bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
+    bar.set_label(f"bound of the error by '{e}' / {unit}")
     bar.formatter.set_powerlimits((-3, 4))
     ax.set_title(_title(report, bound, at, scale, unit))
 
@@ -144,32 +146,35 @@ def _coloured(ax: Any, places: np.ndarray, cells: np.ndarray, bound: np.ndarray)
     }
     colours = np.ma.masked_invalid(bound)
     if cells.shape[1] == 1:
-        return ax.scatter(*places.T, c=colours, plotnonfinite=True, **style)
+        return ax.scatter(*places.T, c=colours, plotnonfinite=True, depthshade=False, clip_on=False, **style)
     if cells.shape[1] == 2:
-        parts = Line3DCollection(places[cells], linewidths=2 * WIDE, capstyle="round", **style)
+        parts = Line3DCollection(places[cells], linewidths=2 * WIDE, capstyle="round", clip_on=False, **style)
     else:
-        parts = Poly3DCollection(places[cells], edgecolor=EDGE, linewidth=0.2, **style)
+        parts = Poly3DCollection(
+            places[cells], edgecolor=EDGE if len(cells) <= FINE else "face", linewidth=0.2, clip_on=False, **style
+        )
     parts.set_array(colours)
     return ax.add_collection3d(parts)
 
 
 def _frame(ax: Any, places: np.ndarray, unit: str) -> None:
     """Equal scales along all axes, with as many ticks as have room."""
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import MaxNLocator, NullLocator
 
     low, high = places.min(axis=0), places.max(axis=0)
     half = np.maximum((high - low) / 2, THINNEST * np.max(high - low)) if np.any(high > low) else np.full(3, 0.5)
     middle = (low + high) / 2
     for axis, m, d in zip("xyz", middle, half, strict=True):
-        ax.set(**{f"{axis}lim": (m - d, m + d), f"{axis}label": f"{axis} / {unit}"})
-        count = max(round(TICKS * d / np.max(half)), 1)
-        getattr(ax, f"{axis}axis").set_major_locator(MaxNLocator(count))
+        count = int(TICKS * d / np.max(half))
+        ax.set(**{f"{axis}lim": (m - d, m + d)})
+        getattr(ax, f"set_{axis}label")(f"{axis} / {unit}", labelpad=LABELPAD if count else -LABELPAD)
+        getattr(ax, f"{axis}axis").set_major_locator(MaxNLocator(count) if count else NullLocator())
     ax.set_box_aspect(half, zoom=ZOOM)
 
 
 def _title(report: BoundReport, bound: np.ndarray, at: int, scale: float | None, unit: str) -> str:
     when = f"load factor {report.t[at]:.4g}" if report.time == "static" else f"t = {report.t[at]:.4g} s"
     worst = int(np.argmax(bound))
-    drawn = "not deformed" if scale is None else f"displacements x {scale:g}"
+    drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
     infinite = ", orange: infinite" if np.isinf(bound).any() else ""
     return f"Where the body may be wrong: node {worst} by {bound[worst]:.3g} {unit}\n{when}, {drawn}{infinite}"

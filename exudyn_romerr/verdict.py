@@ -20,7 +20,7 @@ CAUSES = {
     "jumps": "load jumps: add modes, or let the load grow over a short time",
 }
 CONDITIONS = {
-    COUPLED: "to first order of the error, that of the time steps not included",
+    COUPLED: "to first order of the error",
     FROZEN: "inputs frozen: as if the error did not change the frame motion, loads and wrenches of this run",
 }
 

@@ -207,7 +207,7 @@ def test_flexible_pendulum_has_the_same_bounds_from_its_file(tmp_path, capsys):
         np.testing.assert_allclose(out.bound["best"], from_file.output(name).bound["best"], rtol=1e-12)
     assert set(report.scope.values()) == {"inputs frozen"}
     printed = capsys.readouterr().out
-    assert "tip local, row 3: up to" in printed
+    assert "tip local z: up to" in printed
     assert "these react to the bar's deformation" in printed
     assert re.search(r"z: .* inputs frozen .*, coupled ", printed)
     assert (tmp_path / "flexible_pendulum.png").read_bytes()[:4] == PNG
@@ -218,7 +218,7 @@ def test_rotor_run_up_has_a_bound_that_says_something(tmp_path, capsys):
     out = report.output("rim")
     assert np.all(out.bound["best"].max(axis=0) < 0.2 * np.abs(out.value).max(axis=0))
     assert set(report.scope.values()) == {"inputs frozen"}
-    assert "rim, row 2: up to" in capsys.readouterr().out
+    assert "rim y: up to" in capsys.readouterr().out
     assert (tmp_path / "rotor_run_up.png").read_bytes()[:4] == PNG
 
 

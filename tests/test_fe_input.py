@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import test_floating_bounds as bounds
 import tolerances as tol
-from test_readme import BLOCK, assert_printed, shown_below
+from pages import BLOCK, assert_printed, shown_below
 from total_truth import Exact, signal
 
 import exudyn_romerr as romerr

@@ -12,7 +12,7 @@ import test_floating_bounds as bounds
 import tolerances as tol
 from exudyn import itemInterface
 from exudyn.FEM import FEMinterface, KirchhoffMaterial
-from test_readme import BLOCK
+from pages import BLOCK
 
 import exudyn_romerr as romerr
 from examples import stress_bound

@@ -163,16 +163,6 @@ class Bounds:
         """Return the bounds of the outputs alone."""
         return Bounds(None, None, self.outputs)
 
-    @classmethod
-    def joined(cls, chunks: Sequence[Bounds]) -> Bounds:
-        """Return chunks one after another."""
-        if len(chunks) == 1:
-            return chunks[0]
-        if any(chunk.jumped is not None for chunk in chunks):  # none before the first jump
-            chunks = [replace(x, jumped=0 * x.outputs if x.jumped is None else x.jumped) for x in chunks]
-        fields = zip(*map(cls.arrays, chunks), strict=True)
-        return cls(*(None if parts[0] is None else np.concatenate(parts) for parts in fields))
-
 
 def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:
     """Return bound (S,) times constants (R,) as (S, R); an output that sees nothing has bound 0, also of inf."""

@@ -11,12 +11,13 @@ import numpy as np
 from ..choice import SECOND_ORDER, STEP, ModeChoice, TriedRun, smallest_basis
 from ..errors import InputError, check_count
 from ..forecast import TINY, Ladder, fewest_modes, forecasts
+from ..progress import progress
 from ..report import outputs_of
 from .monitor import checked_tolerance
 from .trial import Trial, build_trial, same_times
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from .monitor import Monitor
 
@@ -82,8 +83,8 @@ def choose_modes(
     search = _Search(build, (tolerance, relative), pick, _checked_kinds(kinds), most)
     for kind in search.kinds:
         search.run(tuple(range(first)), kind)
-    while len(search.tried) < RUNS and (wanted := search.next_basis()) is not None:
-        if not search.ran(*wanted):
+    for basis in progress(search.bases(), "choose_modes: further simulations", RUNS - len(search.tried)):
+        if not search.ran(*basis):
             break
     return search.choice()
 
@@ -118,6 +119,11 @@ class _Search:
         if not self._limits:
             raise InputError(f"tolerance={self._tolerance!r}; needed: a number or a dict, for some of {names}")
         return [Ladder(*monitor.subject.modes(trial.mbs), len(self._all)) for monitor in trial.monitors]
+
+    def bases(self) -> Iterator[tuple[tuple[int, ...], str | None]]:
+        """Yield the bases to be tried, each chosen when the one before was."""
+        while len(self.tried) < RUNS and (wanted := self.next_basis()) is not None:
+            yield wanted
 
     def ran(self, modes: tuple[int, ...], kind: str | None) -> bool:
         """Simulate with some modes; an error ends the search, but does not cost a basis found to be enough."""

@@ -122,6 +122,13 @@ def floating_body(
     return flex
 
 
+def _check_version(version: str) -> None:
+    if tuple(int(part) for part in version.split(".")[:2]) < OLDEST:
+        raise InputError(
+            f"Exudyn {version} is installed; floating bodies need 1.13 or newer: pip install --upgrade exudyn"
+        )
+
+
 @dataclass(frozen=True)
 class ReducedMatrices:
     """What the object of the mbs holds: modes V (N, n), Rayleigh factors, its frame's node."""

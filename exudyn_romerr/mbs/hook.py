@@ -41,7 +41,7 @@ class StepHook:
         self.user = user
         self.watches: list[Watch] = []
         self._mechanism = Mechanism([])
-        self.step, self._drain = gatherer(mbs, self)
+        self.step, self._drain, self._hurry = gatherer(mbs, self)
         self._occupant: Callable = self.step
         self._static_solver: Any = None
         self._verbose = False
@@ -66,26 +66,31 @@ class StepHook:
         at_once = static is not None or any(watch.tolerance for watch in self.watches)
         return self._new_arrays(mbs.systemData.ODE2Size(), at_once)
 
-    def flush(self) -> list[str]:
-        """Evaluate the rows stored so far; return in words what failed."""
+    def flush(self) -> None:
+        """Evaluate the rows stored so far."""
         with _interrupt_deferred():
             rows = self._drain()
             if not rows:
-                return []
+                return
             self._mechanism.read_end(self._mbs(), rows[0][-1])
             self._mechanism.take(*rows)
             if self._verbose:
                 exu.Print(live_line(self.watches, rows[0][-1]))
-            return [watch.failure for watch in self.watches if watch.notes_error(rows[0][-1])]
+            for watch in self.watches:
+                watch.note_error(rows[0][-1])
 
-    def evaluate(self, t: float) -> None:
-        """Evaluate the rows stored so far, up to t; print what failed."""
-        for failure in dict.fromkeys(self.flush()):  # SolveDynamic does not raise, only report() will
-            exu.Print(f"exudyn_romerr stops the solve at t = {t:g}: {failure}")
+    def look(self) -> None:
+        """Evaluate the rows stored so far between two steps; the next one stops the solve if that fails."""
+        self.flush()
+        if any(watch.stops for watch in self.watches):
+            self._hurry()
 
     def goes_on(self, t: float) -> bool:
         """Evaluate the rows stored so far, up to t; False if the solve is to be stopped."""
-        self.evaluate(t)
+        self.flush()
+        for failure in dict.fromkeys(watch.failure for watch in self.watches if watch.failure):
+            # SolveDynamic does not raise, only report() will
+            exu.Print(f"exudyn_romerr stops the solve at t = {t:g}: {failure}")
         return not any(watch.stops for watch in self.watches)
 
     def read(self, mbs: Any, watch: Watch) -> Offline:

@@ -35,9 +35,6 @@ class LinearSubject:
         """What is bounded."""
         return self._offline.outputs
 
-    def look_for_sensors(self, mbs: Any) -> None:
-        """Sensors on the body show reduced coordinates: no outputs."""
-
     def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
         """Return V (N, n) and the full K (N, N)."""
         return self._basis.V, self.body.stiffness

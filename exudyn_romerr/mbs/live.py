@@ -41,7 +41,7 @@ def sensor_of(hook: StepHook, watch: Watch, out: Output, options: dict[str, Any]
 
     def bound(mbs: Any, t: float, sensorNumbers: Any, factors: Any, configuration: Any) -> list[float]:
         nonlocal rows
-        hook.evaluate(t)
+        hook.look()
         found = bounds_at(watch, t).get(name)
         if found is None:  # before the first step, which is how Exudyn asks for the size, or bounds have ended
             return [np.inf] * rows

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from ..report import BoundReport
     from ..static_run import StaticRun
 
+UNNAMED = "there are no outputs, or they are not known before a solve begins; pass outputs= to attach"
+
 
 class Monitor:
     """Bounds of one body along every solve of its mbs; made by attach.
@@ -77,17 +79,17 @@ class Monitor:
         self._hook.flush()  # what was stored so far belongs to what was read before
         return self._hook.read(self._mbs, self._watch).plan
 
-    def bound_sensor(self, name: str, **options: Any) -> SensorUserFunction:
+    def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output, for mbs.AddSensor before mbs.Assemble().
 
-        Its values are output(name).bound["best"] of the report, one for each row, at the times that Exudyn writes
+        Its values are output(...).bound["best"] of the report, one for each row, at the times that Exudyn writes
         sensors (simulationSettings.solution.sensors.writePeriod), of the very step. They are inf where the report
         has no bound: before its first instant, and after its last.
 
         Parameters
         ----------
-        name : str
-            Of an output.
+        output : str
+            Its name.
         **options
             Of exudyn's SensorUserFunction: fileName, writeToFile, name, storeInternal (here: True) ...
 
@@ -100,11 +102,11 @@ class Monitor:
         -----
         Steps are evaluated whenever sensors are written, in smaller blocks than without.
         """
-        subject = self._watch.subject
-        subject.look_for_sensors(self._mbs)
-        outputs = {out.name: out for out in subject.outputs}
-        check_choice("name", name, outputs)
-        return sensor_of(self._hook, self._watch, outputs[name], options)
+        outputs = {out.name: out for out in self._watch.subject.outputs}
+        if not outputs:
+            raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
+        check_choice("output", output, outputs)
+        return sensor_of(self._hook, self._watch, outputs[output], options)
 
     def report(self, i: int = -1) -> BoundReport:
         """Return the bounds of run i (default: the last), also while it is running.
@@ -165,7 +167,7 @@ def attach(
         From add_reduced_body or floating_body.
     outputs : sequence of Output or sensor numbers, optional
         Sensors on mesh nodes of a floating body; they give their output its name. Default: all of displacement,
-        position or velocity that are there when a solve begins; monitor.plan lists them.
+        position or velocity that are there when a solve begins, in a mechanism as the body's frame sees them.
     initial : None, ((N,), (N,)) or "equilibrium"
         State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
     jumps : sequence of float
@@ -249,9 +251,7 @@ def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any
     options["outputs"] = outputs if outputs is None else checked_outputs(outputs)
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
         check_choice(name, options[name], known)
-    subject = MovingSubject(flex, {"initial": initial, **options}, scope)
-    subject.look_for_sensors(mbs)
-    return subject
+    return MovingSubject(flex, {"initial": initial, **options}, scope)
 
 
 def _check_body(mbs: Any, flex: Any) -> None:
@@ -275,7 +275,7 @@ def checked_tolerance(tolerance: Any, names: Sequence[str]) -> dict[str, float]:
     if tolerance is None:
         return {}
     if not names:
-        raise InputError("tolerance was given, but no outputs are known yet: pass outputs=, or add sensors before")
+        raise InputError(f"tolerance={tolerance!r}: {UNNAMED}")
     if isinstance(tolerance, Real):
         if len(names) != 1:
             raise InputError(f"tolerance={tolerance!r} for {len(names)} outputs; pass a dict name -> value")

@@ -15,7 +15,7 @@ from ..body import ElasticBody
 from ..frame import FramePose, translations
 from ..inputs import SampledSignal
 from ..offline import prepare
-from ..scope import Scene
+from ..scope import COMPLETE, Scene
 from .actions import read_actions
 from .enriched import EnrichedBody
 from .floating import read_object
@@ -49,7 +49,7 @@ class MovingSubject:
         self.item, self._flex, self._options = flex.number, flex, options
         self._by_sensors, self._sensors = options["outputs"] is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
-        self._use([] if self._by_sensors else options["outputs"])
+        self._use(options["outputs"] or ())
         self.enriched: EnrichedBody | None = None
         self.columns = np.zeros(0, dtype=int)
         self._signature: tuple = ()
@@ -58,14 +58,13 @@ class MovingSubject:
     def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
         """Read body, joints and loads; do the offline work unless nothing of it changed since."""
         model = read_object(mbs, self._flex)
-        self.look_for_sensors(mbs)
         actions = read_actions(mbs, self._flex, model, load_factor(mbs) if static else None)
         reference = find_reference(self._flex, model.V, actions.interfaces())
         body = self._made_body(model, reference)
         idle = actions.drop_idle(body)
         support = read_support(mbs, model, idle)
         columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
-        scope = find_scope(mbs, self._wanted, model, actions, support, static, attached, others)
+        scope = self._find_scope(mbs, model, actions, support, static, attached, others)
         signature = (model.V.tobytes(), id(body), support, scope, *actions.signature())
         if signature != self._signature:
             self._signature = ()  # until all of what follows was done
@@ -105,13 +104,23 @@ class MovingSubject:
         """Bound further outputs, from the next solve on."""
         self._use([*self._options["outputs"], *outputs])
 
-    def look_for_sensors(self, mbs: Any) -> None:
-        """Where no outputs were asked for, let them be the sensors on the body that the mbs has now."""
-        found = body_sensors(mbs, self._flex) if self._by_sensors else self._sensors
-        if found != self._sensors:
-            added = self._options["outputs"][len(self._sensors.measured) :]
-            self._sensors = found
-            self._use([*(item.output() for item in found.measured), *added])
+    def _find_scope(self, mbs: Any, *scene: Any) -> Found:
+        """Return the scope; where no outputs were asked for, choose those that the sensors show."""
+        if not self._by_sensors:
+            return find_scope(mbs, self._wanted, *scene)
+        seen = body_sensors(mbs, self._flex)
+        framed = seen.in_the_frame()
+        scope = find_scope(mbs, replace(self._wanted, options=self._options_with(framed)), *scene)
+        sensors = seen if scope.name == COMPLETE else framed
+        if sensors != self._sensors:
+            options, self._sensors = self._options_with(sensors), sensors
+            self._use(options["outputs"])
+        return scope
+
+    def _options_with(self, sensors: BodySensors) -> dict[str, Any]:
+        """Return the options with other sensors as outputs; those that were added stay."""
+        added = self._options["outputs"][len(self._sensors.measured) :]
+        return {**self._options, "outputs": (*(item.output() for item in sensors.measured), *added)}
 
     def _use(self, outputs: Sequence[Output]) -> None:
         self._options = {**self._options, "outputs": outputs}

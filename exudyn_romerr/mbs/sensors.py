@@ -28,6 +28,10 @@ NO_SENSOR = (
     f"no sensor of {KNOWN} on a mesh node of the body; add one, or pass "
     "outputs=[romerr.node_displacement('tip', node=..., component='z')] to attach"
 )
+FRAMED = (
+    "the motion of the frame is in it, whose error has no bound; bounded is what the frame sees of the same nodes. "
+    "Pass the sensor's number in outputs= to bound the rest, with inputs frozen"
+)
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,16 @@ class Measured:
     of: str
     frame: str
 
+    @property
+    def key(self) -> tuple:
+        """What it measures, whatever its name."""
+        return self.nodes, self.weights, self.of, self.frame
+
+    def in_the_frame(self) -> Measured:
+        """Return the displacement or velocity of the same nodes in the body's frame."""
+        of = "velocity" if self.of == "velocity" else "displacement"
+        return replace(self, name=f"{self.name} in the frame", of=of, frame="body")
+
     def output(self) -> Output:
         """Return the output that shows the same."""
         return nodes_output(self.name, self.nodes, self.weights, "xyz", UNITS.get(self.of, "m"), self.of, self.frame)
@@ -51,6 +65,17 @@ class BodySensors:
 
     measured: tuple[Measured, ...]
     left_out: tuple[tuple[str, str], ...]
+
+    def in_the_frame(self) -> BodySensors:
+        """Return the same nodes as the body's frame sees them, each once; the error of its motion has no bound."""
+        moving = [item for item in self.measured if item.frame == "global"]
+        seen = {item.key: item for item in self.measured if item not in moving}
+        for item in moving:
+            framed = item.in_the_frame()
+            seen.setdefault(framed.key, framed)
+        return BodySensors(
+            tuple(seen.values()), self.left_out + tuple((f"what {item.name!r} shows", FRAMED) for item in moving)
+        )
 
 
 def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
@@ -67,19 +92,15 @@ def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
 
 
 def body_sensors(mbs: Any, flex: FloatingBody) -> BodySensors:
-    """Return what the sensors on the body measure that the mbs has now; names that are there twice get numbers."""
-    measured, left_out = {}, []
+    """Return what the sensors on the body measure that the mbs has now."""
+    measured, left_out = [], []
     for number in range(mbs.systemData.NumberOfSensors()):
         if _is_on(mbs, flex, mbs.GetSensor(number)):
             try:
-                measured[number] = _measured(mbs, flex, number)
+                measured.append(_measured(mbs, flex, number))
             except InputError as error:
                 left_out.append(("output", str(error)))
-    names = [item.name for item in measured.values()]
-    for number, item in measured.items():
-        if names.count(item.name) > 1:
-            measured[number] = replace(item, name=f"{item.name}, sensor {number}")
-    return BodySensors(tuple(measured.values()), tuple(left_out))
+    return BodySensors(tuple(measured), tuple(left_out))
 
 
 def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:

@@ -198,17 +198,16 @@ class Watch:
         if self._run is not None:
             self._run.messages.append(message)
 
-    def notes_error(self, t: float) -> bool:
-        """Say in the report of what was kept why bounds end before t; False if nothing failed since the last call."""
+    def note_error(self, t: float) -> None:
+        """Say once, in the report of what was kept, why bounds end before t."""
         if self.error is None or self.failure:
-            return False
+            return
         text, run = f"{type(self.error).__name__}: {self.error}", self._run
         self.failure = f"there are no bounds, report() raises {text}"
         if run is not None and run in self.runs[-1:]:
             until = f"bounds end at t = {run.last_time:g}"
             self.failure = f"{until}, report() raises {text}"
             self.note(f"{until}: the steps up to t = {t:g} could not be evaluated, {text}")
-        return True
 
     def _look(self, t: np.ndarray, *states: np.ndarray) -> None:
         finite = np.logical_and.reduce([np.isfinite(state).all(axis=1) for state in states])

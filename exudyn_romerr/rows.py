@@ -1,0 +1,30 @@
+"""Rows of numbers that a run goes on adding to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+class Rows:
+    """An array that grows: rows are kept once, and read without a copy; its room doubles when it is full."""
+
+    def __init__(self) -> None:
+        self._held: np.ndarray | None = None
+        self._count = 0
+
+    def append(self, rows: np.ndarray) -> None:
+        """Add rows (S, ...)."""
+        before, self._count = self._count, self._count + len(rows)
+        if self._held is None or self._count > len(self._held):
+            held = np.empty((max(self._count, 2 * before), *rows.shape[1:]), dtype=rows.dtype)
+            if before:
+                held[:before] = self._held[:before]
+            self._held = held
+        self._held[before : self._count] = rows
+
+    def __len__(self) -> int:
+        return self._count
+
+    def read(self) -> np.ndarray:
+        """Return all rows, (0,) if there are none; later ones do not show in it."""
+        return np.zeros(0) if self._held is None else self._held[: self._count]

@@ -1,0 +1,202 @@
+"""The command line: what it prints and writes, its exit status, and no traceback for a user's mistake."""
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from theorem import random_case
+
+from exudyn_romerr import Output, __version__, load_report
+from exudyn_romerr.__main__ import main
+
+ROOT = Path(__file__).resolve().parents[1]
+COMMANDS = ("show", "plot", "report", "csv")
+WRITTEN = {
+    "plot": ("png", b"\x89PNG"),
+    "report": ("html", b"<!DOCTYPE html>"),
+    "csv": ("csv", b"\xef\xbb\xbft [s],tip z [m],"),
+}
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """A small report as a file."""
+    case, path = random_case(1, steps=20), tmp_path_factory.mktemp("saved") / "run.npz"
+    outputs = [Output("tip z", case.C[0]), Output("Größe", case.C, labels=("x", "y"))]
+    case.report(outputs=outputs, estimators=("fast", "energy")).save(path)
+    return path
+
+
+@pytest.fixture
+def run(saved, tmp_path, monkeypatch):
+    """A copy of the file, in a folder of its own, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    Path("run.npz").write_bytes(saved.read_bytes())
+    return Path("run.npz")
+
+
+def refused(capsys, *arguments):
+    """What is said when the exit status is 1; nothing is printed as a result."""
+    assert main(arguments) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("romerr: ")
+    assert "Traceback" not in err
+    return err
+
+
+def test_show_prints_the_summary(run, capsys):
+    assert main(["show", "run.npz"]) == 0
+    assert capsys.readouterr().out == f"{load_report(run)}\n"
+
+
+@pytest.mark.parametrize(("command", "given"), [("plot", False), ("report", False), ("csv", False), ("csv", True)])
+def test_commands_write_beside_the_run_or_where_told(run, capsys, command, given):
+    ending, begins = WRITTEN[command]
+    name = f"other.{ending}" if given else f"run.{ending}"
+    assert main([command, "run.npz", *(["-o", name] if given else [])]) == 0
+    assert capsys.readouterr().out == f"written: {name}\n"
+    assert Path(name).read_bytes().startswith(begins)
+    assert {path.name for path in Path().iterdir()} == {"run.npz", name}
+
+
+@pytest.mark.parametrize(("names", "titles"), [(["tip z"], 1), (["Größe"], 2), (["Größe", "tip z"], 3), ([], 3)])
+def test_plot_draws_the_outputs_asked_for(run, names, titles):
+    """As many signals as rows; SVG keeps what each picture shows as a comment."""
+    assert main(["plot", "run.npz", "-o", "run.svg", *(["--output", *names] if names else [])]) == 0
+    assert Path("run.svg").read_text(encoding="utf-8").count("reduced model with its error bound -->") == titles
+
+
+@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
+def test_help_has_an_example_that_works(run, capsys, command):
+    with pytest.raises(SystemExit) as left:
+        main([*command, "--help"])
+    assert left.value.code == 0
+    (example,) = re.findall(r"^example: romerr (.*)$", capsys.readouterr().out, re.MULTILINE)
+    assert example.startswith(" ".join(command))
+    assert main(shlex.split(example)) == 0
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["--version"])
+    assert left.value.code == 0
+    assert capsys.readouterr().out == f"romerr {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["shw", "run.npz"], ["show"], ["show", "run.npz", "more"], ["plot", "run.npz", "--out", "tip z"]],
+)
+def test_wrong_usage_is_status_2(run, capsys, arguments):
+    """Also shortened options: they would change their meaning when others come."""
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    assert left.value.code == 2
+    assert capsys.readouterr().err.startswith("usage: romerr")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_missing_file_is_named(run, capsys, command):
+    assert "runn.npz is no file" in refused(capsys, command, "runn.npz")
+    assert os.listdir() == ["run.npz"]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_file_that_is_no_report_is_refused(run, capsys, command):
+    Path("text.npz").write_text("not a report")
+    assert "text.npz is no report" in refused(capsys, command, "text.npz")
+    assert "is no report" in refused(capsys, command, ".")
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_damaged_files_leave_no_traceback(run, capsys, seed):
+    """Any bytes changed: refused, or, where they do not matter, the same summary; zlib and zipfile raise much."""
+    rng, data = np.random.default_rng(seed), bytearray(run.read_bytes())
+    wanted = str(load_report(run))
+    for at in rng.integers(len(data), size=1 + seed % 3):
+        data[at] ^= 1 << int(rng.integers(8))
+    run.write_bytes(data)
+    status = main(["show", "run.npz"])
+    out, err = capsys.readouterr()
+    assert (status, out, err.startswith("romerr: run.npz is no report")) in (
+        (0, f"{wanted}\n", False),
+        (1, "", True),
+    )
+
+
+def test_unknown_outputs_are_refused_with_the_known_ones(run, capsys):
+    said = refused(capsys, "plot", "run.npz", "--output", "tip z", "tip")
+    assert "output='tip' is unknown; allowed: 'tip z', 'Größe'" in said
+    assert os.listdir() == ["run.npz"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["plot", "run.npz", "-o", "run.docx"], "use .png, .svg or .pdf"),
+        (["csv", "run.npz", "-o", "no/such/run.csv"], "cannot be written"),
+        (["csv", "run.npz", "-o", "."], "cannot be written"),
+    ],
+)
+def test_places_that_cannot_be_written_are_refused(run, capsys, arguments, says):
+    assert says in refused(capsys, *arguments)
+    assert os.listdir() == ["run.npz"]
+
+
+@pytest.mark.parametrize("command", WRITTEN)
+@pytest.mark.parametrize("name", ["run.npz", "./run.npz", "link.npz"])
+def test_the_run_itself_is_never_written_over(run, capsys, command, name):
+    before = run.read_bytes()
+    os.symlink("run.npz", "link.npz")
+    assert "would be lost" in refused(capsys, command, "run.npz", "-o", name)
+    assert run.read_bytes() == before
+
+
+def test_nor_is_it_when_its_name_ends_like_the_result(run, capsys):
+    run.rename("run.csv")
+    assert "would be lost" in refused(capsys, "csv", "run.csv")
+
+
+WITHOUT_EXUDYN = """
+import runpy, sys
+sys.modules["exudyn"] = None  # import exudyn raises ImportError
+sys.path.insert(0, sys.argv.pop(1))
+try:
+    runpy.run_module("exudyn_romerr", run_name="__main__", alter_sys=True)
+finally:
+    print("matplotlib" in sys.modules, file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_needs_no_exudyn_and_loads_matplotlib_for_pictures_only(run, command):
+    """As a process, where importing exudyn raises; in a terminal that cannot show every letter."""
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    line = [sys.executable, "-c", WITHOUT_EXUDYN, str(ROOT), command, "run.npz"]
+    done = subprocess.run(line, capture_output=True, text=True, check=False, env=environment)
+    assert (done.returncode, done.stderr) == (0, f"{command in ('plot', 'report')}\n")
+    assert ("Gr??e x: up to" if command == "show" else "written: run.") in done.stdout
+
+
+def test_a_reader_that_stops_early_is_no_error(run):
+    """As in `romerr show run.npz | head -1`."""
+    line = [sys.executable, "-m", "exudyn_romerr", "show", "run.npz"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
+def test_romerr_is_this_program():
+    """The entry point that the wheel installs."""
+    scripts = (ROOT / "pyproject.toml").read_text(encoding="utf-8").partition("[project.scripts]\n")[2]
+    module, _, function = json.loads(re.match(r"romerr = (.*)\n", scripts)[1]).partition(":")
+    assert getattr(sys.modules[module], function) is main
