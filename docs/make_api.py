@@ -5,7 +5,9 @@ from __future__ import annotations
 import inspect
 import re
 import sys
+from math import inf
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -17,8 +19,8 @@ from exudyn_romerr import mbs, study
 PAGE = ROOT / "docs" / "api.md"
 HEAD = """# API reference
 
-Made by `python docs/make_api.py` from signatures and docstrings. Symbols: [notation.md](notation.md). Shapes: T instants,
-N coordinates of the full model, n modes, p inputs, r rows of an output.
+Made by `python docs/make_api.py` from signatures and docstrings. Symbols: [notation.md](notation.md).
+Shapes: T instants, N coordinates of the full model, n modes, p inputs, r rows of an output.
 """
 ROW = 118
 
@@ -34,8 +36,8 @@ def bare(annotation: Any) -> Any:
     return Bare(annotation) if isinstance(annotation, str) else annotation
 
 
-def signature(name: str, thing: Any) -> str:
-    """Return the call, one argument a line where it is long."""
+def signature(name: str, thing: Any, row: float = ROW) -> str:
+    """Return the call, one argument a line where it is longer than a row."""
     if inspect.isclass(thing) and issubclass(thing, Exception | str):
         return name
     found = inspect.signature(thing)
@@ -43,7 +45,7 @@ def signature(name: str, thing: Any) -> str:
     answer = inspect.Signature.empty if inspect.isclass(thing) else bare(found.return_annotation)
     found = found.replace(parameters=arguments, return_annotation=answer)
     line = f"{name}{found}"
-    if len(line) <= ROW:
+    if len(line) <= row:
         return line
     inside = "".join(f"    {part},\n" for part in _parts(found))
     end = str(found.replace(parameters=[])).removeprefix("()")
@@ -76,12 +78,12 @@ def members(cls: type) -> list[str]:
     """Return a line for every public method and property: its first sentence."""
     lines = []
     for name, member in vars(cls).items():
-        member = getattr(member, "__func__", member)  # of a class method
-        if name.startswith("_") or not (inspect.isfunction(member) or isinstance(member, property)):
+        if name.startswith("_") or not isinstance(member, property | classmethod | FunctionType):
             continue
-        call = signature(name, member).replace("self, ", "").replace("self", "") if callable(member) else name
-        first = " ".join((inspect.getdoc(member) or "").split("\n\n")[0].split())
-        lines.append(f"- `{' '.join(call.split())}`: {first}")
+        # bound, so that self and cls are gone
+        call = name if isinstance(member, property) else signature(name, member.__get__(cls), inf)
+        first = " ".join((inspect.getdoc(getattr(cls, name)) or "").split("\n\n")[0].split())
+        lines.append(f"- `{call}`: {first}")
     return lines
 
 
@@ -101,12 +103,10 @@ def kind(thing: Any) -> str:
 def page() -> str:
     """Return the whole page."""
     public = {name: getattr(romerr, name) for name in romerr.__all__}
-    kinds = {name: kind(thing) for name, thing in public.items()}
     returned = {name: getattr(mbs, name) for name in mbs.__all__ if name not in public}
     returned |= {"Failure": study.Failure, "Sweep": study.Sweep}
-    groups = {
-        title: {n: public[n] for n in public if kinds[n] == title} for title in ("Functions", "Classes", "Errors")
-    }
+    titles = ("Functions", "Classes", "Errors")
+    groups = {title: {n: thing for n, thing in public.items() if kind(thing) == title} for title in titles}
     groups["Objects that functions return"] = returned
     text = [HEAD]
     for title, names in groups.items():

@@ -139,5 +139,8 @@ def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Off
         return text
     why = "the residual's square cancelled below zero"
     if offline.scene.turns:
-        why = "the frame turns faster than the body's lowest frequency, or the bound grew beyond all numbers"
+        why = (
+            f"the frame turns faster than the body's lowest frequency in it ({offline.omega_1:.4g} rad/s), or the "
+            "bound grew beyond all numbers"
+        )
     return f"{text}; inf from t = {t[np.argmin(finite)]:g} s: {why}"

@@ -9,7 +9,8 @@ import numpy as np
 
 from .errors import InputError
 from .plan import Plan
-from .report import DICTS, FORMAT, OPTIONAL, BoundReport, OutputReport
+from .report import BoundReport, OutputReport
+from .saving import DICTS, FORMAT, OPTIONAL
 
 
 def load_report(path: str | os.PathLike) -> BoundReport:

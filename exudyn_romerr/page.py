@@ -15,7 +15,7 @@ from .page_parts import CSS, items, numbers, paragraph, section, table, words
 from .plot import draw_bounds, draw_causes, draw_signal
 from .scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
 from .style import DPI, SIZE, new_figure
-from .verdict import best_estimator, sentence
+from .verdict import best_estimator, outside, sentence
 from .writing import write_whole
 
 if TYPE_CHECKING:
@@ -112,15 +112,8 @@ def _notes(report: BoundReport, out: OutputReport, row: int) -> Iterator[str]:
     if out.error is not None:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
         yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}."
-        yield from _outside(out, row)
-
-
-def _outside(out: OutputReport, row: int) -> Iterator[str]:
-    """Says so if the truth that was compared is farther away than bound and rounding allow."""
-    allowed = out.bound["best"][:, row] + out.round_off[:, row]
-    count = np.count_nonzero(np.abs(out.error[:, row]) > allowed)
-    if count:
-        yield f"At {count} instants it is above the bound: that truth is not the full model's, or the bound fails."
+        if words_of := outside(out, row):
+            yield f"{words_of}."
 
 
 def _scope(report: BoundReport) -> Iterator[str]:

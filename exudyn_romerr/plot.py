@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError, check_count
+from .scope import FROZEN
 from .style import (
     CAUSES,
     COLOURS,
@@ -23,6 +24,7 @@ from .style import (
     save,
     spread,
 )
+from .verdict import widest_scope
 
 if TYPE_CHECKING:
     import os
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from .report import BoundReport, OutputReport
 
 COLUMNS = 2  # of outputs side by side: what fits a page
+MANY = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 BAR = 12  # points: how wide a band is at a single instant
 
 
@@ -96,11 +99,11 @@ def draw_signal(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     """
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
-    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound, {_size(bound, out.unit)}")
+    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound{condition(report)}, {_size(bound, out.unit)}")
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
     if out.corrected is not None:
         corrected, bound = out.corrected[:, row], out.corrected_bound[:, row]
-        label = f"corrected ± its bound, {_size(bound, out.unit)}"
+        label = f"corrected ± its bound{condition(report, 'auxiliary')}, {_size(bound, out.unit)}"
         _band(ax, t, corrected, bound, COLOURS["auxiliary"], label)
         ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label="corrected output")
     if out.error is not None:
@@ -118,7 +121,7 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     out, t = _row_of(report, name, row), report.t
     for place, e in enumerate(e for e in out.bound if e != "best"):
         style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
-        label = f"bound '{e}'"
+        label = f"bound '{e}'{condition(report, e)}"
         log_line(ax, t, out.bound[e][:, row], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
     if out.error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
@@ -128,7 +131,7 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
     title = f"{out.row_names[row]}: how wrong at most"
-    ylabel = f"{_kind(report)} of {out.row_names[row]} / {out.unit}"
+    ylabel = f"{error_kind(report)} of {out.row_names[row]} / {out.unit}"
     ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)
     finish(ax)
 
@@ -154,7 +157,7 @@ def draw_causes(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
         t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=_worst(report, out, row, worst)
     )
     title = f"{out.row_names[row]}: where its error bound comes from"
-    ax.set(xlabel=_time(report), ylabel=f"share of the {_kind(report)} bound / %", ylim=(0, 100), title=title)
+    ax.set(xlabel=_time(report), ylabel=f"share of the {error_kind(report)} bound / %", ylim=(0, 100), title=title)
     ax.margins(x=0.01)
     finish(ax)
 
@@ -191,7 +194,7 @@ def _size(bound: np.ndarray, unit: str) -> str:
 
 def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.ndarray, **style: Any) -> None:
     """An area over the runs of instants that are known; a bar where such a run is a single instant."""
-    ax.fill_between(t, low, high, where=known, **style)
+    ax.fill_between(t, low, high, where=known, rasterized=len(t) > MANY, **style)
     alone = isolated(known)
     if alone.size:
         opaque = {"colors": style["facecolor"], "alpha": style.get("alpha")}
@@ -203,8 +206,15 @@ def _dots(t: np.ndarray) -> str | None:
     return "o" if len(t) == 1 else None
 
 
-def _kind(report: BoundReport) -> str:
+def error_kind(report: BoundReport) -> str:
+    """Return what the bounds bound."""
     return "reduction error" if report.time == "sampled" else "error"
+
+
+def condition(report: BoundReport, e: str = "best") -> str:
+    """Return what must be said with a bound: nothing, or that it holds for frozen inputs only."""
+    scope = widest_scope(report.scope) if e == "best" else report.scope[e]
+    return ", inputs frozen" if scope == FROZEN else ""
 
 
 def _time(report: BoundReport) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -12,8 +11,8 @@ import numpy as np
 from .errors import InputError, check_array, check_choice, real_array
 from .formats import columns, write_csv
 from .plan import Plan
-from .verdict import advice, at_round_off, row_names, row_verdict, widest_scope
-from .writing import write_whole
+from .saving import write_npz
+from .verdict import advice, at_round_off, outside, row_names, row_verdict, widest_scope
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -22,9 +21,6 @@ SAMPLED = (
     "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
     "does between the samples"
 )
-DICTS = ("bound", "reduction_bound", "causes", "effectivity")  # fields of an output that are dicts of arrays
-OPTIONAL = ("corrected", "corrected_bound", "error")  # fields that may be None
-FORMAT = 2  # of the saved file; a file of another format is refused
 
 
 @dataclass
@@ -177,6 +173,7 @@ class BoundReport:
                 largest = np.max(np.abs(out.error))
                 ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")
                 lines.append(f"  true error up to {largest:.3g} {out.unit}; bound / error: {ratios}")
+                lines += [f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row))]
         return "\n".join(lines + self._estimator_lines())
 
     def _estimator_lines(self) -> list[str]:
@@ -197,36 +194,8 @@ class BoundReport:
         InputError
             The file cannot be written (disk full, no such folder); the report itself is as it was.
         """
-        arrays = {"t": self.t}
-        arrays.update({f"position/{e}": x for e, x in self.position_bound.items()})
-        arrays.update({f"velocity/{e}": x for e, x in self.velocity_bound.items()})
-        if isinstance(self.nodes, dict):
-            arrays.update({f"node/{e}": x for e, x in self.nodes.items()})
-        for i, out in enumerate(self.outputs.values()):
-            arrays[f"output/{i}/value"], arrays[f"output/{i}/round_off"] = out.value, out.round_off
-            for kind in OPTIONAL:
-                if getattr(out, kind) is not None:
-                    arrays[f"output/{i}/{kind}"] = getattr(out, kind)
-            for kind in DICTS:
-                arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
-        meta = np.array(json.dumps(self._meta()))
-        write_whole(path, lambda stream: np.savez_compressed(stream, meta=meta, **arrays))
+        write_npz(self, path)
         self.origin = os.fspath(path)
-
-    def _meta(self) -> dict:
-        return {
-            "format": FORMAT,
-            "outputs": [(out.name, out.unit, out.of) for out in self.outputs.values()],
-            "labels": [out.labels for out in self.outputs.values()],
-            "made": self.made,
-            "scope": self.scope,
-            "scope_reason": self.scope_reason,
-            "reasons": self.reasons,
-            "plan": [self.plan.computed, self.plan.left_out],
-            "messages": self.messages,
-            "time": self.time,
-            "total_mass": self.total_mass,
-        }
 
     def plot(self, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
         """Draw signal with band, and bound (and true error) over time; save to path if given, return the figure."""

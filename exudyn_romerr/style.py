@@ -100,7 +100,8 @@ def log_line(ax: Any, x: np.ndarray, y: np.ndarray, every: Iterable[int] | None 
     """
     drawn = (y > 0) & np.isfinite(y)
     at = None if every is None else sorted({*every, *isolated(drawn).tolist()})
-    ax.plot(x, np.where(drawn, y, np.nan), markevery=at, **style)
+    marker = None if at == [] else style.pop("marker", None)  # not in the legend if nowhere else
+    ax.plot(x, np.where(drawn, y, np.nan), **{**style, "markevery": at, "marker": marker})
     mark_edges(ax, x, y, style.get("color"))
 
 

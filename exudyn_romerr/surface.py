@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError, check_array, check_choice, check_nodes
+from .plot import condition, error_kind
 from .style import COLOURS, THIN, WIDE, picture
+from .verdict import widest_scope
 
 if TYPE_CHECKING:
     import os
@@ -52,7 +54,7 @@ def draw_body(
     displacement : callable, optional
         Number of an instant of the report -> displacements (nodes, 3) there. Default: the mesh as it is.
     estimator : str, optional
-        Default: of those with a bound at the nodes the one whose largest is smallest.
+        Default: of those whose scope covers most the one whose largest bound is smallest.
     unit : str
         Of lengths.
 
@@ -68,7 +70,7 @@ def draw_body(
     """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-    e = estimator or min(report.node_bound, key=lambda e: np.max(report.node_bound[e]))
+    e = estimator or _sharpest(report)
     check_choice("estimator", e, report.node_bound)
     bound, at = report.node_bound[e], int(np.argmax(report.position_bound[e]))
     positions, cells = _mesh(mesh, len(bound))
@@ -79,9 +81,14 @@ def draw_body(
     parts = _coloured(ax, moved, cells, bound[cells].max(axis=1))
     _frame(ax, moved, unit)
     bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
-    bar.set_label(f"bound of the error by '{e}' / {unit}")
+    bar.set_label(f"bound of the {error_kind(report)} by '{e}'{condition(report, e)} / {unit}")
     bar.formatter.set_powerlimits((-3, 4))
     ax.set_title(_title(report, bound, at, scale, unit))
+
+
+def _sharpest(report: BoundReport) -> str:
+    widest = [e for e in report.node_bound if report.scope[e] == widest_scope(report.scope)]
+    return min(widest, key=lambda e: np.max(report.node_bound[e]))
 
 
 def surface_triangles(elements: Any) -> np.ndarray:
@@ -150,9 +157,8 @@ def _coloured(ax: Any, places: np.ndarray, cells: np.ndarray, bound: np.ndarray)
     if cells.shape[1] == 2:
         parts = Line3DCollection(places[cells], linewidths=2 * WIDE, capstyle="round", clip_on=False, **style)
     else:
-        parts = Poly3DCollection(
-            places[cells], edgecolor=EDGE if len(cells) <= FINE else "face", linewidth=0.2, clip_on=False, **style
-        )
+        style["edgecolor"] = EDGE if len(cells) <= FINE else "face"
+        parts = Poly3DCollection(places[cells], linewidth=0.2, clip_on=False, **style)
     parts.set_array(colours)
     return ax.add_collection3d(parts)
 

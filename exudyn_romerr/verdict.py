@@ -36,6 +36,8 @@ def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -
     kind = "reduction error" if time == "sampled" else "error"
     by = f"by '{best}', inputs frozen" if scope[best] == FROZEN else f"by '{best}'"
     text = f"{out.row_names[row]}: up to {_largest(out.value, row):.4g} {out.unit}, {kind}"
+    if not np.isfinite(_largest(out.bound["best"], row)):
+        return f"{text} not bounded{_where_finite(out, row)}"
     if at_round_off(out)[row]:
         return f"{text} at round-off: at most {_floor(out, row)}, {by} and by rounding of the input"
     return f"{text} at most {_wrong_by(out, row)}, {by}"
@@ -45,7 +47,7 @@ def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str]) -> s
     """Return the verdict on one row of an output as a sentence that can stand alone."""
     text = f"{out.row_names[row]} is up to {_largest(out.value, row):.4g} {out.unit}"
     if not np.isfinite(_largest(out.bound["best"], row)):
-        return f"{text}; how wrong it may be is not known: {advice(out, row)}."
+        return f"{text}; how wrong it may be is not known{_where_finite(out, row)}: {advice(out, row)}."
     conditions = [CONDITIONS.get(widest_scope(scope)), "time integration not covered" if time == "sampled" else None]
     only = f" ({'; '.join(filter(None, conditions))})" if any(conditions) else ""
     if at_round_off(out)[row]:
@@ -81,6 +83,14 @@ def advice(out: OutputReport, row: int | None = None) -> str:
     return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}{left}"
 
 
+def outside(out: OutputReport, row: int) -> str:
+    """Return in words that the truth compared is farther away than bound and rounding allow; empty if it is not."""
+    allowed = out.bound["best"][:, row] + out.round_off[:, row]
+    count = np.count_nonzero(np.abs(out.error[:, row]) > allowed)
+    where = f"at {count} instants the true error of {out.row_names[row]} is above the bound"
+    return f"{where}: that truth is not the full model's, or the bound fails" if count else ""
+
+
 def row_names(name: str, labels: Iterable[str], count: int) -> list[str]:
     """Return the names of an output's rows: its own if it has only one."""
     labels = labels or [f"row {row + 1}" for row in range(count)]
@@ -91,10 +101,20 @@ def _largest(x: np.ndarray, row: int) -> float:
     return np.max(np.abs(x[:, row]), initial=0.0)
 
 
+def _where_finite(out: OutputReport, row: int) -> str:
+    """What is known where an infinite bound is still finite."""
+    bound = out.bound["best"][:, row]
+    known = bound[np.isfinite(bound)]
+    if not known.any():
+        return ""
+    return f" at {len(bound) - len(known)} instants; at the others at most {known.max():.3g} {out.unit}"
+
+
 def _wrong_by(out: OutputReport, row: int) -> str:
     largest, bound = _largest(out.value, row), _largest(out.bound["best"], row)
     share = f" ({100 * bound / largest:.2g} %)" if largest > 0 and np.isfinite(bound) else ""
-    return f"{bound:.3g} {out.unit}{share}"
+    vain = ", not informative: more than the output itself" if bound > largest > 0 else ""
+    return f"{bound:.3g} {out.unit}{share}{vain}"
 
 
 def _floor(out: OutputReport, row: int) -> str:

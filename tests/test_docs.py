@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from matplotlib import rc_context
 from pages import BLOCK, assert_printed, shown_below
 
 import exudyn_romerr
@@ -38,9 +39,10 @@ def test_page_runs_as_one_script_and_prints_what_it_shows(name, capsys, tmp_path
     shutil.copytree(ROOT / "models" / "data", tmp_path / "models" / "data")
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "page"}
-    for block in BLOCK.findall(TEXT[name]):
-        exec(compile(block, name, "exec"), names)
-        assert_printed(shown_below(TEXT[name], block), capsys.readouterr().out)
+    with rc_context():  # Exudyn's PlotSensor enlarges all fonts of the process
+        for block in BLOCK.findall(TEXT[name]):
+            exec(compile(block, name, "exec"), names)
+            assert_printed(shown_below(TEXT[name], block), capsys.readouterr().out)
     assert any(module is exudyn_romerr for module in names.values())
 
 

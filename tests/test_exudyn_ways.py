@@ -14,6 +14,7 @@ from exudyn import itemInterface
 from exudyn.processing import ParameterVariation
 
 import exudyn_romerr as romerr
+from examples import bound_sensor
 from exudyn_romerr import progress as bars
 from exudyn_romerr.errors import InputError
 from exudyn_romerr.mbs import hook as hooks
@@ -250,6 +251,13 @@ def test_bound_sensor_is_plotted(bar):
     np.testing.assert_array_equal(line.get_ydata(), report.output("sensor1").bound["best"][::2, 2])
 
 
+def test_example_writes_its_picture(tmp_path, capsys):
+    data = bound_sensor.main(tmp_path, t_end=0.004)
+    assert data.shape == (11, 4)
+    assert f"wrong by at most {data[:, 3].max():.3g} m" in capsys.readouterr().out
+    assert (tmp_path / "bound_sensor.png").read_bytes().startswith(b"\x89PNG")
+
+
 WRONG_BANDS = {
     "factors": (lambda mbs, s: mbs.PlotSensor(s, components=[2], factors=[1e3]), [2], "no line of these axes shows"),
     "component": (lambda mbs, s: mbs.PlotSensor(s, components=[1]), [2], "no line of these axes shows sensor1 z"),
@@ -374,6 +382,17 @@ def test_outputs_added_beside_sensors_stay():
     sensor_on(scene, Quantity.DisplacementLocal, name="tip")
     scene.solve()
     assert list(monitor.report().outputs) == ["tip", "mine"]
+
+
+def test_sensors_are_outputs_of_a_file_too():
+    scene, _ = bare_bar()
+    sensor_on(scene, Quantity.Displacement, name="tip")
+    file = scene.settings.solution.file
+    file.write, file.writePeriod, file.binary, file.name = True, 0, True, "run.sol"
+    scene.solve()
+    flex = romerr.floating_body(scene.fem, scene.items)
+    report = romerr.evaluate_file(scene.mbs, flex, "run.sol")
+    np.testing.assert_allclose(report.output("tip").value[-1], scene.mbs.GetSensorValues(0), rtol=1e-9)
 
 
 def test_what_needs_names_needs_outputs():

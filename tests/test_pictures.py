@@ -17,6 +17,7 @@ from exudyn_romerr.pictures import draw_convergence, draw_run_time, front
 from exudyn_romerr.plan import Plan
 from exudyn_romerr.plot import BAR, draw_bounds, draw_causes, draw_signal, plot_causes, plot_report
 from exudyn_romerr.report import BoundReport, OutputReport
+from exudyn_romerr.scope import FROZEN
 from exudyn_romerr.style import COLOURS, MARKERS, STYLES, ends, isolated, log_line, picture, save, spread
 from exudyn_romerr.surface import draw_body, plot_body, surface_triangles
 
@@ -225,6 +226,24 @@ def test_sampled_bounds_are_not_called_more_than_they_are():
     assert "reduction error bound" in axes_of(draw_causes, report, "tip").get_ylabel()
 
 
+@pytest.mark.parametrize("draw", [draw_signal, draw_bounds])
+def test_bounds_for_frozen_inputs_say_so(draw):
+    """Such a bound says nothing about the error that a mechanism feeds back."""
+    report = made_up()
+    assert not any("inputs frozen" in text for text in legend(axes_of(draw, report, "tip")))
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    found = [text for text in legend(axes_of(draw, report, "tip")) if "inputs frozen" in text]
+    assert len(found) == 2  # both bands; both estimators
+
+
+def test_best_band_is_that_of_the_widest_scope():
+    report = made_up()
+    report.scope["auxiliary"] = FROZEN
+    bands = legend(axes_of(draw_signal, report, "tip"))[:3:2]
+    assert bands == ["value ± bound, at most 2 mm", "corrected ± its bound, inputs frozen, at most 0.1 mm"]
+    assert legend(axes_of(draw_bounds, report, "tip"))[:2] == ["bound 'energy'", "bound 'auxiliary', inputs frozen"]
+
+
 # --- several runs -----------------------------------------------------------
 
 RUNS = [("a", 1, 1e-2, 1e-3, "4"), ("a", 4, 1e-5, None), ("b", 2, 1e-3, 1e-4), ("b", 3, 1e-2, 5e-3)]
@@ -364,6 +383,18 @@ def test_bounds_that_are_all_zero_are_drawn():
 
 def test_estimator_can_be_chosen():
     assert "'energy'" in body((POSITIONS, None), estimator="energy").figure.axes[1].get_ylabel()
+
+
+def test_estimator_of_the_widest_scope_is_taken_and_others_are_named():
+    report = made_up(time="sampled", energy=np.full(5, 2.0), auxiliary=np.ones(5))
+    report.scope["auxiliary"] = FROZEN
+
+    def label(**options):
+        ax = axes_of(draw_body, report, (POSITIONS, None), projection="3d", **options)
+        return ax.figure.axes[1].get_ylabel()
+
+    assert label() == "bound of the reduction error by 'energy' / m"
+    assert label(estimator="auxiliary") == "bound of the reduction error by 'auxiliary', inputs frozen / m"
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from ..errors import InputError, check_count
 from ..forecast import TINY, Ladder, fewest_modes, forecasts
 from ..progress import progress
 from ..report import outputs_of
-from .monitor import checked_tolerance
+from .asked import checked_tolerance
 from .trial import Trial, build_trial, same_times
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ import numpy as np
 from exudyn.utilities import LoadSolutionFile
 
 from ..errors import InputError, RunError
+from .asked import make_subject
 from .hook import block_rows
 from .mechanism import Mechanism
-from .monitor import make_subject
 from .scope import OF_A_FILE
 from .watch import Watch
 
