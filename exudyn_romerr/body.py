@@ -10,18 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from . import oscillator
+from .definite import check_definite
 from .errors import AssumptionError, InputError, check_count
-from .factor import SINGULAR_PIVOT, SymmetricFactor, idle_motion
-from .matrices import (
-    DOUBLE,
-    checked_dofs,
-    checked_matrix,
-    checked_positions,
-    checked_rayleigh,
-    is_dissipative,
-    precision,
-)
-from .modes import Modes, count_below, lowest_modes
+from .factor import SymmetricFactor
+from .matrices import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, precision
+from .modes import Modes, lowest_modes
 from .space import MassOrthogonal, MeanMotion, Space, rigid_parts
 
 if TYPE_CHECKING:
@@ -103,7 +96,7 @@ class ElasticBody:
             raise InputError("rayleigh and damping were both given; pass one of them (or neither: undamped)")
         self.rayleigh = checked_rayleigh(rayleigh) if damping is None else None
         self.damping = None if damping is None else checked_matrix("damping", damping, self.N, symmetric=False)
-        self._check_definite()
+        check_definite(self)
         self._modes: Modes | None = None
 
     @classmethod
@@ -241,45 +234,3 @@ class ElasticBody:
         if not self.fixed.size or self.dofs_per_node != 3:
             raise InputError("rigid needs a solid body (3 coordinates a node) held by fixed=, not by reference=")
         return rigid_parts(rigid, self.fixed, self.positions)
-
-    def _check_definite(self) -> None:
-        massless = self.free[self.M.diagonal() <= 0]
-        if massless.size:
-            raise InputError(
-                f"mass has no positive diagonal entry at coordinates {massless[:8].tolist()}"
-                f"{' ...' if massless.size > 8 else ''} ({massless.size} in all): condense or fix them"
-            )
-        if self.mass_factor.smallest_pivot <= SINGULAR_PIVOT:
-            raise InputError(self._singular_mass_message())
-        if self.stiffness_factor.smallest_pivot <= SINGULAR_PIVOT:
-            raise AssumptionError(self._singular_stiffness_message())
-        if self.damping is not None and not is_dissipative(self.D):
-            raise AssumptionError("damping feeds energy in: x^T D x < 0 for some x; bounds need x^T D x >= 0")
-
-    def _singular_mass_message(self) -> str:
-        motion = idle_motion(self.M)
-        if motion is None:
-            return "mass is not positive definite: some motions have negative mass; check its off-diagonal entries"
-        moved = np.flatnonzero(np.abs(motion) > 1e-6)  # smaller entries are what rounding leaves of zero
-        named = ", ".join(f"{dof} by {x:.3g}" for dof, x in zip(self.free[moved[:8]], motion[moved[:8]], strict=True))
-        return (
-            f"mass is singular: a motion of {moved.size} coordinates has no inertia, coordinates {named}"
-            f"{', ...' if moved.size > 8 else ''}; condense or fix some of them, or give them mass"
-        )
-
-    def _singular_stiffness_message(self) -> str:
-        # relative to the stiffest coordinate: above rounding (1e-16), below the elastic modes of meshed bodies; a
-        # body without any stiffness takes any shift
-        tiny = 1e-13 * np.max(np.abs(self.K.diagonal()) / self.M.diagonal()) or 1.0
-        rigid = count_below(self.M, self.K, np.sqrt(tiny))
-        if self.precision["stiffness"] > DOUBLE:
-            return (
-                f"stiffness came in single precision and is not positive definite ({rigid} modes are not held or "
-                "unstable): rounding to 7 digits alone may do that; pass it in double precision"
-            )
-        return (
-            f"stiffness is not positive definite with {self.fixed.size} fixed coordinates: {rigid} rigid-body "
-            "(or unstable) modes are left; hold the body by fixed=... (coordinate numbers: 3 node + 0, 1, 2 for "
-            "solids, not node numbers) or reference=mean_motion(nodes). Frames that move are not covered yet. A link "
-            "so stiff that 16 digits hold nothing beside it looks the same: join what it links to one coordinate"
-        )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .assemble import assemble
+from .defect import Defect
 from .errors import InputError, RunError, check_finite
 from .frame import FrameRows, Turn
 from .packing import Cut
@@ -62,9 +63,7 @@ class Run:
     def __init__(self, offline: Offline):
         self.offline = offline
         self.messages: list[str] = []
-        self._left = np.zeros(1)  # what is left of W^T R, in every mode
-        self._terms = 0.0  # the largest of its terms
-        self._noise = 0.0  # what rounding may leave of it
+        self._defect = Defect()
         self.end_time: float | None = None  # where the solver was to go, if known
         self.newton_tolerance = 0.0  # of the solver, relative
         self.floor = 0.0  # size of terms of W^T R that cancelled before they came here
@@ -119,8 +118,7 @@ class Run:
             for name, stream in self._streams.items():
                 stream.go_on(before._streams[name])
             self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
-            self._left = np.maximum(self._left, before._left)
-            self._terms, self._noise = max(self._terms, before._terms), max(self._noise, before._noise)
+            self._defect.go_on(before._defect)
         self._record(first, rounded)
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
@@ -167,13 +165,12 @@ class Run:
     @property
     def defect(self) -> float:
         """Galerkin defect: the largest W^T R, but for rounding, over the largest of its terms, so far."""
-        terms = max(self._terms, self.floor)
-        return max(float(self._left.max()) - self._noise, 0.0) / terms if terms else 0.0
+        return self._defect.share(self.floor)
 
     @property
     def worst_mode(self) -> int:
         """Row of W^T R that the defect is found in."""
-        return int(np.argmax(self._left))
+        return self._defect.worst_mode
 
     @property
     def inputs(self) -> int:
@@ -250,8 +247,8 @@ class Run:
         frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
         u, cut = self._inputs(t, u), np.zeros((len(t), 0))
         if not self.offline.scene.corrected:  # what its balance lacks is in its bounds
-            self._measure_defect(self.offline.balance.coordinates(*states, u))
-            self._noise = max(self._noise, self.offline.rounding.in_balance(states[0]))
+            layout, rows = self.offline.balance
+            self._defect.measure(rows, layout(*states, u), self.offline.rounding.in_balance(states[0]))
         self._inputs_given = u[-1:]  # as they are, also where they are packed below
         if self.offline.packing is not None:
             u, cut = self.offline.packing(u)
@@ -288,8 +285,3 @@ class Run:
         if any(self.offline.views):  # outputs in global axes
             self._frames.append(new.frame)
         self._last = new.part(slice(-1, None))
-
-    def _measure_defect(self, z: np.ndarray) -> None:
-        rows = self.offline.balance.rows
-        self._left = np.maximum(self._left, np.abs(z @ rows.T).max(axis=0))
-        self._terms = max(self._terms, float(np.max(np.abs(z) @ np.abs(rows).T)))

@@ -79,11 +79,7 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     ax.plot([], [], "o-", color="#777777", label="filled: bound")
     if any(run.error is not None for run in runs):
         ax.plot([], [], "o:", color="#777777", markerfacecolor="none", label="hollow: true error")
-    for run in runs:
-        if run.label and 0 < run.bound < np.inf:
-            offset, side = LABELS[kinds.index(run.kind) % 2]
-            style = {"textcoords": "offset points", "fontsize": "small", "ha": side}
-            ax.annotate(run.label, (run.seconds, run.bound), offset, **style)
+    _write_labels(ax, runs, kinds)
     ax.xaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
     ax.margins(0.1)
     finish(ax)
@@ -130,6 +126,14 @@ def front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
             best = bounds[i]
             found.append(i)
     return found
+
+
+def _write_labels(ax: Any, runs: list[TimedRun], kinds: list[str]) -> None:
+    for run in runs:
+        if run.label and 0 < run.bound < np.inf:
+            offset, side = LABELS[kinds.index(run.kind) % 2]
+            style = {"textcoords": "offset points", "fontsize": "small", "ha": side}
+            ax.annotate(run.label, (run.seconds, run.bound), offset, **style)
 
 
 def _draw_front(ax: Any, runs: list[TimedRun]) -> None:

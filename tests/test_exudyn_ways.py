@@ -392,7 +392,8 @@ def test_sensors_are_outputs_of_a_file_too():
     scene.solve()
     flex = romerr.floating_body(scene.fem, scene.items)
     report = romerr.evaluate_file(scene.mbs, flex, "run.sol")
-    np.testing.assert_allclose(report.output("tip").value[-1], scene.mbs.GetSensorValues(0), rtol=1e-9)
+    # Exudyn's displacement is a difference of positions of up to 0.4 m
+    np.testing.assert_allclose(report.output("tip").value[-1], scene.mbs.GetSensorValues(0), rtol=0, atol=1e-15)
 
 
 def test_what_needs_names_needs_outputs():

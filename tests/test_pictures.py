@@ -15,7 +15,7 @@ import exudyn_romerr as romerr
 from examples import pictures as example
 from exudyn_romerr.pictures import draw_convergence, draw_run_time, front
 from exudyn_romerr.plan import Plan
-from exudyn_romerr.plot import BAR, draw_bounds, draw_causes, draw_signal, plot_causes, plot_report
+from exudyn_romerr.plot import BAR, MANY, draw_bounds, draw_causes, draw_signal, plot_causes, plot_report
 from exudyn_romerr.report import BoundReport, OutputReport
 from exudyn_romerr.scope import FROZEN
 from exudyn_romerr.style import COLOURS, MARKERS, STYLES, ends, isolated, log_line, picture, save, spread
@@ -242,6 +242,13 @@ def test_best_band_is_that_of_the_widest_scope():
     bands = legend(axes_of(draw_signal, report, "tip"))[:3:2]
     assert bands == ["value ± bound, at most 2 mm", "corrected ± its bound, inputs frozen, at most 0.1 mm"]
     assert legend(axes_of(draw_bounds, report, "tip"))[:2] == ["bound 'energy'", "bound 'auxiliary', inputs frozen"]
+
+
+def test_large_areas_are_pixels_in_vector_pictures():
+    """As a polygon of all samples they have tens of MB."""
+    for instants, expected in ((100, False), (MANY + 1, True)):
+        ax = axes_of(draw_causes, made_up(np.ones(instants)), "tip")
+        assert {area.get_rasterized() for area in ax.collections} == {expected}
 
 
 # --- several runs -----------------------------------------------------------
