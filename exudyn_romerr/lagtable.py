@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .errors import AssumptionError
+
 if TYPE_CHECKING:
     from .kernels import Kernel
 
 CELLS_PER_RADIAN = 32  # of the first mode: rounding a lag interval outwards costs about 1/32 of the kernel's peak
+MOST_CELLS = 2**20  # 20 levels of them take 170 MB, twice that while they grow
 
 
 class LagTable:
@@ -35,6 +38,13 @@ class LagTable:
         have = self.levels[0].size
         if cells <= have:
             return
+        if cells > MOST_CELLS:
+            longest = MOST_CELLS * self.cell
+            raise AssumptionError(
+                "sums over all steps before ('output-kernel', or kernels without exponentials) were asked for in a "
+                f"run of more than {longest:.4g} s, {MOST_CELLS // CELLS_PER_RADIAN} rad of the first mode: take "
+                "'auxiliary' or 'energy', or kernels='certified'"
+            )
         edges = self.cell * np.arange(have, max(cells, 2 * have) + 1)
         self.levels = [np.concatenate([self.levels[0], self.kernel.phi12_on(edges[:-1], edges[1:])])]
         while 2 ** len(self.levels) <= self.levels[0].size:

@@ -7,7 +7,6 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from .errors import InputError, check_array, check_nodes
 
@@ -122,6 +121,8 @@ def _elements(fem: Any, positions: np.ndarray) -> list[tuple[str, np.ndarray]]:
 
 def _with_middle_nodes(tets: np.ndarray, positions: np.ndarray, loose: np.ndarray, fem: Any) -> np.ndarray:
     """Node numbers (e, 10): Exudyn keeps the corners only of ngsolve's quadratic tetrahedra."""
+    from scipy.spatial import cKDTree  # here, for it takes a third of the time to import the package
+
     pairs = np.sort(np.stack([tets[:, edge] for edge in TET_EDGES], axis=1), axis=2)
     edges, own = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     middles = _middles_on_surface(edges, len(positions), fem)

@@ -169,3 +169,13 @@ def test_body_that_stays_at_rest_has_bounds_at_nodes_by_every_estimator():
     report = romerr.evaluate(body, basis, romerr.Trajectory(t, rest, rest, rest), estimators=names)
     assert set(report.node_bound) == set(report.position_bound) == set(names)
     assert all(not bound.any() for bound in report.node_bound.values())
+
+
+def test_too_long_a_run_for_sums_over_all_steps_is_refused():
+    """A table of the kernel over 1e6 rad would take gigabytes."""
+    body, t = chain(2, rayleigh=(0.1, 0.0)), np.linspace(0, 1e5, 4)
+    zero = np.zeros((4, 1))
+    traj = romerr.Trajectory(t, zero, zero, zero)
+    options = {"estimators": "output-kernel", "outputs": [romerr.Output("x", [1, 0])]}
+    with pytest.raises(romerr.AssumptionError, match="run of more than"):
+        romerr.evaluate(body, romerr.modal_basis(body, 1), traj, **options)

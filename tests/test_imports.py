@@ -1,15 +1,16 @@
 """A module imports only from modules above it in this list; Exudyn only below the line (design.md, Layout)."""
 
 ORDER = """
-  errors writing progress factor matrices oscillator modes space frame views definite body outputs solid stress basis kernels
-lagtable products residual recurrence inputs propagate forgetting split problem round_off packing matrix_exponential
-estimators.base estimators.paper estimators.energy estimators.auxiliary estimators.output_kernel estimators.static
-estimators.turning estimators.mechanism estimators nodes enrichment feedback scope plan samples bezier reconstruct
-rows stream made verdict band saving formats style plot pictures surface page_parts page report load choice messages
-assemble offline starts defect online static_run mechanism evaluate forecast mbs.scene mbs.scope mbs.gather mbs.tangent
-mbs.watch mbs.reaction mbs.mechanism mbs.live mbs.hook mbs.bodies mbs.linear mbs.frames mbs.floating mbs.reference
-mbs.actions mbs.sensors mbs.support mbs.terms mbs.sampling mbs.enriched mbs.moving mbs.asked mbs.monitor mbs.solution
-mbs.trial mbs.two_level mbs.choose mbs.fem_modes mbs study __main__
+errors writing progress factor matrices oscillator modes space frame views definite body outputs solid stress
+basis kernels lagtable products residual recurrence inputs propagate forgetting split problem round_off
+packing matrix_exponential estimators.base estimators.paper estimators.energy estimators.auxiliary
+estimators.output_kernel estimators.static estimators.turning estimators.mechanism estimators nodes enrichment
+feedback scope plan samples bezier reconstruct rows stream made verdict band saving formats style plot
+pictures surface page_parts page report load choice messages assemble offline starts defect online static_run
+mechanism evaluate forecast mbs.scene mbs.scope mbs.gather mbs.tangent mbs.watch mbs.reaction mbs.mechanism
+mbs.live mbs.hook mbs.bodies mbs.linear mbs.frames mbs.floating mbs.reference mbs.actions mbs.sensors
+mbs.support mbs.terms mbs.sampling mbs.enriched mbs.moving mbs.asked mbs.monitor mbs.solution mbs.trial
+mbs.two_level mbs.choose mbs.fem_modes mbs study __main__
 """.split()
 MAY_IMPORT_EXUDYN = ("mbs", "study", "__main__")
 ONLY_INSIDE_FUNCTIONS = ("matplotlib", "tqdm")

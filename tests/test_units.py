@@ -116,7 +116,7 @@ def test_bounds_do_not_depend_on_units(units, n, time, moved):
 
 @pytest.mark.parametrize("units", DECIMAL.values(), ids=DECIMAL)
 def test_decimal_units_round_the_input(units):
-    """Entries of M, K and V are rounded anew, and with them modes, in both units: bounds of displacements may change by that."""
+    """Entries of M, K and V are rounded anew, and with them the modes: bounds of displacements may change by that."""
     units = Units(*units)
     found, expected = units.in_si(units.report(2, "reconstructed", None)), in_metres(2, "reconstructed", False)
     for name in [name for name in found if name[0] in ("z", "turn")]:

@@ -65,8 +65,8 @@ MEDIAN_IN_SPIN = {
     ("steady", "auxiliary"): (13.0, 26.0, 37.0),
     ("tumbling", "auxiliary"): (47.0, 94.0, 114.0),
 }
-# Blocks of other lengths: what "auxiliary" adds for rounding of its modes is estimated block by block. Measured 1.5e-11
-# there, 1e-15 with the other estimators.
+# Blocks of other lengths: what "auxiliary" adds for rounding of its modes is estimated block by block. Measured
+# 1.5e-11 there, 1e-15 with the other estimators.
 EQUAL_DECAYS = 1e-10
 # Within 0.02 rad the error's own oscillation and the smaller turning terms change the forces by 2 % each.
 ATTAINED_TURN = 1.05
