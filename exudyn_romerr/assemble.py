@@ -75,7 +75,7 @@ def _output_report(
     out: Output, value: np.ndarray, round_off: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str]
 ) -> OutputReport:
     bound = _with_best(streams["total"], widest)
-    corrected, corrected_bound = _corrected(value, streams["total"])
+    corrected, corrected_bound = _corrected(value, [streams["total"][name] for name in widest])
     return OutputReport(
         name=out.name,
         unit=out.unit,
@@ -96,8 +96,8 @@ def _with_best(bounds: dict[str, Bounds], widest: list[str]) -> dict[str, np.nda
     return {**outputs, "best": np.min([outputs[name] for name in widest], axis=0)}
 
 
-def _corrected(value: np.ndarray, bounds: dict[str, Bounds]) -> tuple[np.ndarray | None, np.ndarray | None]:
-    known = [b for b in bounds.values() if b.correction is not None]
+def _corrected(value: np.ndarray, bounds: list[Bounds]) -> tuple[np.ndarray | None, np.ndarray | None]:
+    known = [b for b in bounds if b.correction is not None]
     if not known:
         return None, None
     best = min(known, key=lambda b: np.max(b.correction_bound))

@@ -14,8 +14,8 @@ from .made import made_here
 from .page_parts import CSS, items, numbers, paragraph, section, table, words
 from .plot import draw_bounds, draw_causes, draw_signal
 from .scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
-from .style import DPI, SIZE, new_figure
-from .verdict import best_estimator, outside, sentence
+from .style import DPI, SIZE, new_figure, of_one_size
+from .verdict import best_estimator, outside, sentence, under
 from .writing import write_whole
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _notes(report: BoundReport, out: OutputReport, row: int) -> Iterator[str]:
         yield f"That estimator {report.reasons[best]}."
     if out.corrected is not None:
         left = np.max(out.corrected_bound[:, row])
-        yield f"The corrected output is within {left:.3g} {out.unit} of the full model."
+        yield f"The corrected output is within {left:.3g} {out.unit} of the full model{under(report.scope)}."
     if out.error is not None:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
         yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}."
@@ -131,6 +131,7 @@ def _figures(report: BoundReport) -> Iterator[str]:
         yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
 
 
+@of_one_size
 def _picture(report: BoundReport, name: str, row: int) -> str:
     """Three pairs of axes as a data address."""
     figure = new_figure(1.25 * SIZE[0], 3 * SIZE[1])

@@ -21,6 +21,7 @@ from .style import (
     log_line,
     mark_edges,
     new_figure,
+    of_one_size,
     save,
     spread,
 )
@@ -36,6 +37,7 @@ MANY = 5000  # instants: areas of more are pixels in PDF and SVG too, which have
 BAR = 12  # points: how wide a band is at a single instant
 
 
+@of_one_size
 def plot_report(report: BoundReport, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw for every output row: the signal with its band on top, bound and true error (semilog) below.
 
@@ -69,6 +71,7 @@ def plot_report(report: BoundReport, path: str | os.PathLike | None = None, outp
     return figure
 
 
+@of_one_size
 def plot_causes(report: BoundReport, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw draw_causes' picture of every output row, one below the other; otherwise as plot_report."""
     rows = _rows(report, outputs)

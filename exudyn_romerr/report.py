@@ -12,7 +12,7 @@ from .errors import InputError, check_array, check_choice, real_array
 from .formats import columns, write_csv
 from .plan import Plan
 from .saving import write_npz
-from .verdict import advice, at_round_off, outside, row_names, row_verdict, widest_scope
+from .verdict import advice, at_round_off, outside, row_names, row_verdict, under, widest_scope
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -168,7 +168,9 @@ class BoundReport:
             lines += [*out.verdict(self.time, self.scope), f"  {out.advice()}"]
             if out.corrected is not None:
                 left = np.max(out.corrected_bound)
-                lines.append(f"  the corrected output is within {left:.3g} {out.unit} of the full model")
+                lines.append(
+                    f"  the corrected output is within {left:.3g} {out.unit} of the full model{under(self.scope)}"
+                )
             if out.effectivity:
                 largest = np.max(np.abs(out.error))
                 ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")

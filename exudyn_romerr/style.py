@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from .writing import write_whole
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+LETTERS = 10  # points
 # Okabe and Ito: told apart by the colour-blind; line styles, markers and hatches tell them apart in grey print
 COLOURS = {
     "value": "#000000",
@@ -61,6 +63,19 @@ EDGES = (  # of the axes: what it means, where, marker
 )
 
 
+def of_one_size(make: Callable) -> Callable:
+    """Let a function make its picture with our size of letters: Exudyn's PlotSensor sets another for the process."""
+
+    @wraps(make)
+    def made(*arguments: Any, **options: Any) -> Any:
+        from matplotlib import rc_context
+
+        with rc_context({"font.size": LETTERS}):
+            return make(*arguments, **options)
+
+    return made
+
+
 def new_figure(width: float = SIZE[0], height: float = SIZE[1]) -> Any:
     """Return an empty figure; not pyplot's: no window, no global list of figures."""
     from matplotlib.figure import Figure
@@ -82,6 +97,7 @@ def save(figure: Any, path: str | os.PathLike) -> None:
     write_whole(path, lambda stream: figure.savefig(stream, format=ending, dpi=DPI))
 
 
+@of_one_size
 def picture(
     draw: Callable, path: str | os.PathLike | None, *arguments: Any, projection: str | None = None, **options: Any
 ) -> Any:
@@ -141,6 +157,7 @@ def finish(ax: Any) -> None:
         if words in drawn:
             ax.plot([], [], marker, color="#777777", label=words)
     ax.grid(which="major", alpha=0.3)
+    ax.tick_params(labelsize=LETTERS)  # of ticks that are made later, too
     below = ax.transAxes + ScaledTranslation(0, -LEGEND_BELOW, ax.figure.dpi_scale_trans)
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": below, "borderaxespad": 0}
     ax.legend(ncols=2, fontsize="small", frameon=False, **place)

@@ -30,6 +30,11 @@ def widest_scope(scope: dict[str, str]) -> str:
     return min(scope.values(), key=SCOPES.index)
 
 
+def under(scope: dict[str, str]) -> str:
+    """Return what must be said with bounds and corrections of the widest scope."""
+    return ", inputs frozen" if widest_scope(scope) == FROZEN else ""
+
+
 def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -> str:
     """Return one line of the summary: largest value, bound at the worst instant, the estimator that gave it."""
     best = best_estimator(out, row, scope)

@@ -65,6 +65,13 @@ def test_best_is_of_the_widest_scope_though_others_are_smaller():
         bound = report.output("probe").bound
         np.testing.assert_array_equal(bound["best"], bound["energy"])
         assert np.max(bound["auxiliary"]) < np.max(bound["best"])
+        # the correction of "auxiliary" knows nothing of the mechanism's reaction: it missed 30 times what it claimed
+        assert np.max(report.output("probe").corrected_bound) > np.max(bound["auxiliary"])
+
+
+def test_correction_under_frozen_inputs_says_so():
+    for report in reports(pendulum(), estimators="auxiliary", scope=FROZEN):
+        assert "of the full model, inputs frozen" in str(report)
 
 
 @pytest.mark.parametrize("asked", ["auto", FROZEN])

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
@@ -18,7 +19,7 @@ from exudyn_romerr.plan import Plan
 from exudyn_romerr.plot import BAR, MANY, draw_bounds, draw_causes, draw_signal, plot_causes, plot_report
 from exudyn_romerr.report import BoundReport, OutputReport
 from exudyn_romerr.scope import FROZEN
-from exudyn_romerr.style import COLOURS, MARKERS, STYLES, ends, isolated, log_line, picture, save, spread
+from exudyn_romerr.style import COLOURS, LETTERS, MARKERS, STYLES, ends, isolated, log_line, picture, save, spread
 from exudyn_romerr.surface import draw_body, plot_body, surface_triangles
 
 ROOT = Path(__file__).parent.parent
@@ -510,6 +511,14 @@ def test_matplotlib_comes_with_the_first_picture_and_pyplot_never():
     """Figures of the user, and how they are shown, are left alone."""
     run = subprocess.run([sys.executable, "-c", QUIET], cwd=ROOT, capture_output=True, text=True, check=True)
     assert json.loads(run.stdout) == [False, True, False]
+
+
+def test_letters_are_ours_after_plots_that_set_others(tmp_path):
+    """mbs.PlotSensor sets 16 points for the whole process; axes of three rows collapsed then, with a warning."""
+    with rc_context({"font.size": 16}):
+        figure = made_up(rows=3).plot(tmp_path / "run.png")
+    ax = figure.axes[0]
+    assert [ax.xaxis.label.get_size(), ax.get_yticklabels()[0].get_size()] == [LETTERS, LETTERS]
 
 
 # --- the page and its pictures ----------------------------------------------
