@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg.blas import dtbsv
 
 TAYLOR_TERMS = 18  # of phi functions at arguments of at most 1: the next term is 1/19! relative
-FIRST_ORDER = 1e-8  # of change in a step's angle: its square is rounding
+FIRST_ORDER = 1e-8  # of change in a step's angle, and of its length: the square of it is rounding
 SEPARATE = 1.1  # damping ratio above which the two real roots are far enough apart to be taken one by one
 
 
@@ -151,7 +151,8 @@ class ModalOscillators:
     def _of_length(self, d: int, h: float) -> _Step:
         """The step of length h; where solvers add up steps, h changes by rounding again and again."""
         made = self._made.get(d)
-        if made is None or abs(made.h - h) * np.max(2 * (self.zeta + 1) * self.omega) > FIRST_ORDER:
+        rate = max(np.max(2 * (self.zeta + 1) * self.omega), 1 / h)  # J grows with powers of h, however slow a mode
+        if made is None or abs(made.h - h) * rate > FIRST_ORDER:
             made = self._made[d] = self._step(d, h)
         return made.nearby(h, self.omega, self.zeta)
 

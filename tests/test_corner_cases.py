@@ -128,6 +128,18 @@ def test_slow_mode_beside_a_stiff_one_keeps_its_digits():
     assert np.max(np.abs(motion[:, 0, 0] - np.cos(t))) < 8 * steps * np.finfo(float).eps
 
 
+@pytest.mark.parametrize("factor", [0.2, 1 + 1e-9, 5.0])
+def test_far_shorter_steps_than_a_mode_are_each_made_anew(factor):
+    """1e-10 rad of the mode a step, another length in each: before, half of the motion was lost."""
+    oscillators, state, t, h = ModalOscillators(np.array([0.1]), np.zeros(1)), np.zeros((2, 1)), 0.0, 1e-9
+    for _ in range(3):
+        t, force = t + h, np.ones((1, 2, 1))
+        state = oscillators.advance(state, np.array([t]), np.array([h]), force)[-1]
+        h *= factor
+    # a constant force: t^2/2 but for (0.1 t)^2 of it; some roundings of the steps, each
+    np.testing.assert_allclose(state[0, 0], t**2 / 2, rtol=1e-14)
+
+
 def test_auto_count_ignores_an_output_that_sees_nothing():
     """An output row on a fixed coordinate is zero; it neither warns nor asks for more modes."""
     body = romerr.ElasticBody(np.eye(4), 100 * np.eye(4) + np.ones((4, 4)), fixed=[0], rayleigh=(0.1, 0.0))

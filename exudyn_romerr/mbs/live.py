@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 def bounds_at(watch: Watch, t: float) -> dict[str, np.ndarray]:
     """Return the smallest bound (r,) of each output at t; empty if t was not bounded."""
-    return watch.run.best_now() if watch.run is not None and watch.bounded_until() == t else {}
+    is_open = watch.run is not None and watch.run in watch.runs[-1:]  # it is not where its first sample failed
+    return watch.run.best_now() if is_open and watch.bounded_until() == t else {}
 
 
 def live_line(watches: Sequence[Watch], t: float) -> str:
