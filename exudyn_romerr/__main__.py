@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .report import BoundReport
 
 ABOUT = "Error bounds of a reduced simulation, from the file that report.save(...) wrote."
+ENDINGS = {"html": (".html", ".htm"), "csv": (".csv", ".txt")}  # a script of another ending is not written over
 STATUS = "exit status: 0 fine; 1 something given is wrong, the message says what to do; 2 wrong usage"
 
 
@@ -98,11 +99,14 @@ def _csv(given: argparse.Namespace) -> None:
 
 
 def _opened(given: argparse.Namespace) -> tuple[BoundReport, str]:
-    """The report, and where to write: never over it."""
+    """The report, and where to write: never over it, and only what the ending says."""
     to = given.to or f"{os.path.splitext(given.file)[0]}.{given.ending}"
     report = load_report(given.file)
     if os.path.exists(to) and os.path.samefile(to, given.file):
         raise InputError(f"{to} is the report itself and would be lost; pass another name after -o")
+    known = ENDINGS.get(given.ending)
+    if known and not to.lower().endswith(known):
+        raise InputError(f"{to} does not end in {' or '.join(known)}; pass such a name after -o")
     return report, to
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError
+from .plot import at_most, condition
 
 if TYPE_CHECKING:
     from .report import BoundReport
@@ -41,7 +42,8 @@ def add_bands(plotted: Any, report: BoundReport, name: str, components: int | Se
 
     Notes
     -----
-    A legend that is there is made anew. Does not cover: instants at which the bound is infinite; nothing is drawn.
+    A legend that is there is made anew; a band drawn before around the same line is replaced. Does not cover:
+    instants at which the bound is infinite; nothing is drawn.
     """
     ax = plotted[2] if isinstance(plotted, list | tuple) and len(plotted) == 4 else plotted
     if not hasattr(ax, "fill_between"):
@@ -50,8 +52,12 @@ def add_bands(plotted: Any, report: BoundReport, name: str, components: int | Se
     bands = []
     for row in _checked(components, len(out.row_names)):
         value, bound, shown = out.value[:, row], out.bound["best"][:, row], out.row_names[row]
-        colour = _line_of(ax, report.t, value, shown).get_color()
-        style = {"color": colour, "alpha": 0.35, "linewidth": 0, "label": f"{shown} ± error bound"}
+        line = _line_of(ax, report.t, value, shown)
+        label = f"{shown} ± {at_most(bound, out.unit)}{condition(report)}"
+        key = f"band of {shown} around line {ax.get_lines().index(line)}"
+        for older in [x for x in ax.collections if x.get_gid() == key]:
+            older.remove()
+        style = {"color": line.get_color(), "alpha": 0.35, "linewidth": 0, "label": label, "gid": key}
         bands.append(ax.fill_between(report.t, value - bound, value + bound, **style))
     _renew_legend(ax)
     return bands

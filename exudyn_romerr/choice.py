@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .report import SAMPLED, outputs_of
+from .errors import InputError
+from .report import SAMPLED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from .forecast import Forecast
-    from .report import BoundReport
+    from .report import BoundReport, OutputReport
 
 BASIS, STEP, SLACK = "basis", "step size", "slack"
 SECOND_ORDER = 4 / 3  # error of a step over the difference to half the step
@@ -175,3 +176,16 @@ class ModeChoice:
 def smallest_basis(runs: Iterable[TriedRun]) -> TriedRun | None:
     """Return the run with the fewest modes that met its tolerances; of several kinds the first."""
     return min((run for run in runs if run.met), key=lambda run: run.n, default=None)
+
+
+def outputs_of(reports: Iterable[BoundReport]) -> dict[str, OutputReport]:
+    """Return the outputs of all reports by name; InputError if two monitors have one of the same name."""
+    found: dict[str, OutputReport] = {}
+    for report in reports:
+        for name, out in report.outputs.items():
+            if name in found:
+                raise InputError(
+                    f"output {name!r} is in two monitors; give outputs of different bodies different names"
+                )
+            found[name] = out
+    return found

@@ -19,7 +19,7 @@ def load_report(path: str | os.PathLike) -> BoundReport:
     Raises
     ------
     InputError
-        No such file, truncated, not a report, or written by another format version.
+        No such file or no permission, truncated, not a report, or written by another format version.
     """
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
@@ -30,8 +30,10 @@ def load_report(path: str | os.PathLike) -> BoundReport:
             return _assembled(arrays, meta, os.fspath(path))
     except FileNotFoundError as error:
         raise InputError(f"{path} is no file; pass the name given to report.save") from error
+    except PermissionError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
     except Exception as error:  # damaged bytes make zipfile, zlib, numpy and json raise a dozen types
-        raise InputError(f"{path} is no report of exudyn_romerr, or it is truncated: {error}") from error
+        raise InputError(f"{path} is no report of exudyn_romerr, or it is truncated") from error
     raise InputError(f"{path} has format {found!r}; this version reads format {FORMAT}: save it again")
 
 

@@ -26,7 +26,15 @@ NO_OUTPUTS = (
 
 def run_messages(run: Run) -> list[str]:
     """Return the messages of a run, the gravest first."""
-    return [*_defect(run), *_no_outputs(run), *run.messages, *_end(run), *_between_samples(run), *_single(run)]
+    return [
+        *_first_only(run),
+        *_defect(run),
+        *_no_outputs(run),
+        *run.messages,
+        *_end(run),
+        *_between_samples(run),
+        *_single(run),
+    ]
 
 
 def is_balanced(run: Run) -> bool:
@@ -36,6 +44,10 @@ def is_balanced(run: Run) -> bool:
 
 def _limit(run: Run) -> float:
     return GALERKIN_DEFECT + TOLERANCES * (run.newton_tolerance + run.offline.samples_precision)
+
+
+def _first_only(run: Run) -> list[str]:
+    return [] if run.time == "static" or len(run.samples()[0]) > 1 else ["only the first instant was bounded"]
 
 
 def _defect(run: Run) -> list[str]:

@@ -84,11 +84,6 @@ class Offline:
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
 
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return tuple(out.name for out in self.outputs)
-
 
 def prepare(
     body: ElasticBody,
@@ -176,6 +171,11 @@ def _checked_estimators(estimators: Any, body: ElasticBody, scene: Scene) -> tup
         if scene.feedback:
             return ("auxiliary",)
         return ("energy", "auxiliary") if body.rayleigh is not None else ("fast", "energy")
+    return checked_names(estimators)
+
+
+def checked_names(estimators: Any) -> tuple[str, ...]:
+    """Return the names of estimators that were asked for one by one; InputError if one is unknown."""
     names = (estimators,) if isinstance(estimators, str) else estimators
     if not isinstance(names, tuple | list | set) or not names:
         raise InputError(f"estimators={estimators!r}; allowed: 'auto' or some of {tuple(ESTIMATORS)}")

@@ -172,10 +172,6 @@ class StackedRows(NamedTuple):
 
 def stacked_rows(outputs: Sequence[Output], body: ElasticBody) -> StackedRows:
     """Return the rows of all outputs; a velocity in global axes has its displacement rows before its own."""
-    names = [out.name for out in outputs]
-    double = {name for name in names if names.count(name) > 1}
-    if double:
-        raise InputError(f"outputs: the name {sorted(double)[0]!r} is used more than once")
     parts = []
     for out in outputs:
         rows, velocity = body.space.rows(out.resolve(body)), out.of == "velocity"

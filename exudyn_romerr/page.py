@@ -15,7 +15,7 @@ from .page_parts import CSS, items, numbers, paragraph, section, table, words
 from .plot import draw_bounds, draw_causes, draw_signal
 from .scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
 from .style import DPI, SIZE, new_figure, of_one_size
-from .verdict import best_estimator, outside, sentence, under
+from .verdict import advises, best_estimator, outside, sentence, under
 from .writing import write_whole
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def _verdicts(report: BoundReport) -> Iterator[str]:
     if not report.outputs:
         yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
     for out, row, name in _rows(report):
-        said = sentence(out, row, report.time, report.scope).removeprefix(name)
+        said = sentence(out, row, report.time, report.scope, advises(report)).removeprefix(name)
         notes = paragraph(" ".join(_notes(report, out, row)), "note")
         yield f'<div class="verdict">\n<p><b>{escape(name)}</b>{words(said)}</p>\n{notes}</div>'
 

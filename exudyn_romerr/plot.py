@@ -102,11 +102,11 @@ def draw_signal(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     """
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
-    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound{condition(report)}, {_size(bound, out.unit)}")
+    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound{condition(report)}, {at_most(bound, out.unit)}")
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
     if out.corrected is not None:
         corrected, bound = out.corrected[:, row], out.corrected_bound[:, row]
-        label = f"corrected ± its bound{condition(report, 'auxiliary')}, {_size(bound, out.unit)}"
+        label = f"corrected ± its bound{condition(report, 'auxiliary')}, {at_most(bound, out.unit)}"
         _band(ax, t, corrected, bound, COLOURS["auxiliary"], label)
         ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label="corrected output")
     if out.error is not None:
@@ -142,8 +142,8 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
 def draw_causes(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     """Draw what the best bound of one row of an output comes from, in % of it, stacked over time.
 
-    The legend has the shares at the worst instant. Where the bound is zero or infinite there are no shares: marks at
-    the edges show it. Parameters and errors as in draw_signal.
+    The legend has the shares at the worst instant, of causes that are not zero throughout. Where the bound is zero or
+    infinite there are no shares: marks at the edges show it. Parameters and errors as in draw_signal.
     """
     out, t = _row_of(report, name, row), report.t
     best, worst = out.bound["best"][:, row], int(np.argmax(out.bound["best"][:, row]))
@@ -151,7 +151,12 @@ def draw_causes(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     below = np.zeros(len(t))
     for cause, (words, colour, hatch) in CAUSES.items():
         share = np.divide(100 * out.causes[cause][:, row], best, out=np.zeros(len(t)), where=known)
-        label = f"{words}, {_percent(share[worst])}" if known[worst] else words
+        if cause == "time step" and report.time == "sampled":
+            label = f"{words}: not covered"
+        elif not share.any():
+            continue
+        else:
+            label = f"{words}, {_percent(share[worst])}" if known[worst] else words
         style = {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0, "label": label}
         _fill(ax, t, below, below + share, known, **style)
         below = below + share
@@ -188,8 +193,8 @@ def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour:
     mark_edges(ax, t, np.where(known, 1.0, np.inf), colour)
 
 
-def _size(bound: np.ndarray, unit: str) -> str:
-    """The largest bound in words."""
+def at_most(bound: np.ndarray, unit: str) -> str:
+    """Return the largest bound in words."""
     finite = bound[np.isfinite(bound)]
     largest = f"at most {np.max(finite):.2g} {unit}" if finite.size else "nowhere finite"
     return largest if finite.size in (0, bound.size) else f"{largest} where finite"

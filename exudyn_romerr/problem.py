@@ -166,13 +166,17 @@ class Problem:
 
 
 def checked_outputs(outputs: Any) -> Sequence[Output]:
-    """Return outputs; InputError unless they are a list of Output."""
+    """Return outputs; InputError unless they are a list of Output, each with a name of its own."""
     if not isinstance(outputs, list | tuple):
         raise InputError(
             f"outputs is a {type(outputs).__name__}; needed: a list of Output (floating bodies: or sensor numbers)"
         )
     for out in outputs:
         check_type("an entry of outputs", out, Output)
+    names = [out.name for out in outputs]
+    double = {name for name in names if names.count(name) > 1}
+    if double:
+        raise InputError(f"outputs: the name {sorted(double)[0]!r} is used more than once")
     return outputs
 
 

@@ -12,10 +12,10 @@ from .errors import InputError, check_array, check_choice, real_array
 from .formats import columns, write_csv
 from .plan import Plan
 from .saving import write_npz
-from .verdict import advice, at_round_off, outside, row_names, row_verdict, under, widest_scope
+from .verdict import advice, advises, at_round_off, outside, row_names, row_verdict, under, widest_scope
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
 SAMPLED = (
     "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
@@ -68,7 +68,7 @@ class OutputReport:
         return row_names(self.name, self.labels, self.value.shape[1])
 
 
-@dataclass
+@dataclass(repr=False)
 class BoundReport:
     """The bounds of one run.
 
@@ -91,7 +91,7 @@ class BoundReport:
     messages: list[str]
     time: str
     total_mass: float | None
-    nodes: Callable[[], dict] | dict | None = field(default=None, repr=False)
+    nodes: Callable[[], dict] | dict | None = None
     made: dict[str, str] = field(default_factory=dict)
     origin: str = ""
 
@@ -109,8 +109,12 @@ class BoundReport:
         if callable(self.nodes):
             self.nodes = self.nodes()
         if self.nodes is None:
-            raise InputError("node_bound was not saved with this report; ask for it before save()")
+            raise InputError("node_bound was not saved with this report; ask for it before save() or pickling")
         return self.nodes
+
+    def __getstate__(self) -> dict:
+        """Leave out what would compute node_bound: it holds the whole run, and cannot be pickled."""
+        return {**self.__dict__, "nodes": None if callable(self.nodes) else self.nodes}
 
     def output(self, name: str) -> OutputReport:
         """Return the output of that name; InputError lists the known ones."""
@@ -158,6 +162,11 @@ class BoundReport:
         out.effectivity = {e: _ratio(np.max(bound, axis=0), truth) for e, bound in out.bound.items()}
         return out
 
+    def __repr__(self) -> str:
+        axis, unit = ("load factor", "") if self.time == "static" else ("t", " s")
+        span = f"{len(self.t)} instants, {axis} = {self.t[0]:g} .. {self.t[-1]:g}{unit}"
+        return f"<BoundReport: {len(self.outputs)} outputs, {span}>"
+
     def __str__(self) -> str:
         axis = "load factor" if self.time == "static" else "t / s"
         lines = [f"bounds at {len(self.t)} instants, {axis} = {self.t[0]:g} .. {self.t[-1]:g}"]
@@ -165,7 +174,9 @@ class BoundReport:
         if self.time == "sampled":
             lines.append(f"! {SAMPLED}")
         for out in self.outputs.values():
-            lines += [*out.verdict(self.time, self.scope), f"  {out.advice()}"]
+            lines += out.verdict(self.time, self.scope)
+            if advises(self):
+                lines.append(f"  {out.advice()}")
             if out.corrected is not None:
                 left = np.max(out.corrected_bound)
                 lines.append(
@@ -237,16 +248,3 @@ def _ratio(bound: np.ndarray, truth: np.ndarray) -> np.ndarray:
     both_zero = (bound == 0) & (truth == 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(both_zero, 1.0, bound / truth)
-
-
-def outputs_of(reports: Iterable[BoundReport]) -> dict[str, OutputReport]:
-    """Return the outputs of all reports by name; InputError if two monitors have one of the same name."""
-    found: dict[str, OutputReport] = {}
-    for report in reports:
-        for name, out in report.outputs.items():
-            if name in found:
-                raise InputError(
-                    f"output {name!r} is in two monitors; give outputs of different bodies different names"
-                )
-            found[name] = out
-    return found

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .scope import COUPLED, FROZEN, SCOPES
+from .scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from .report import OutputReport
+    from .report import BoundReport, OutputReport
 
 CAUSES = {
     "basis": "basis: add modes",
@@ -48,16 +48,22 @@ def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -
     return f"{text} at most {_wrong_by(out, row)}, {by}"
 
 
-def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str]) -> str:
-    """Return the verdict on one row of an output as a sentence that can stand alone."""
+def advises(report: BoundReport) -> bool:
+    """Return whether the report gives advice: not if no bound is certified, or of a run's first instant only."""
+    return not report.scope_reason.endswith(NOT_CERTIFIED) and (report.time == "static" or len(report.t) > 1)
+
+
+def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
+    """Return the verdict on one row of an output as a sentence that can stand alone, with advice or without."""
+    todo = advice(out, row) if advised else ""
     text = f"{out.row_names[row]} is up to {_largest(out.value, row):.4g} {out.unit}"
     if not np.isfinite(_largest(out.bound["best"], row)):
-        return f"{text}; how wrong it may be is not known{_where_finite(out, row)}: {advice(out, row)}."
+        return f"{text}; how wrong it may be is not known{_where_finite(out, row)}{todo and f': {todo}'}."
     conditions = [CONDITIONS.get(widest_scope(scope)), "time integration not covered" if time == "sampled" else None]
     only = f" ({'; '.join(filter(None, conditions))})" if any(conditions) else ""
     if at_round_off(out)[row]:
-        return f"{text}, wrong by at most {_floor(out, row)}{only}, which is round-off: {advice(out, row)}."
-    return f"{text}, wrong by at most {_wrong_by(out, row)}{only}, {advice(out, row)}."
+        return f"{text}, wrong by at most {_floor(out, row)}{only}, which is round-off{todo and f': {todo}'}."
+    return f"{text}, wrong by at most {_wrong_by(out, row)}{only}{todo and f', {todo}'}."
 
 
 def best_estimator(out: OutputReport, row: int, scope: dict[str, str]) -> str:
@@ -117,9 +123,14 @@ def _where_finite(out: OutputReport, row: int) -> str:
 
 def _wrong_by(out: OutputReport, row: int) -> str:
     largest, bound = _largest(out.value, row), _largest(out.bound["best"], row)
-    share = f" ({100 * bound / largest:.2g} %)" if largest > 0 and np.isfinite(bound) else ""
+    share = _percent(bound / largest) if largest > 0 and np.isfinite(bound) else ""
     vain = ", not informative: more than the output itself" if bound > largest > 0 else ""
     return f"{bound:.3g} {out.unit}{share}{vain}"
+
+
+def _percent(share: float) -> str:
+    """Two digits, never as 1.4e+02; nothing where a percentage says nothing any more."""
+    return f" ({float(f'{100 * share:.2g}'):g} %)" if share <= 10 else ""
 
 
 def _floor(out: OutputReport, row: int) -> str:

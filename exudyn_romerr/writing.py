@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from contextlib import suppress
@@ -13,6 +14,9 @@ from .errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import BinaryIO
+
+
+FULL = (errno.ENOSPC, errno.EDQUOT)  # disk, quota
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[BinaryIO], None]) -> None:
@@ -30,10 +34,18 @@ def write_whole(path: str | os.PathLike, write: Callable[[BinaryIO], None]) -> N
         else:
             _replace(os.path.realpath(path), write)  # what a link points to, not the link
     except OSError as error:
-        raise InputError(
-            f"path={os.fspath(path)!r} cannot be written: {error.strerror or error}; a file that was there is as it "
-            "was, and what was to be saved is still in memory: make room or pass another path, and save again"
-        ) from error
+        raise InputError(f"path={os.fspath(path)!r} cannot be written: {_why(path, error)}") from error
+
+
+def _why(path: str | os.PathLike, error: OSError) -> str:
+    """What is wrong, and what to do."""
+    folder = os.path.dirname(os.fspath(path))
+    if folder and not os.path.exists(folder):
+        return f"folder {folder!r} does not exist: make it, or pass another path"
+    if os.path.isdir(path):
+        return "it is a folder; pass the name of a file"
+    todo = "make room, or pass another path" if error.errno in FULL else "pass another path"
+    return f"{error.strerror or error}; a file that was there is as it was: {todo}"
 
 
 def _replace(target: str, write: Callable[[BinaryIO], None]) -> None:

@@ -141,8 +141,9 @@ def test_unknown_outputs_are_refused_with_the_known_ones(run, capsys):
     ("arguments", "says"),
     [
         (["plot", "run.npz", "-o", "run.docx"], "use .png, .svg or .pdf"),
-        (["csv", "run.npz", "-o", "no/such/run.csv"], "cannot be written"),
-        (["csv", "run.npz", "-o", "."], "cannot be written"),
+        (["csv", "run.npz", "-o", "no/such/run.csv"], "cannot be written: folder 'no/such' does not exist"),
+        (["csv", "run.npz", "-o", "keep.py"], "keep.py does not end in .csv or .txt; pass such a name after -o"),
+        (["report", "run.npz", "-o", "x.pdf"], "x.pdf does not end in .html or .htm; pass such a name after -o"),
     ],
 )
 def test_places_that_cannot_be_written_are_refused(run, capsys, arguments, says):

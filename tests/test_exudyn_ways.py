@@ -1,5 +1,6 @@
 """Exudyn's own ways: bounds as sensors, bands on its plots, lines beside the solver's, sensors as outputs."""
 
+import dataclasses
 import gc
 import sys
 import types
@@ -19,6 +20,7 @@ from exudyn_romerr import progress as bars
 from exudyn_romerr.errors import InputError
 from exudyn_romerr.mbs import hook as hooks
 from exudyn_romerr.online import Run
+from exudyn_romerr.scope import FROZEN
 from models import floating
 from tests import mechanism_runs
 from tests.mbs_scenes import INPUTS, SOLVERS, TIP, N, add_reduced_body, chain_body, force, new_mbs, random_basis
@@ -168,6 +170,20 @@ def test_sensor_is_inf_from_where_evaluation_fails(capfd, monkeypatch):
     assert told in capfd.readouterr().out
 
 
+def test_sensor_is_inf_if_a_run_cannot_be_opened(monkeypatch):
+    """The error is that of the run, not one of the sensor; once the sensor asked for bounds of a run without any."""
+
+    def failing(self, opening):
+        raise ArithmeticError("mine")
+
+    monkeypatch.setattr(Run, "open", failing)
+    mbs, monitor, sensors = chain()
+    mbs.SolveDynamic(written())
+    np.testing.assert_array_equal(mbs.GetSensorStoredData(sensors["tip"])[:, 1:], np.inf)
+    with pytest.raises(ArithmeticError, match="mine"):
+        monitor.report()
+
+
 def test_sensor_of_an_unknown_output():
     _, monitor, _ = chain()
     with pytest.raises(InputError, match="output='tap' is unknown; allowed: 'tip', 'two'"):
@@ -233,7 +249,8 @@ def test_bands_around_the_lines_of_plotsensor(bar):
         assert path.vertices[:, 1].max() == edges.max()
         assert plt.matplotlib.colors.same_color(band.get_facecolor()[0][:3], line.get_color())
     texts = [text.get_text() for text in plotted[1].legends[0].get_texts()]
-    assert texts[-2:] == ["sensor1 y ± error bound", "sensor1 z ± error bound"]
+    largest = np.max(out.bound["best"], axis=0)
+    assert texts[-2:] == [f"sensor1 {axis} ± at most {largest[row]:.2g} m" for row, axis in ((1, "y"), (2, "z"))]
 
 
 def test_band_on_other_axes_with_a_legend(bar):
@@ -241,8 +258,12 @@ def test_band_on_other_axes_with_a_legend(bar):
     _, ax = plt.subplots()
     ax.plot(report.t, report.output("sensor1").value[:, 0], label="mine")
     ax.legend()
-    romerr.add_bands(ax, report, "sensor1")
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["mine", "sensor1 x ± error bound"]
+    for scope, said in ((report.scope, ""), (dict.fromkeys(report.scope, FROZEN), ", inputs frozen")):
+        romerr.add_bands(ax, dataclasses.replace(report, scope=scope), "sensor1")
+        assert len(ax.collections) == 1  # the second replaces the first
+        largest = np.max(report.output("sensor1").bound["best"][:, 0])
+        legend = [text.get_text() for text in ax.get_legend().get_texts()]
+        assert legend == ["mine", f"sensor1 x ± at most {largest:.2g} m{said}"]
 
 
 def test_bound_sensor_is_plotted(bar):

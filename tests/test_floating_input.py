@@ -335,6 +335,12 @@ def same_sensor_twice():
     return reported(scene, outputs=[sensor, sensor])
 
 
+def beside_a_sensor(outputs):
+    scene = bar()
+    sensor_on(scene)
+    return attach(scene.mbs, floating_body(scene.fem, scene.items), outputs=outputs)
+
+
 OUTPUTS = {
     "node too high": (lambda: output_of(node=65), InputError, r"node 65; allowed: node numbers 0\.\.64"),
     "node negative": (lambda: output_of(node=-1), InputError, "node -1; allowed"),
@@ -363,6 +369,13 @@ OUTPUTS = {
         "outputs is a Output; needed: a list",
     ),
     "a text": (lambda: watched(bar(), outputs=["tip"]), InputError, "an entry of outputs is a str; needed: Output"),
+    "a name of a sensor": (
+        lambda: beside_a_sensor("tip"),
+        InputError,
+        "outputs is a str; needed: a list of Output or sensor numbers; the mbs has sensors 0 'sensor0'",
+    ),
+    "a name twice": (lambda: watched(bar(), outputs=[TIP, TIP]), InputError, "is used more than once"),
+    "an estimator": (lambda: watched(bar(), estimators="fats"), InputError, "estimators='fats' is unknown; allowed"),
     "a sensor twice": (same_sensor_twice, InputError, "name 'sensor0' is used more than once"),
 }
 

@@ -203,6 +203,7 @@ def test_messages_scope_plan_and_what_was_left_out_are_there(report):
     assert all(what in found.words and why in found.words for what, why in report.plan.left_out)
     assert f"Why: loads follow; {NOT_CERTIFIED}." in found.words
     assert found.words.count(f"scope complete, {NOT_CERTIFIED}: see the messages.") == 3
+    assert "% of it from" not in found.words  # advice on bounds that are not certified
     assert "The error of the time integration is not covered" in found.words
 
 

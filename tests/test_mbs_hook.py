@@ -133,7 +133,8 @@ def test_users_hook_stops_the_solve_and_the_report_says_so(result):
     mbs.SolveDynamic(settings(steps=20, end=0.1))
     assert mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
     assert monitor.report().t[-1] == mine.t[-1] == pytest.approx(0.05)
-    assert f"stopped at t = 0.05: the PostStep function returned {result}" in monitor.runs[0].messages
+    why = f"the PostStep function returned {result}; it must return True to go on"
+    assert f"stopped at t = 0.05: {why}" in monitor.runs[0].messages
 
 
 def test_without_users_hook_the_solve_goes_on():

@@ -15,6 +15,7 @@ from exudyn_romerr import (
     relative_displacement,
 )
 from exudyn_romerr.outputs import stacked_rows
+from exudyn_romerr.problem import checked_outputs
 
 NODES = 4
 
@@ -102,4 +103,4 @@ def test_stacked_rows():
 def test_two_outputs_of_one_name_are_refused():
     """A report finds outputs by name."""
     with pytest.raises(InputError, match="'a' is used more than once"):
-        stacked_rows([Output("a", np.ones(24))] * 2, body())
+        checked_outputs([Output("a", np.ones(24))] * 2)

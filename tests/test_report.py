@@ -1,6 +1,7 @@
 """BoundReport: saved and loaded, compared, printed, plotted; all of it where Exudyn cannot be imported."""
 
 import json
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import tolerances as tol
 from theorem import random_case
 
 from exudyn_romerr import InputError, load_report
+from exudyn_romerr.scope import NOT_CERTIFIED
 
 ROOT = Path(__file__).parent.parent
 PAPER = ("fast", "convolution")
@@ -68,6 +70,30 @@ def test_saved_file_needs_no_pickle(report, tmp_path):
         assert all(file[key].dtype.kind in "fU" for key in file.files)
 
 
+def test_report_comes_through_pickle(report):
+    """As a sweep on several processes sends it; bounds at nodes only where they were asked for."""
+    assert repr(report) == f"<BoundReport: 2 outputs, {len(report.t)} instants, t = 0 .. {report.t[-1]:g} s>"
+    report.nodes = lambda: {"fast": report.t}
+    again = pickle.loads(pickle.dumps(report))
+    assert str(again) == str(report)
+    assert again.nodes is None
+    with pytest.raises(InputError, match="ask for it before"):
+        _ = again.node_bound
+    assert np.array_equal(report.node_bound["fast"], report.t)  # the original has it still
+    assert np.array_equal(pickle.loads(pickle.dumps(report)).node_bound["fast"], report.t)
+
+
+def test_advice_only_where_it_is_of_use(report, case):
+    """Not of bounds that are not certified, and not of a single instant."""
+    assert " % of it from the " in str(report)
+    report.scope_reason = NOT_CERTIFIED
+    assert " % of it from the " not in str(report)
+    first = case.report(stride=1000, estimators="fast")
+    assert first.messages[0] == "only the first instant was bounded"
+    assert first.outputs
+    assert not any(words in str(first) for words in (" % of it from the ", "nothing to improve", "ask for another"))
+
+
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
 def test_truncated_file_is_refused(report, tmp_path, share):
     """Cut anywhere: InputError that names the file."""
@@ -84,8 +110,9 @@ def test_foreign_files_are_refused(tmp_path):
     (tmp_path / "text.npz").write_text("not a report")
     np.savez(tmp_path / "other.npz", x=np.ones(3))
     for name, what in (("missing.npz", "no file"), ("text.npz", "no report"), ("other.npz", "no report")):
-        with pytest.raises(InputError, match=what):
+        with pytest.raises(InputError, match=what) as caught:
             load_report(tmp_path / name)
+        assert not any(word in str(caught.value) for word in ("pickle", "meta"))  # numpy's words say nothing here
 
 
 @pytest.mark.parametrize("version", [0, 2**40, None, "old"])

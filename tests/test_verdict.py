@@ -74,6 +74,21 @@ def test_sentences(out, scope, time, said):
     assert sentence(out, 0, time, scope) == said
 
 
+@pytest.mark.parametrize(("bound", "share"), [(0.5, " (25 %)"), (2.8, " (140 %)"), (20.0, " (1000 %)"), (20.5, "")])
+def test_percentages_are_plain_numbers(bound, share):
+    """Above 1000 % there is none."""
+    (line,) = output(2.0, {"auxiliary": bound}, ONE).verdict("reconstructed", ONE)
+    vain = ", not informative: more than the output itself" if bound > 2 else ""
+    assert line == f"tip z: up to 2 m, error at most {bound:.3g} m{share}{vain}, by 'auxiliary'"
+
+
+@pytest.mark.parametrize("bound", [0.0, 1.0, np.inf])
+def test_sentences_without_advice(bound):
+    said = sentence(output(2.0, {"auxiliary": bound}, ONE), 0, "reconstructed", ONE, advised=False)
+    ends = {0.0: "0 m (0 %).", 1.0: "1 m (50 %).", np.inf: "is not known."}
+    assert said.endswith(ends[bound])
+
+
 def test_a_narrower_scope_never_gives_the_verdict():
     """Its bound may be smaller, and says less: the best bound is that of the widest scope, and so is its name."""
     scope = {"energy": COUPLED, "auxiliary": FROZEN}

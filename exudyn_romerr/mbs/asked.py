@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError, check_choice
 from ..kernels import KERNELS
-from ..offline import TIMES
+from ..offline import TIMES, checked_names
 from ..problem import checked_outputs
 from ..residual import RESIDUALS
 from .bodies import ReducedBody
@@ -50,13 +50,29 @@ def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any
     """Joints and loads may still be added: what is known now is checked now."""
     read_object(mbs, flex)
     outputs = options["outputs"]
-    if isinstance(outputs, list | tuple):
+    if isinstance(outputs, str | list | tuple):
+        _refuse_texts(mbs, outputs)
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
         outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
     options["outputs"] = outputs if outputs is None else checked_outputs(outputs)
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
         check_choice(name, options[name], known)
+    asked = options["estimators"]
+    if not isinstance(asked, str) or asked != "auto":
+        checked_names(asked)
     return MovingSubject(flex, {"initial": initial, **options}, scope)
+
+
+def _refuse_texts(mbs: Any, outputs: Any) -> None:
+    where, needed = "an entry of outputs", "Output or a sensor number"
+    if isinstance(outputs, str):
+        where, needed = "outputs", "a list of Output or sensor numbers"
+    if any(isinstance(out, str) for out in outputs):
+        known = range(mbs.systemData.NumberOfSensors())
+        sensors = ", ".join(f"{number} {mbs.GetSensor(number)['name']!r}" for number in known)
+        raise InputError(
+            f"{where} is a str; needed: {needed}; the mbs has {f'sensors {sensors}' if sensors else 'no sensors'}"
+        )
 
 
 def _check_body(mbs: Any, flex: Any) -> None:

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..choice import SECOND_ORDER, STEP, ModeChoice, TriedRun, smallest_basis
+from ..choice import SECOND_ORDER, STEP, ModeChoice, TriedRun, outputs_of, smallest_basis
 from ..errors import InputError, check_count
 from ..forecast import TINY, Ladder, fewest_modes, forecasts
 from ..progress import progress
-from ..report import outputs_of
 from .asked import checked_tolerance
 from .trial import Trial, build_trial, same_times
 

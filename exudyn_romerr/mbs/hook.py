@@ -120,7 +120,8 @@ class StepHook:
         result = self.user(mbs, t)
         if not result:
             for watch in self.watches:
-                watch.note(f"stopped at t = {t:g}: the PostStep function returned {result!r}")
+                why = f"the PostStep function returned {result!r}; it must return True to go on"
+                watch.note(f"stopped at t = {t:g}: {why}")
         return result if go_on else False
 
     def check(self, watch: Watch, user: Callable | None) -> None:
