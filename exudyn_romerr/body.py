@@ -81,7 +81,7 @@ class ElasticBody:
         reference: MeanMotion | MassOrthogonal | None = None,
         rigid: Sequence[Sequence[int]] = (),
     ):
-        self.precision = {"mass": precision(mass), "stiffness": precision(stiffness)}
+        self.precision = {"mass": precision(mass), "stiffness": precision(stiffness), "damping": precision(damping)}
         self.mass = checked_matrix("mass", mass, None)
         self.N = self.mass.shape[0]
         self.stiffness = checked_matrix("stiffness", stiffness, self.N)

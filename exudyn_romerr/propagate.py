@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from math import comb, factorial
 from typing import Any, NamedTuple
 
@@ -104,6 +105,14 @@ class ModalOscillators:
         self.omega, self.zeta = omega, zeta
         self._made: dict[int, _Step] = {}  # degree -> the step that others of nearly its length follow from
         self._last: dict[int, tuple[_Step, np.ndarray]] = {}  # degree -> the last step, its bands
+        self._lag = 0.0  # s: time that passed, less that of the steps made: rounding of times, and no sum of it
+        self.drift = 0.0  # s: how far times within the last block were from those of the steps made
+
+    def started(self) -> ModalOscillators:
+        """Return the same oscillators for another run; they share the steps that were made."""
+        other = copy.copy(self)
+        other._lag = 0.0
+        return other
 
     def advance(self, state: np.ndarray, t: np.ndarray, h: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Return (eta, eta') at the ends of S segments, (S, 2, m), from state (2, m); F is (S, d + 1, m).
@@ -111,22 +120,25 @@ class ModalOscillators:
         t (S,) are the ends, h (S,) the lengths of the segments, d the degree of the forces in time.
         """
         rounding = 16 * np.finfo(float).eps * max(abs(t[-1]), abs(t[0] - h[0]))
+        self.drift = 0.0
         if np.max(np.abs(h[:-1] - h[0]), initial=0.0) > rounding:
             return self._different_steps(state, h, F)
         if abs(h[-1] - h[0]) <= rounding:
-            return self._equal_steps(state, float(np.mean(h)), F, rounding / len(h))
-        before = self.advance(state, t[:-1], h[:-1], F[:-1])  # solvers shorten their last step
+            return self._equal_steps(state, h, F, rounding / len(h))
+        before = self._equal_steps(state, h[:-1], F[:-1], rounding / len(h))  # solvers shorten their last step
         return np.concatenate([before, self._different_steps(before[-1], h[-1:], F[-1:])])
 
-    def _equal_steps(self, state: np.ndarray, h: float, F: np.ndarray, rounding: float) -> np.ndarray:
-        """Of one length, but for rounding of times."""
+    def _equal_steps(self, state: np.ndarray, lengths: np.ndarray, F: np.ndarray, rounding: float) -> np.ndarray:
+        """Of one length, but for rounding of times: past a power of two all are longer or shorter by the same."""
         steps, degree = len(F), F.shape[1] - 1
+        self.drift = float(np.max(np.abs(np.cumsum(lengths - np.mean(lengths)))))
+        h = float(np.mean(lengths)) + self._lag / steps
         step, bands = self._last.get(degree, (None, np.zeros((0, 4, 0))))
         if step is None or abs(step.h - h) > rounding:
             step, bands = self._of_length(degree, h), np.zeros((0, 4, 0))
         if bands.shape[2] < 2 * steps:
             bands = _bands(step.A, steps)
-        self._last[degree] = step, bands
+        self._last[degree], self._lag = (step, bands), steps * (h - step.h)
         driven = np.einsum("cjm,sjm->scm", step.weights(), F)
         return _marched(bands[:, :, : 2 * steps], _apply(step.A, state), driven)
 

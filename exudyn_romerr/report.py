@@ -165,7 +165,7 @@ class BoundReport:
     def __repr__(self) -> str:
         axis, unit = ("load factor", "") if self.time == "static" else ("t", " s")
         span = f"{len(self.t)} instants, {axis} = {self.t[0]:g} .. {self.t[-1]:g}{unit}"
-        return f"<BoundReport: {len(self.outputs)} outputs, {span}>"
+        return f"<BoundReport: {len(self.outputs)} output{'s' * (len(self.outputs) != 1)}, {span}>"
 
     def __str__(self) -> str:
         axis = "load factor" if self.time == "static" else "t / s"

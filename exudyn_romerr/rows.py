@@ -26,5 +26,9 @@ class Rows:
         return self._count
 
     def read(self) -> np.ndarray:
-        """Return all rows, (0,) if there are none; later ones do not show in it."""
-        return np.zeros(0) if self._held is None else self._held[: self._count]
+        """Return all rows, (0,) if there are none, not to be written to; later ones do not show in it."""
+        if self._held is None:
+            return np.zeros(0)
+        rows = self._held[: self._count]
+        rows.flags.writeable = False  # a report changed in place would change the run that goes on
+        return rows

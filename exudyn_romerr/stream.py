@@ -29,12 +29,13 @@ class Stream:
         self.estimators = {name: copy.copy(e) for name, e in estimators.items()}
         self._kept = {name: KeptBounds() for name in estimators}
         self._worst = dict.fromkeys(estimators, 0.0)
-        self.worst: dict[str, tuple] = {}  # what the outputs were bounded with where |e|_M has its largest bound
+        # what the outputs were bounded with where |e|_M has its largest bound, and how much |e|_M was widened there
+        self.worst: dict[str, tuple[tuple, float]] = {}
 
     def start(self, start: Start, *widenings: tuple) -> None:
         """Begin at the first instant of a run; widenings: see advance."""
         for name, e in self.estimators.items():
-            self._remember(name, self._noted(name, e, e.start(start)), widenings)
+            self._remember(name, e, e.start(start), slice(None), widenings)
 
     def go_on(self, before: Stream) -> None:
         """Begin where another stream ended."""
@@ -48,23 +49,24 @@ class Stream:
         widenings : of position, velocity, outputs, each added to the bounds there.
         """
         for name, e in self.estimators.items():
-            self._remember(name, self._noted(name, e, e.advance(block)).at(step_end), widenings)
+            self._remember(name, e, e.advance(block), step_end, widenings)
 
-    def _remember(self, name: str, bounds: Bounds, widenings: tuple) -> None:
+    def _remember(self, name: str, e: Any, bounds: Bounds, ends: np.ndarray | slice, widenings: tuple) -> None:
+        self._note(name, e, bounds, sum(float(np.max(position)) for position, *_ in widenings))
+        bounds = bounds.at(ends)
         for widening in widenings:
             bounds = bounds.widened(*widening)
         self._kept[name].append(bounds.of_outputs() if self._only_outputs else bounds)
 
-    def _noted(self, name: str, e: Any, bounds: Bounds) -> Bounds:
+    def _note(self, name: str, e: Any, bounds: Bounds, widened: float) -> None:
         i = int(np.argmax(bounds.position))
         if name not in self.worst or bounds.position[i] > self._worst[name]:
-            self._worst[name], self.worst[name] = bounds.position[i], e.instant(i)
-        return bounds
+            self._worst[name], self.worst[name] = bounds.position[i], (e.instant(i), widened)
 
     def load_steps(self, z: np.ndarray, *widenings: tuple) -> None:
         """Take load steps z (S, k) of a static solve, which do not depend on one another."""
         for name, e in self.estimators.items():
-            self._remember(name, self._noted(name, e, e(z)), widenings)
+            self._remember(name, e, e(z), slice(None), widenings)
 
     def now(self, names: Collection[str]) -> list[Bounds]:
         """Return the bounds of some estimators at the last instant."""

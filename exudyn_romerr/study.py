@@ -92,6 +92,10 @@ def sweep(function: Callable[[dict], Any], parameters: dict[str, list | tuple], 
 
     Notes
     -----
+    Several processes may hang on Linux if a scene was built before in the process that starts them, as with plain
+    ParameterVariation: it forks a process that has threads. Build nothing there, or call
+    multiprocessing.set_start_method("spawn") first.
+
     Does not cover: what went wrong on a dispy cluster, which sends the function's source and returns None then; a
     process that is killed, for which Exudyn's pool waits for ever.
     """

@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -121,3 +122,48 @@ def test_report_says_at_round_off():
     q, q_t, q_tt = exact.reduced_solution(body, coarse, B, linkage.AMPLITUDE, W).motion(t)
     traj = romerr.Trajectory(t, q, q_t, q_tt, linkage.force(t))
     assert "at round-off" not in str(romerr.evaluate(body, coarse, traj, **options))
+
+
+def test_bounds_at_nodes_hold_rounding_too():
+    """A bending chain, all its modes kept, at rest in equilibrium: what is left of the error is rounding."""
+    n = 20
+    bend = np.diff(np.eye(n + 2), 2, axis=0)[:, 2:]
+    stiffness = 1e8 * bend.T @ bend
+    body = romerr.ElasticBody(np.eye(3 * n), np.kron(stiffness, np.eye(3)), positions=np.eye(n, 3))
+    V = np.linalg.qr(np.random.default_rng(0).standard_normal((3 * n, 3 * n)))[0]
+    load = np.eye(3 * n)[:, -1:]
+    q = np.tile(np.linalg.solve(V.T @ (body.stiffness @ V), V.T @ load)[:, 0], (2, 1))
+    traj = romerr.Trajectory([0.0, 1e-6], q, 0 * q, 0 * q, np.ones(2))
+    report = romerr.evaluate(body, romerr.Basis(V), traj, inputs=load, initial="equilibrium")
+    truth = mpmath.lu_solve(mpmath.matrix(stiffness.tolist()), mpmath.matrix([0] * (n - 1) + [1]))
+    error = np.abs(np.array(truth.tolist(), dtype=float)[:, 0] - (V @ q[0])[2::3])
+    assert error.max() > 0
+    for e, bound in report.node_bound.items():
+        assert np.all(error <= bound), e
+
+
+def test_single_precision_of_damping_is_told():
+    """Its entries are off by 6e-8: with the velocity, that is a force."""
+    body = romerr.ElasticBody(np.eye(2), 4 * np.eye(2), damping=np.float32(0.1) * np.eye(2, dtype=np.float32))
+    exact = romerr.ElasticBody(np.eye(2), 4 * np.eye(2), damping=0.1 * np.eye(2))
+    one = np.ones((2, 1))
+    found = []
+    for each in (body, exact):
+        report = romerr.evaluate(
+            each,
+            romerr.modal_basis(each, 1),
+            romerr.Trajectory([0.0, 0.1], 0 * one, one, 0 * one),
+            outputs=[romerr.Output("x", [1.0, 0.0])],
+        )
+        found.append((report.output("x").round_off.max(), any("damping came" in text for text in report.messages)))
+    assert found[0][0] > 1e6 * found[1][0]
+    assert [told for _, told in found] == [True, False]
+
+
+def test_a_report_cannot_be_written_to_where_the_run_goes_on():
+    """A change in place would be in the next report, and in the bounds of a run that continues."""
+    body, B, out = linkage.build()
+    report = exact_run(body, B, out, romerr.krylov_basis(body, B, 4))
+    for array in (report.t, report.output("tip z").value, report.output("tip z").bound["energy"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array *= 2.0

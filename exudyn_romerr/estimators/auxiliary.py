@@ -48,6 +48,7 @@ class Auxiliary:
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.growth = self.growth.started(start, self.start_norms)
+        self.oscillators = self.oscillators.started()
         omega = self.oscillators.omega
         self.state = np.zeros((2, len(omega)))
         self.rounding = self.missed = np.zeros(len(omega))
@@ -73,7 +74,7 @@ class Auxiliary:
             self.inside = np.hypot(row_norms(eta), static + d_M), np.hypot(row_norms(eta_t), v_M)
         self.rounding = self.rounding + self._rounding_of(block, states, g)
         self.state = states[-1]
-        inexact = self.rounding + self._unresolved(block)
+        inexact = self.rounding + self._rounding_of_times(block, states) + self._unresolved(block)
         return self._bounds(block.c[:, -1], states, (g, g_jump), inexact, cut_size(block))
 
     def _rounding_of(self, block: Block, states: np.ndarray, g: np.ndarray) -> np.ndarray:
@@ -90,6 +91,12 @@ class Auxiliary:
         static = float(self.growth.norm(block.c[-1, -1])) + (g[0].max() if len(g) else 0.0)  # the variation is in g
         whole = float(row_norms((eta + self.beta * eta_t) * omega)) + d_K + static
         return added + duration * self.mode_residual * whole
+
+    def _rounding_of_times(self, block: Block, states: np.ndarray) -> np.ndarray:
+        """What eta (m,) may be off as its steps follow the block's times but for their rounding (propagate.py)."""
+        eta, eta_t = np.abs(states).max(axis=0)
+        t = max(abs(block.t[-1]), abs(block.t[0] - block.h[0]))
+        return (32 * EPS * t + self.oscillators.drift) * (self.oscillators.omega * eta + eta_t)
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""

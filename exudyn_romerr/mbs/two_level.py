@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError, check_count
 from ..choice import outputs_of
+from ..errors import InputError, check_count
 from .trial import build_trial, same_times
 
 if TYPE_CHECKING:
