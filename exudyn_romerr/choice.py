@@ -9,6 +9,7 @@ import numpy as np
 
 from .errors import InputError
 from .report import SAMPLED
+from .verdict import rounded_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -91,7 +92,7 @@ class TriedRun:
         return min(drops, key=lambda modes: max(self.expected(modes).values()))
 
     def __str__(self) -> str:
-        lines = (f"{name} <= {self.bound[name]:.3g} (allowed {x:.3g})" for name, x in self.tolerance.items())
+        lines = (f"{name} <= {rounded_up(self.bound[name])} (allowed {x:.3g})" for name, x in self.tolerance.items())
         return f"{self.basis}: {', '.join(lines)}: {'met' if self.met else 'not met'}"
 
 

@@ -15,7 +15,7 @@ from .page_parts import CSS, items, numbers, paragraph, section, table, words
 from .plot import draw_bounds, draw_causes, draw_signal
 from .scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
 from .style import DPI, SIZE, new_figure, of_one_size
-from .verdict import advises, best_estimator, outside, sentence, under
+from .verdict import advises, best_estimator, outside, rounded_up, sentence, under
 from .writing import write_whole
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _notes(report: BoundReport, out: OutputReport, row: int) -> Iterator[str]:
         yield f"That estimator {report.reasons[best]}."
     if out.corrected is not None:
         left = np.max(out.corrected_bound[:, row])
-        yield f"The corrected output is within {left:.3g} {out.unit} of the full model{under(report.scope)}."
+        yield f"The corrected output is within {rounded_up(left)} {out.unit} of the full model{under(report.scope)}."
     if out.error is not None:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
         yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}."
@@ -179,7 +179,7 @@ def _largest(report: BoundReport, bound: np.ndarray, unit: str = "") -> str:
     when = f"load factor {at:.4g}" if report.time == "static" else f"t = {at:.4g} s"
     if not np.isfinite(np.max(bound)):
         return f"infinite\nfrom {when}"
-    return f"{np.max(bound):.3g} {unit}".strip() + f"\nat {when}"
+    return f"{rounded_up(np.max(bound))} {unit}".strip() + f"\nat {when}"
 
 
 def _plan(report: BoundReport) -> Iterator[str]:

@@ -25,7 +25,7 @@ from .style import (
     save,
     spread,
 )
-from .verdict import widest_scope
+from .verdict import rounded_up, widest_scope
 
 if TYPE_CHECKING:
     import os
@@ -196,7 +196,7 @@ def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour:
 def at_most(bound: np.ndarray, unit: str) -> str:
     """Return the largest bound in words."""
     finite = bound[np.isfinite(bound)]
-    largest = f"at most {np.max(finite):.2g} {unit}" if finite.size else "nowhere finite"
+    largest = f"at most {rounded_up(np.max(finite), 2)} {unit}" if finite.size else "nowhere finite"
     return largest if finite.size in (0, bound.size) else f"{largest} where finite"
 
 
@@ -238,4 +238,4 @@ def _percent(share: float) -> str:
 def _worst(report: BoundReport, out: OutputReport, row: int, at: int) -> str:
     axis = "load factor" if report.time == "static" else "t"
     unit = "" if report.time == "static" else " s"
-    return f"worst instant, {axis} = {report.t[at]:.4g}{unit}: {out.bound['best'][at, row]:.3g} {out.unit}"
+    return f"worst instant, {axis} = {report.t[at]:.4g}{unit}: {rounded_up(out.bound['best'][at, row])} {out.unit}"

@@ -12,7 +12,7 @@ from .errors import InputError, check_array, check_choice, real_array
 from .formats import columns, write_csv
 from .plan import Plan
 from .saving import write_npz
-from .verdict import advice, advises, at_round_off, outside, row_names, row_verdict, under, widest_scope
+from .verdict import advice, advises, at_round_off, outside, rounded_up, row_names, row_verdict, under, widest_scope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -178,10 +178,8 @@ class BoundReport:
             if advises(self):
                 lines.append(f"  {out.advice()}")
             if out.corrected is not None:
-                left = np.max(out.corrected_bound)
-                lines.append(
-                    f"  the corrected output is within {left:.3g} {out.unit} of the full model{under(self.scope)}"
-                )
+                left = f"{rounded_up(np.max(out.corrected_bound))} {out.unit}"
+                lines.append(f"  the corrected output is within {left} of the full model{under(self.scope)}")
             if out.effectivity:
                 largest = np.max(np.abs(out.error))
                 ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")
@@ -193,7 +191,7 @@ class BoundReport:
         divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
         what = "error in the mass norm" if self.total_mass is None else "mass-weighted RMS error of position"
         return [
-            f"  {e:<13} scope {self.scope[e]}; {what} <= {np.max(bound) / divisor:.3g}; {self.reasons[e]}"
+            f"  {e:<13} scope {self.scope[e]}; {what} <= {rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
             for e, bound in self.position_bound.items()
         ] + ([f"  scope: {self.scope_reason}"] if self.scope_reason else [])
 

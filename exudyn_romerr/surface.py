@@ -10,7 +10,7 @@ import numpy as np
 from .errors import InputError, check_array, check_choice, check_nodes
 from .plot import condition, error_kind
 from .style import COLOURS, THIN, WIDE, picture
-from .verdict import widest_scope
+from .verdict import rounded_up, widest_scope
 
 if TYPE_CHECKING:
     import os
@@ -183,4 +183,6 @@ def _title(report: BoundReport, bound: np.ndarray, at: int, scale: float | None,
     worst = int(np.argmax(bound))
     drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
     infinite = ", orange: infinite" if np.isinf(bound).any() else ""
-    return f"Where the body may be wrong: node {worst} by {bound[worst]:.3g} {unit}\n{when}, {drawn}{infinite}"
+    return (
+        f"Where the body may be wrong: node {worst} by {rounded_up(bound[worst])} {unit}\n{when}, {drawn}{infinite}"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import floor, log10
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,14 @@ CONDITIONS = {
     COUPLED: "to first order of the error",
     FROZEN: "inputs frozen: as if the error did not change the frame motion, loads and wrenches of this run",
 }
+
+
+def rounded_up(x: float, digits: int = 3) -> str:
+    """Return x >= 0 in so many digits, rounded up: printing must not make a bound smaller."""
+    text = f"{x:.{digits}g}"
+    if float(text) >= x:
+        return text
+    return f"{float(text) + 10.0 ** (floor(log10(x)) - digits + 1):.{digits}g}"
 
 
 def widest_scope(scope: dict[str, str]) -> str:
@@ -90,7 +99,7 @@ def advice(out: OutputReport, row: int | None = None) -> str:
         return "nothing to improve" if total == 0 else "no finite bound: ask for another estimator"
     cause = max(shares, key=shares.get)
     rest = np.max(bound - causes[cause])
-    left = f"; the rest alone bounds it by {rest:.3g} {out.unit}" if rest > 0 else ""
+    left = f"; the rest alone bounds it by {rounded_up(rest)} {out.unit}" if rest > 0 else ""
     return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}{left}"
 
 
@@ -118,14 +127,14 @@ def _where_finite(out: OutputReport, row: int) -> str:
     known = bound[np.isfinite(bound)]
     if not known.any():
         return ""
-    return f" at {len(bound) - len(known)} instants; at the others at most {known.max():.3g} {out.unit}"
+    return f" at {len(bound) - len(known)} instants; at the others at most {rounded_up(known.max())} {out.unit}"
 
 
 def _wrong_by(out: OutputReport, row: int) -> str:
     largest, bound = _largest(out.value, row), _largest(out.bound["best"], row)
     share = _percent(bound / largest) if largest > 0 and np.isfinite(bound) else ""
     vain = ", not informative: more than the output itself" if bound > largest > 0 else ""
-    return f"{bound:.3g} {out.unit}{share}{vain}"
+    return f"{rounded_up(bound)} {out.unit}{share}{vain}"
 
 
 def _percent(share: float) -> str:
@@ -134,4 +143,4 @@ def _percent(share: float) -> str:
 
 
 def _floor(out: OutputReport, row: int) -> str:
-    return f"{_largest(out.bound['best'], row) + _largest(out.round_off, row):.1g} {out.unit}"
+    return f"{rounded_up(_largest(out.bound['best'], row) + _largest(out.round_off, row), 1)} {out.unit}"

@@ -12,7 +12,7 @@ from theorem import random_case
 
 from exudyn_romerr import Output, load_report, page
 from exudyn_romerr.scope import NOT_CERTIFIED
-from exudyn_romerr.verdict import sentence
+from exudyn_romerr.verdict import rounded_up, sentence
 
 VOID = {"meta", "link", "img", "br", "hr"}
 KNOWN = VOID | set(
@@ -162,9 +162,9 @@ def test_tables_have_the_largest_bounds_and_when(report, case):
     for e in ("fast", "energy"):
         at, bound = np.argmax(out.bound[e]), np.max(out.bound[e])
         ratio = bound / np.abs(out.error).max()
-        assert f"{bound:.3g} m at t = {report.t[at]:.4g} s / true error: {ratio:.3g}" in text
+        assert f"{rounded_up(bound)} m at t = {report.t[at]:.4g} s / true error: {ratio:.3g}" in text
         for whole in (report.position_bound[e], report.velocity_bound[e]):
-            assert f"{whole.max():.3g} at t = {report.t[np.argmax(whole)]:.4g} s" in text
+            assert f"{rounded_up(whole.max())} at t = {report.t[np.argmax(whole)]:.4g} s" in text
     assert f"The true error is up to {np.abs(out.error).max():.3g} m" in text
     assert "above the bound" not in text
 

@@ -5,7 +5,7 @@ import pytest
 
 from exudyn_romerr.report import OutputReport
 from exudyn_romerr.scope import COMPLETE, COUPLED, FROZEN
-from exudyn_romerr.verdict import sentence
+from exudyn_romerr.verdict import rounded_up, sentence
 
 
 def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0)):
@@ -95,3 +95,19 @@ def test_a_narrower_scope_never_gives_the_verdict():
     out = output(2.0, {"energy": 1.0, "auxiliary": 0.1}, scope)
     (line,) = out.verdict("sampled", scope)
     assert line == "tip z: up to 2 m, reduction error at most 1 m (50 %), by 'energy'"
+
+
+@pytest.mark.parametrize(
+    ("x", "digits", "text"),
+    [
+        (1.2341e-3, 3, "0.00124"),
+        (2.4e-13, 1, "3e-13"),
+        (9.991, 3, "10"),
+        (0.125, 3, "0.125"),
+        (0.0, 3, "0"),
+        (np.inf, 3, "inf"),
+    ],
+)
+def test_printed_bounds_are_never_smaller(x, digits, text):
+    assert rounded_up(x, digits) == text
+    assert float(text) >= x

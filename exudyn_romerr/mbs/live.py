@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from exudyn.itemInterface import SensorUserFunction
 
+from ..verdict import rounded_up
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -24,7 +26,7 @@ def bounds_at(watch: Watch, t: float) -> dict[str, np.ndarray]:
 def live_line(watches: Sequence[Watch], t: float) -> str:
     """Return in words what the bounds are at t, the largest of the rows of each output."""
     found = [
-        f"{out.name} {np.max(bounds[out.name]):.3g} {out.unit}"
+        f"{out.name} {rounded_up(np.max(bounds[out.name]))} {out.unit}"
         for watch in watches
         for bounds in [bounds_at(watch, t)]
         for out in watch.subject.outputs

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..choice import outputs_of
 from ..errors import InputError, check_count
+from ..verdict import rounded_up
 from .trial import build_trial, same_times
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class LevelOutput:
         largest, apart, bound = (np.max(np.abs(x)) for x in (self.value, self.difference, self.bound))
         return (
             f"{self.name}: up to {largest:.4g} {self.unit}, {apart:.3g} {self.unit} from the finer run, "
-            f"error at most {bound:.3g} {self.unit}"
+            f"error at most {rounded_up(bound)} {self.unit}"
         )
 
 
