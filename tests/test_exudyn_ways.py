@@ -21,6 +21,7 @@ from exudyn_romerr.errors import InputError
 from exudyn_romerr.mbs import hook as hooks
 from exudyn_romerr.online import Run
 from exudyn_romerr.scope import FROZEN
+from exudyn_romerr.verdict import rounded_up
 from models import floating
 from tests import mechanism_runs
 from tests.mbs_scenes import INPUTS, SOLVERS, TIP, N, add_reduced_body, chain_body, force, new_mbs, random_basis
@@ -250,7 +251,9 @@ def test_bands_around_the_lines_of_plotsensor(bar):
         assert plt.matplotlib.colors.same_color(band.get_facecolor()[0][:3], line.get_color())
     texts = [text.get_text() for text in plotted[1].legends[0].get_texts()]
     largest = np.max(out.bound["best"], axis=0)
-    assert texts[-2:] == [f"sensor1 {axis} ± at most {largest[row]:.2g} m" for row, axis in ((1, "y"), (2, "z"))]
+    assert texts[-2:] == [
+        f"sensor1 {axis} ± at most {rounded_up(largest[row], 2)} m" for row, axis in ((1, "y"), (2, "z"))
+    ]
 
 
 def test_band_on_other_axes_with_a_legend(bar):
@@ -313,7 +316,7 @@ def test_lines_only_where_all_steps_are_told(mode, lines, kind, capfd):
     for line in told[-1:]:
         last = {out.name: out.bound["best"][-1].max() for out in monitor.report().outputs.values()}
         assert line == f"error bounds at t = {monitor.report().t[-1]:g}: " + ", ".join(
-            f"{name} {bound:.3g} m" for name, bound in last.items()
+            f"{name} {rounded_up(bound)} m" for name, bound in last.items()
         )
 
 
