@@ -13,6 +13,7 @@ from theorem import random_case
 
 from exudyn_romerr import InputError, load_report
 from exudyn_romerr.scope import NOT_CERTIFIED
+from exudyn_romerr.verdict import rounded_up
 
 ROOT = Path(__file__).parent.parent
 PAPER = ("fast", "convolution")
@@ -187,7 +188,7 @@ def test_summary_says_what_is_not_covered(report, case):
     text = str(compared(report, case))
     assert "time integration is not covered" in text
     assert "scope complete" in text
-    assert f"reduction error at most {report.output('y').bound['best'].max():.3g} m" in text
+    assert f"reduction error at most {rounded_up(report.output('y').bound['best'].max())} m" in text
     assert "bound / error: " in text
 
 
