@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from exudyn_romerr.style import COLOURS, STYLES
+
 COVERS = {
     "state-space": "initial error; grows with the run",
     "fast": "initial error; grows with the run",
@@ -112,13 +114,20 @@ def draw(t: np.ndarray, lines: Sequence[Measured], meshes: Sequence[Refined], pa
     figure = Figure(figsize=(10, 4), layout="constrained")
     left, right = figure.subplots(1, 2)
     for line in lines:
-        left.semilogy(1e3 * t[1:], line.curve[1][1:], label=line.name)
-    left.semilogy(1e3 * t[1:], np.abs(lines[0].curve[0][1:]), "k", linewidth=0.8, label="true error")
+        e, many = line.name.split(",")[0], "40" in line.name
+        style = {"color": COLOURS[e], "linestyle": ":" if many else STYLES[e], "linewidth": 3 if many else 1.5}
+        left.semilogy(1e3 * t[1:], line.curve[1][1:], label=line.name, **style)
+    error = np.abs(lines[0].curve[0][1:])
+    left.semilogy(1e3 * t[1:], error, color=COLOURS["error"], linewidth=0.8, label="true error")
     left.set(xlabel="time / ms", ylabel="tip z, total error / m", ylim=(1e-14, None))
     left.legend(fontsize="x-small", ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
     for i, e in enumerate(meshes[0].effectivity):
         right.loglog(
-            [mesh.coordinates for mesh in meshes], [mesh.effectivity[e] for mesh in meshes], "os^x"[i] + "-", label=e
+            [mesh.coordinates for mesh in meshes],
+            [mesh.effectivity[e] for mesh in meshes],
+            "os^x"[i] + "-",
+            color=COLOURS[e],
+            label=e,
         )
     right.set(xlabel="coordinates of the mesh", ylabel="largest bound / largest true error")
     right.legend(fontsize="x-small", ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
