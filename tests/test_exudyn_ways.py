@@ -266,7 +266,7 @@ def test_band_on_other_axes_with_a_legend(bar):
         assert len(ax.collections) == 1  # the second replaces the first
         largest = np.max(report.output("sensor1").bound["best"][:, 0])
         legend = [text.get_text() for text in ax.get_legend().get_texts()]
-        assert legend == ["mine", f"sensor1 x ± at most {largest:.2g} m{said}"]
+        assert legend == ["mine", f"sensor1 x ± at most {rounded_up(largest, 2)} m{said}"]
 
 
 def test_bound_sensor_is_plotted(bar):

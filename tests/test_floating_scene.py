@@ -916,7 +916,7 @@ def test_tolerance_stops_the_solve(frame):
     monitor = watched(scene, [node_displacement("tip", node=20, frame=frame)], tolerance=1e-9)
     solve(scene, h=1e-4)
     assert scene.mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
-    assert "tolerance on 'tip' exceeded" in monitor.report().messages[0]
+    assert any("tolerance on 'tip' exceeded" in message for message in monitor.report().messages)
 
 
 def test_mbs_is_freed_when_dropped():
