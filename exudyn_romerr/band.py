@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError
-from .plot import at_most, condition
+from .plot import at_most
+from .verdict import under
 
 if TYPE_CHECKING:
     from .report import BoundReport
@@ -53,7 +54,7 @@ def add_bands(plotted: Any, report: BoundReport, name: str, components: int | Se
     for row in _checked(components, len(out.row_names)):
         value, bound, shown = out.value[:, row], out.bound["best"][:, row], out.row_names[row]
         line = _line_of(ax, report.t, value, shown)
-        label = f"{shown} ± {at_most(bound, out.unit)}{condition(report)}"
+        label = f"{shown} ± {at_most(bound, out.unit)}{under(report.scope)}"
         key = f"band of {shown} around line {ax.get_lines().index(line)}"
         for older in [x for x in ax.collections if x.get_gid() == key]:
             older.remove()

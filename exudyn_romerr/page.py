@@ -15,7 +15,7 @@ from .page_parts import CSS, items, numbers, paragraph, section, table, words
 from .plot import draw_bounds, draw_causes, draw_signal
 from .scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
 from .style import DPI, SIZE, new_figure, of_one_size
-from .verdict import advises, best_estimator, outside, rounded_up, sentence, under
+from .verdict import advises, best_estimator, instant, is_uncertified, outside, rounded_up, sentence, under
 from .writing import write_whole
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _verdicts(report: BoundReport) -> Iterator[str]:
 
 def _notes(report: BoundReport, out: OutputReport, row: int) -> Iterator[str]:
     best = best_estimator(out, row, report.scope)
-    certain = f", {NOT_CERTIFIED}: see the messages" if report.scope_reason.endswith(NOT_CERTIFIED) else ""
+    certain = f", {NOT_CERTIFIED}: see the messages" if is_uncertified(report) else ""
     yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
     if not np.isfinite(np.max(out.bound["best"][:, row])):
         yield f"That estimator {report.reasons[best]}."
@@ -175,8 +175,7 @@ def _output_row(report: BoundReport, out: OutputReport, row: int, name: str, est
 
 
 def _largest(report: BoundReport, bound: np.ndarray, unit: str = "") -> str:
-    at = report.t[np.argmax(bound)]
-    when = f"load factor {at:.4g}" if report.time == "static" else f"t = {at:.4g} s"
+    when = instant(report.time, report.t[np.argmax(bound)])
     if not np.isfinite(np.max(bound)):
         return f"infinite\nfrom {when}"
     return f"{rounded_up(np.max(bound))} {unit}".strip() + f"\nat {when}"

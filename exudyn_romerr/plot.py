@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError, check_count
-from .scope import FROZEN
 from .style import (
     CAUSES,
     COLOURS,
@@ -25,7 +24,7 @@ from .style import (
     save,
     spread,
 )
-from .verdict import rounded_up, widest_scope
+from .verdict import error_kind, rounded_up, under
 
 if TYPE_CHECKING:
     import os
@@ -102,11 +101,12 @@ def draw_signal(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     """
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
-    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound{condition(report)}, {at_most(bound, out.unit)}")
+    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound{under(report.scope)}, {at_most(bound, out.unit)}")
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
     if out.corrected is not None:
         corrected, bound = out.corrected[:, row], out.corrected_bound[:, row]
-        label = f"corrected ± its bound{condition(report, 'auxiliary')}, {at_most(bound, out.unit)}"
+        by = "auxiliary" if "auxiliary" in report.scope else "best"  # coupled, "energy" knows a correction too
+        label = f"corrected ± its bound{under(report.scope, by)}, {at_most(bound, out.unit)}"
         _band(ax, t, corrected, bound, COLOURS["auxiliary"], label)
         ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label="corrected output")
     if out.error is not None:
@@ -124,7 +124,7 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     out, t = _row_of(report, name, row), report.t
     for place, e in enumerate(e for e in out.bound if e != "best"):
         style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
-        label = f"bound '{e}'{condition(report, e)}"
+        label = f"bound '{e}'{under(report.scope, e)}"
         log_line(ax, t, out.bound[e][:, row], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
     if out.error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
@@ -134,7 +134,7 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
     title = f"{out.row_names[row]}: how wrong at most"
-    ylabel = f"{error_kind(report)} of {out.row_names[row]} / {out.unit}"
+    ylabel = f"{error_kind(report.time)} of {out.row_names[row]} / {out.unit}"
     ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)
     finish(ax)
 
@@ -165,7 +165,8 @@ def draw_causes(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
         t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=_worst(report, out, row, worst)
     )
     title = f"{out.row_names[row]}: where its error bound comes from"
-    ax.set(xlabel=_time(report), ylabel=f"share of the {error_kind(report)} bound / %", ylim=(0, 100), title=title)
+    ylabel = f"share of the {error_kind(report.time)} bound / %"
+    ax.set(xlabel=_time(report), ylabel=ylabel, ylim=(0, 100), title=title)
     ax.margins(x=0.01)
     finish(ax)
 
@@ -212,17 +213,6 @@ def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.n
 def _dots(t: np.ndarray) -> str | None:
     """A single instant has no line."""
     return "o" if len(t) == 1 else None
-
-
-def error_kind(report: BoundReport) -> str:
-    """Return what the bounds bound."""
-    return "reduction error" if report.time == "sampled" else "error"
-
-
-def condition(report: BoundReport, e: str = "best") -> str:
-    """Return what must be said with a bound: nothing, or that it holds for frozen inputs only."""
-    scope = widest_scope(report.scope) if e == "best" else report.scope[e]
-    return ", inputs frozen" if scope == FROZEN else ""
 
 
 def _time(report: BoundReport) -> str:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError, check_array, check_choice, check_nodes
-from .plot import condition, error_kind
 from .style import COLOURS, THIN, WIDE, picture
-from .verdict import rounded_up, widest_scope
+from .verdict import error_kind, instant, rounded_up, under, widest
 
 if TYPE_CHECKING:
     import os
@@ -81,14 +80,14 @@ def draw_body(
     parts = _coloured(ax, moved, cells, bound[cells].max(axis=1))
     _frame(ax, moved, unit)
     bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
-    bar.set_label(f"bound of the {error_kind(report)} by '{e}'{condition(report, e)} / {unit}")
+    bar.set_label(f"bound of the {error_kind(report.time)} by '{e}'{under(report.scope, e)} / {unit}")
     bar.formatter.set_powerlimits((-3, 4))
     ax.set_title(_title(report, bound, at, scale, unit))
 
 
 def _sharpest(report: BoundReport) -> str:
-    widest = [e for e in report.node_bound if report.scope[e] == widest_scope(report.scope)]
-    return min(widest, key=lambda e: np.max(report.node_bound[e]))
+    known = (e for e in widest(report.scope) if e in report.node_bound)
+    return min(known, key=lambda e: np.max(report.node_bound[e]))
 
 
 def surface_triangles(elements: Any) -> np.ndarray:
@@ -179,7 +178,7 @@ def _frame(ax: Any, places: np.ndarray, unit: str) -> None:
 
 
 def _title(report: BoundReport, bound: np.ndarray, at: int, scale: float | None, unit: str) -> str:
-    when = f"load factor {report.t[at]:.4g}" if report.time == "static" else f"t = {report.t[at]:.4g} s"
+    when = instant(report.time, report.t[at])
     worst = int(np.argmax(bound))
     drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
     infinite = ", orange: infinite" if np.isinf(bound).any() else ""

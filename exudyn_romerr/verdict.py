@@ -39,17 +39,36 @@ def widest_scope(scope: dict[str, str]) -> str:
     return min(scope.values(), key=SCOPES.index)
 
 
-def under(scope: dict[str, str]) -> str:
-    """Return what must be said with bounds and corrections of the widest scope."""
-    return ", inputs frozen" if widest_scope(scope) == FROZEN else ""
+def widest(scope: dict[str, str]) -> list[str]:
+    """Return the estimators whose scope covers most."""
+    return [e for e in scope if scope[e] == widest_scope(scope)]
+
+
+def under(scope: dict[str, str], e: str = "best") -> str:
+    """Return what must be said with a bound: nothing, or that it holds for frozen inputs only."""
+    return ", inputs frozen" if (widest_scope(scope) if e == "best" else scope[e]) == FROZEN else ""
+
+
+def error_kind(time: str) -> str:
+    """Return what the bounds bound."""
+    return "reduction error" if time == "sampled" else "error"
+
+
+def instant(time: str, t: float) -> str:
+    """Return in words where in a run, or in a static solve, something is."""
+    return f"load factor {t:.4g}" if time == "static" else f"t = {t:.4g} s"
+
+
+def is_uncertified(report: BoundReport) -> bool:
+    """Return whether the balance of the run speaks against all of its bounds."""
+    return report.scope_reason.endswith(NOT_CERTIFIED)
 
 
 def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -> str:
     """Return one line of the summary: largest value, bound at the worst instant, the estimator that gave it."""
     best = best_estimator(out, row, scope)
-    kind = "reduction error" if time == "sampled" else "error"
-    by = f"by '{best}', inputs frozen" if scope[best] == FROZEN else f"by '{best}'"
-    text = f"{out.row_names[row]}: up to {_largest(out.value, row):.4g} {out.unit}, {kind}"
+    by = f"by '{best}'{under(scope, best)}"
+    text = f"{out.row_names[row]}: up to {_largest(out.value, row):.4g} {out.unit}, {error_kind(time)}"
     if not np.isfinite(_largest(out.bound["best"], row)):
         return f"{text} not bounded{_where_finite(out, row)}"
     if at_round_off(out)[row]:
@@ -59,7 +78,7 @@ def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -
 
 def advises(report: BoundReport) -> bool:
     """Return whether the report gives advice: not if no bound is certified, or of a run's first instant only."""
-    return not report.scope_reason.endswith(NOT_CERTIFIED) and (report.time == "static" or len(report.t) > 1)
+    return not is_uncertified(report) and (report.time == "static" or len(report.t) > 1)
 
 
 def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
@@ -77,8 +96,7 @@ def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str], advi
 
 def best_estimator(out: OutputReport, row: int, scope: dict[str, str]) -> str:
     """Return the estimator with the smallest bound, of those whose scope covers most."""
-    widest = [e for e in out.bound if e != "best" and scope[e] == widest_scope(scope)]
-    return min(widest, key=lambda e: _largest(out.bound[e], row))
+    return min(widest(scope), key=lambda e: _largest(out.bound[e], row))
 
 
 def at_round_off(out: OutputReport) -> np.ndarray:

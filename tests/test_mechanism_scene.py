@@ -69,6 +69,14 @@ def test_best_is_of_the_widest_scope_though_others_are_smaller():
         assert np.max(report.output("probe").corrected_bound) > np.max(bound["auxiliary"])
 
 
+def test_coupled_energy_alone_is_plotted_with_its_correction(tmp_path):
+    for report in reports(pendulum(), estimators="energy"):
+        assert report.output("probe").corrected is not None
+        figure = report.plot(tmp_path / "run.png")
+        legends = [text.get_text() for ax in figure.axes for text in ax.get_legend().get_texts()]
+        assert any(text.startswith("corrected ± its bound, at most") for text in legends)
+
+
 def test_correction_under_frozen_inputs_says_so():
     for report in reports(pendulum(), estimators="auxiliary", scope=FROZEN):
         assert "of the full model, inputs frozen" in str(report)
