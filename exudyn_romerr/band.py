@@ -10,13 +10,13 @@ import numpy as np
 
 from .errors import InputError
 from .plot import at_most
+from .samples import SAME_TIMES
 from .verdict import under
 
 if TYPE_CHECKING:
     from .report import BoundReport
 
 SAME_VALUES = 1e-6  # of the largest: sensor files have 10 digits; a factor between units is 10 at least
-SAME_TIMES = 1e-9  # of the span: solvers add up their steps
 
 
 def add_bands(plotted: Any, report: BoundReport, name: str, components: int | Sequence[int] = 0) -> list[Any]:

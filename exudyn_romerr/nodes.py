@@ -13,31 +13,32 @@ if TYPE_CHECKING:
     from typing import Any
 
     from .problem import Problem
+    from .stream import Worst
 
 CHUNK = 600  # rows solved for at once: their solutions are of full size
 CACHED = ("Y_C_M", "Y_C_K", "C2", "C_K", "static_rows", "split")  # what a problem has made of its rows
 
 
-def node_bounds(problem: Problem, make: Any, instants: dict[str, tuple[tuple, float]]) -> dict[str, np.ndarray]:
+def node_bounds(problem: Problem, make: Any, worst: dict[str, Worst]) -> dict[str, np.ndarray]:
     """Return the bound of |u - u_reduced| at every node (nodes,) by every estimator.
 
     Parameters
     ----------
     make : callable
         (name, problem) -> estimator.
-    instants : dict
-        Estimator -> what it bounded the outputs with at its worst instant, and how much |e|_M was widened there.
+    worst : dict
+        Estimator -> its worst instant.
     """
     body = problem.body
     per_node = body.dofs_per_node
     rows = (per_node * np.arange(len(body.positions))[:, None] + np.arange(3)).ravel()
-    bounds = {name: np.zeros(len(rows)) for name in instants}
+    bounds = {name: np.zeros(len(rows)) for name in worst}
     Z = body.space.Z.tocsr()
     for first in progress(range(0, len(rows), CHUNK), "bounds at nodes"):
         part = slice(first, first + CHUNK)
         seen = _with_rows(problem, Z[rows[part]].toarray())
-        for name, (instant, widened) in instants.items():
-            bounds[name][part] = make(name, seen).outputs_at(instant) + widened * seen.C2
+        for name, at in worst.items():
+            bounds[name][part] = make(name, seen).outputs_at(at.instant) + at.widened * seen.C2
     return {name: np.linalg.norm(x.reshape(-1, 3), axis=1) for name, x in bounds.items()}
 
 

@@ -160,7 +160,7 @@ def prepare(
         from_static=lambda: prepare(
             body, basis, initial="equilibrium", sampled_inputs=sampled_inputs, scene=scene, **of_problem, **of_run
         ),
-        nodes=lambda instants: node_bounds(problem, lambda name, p: _made(name, p, scene), instants),
+        nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
         static=lambda: StaticError(problem),
     )
 

@@ -104,9 +104,9 @@ class ModalOscillators:
     def __init__(self, omega: np.ndarray, zeta: np.ndarray):
         self.omega, self.zeta = omega, zeta
         self._made: dict[int, _Step] = {}  # degree -> the step that others of nearly its length follow from
-        self._last: dict[int, tuple[_Step, np.ndarray]] = {}  # degree -> the last step, its bands
+        self._last: dict[int, tuple[_Step, np.ndarray, np.ndarray]] = {}  # degree -> the last step, weights, bands
         self._lag = 0.0  # s: time that passed, less that of the steps made: rounding of times, and no sum of it
-        self.drift = 0.0  # s: how far times within the last block were from those of the steps made
+        self.drift = 0.0  # s: how far times of the last block were from those of the steps made, and their rounding
 
     def started(self) -> ModalOscillators:
         """Return the same oscillators for another run; they share the steps that were made."""
@@ -120,7 +120,7 @@ class ModalOscillators:
         t (S,) are the ends, h (S,) the lengths of the segments, d the degree of the forces in time.
         """
         rounding = 16 * np.finfo(float).eps * max(abs(t[-1]), abs(t[0] - h[0]))
-        self.drift = 0.0
+        self.drift = 2 * rounding
         if np.max(np.abs(h[:-1] - h[0]), initial=0.0) > rounding:
             return self._different_steps(state, h, F)
         if abs(h[-1] - h[0]) <= rounding:
@@ -131,15 +131,17 @@ class ModalOscillators:
     def _equal_steps(self, state: np.ndarray, lengths: np.ndarray, F: np.ndarray, rounding: float) -> np.ndarray:
         """Of one length, but for rounding of times: past a power of two all are longer or shorter by the same."""
         steps, degree = len(F), F.shape[1] - 1
-        self.drift = float(np.max(np.abs(np.cumsum(lengths - np.mean(lengths)))))
-        h = float(np.mean(lengths)) + self._lag / steps
-        step, bands = self._last.get(degree, (None, np.zeros((0, 4, 0))))
-        if step is None or abs(step.h - h) > rounding:
-            step, bands = self._of_length(degree, h), np.zeros((0, 4, 0))
+        mean = float(np.mean(lengths))
+        self.drift += float(np.max(np.abs(np.cumsum(lengths - mean))))
+        h = mean + self._lag / steps
+        if degree not in self._last or abs(self._last[degree][0].h - h) > rounding:
+            step = self._of_length(degree, h)
+            self._last[degree] = step, step.weights(), np.zeros((0, 4, 0))
+        step, weights, bands = self._last[degree]
         if bands.shape[2] < 2 * steps:
             bands = _bands(step.A, steps)
-        self._last[degree], self._lag = (step, bands), steps * (h - step.h)
-        driven = np.einsum("cjm,sjm->scm", step.weights(), F)
+        self._last[degree], self._lag = (step, weights, bands), steps * (h - step.h)
+        driven = np.einsum("cjm,sjm->scm", weights, F)
         return _marched(bands[:, :, : 2 * steps], _apply(step.A, state), driven)
 
     def _different_steps(self, state: np.ndarray, h: np.ndarray, F: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from .errors import InputError, check_array, check_choice, real_array
 from .formats import columns, write_csv
 from .plan import Plan
+from .samples import SAME_TIMES
 from .saving import write_npz
 from .verdict import advice, advises, at_round_off, outside, rounded_up, row_names, row_verdict, under, widest_scope
 
@@ -154,8 +155,7 @@ class BoundReport:
         at = np.clip(np.searchsorted(t, self.t), 1, max(len(t) - 1, 1)) if len(t) > 1 else np.zeros(len(self.t), int)
         at = np.where(np.abs(t[at - 1] - self.t) < np.abs(t[at] - self.t), at - 1, at)
         gap = np.abs(t[at] - self.t)
-        # solvers add up their steps: rounding of t grows to about 1e-12 of the span
-        if gap.max() > 1e-9 * max(np.ptp(self.t), np.finfo(float).tiny):
+        if gap.max() > SAME_TIMES * max(np.ptp(self.t), np.finfo(float).tiny):
             raise InputError(f"t lacks the report's instant {self.t[gap.argmax()]:.6g} s; give the truth at report.t")
         out.error = y[at] - out.value
         truth = np.max(np.abs(out.error), axis=0)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from .inputs import InputSignal
 
+SAME_TIMES = 1e-9  # of the span: instants this close are one; solvers add up their steps, to 1e-12 of it
 SNAP = 1e-9  # of a step: a jump this close to a sample is at the sample; solvers add up their steps
 
 

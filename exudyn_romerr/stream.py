@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,14 @@ if TYPE_CHECKING:
     from .views import View
 
 
+class Worst(NamedTuple):
+    """Where |e|_M has its largest bound: that bound, what bounds the outputs there, how much |e|_M was widened."""
+
+    position: float
+    instant: tuple
+    widened: float
+
+
 class Stream:
     """Copies of the estimators, fed with blocks; remembers their bounds at the ends of steps.
 
@@ -28,9 +36,7 @@ class Stream:
         self._only_outputs = only_outputs
         self.estimators = {name: copy.copy(e) for name, e in estimators.items()}
         self._kept = {name: KeptBounds() for name in estimators}
-        self._worst = dict.fromkeys(estimators, 0.0)
-        # what the outputs were bounded with where |e|_M has its largest bound, and how much |e|_M was widened there
-        self.worst: dict[str, tuple[tuple, float]] = {}
+        self.worst: dict[str, Worst] = {}
 
     def start(self, start: Start, *widenings: tuple) -> None:
         """Begin at the first instant of a run; widenings: see advance."""
@@ -60,8 +66,8 @@ class Stream:
 
     def _note(self, name: str, e: Any, bounds: Bounds, widened: float) -> None:
         i = int(np.argmax(bounds.position))
-        if name not in self.worst or bounds.position[i] > self._worst[name]:
-            self._worst[name], self.worst[name] = bounds.position[i], (e.instant(i), widened)
+        if name not in self.worst or bounds.position[i] > self.worst[name].position:
+            self.worst[name] = Worst(bounds.position[i], e.instant(i), widened)
 
     def load_steps(self, z: np.ndarray, *widenings: tuple) -> None:
         """Take load steps z (S, k) of a static solve, which do not depend on one another."""

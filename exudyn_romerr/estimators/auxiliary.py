@@ -9,7 +9,7 @@ import numpy as np
 from ..products import row_norms, rows_times
 from ..propagate import ModalOscillators
 from .base import Block, Bounds, Start, times
-from .energy import Growth, cut_size, output_share, smallest
+from .energy import Growth, cut_size, jump_share, output_share, smallest
 
 if TYPE_CHECKING:
     from ..problem import Problem
@@ -72,31 +72,29 @@ class Auxiliary:
             eta, eta_t = self.oscillators.inside(self.state, states, block.h, forces)
             static = self.growth.static_inside(self.norm_static, before, block)
             self.inside = np.hypot(row_norms(eta), static + d_M), np.hypot(row_norms(eta_t), v_M)
-        self.rounding = self.rounding + self._rounding_of(block, states, g)
+        eta, eta_t = np.abs(states).max(axis=0)
+        self.rounding = self.rounding + self._rounding_of(block, eta, eta_t, g)
         self.state = states[-1]
-        inexact = self.rounding + self._rounding_of_times(block, states) + self._unresolved(block)
+        # of times: steps follow them but for rounding, which does not add up
+        of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
+        inexact = self.rounding + of_times + self._unresolved(block)
         return self._bounds(block.c[:, -1], states, (g, g_jump), inexact, cut_size(block))
 
-    def _rounding_of(self, block: Block, states: np.ndarray, g: np.ndarray) -> np.ndarray:
+    def _rounding_of(self, block: Block, eta: np.ndarray, eta_t: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.
+
+        eta, eta_t: the largest of the block.
 
         A few units in the last place of its amplitude, of the angle omega h and of the terms of -P^T R, which cancel;
         and what inexact modes feel of the whole error, |K phi - omega^2 M phi|_{K^-1} (|e|_K + beta |e'|_K).
         """
         omega, duration = self.oscillators.omega, block.h.sum()
-        eta, eta_t = np.abs(states).max(axis=0)
         terms = np.abs(self.forcing) @ np.abs(block.c).max(axis=(0, 1))
         added = 8 * EPS * ((len(block.h) + omega * duration) * (eta + eta_t / omega) + duration / omega * terms)
         d_K = smallest(self.rates, g)[0].max()
         static = float(self.growth.norm(block.c[-1, -1])) + (g[0].max() if len(g) else 0.0)  # the variation is in g
         whole = float(row_norms((eta + self.beta * eta_t) * omega)) + d_K + static
         return added + duration * self.mode_residual * whole
-
-    def _rounding_of_times(self, block: Block, states: np.ndarray) -> np.ndarray:
-        """What eta (m,) may be off as its steps follow the block's times but for their rounding (propagate.py)."""
-        eta, eta_t = np.abs(states).max(axis=0)
-        t = max(abs(block.t[-1]), abs(block.t[0] - block.h[0]))
-        return (32 * EPS * t + self.oscillators.drift) * (self.oscillators.omega * eta + eta_t)
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -127,9 +125,7 @@ class Auxiliary:
         position = np.hypot(row_norms(eta), static + d_M) + row_norms(inexact)
         turned = row_norms(inexact * self.oscillators.omega)
         velocity = np.hypot(row_norms(eta_t), v_M) + turned
-        jumped = None
-        if g_jump.any():
-            jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
+        jumped = jump_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
         return Bounds(position, velocity, np.abs(known) + slack, jumped, known, slack)
 
     def _unresolved(self, block: Block) -> np.ndarray:

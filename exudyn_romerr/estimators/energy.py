@@ -68,9 +68,7 @@ class Energy:
         _, d_M, v_M = smallest(self.rates, g)
         static = np.abs(z @ self.static_rows.T) + times(cut, self.static_cut)
         outputs = static + output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)
-        jumped = None
-        if g_jump.any():
-            jumped = output_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
+        jumped = jump_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
         position = self.norm_static(z) + cut * self.per_mass + d_M
         return Bounds(position, v_M, outputs, jumped)
 
@@ -160,3 +158,8 @@ def output_share(rates: Sequence[Forgetting], g: np.ndarray, C_K, C_M, velocity_
     """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R)."""
     d_K, _, v_M = smallest(rates, g)
     return np.where(velocity_rows, times(v_M, C_M), times(d_K, C_K))
+
+
+def jump_share(rates: Sequence[Forgetting], g_jump: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray | None:
+    """Return output_share of what load jumps made; None: there were none."""
+    return output_share(rates, g_jump, C_K, C_M, velocity_rows) if g_jump.any() else None

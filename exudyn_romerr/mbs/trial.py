@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, RunError
+from ..samples import SAME_TIMES
 from .monitor import Monitor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ..report import BoundReport
-
-SAME_TIMES = 1e-9  # of the span: solvers add up their steps
 
 
 @dataclass(frozen=True)
