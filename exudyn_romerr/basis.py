@@ -105,8 +105,8 @@ def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float]
     Rayleigh or no damping: the undamped Krylov space of K + sigma M, sigma = (s^2 + alpha s)/(1 + beta s), which
     matches the damped moments too. General damping: Arnoldi on the companion form, positions kept.
     """
-    B = _restricted_inputs(body, inputs)
     check_type("body", body, ElasticBody)
+    B = _restricted_inputs(body, inputs)
     n = check_count("n", n, body.free.size, "free coordinates")
     shifts = check_array("shifts", shifts, (None,)).tolist()
     if not shifts or min(shifts) < 0:
@@ -255,4 +255,7 @@ def _check_rank(name: str, matrix: np.ndarray) -> None:
     triangle = np.abs(np.diag(la.qr(matrix / length, mode="r", pivoting=True)[0]))
     if triangle[-1] < RANK * triangle[0]:
         rank = int(np.sum(triangle >= RANK * triangle[0]))
-        raise InputError(f"{name} has rank {rank}, but {matrix.shape[1]} columns; remove the dependent ones")
+        raise InputError(
+            f"{name} of shape {matrix.shape} has rank {rank}, but {matrix.shape[1]} columns; remove the dependent "
+            "ones. Its rows are the N coordinates of the body, fixed ones included"
+        )

@@ -35,8 +35,14 @@ class InputSignal:
         return self._one_by_one([t])[0]
 
     def _one_by_one(self, t: Any) -> np.ndarray:
-        values = [self._f(time) for time in t]
+        values = [self._value(float(time)) for time in t]
         return check_array("input_function's values", np.reshape(values, (len(t), -1)), (len(t), self.p))
+
+    def _value(self, t: float) -> Any:
+        try:
+            return self._f(t)
+        except Exception as error:
+            raise InputError(f"input_function({t:g}) raised {type(error).__name__}: {error}") from error
 
     def _at_once(self, t: np.ndarray) -> np.ndarray | None:
         try:

@@ -28,6 +28,8 @@ def load_report(path: str | os.PathLike) -> BoundReport:
         found = meta["format"]
         if found == FORMAT:
             return _assembled(arrays, meta, os.fspath(path))
+    except IsADirectoryError as error:
+        raise InputError(f"{path} is a folder; pass one of the files that report.save wrote there") from error
     except FileNotFoundError as error:
         raise InputError(f"{path} is no file; pass the name given to report.save") from error
     except PermissionError as error:

@@ -19,6 +19,8 @@ SYMMETRY = 1e-9  # relative to the largest entry: assembled FE matrices printed 
 
 
 def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = True) -> sp.csc_matrix:
+    if matrix is None or isinstance(matrix, str):
+        raise InputError(f"{name}={matrix!r}; needed: a matrix (N, N) of real numbers, scipy.sparse or ndarray")
     try:
         matrix = sp.csc_matrix(matrix)
     except (TypeError, ValueError) as error:

@@ -54,6 +54,8 @@ class Output:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"name={self.name!r} of an Output; needed: a non-empty string")
+        if not isinstance(self.unit, str):
+            raise InputError(f"unit={self.unit!r} of output {self.name!r}; needed: a string, such as 'm'")
         known = ("displacement", "velocity", *(("position",) if self.frame == "global" else ()))
         check_choice(f"of (output {self.name!r})", self.of, known)
         check_choice(f"frame (output {self.name!r})", self.frame, ("body", "global"))

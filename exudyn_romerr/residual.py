@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import scipy.linalg as la
 
 from .errors import check_array, check_choice
 from .products import row_norms, rows_times
@@ -156,7 +157,10 @@ def initial_coordinates(body: ElasticBody, basis: Basis, q0: Any, q0_t: Any) -> 
     V, W = basis.restricted_to(body)
     pairs = (("q0", q0), ("q0_t", q0_t))
     q0, q0_t = (body.space.coordinates(name, check_array(name, x, (body.N,))) for name, x in pairs)
-    return np.linalg.solve(W.T @ V, W.T @ q0), np.linalg.solve(W.T @ (body.M @ V), W.T @ (body.M @ q0_t))
+    # W^T V has the square of the condition of V: nearly dependent columns go through the triangle of V alone
+    (Q, triangle), test = np.linalg.qr(V), np.linalg.qr(W)[0]
+    projected = (np.linalg.solve(test.T @ x, test.T @ y) for x, y in ((Q, q0), (body.M @ Q, body.M @ q0_t)))
+    return tuple(la.solve_triangular(triangle, x) for x in projected)
 
 
 def initial_error(body: ElasticBody, basis: Basis, q0: Any, q0_t: Any) -> tuple[np.ndarray, np.ndarray]:

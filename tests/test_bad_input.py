@@ -11,6 +11,7 @@ from exudyn_romerr import (
     InputError,
     RunError,
     gramian_basis,
+    initial_error,
     krylov_basis,
     modal_basis,
 )
@@ -45,7 +46,8 @@ BODIES = {
     "mass nan": (lambda: ElasticBody(changed(M, (1, 1), np.nan), K), InputError, "mass has a nan or inf"),
     "stiffness inf": (lambda: ElasticBody(M, changed(K, (1, 1), np.inf)), InputError, "stiffness has a nan or inf"),
     "damping nan": (lambda: ElasticBody(M, K, damping=changed(M, (1, 1), np.nan)), InputError, "damping has a nan"),
-    "mass is text": (lambda: ElasticBody("mass", K), InputError, "mass is not a real matrix"),
+    "mass is text": (lambda: ElasticBody("mass", K), InputError, "mass='mass'; needed: a matrix"),
+    "stiffness missing": (lambda: ElasticBody(M, None), InputError, r"stiffness=None; needed: a matrix \(N, N\)"),
     "both dampings": (
         lambda: ElasticBody(M, K, rayleigh=(0, 1), damping=M),
         InputError,
@@ -85,9 +87,9 @@ BASES = {
     "V rank-deficient": (
         lambda: Basis(np.column_stack([V, V[:, 0]])),
         InputError,
-        "V has rank 3, but 4 columns; remove",
+        r"V of shape \(10, 4\) has rank 3, but 4 columns; remove.*rows are the N coordinates",
     ),
-    "W rank-deficient": (lambda: Basis(V, V[:, [0, 1, 1]]), InputError, "W has rank 2"),
+    "W rank-deficient": (lambda: Basis(V, V[:, [0, 1, 1]]), InputError, r"W of shape \(10, 3\) has rank 2"),
     "V zero column": (lambda: Basis(changed(V, (slice(None), 1), 0.0)), InputError, r"V has a zero column \(1\)"),
     "V wide": (lambda: Basis(V.T), InputError, "V has shape"),
     "V without columns": (lambda: Basis(V[:, :0]), InputError, "V has shape"),
@@ -111,6 +113,7 @@ BASES = {
         InputError,
         r"inputs has shape \(3, 1\); needed: \(10, any\)",
     ),
+    "krylov body": (lambda: krylov_basis(M, B, 3), InputError, "body is a ndarray; needed: ElasticBody"),
     "krylov no load": (lambda: krylov_basis(BODY, 0 * B, 3), InputError, "inputs do not move"),
     "gramian band": (lambda: gramian_basis(BODY, B, 3, band=(2.0, 1.0)), InputError, "band=.*0 <= w_lo < w_hi"),
     "gramian n": (
@@ -137,6 +140,31 @@ def test_bases(name):
 def test_krylov_shifts_must_be_finite(shift):
     """Nan or inf anywhere is an InputError."""
     check_error(lambda: krylov_basis(BODY, B, 3, shifts=(shift,)), InputError, "shifts has a nan or inf")
+
+
+@pytest.mark.parametrize("apart", [1e-4, 1e-9])
+def test_initial_state_of_nearly_dependent_columns(apart):
+    """Columns that Basis takes make no singular equations: a state in their span is met, though V^T V is singular."""
+    close = np.column_stack([V, V[:, 0] + apart * np.eye(N)[0]])
+    q0 = close @ [1.0, 2.0, 3.0, 4.0]
+    e0, e0_t = initial_error(BODY, Basis(close), q0, q0)
+    # what a triangular solve leaves, of |V| |qr0| <= 20
+    assert max(np.abs(e0).max(), np.abs(e0_t).max()) <= 1e3 * np.finfo(float).eps * np.abs(q0).max()
+
+
+def test_input_function_that_raises_is_named():
+    """The message has the time it was called at, and what it raised."""
+
+    def fails_late(t):
+        if t > 0.5:
+            raise KeyError("table ends")
+        return 1.0
+
+    check_error(
+        lambda: run(input_function=fails_late),
+        InputError,
+        r"input_function\(0\.\d+\) raised KeyError: 'table ends'",
+    )
 
 
 def test_types_are_also_the_builtin_ones():

@@ -170,7 +170,7 @@ def test_onlookers_do_not_decide_on_auxiliary_modes():
 def test_slider_crank_needs_the_modes_that_the_truth_asks_for(share, crank_truth):
     """The chosen basis is within the tolerance, one mode less is not, by the error itself."""
     built = []
-    choice = romerr.choose_modes(noting(crank, built), {"tip": share, "mid": share}, relative=True)
+    choice = romerr.choose_modes(noting(crank, built), share, relative=True)  # of each output
     assert choice.met
     assert sum(len(monitor.runs) for monitor in built) <= 4
     worst = {}

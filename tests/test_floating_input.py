@@ -329,6 +329,44 @@ def output_of(**options):
     return reported(clamped(), outputs=[node_displacement("tip", **options)])
 
 
+def test_outputs_are_checked_by_attach():
+    """Node numbers and rows need no solve; a function of the body that asks for more waits until there is one."""
+    scene = clamped()
+    flex = floating_body(scene.fem, scene.items)
+    seen = node_displacement("global", node=65, frame="global")
+    for out in (node_displacement("tip", node=65), seen, Output("rows", np.ones(7))):
+        with pytest.raises(InputError, match=r"node 65; allowed|rows of output 'rows' has shape"):
+            attach(scene.mbs, flex, outputs=[out])
+    later = Output("modal", lambda body: body.expand(body.modes(1).shapes).T)
+    attach(scene.mbs, flex, outputs=[later])
+
+
+def test_fem_changed_after_floating_body_does_not_count():
+    """Matrices and positions are copied; edits in place do not reach the bounds."""
+    reports = []
+    for edit in (lambda fem: None, stiffened):
+        scene = clamped()
+        flex = floating_body(scene.fem, scene.items)
+        edit(scene.fem)
+        monitor = attach(scene.mbs, flex, outputs=[TIP], estimators="energy")
+        solve(scene, h=1e-4, steps=3)
+        reports.append(monitor.report())
+    # Exudyn's eigensolver gives modes whose last digits are others each time; twice the stiffness halves the bound
+    np.testing.assert_allclose(*(report.output(TIP.name).bound["energy"] for report in reports), rtol=1e-6)
+
+
+def stiffened(fem):
+    fem.stiffnessMatrix.data *= 2.0
+
+
+def test_rigid_interfaces_of_other_modes_are_refused_by_attach():
+    """The modes are there already."""
+    scene = bar()
+    flex = floating_body(scene.fem, scene.items, interfaces="rigid")
+    with pytest.raises(AssumptionError, match="is for RBE2 modes"):
+        attach(scene.mbs, flex, outputs=[TIP])
+
+
 def same_sensor_twice():
     scene = supported()
     sensor = sensor_on(scene)

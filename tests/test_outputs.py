@@ -42,6 +42,12 @@ def test_node_makers_pick_one_coordinate_a_row(maker, node, component):
     assert np.array_equal(rows, wanted)
 
 
+def test_unit_is_a_string():
+    """A number is refused when the output is made, not when it is printed."""
+    with pytest.raises(InputError, match=r"unit=3 of output 'tip'; needed: a string"):
+        Output("tip", np.ones(3), unit=3)
+
+
 def test_units_and_kinds():
     """Displacement in m, velocity in m/s and of="velocity", rotation in rad."""
     made = [maker("o", node=1) for maker in MAKERS]

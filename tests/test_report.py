@@ -106,6 +106,12 @@ def test_truncated_file_is_refused(report, tmp_path, share):
         load_report(path)
 
 
+def test_folder_is_refused(tmp_path):
+    """It is not called truncated."""
+    with pytest.raises(InputError, match="is a folder; pass one of the files"):
+        load_report(tmp_path)
+
+
 def test_foreign_files_are_refused(tmp_path):
     """No such file, text, another .npz."""
     (tmp_path / "text.npz").write_text("not a report")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +18,13 @@ from .bodies import ReducedBody
 from .floating import FloatingBody, read_object
 from .linear import LinearSubject
 from .moving import MovingSubject
+from .reference import require_still_interface
 from .sensors import sensor_output
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from ..outputs import Output
 
 UNNAMED = "there are no outputs, or they are not known before a solve begins; pass outputs= to attach"
 
@@ -48,19 +52,37 @@ def _linear(flex: ReducedBody, initial: Any, options: dict[str, Any]) -> LinearS
 
 def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any], scope: str) -> MovingSubject:
     """Joints and loads may still be added: what is known now is checked now."""
-    read_object(mbs, flex)
+    model = read_object(mbs, flex)
+    if flex.interfaces == "rigid":
+        require_still_interface(flex, model.V)
     outputs = options["outputs"]
     if isinstance(outputs, str | list | tuple):
         _refuse_texts(mbs, outputs)
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
         outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
     options["outputs"] = outputs if outputs is None else checked_outputs(outputs)
+    _check_rows(flex, options["outputs"] or ())
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
         check_choice(name, options[name], known)
     asked = options["estimators"]
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
     return MovingSubject(flex, {"initial": initial, **options}, scope)
+
+
+class _Mesh:
+    """What rows of outputs are made of that is known before the body's reference conditions are."""
+
+    def __init__(self, flex: FloatingBody):
+        self.positions, self.N, self.dofs_per_node = flex.positions, 3 * len(flex.positions), 3
+
+
+def _check_rows(flex: FloatingBody, outputs: Sequence[Output]) -> None:
+    """InputError for node numbers or rows that do not fit the mesh."""
+    mesh = _Mesh(flex)
+    for out in outputs:
+        with suppress(AttributeError):  # a user's own function of the body, which is not known yet
+            out.resolve(mesh)
 
 
 def _refuse_texts(mbs: Any, outputs: Any) -> None:
@@ -91,16 +113,19 @@ def _refuse_sensors(outputs: Any) -> None:
             )
 
 
-def checked_tolerance(tolerance: Any, names: Sequence[str]) -> dict[str, float]:
-    """Return output -> tolerance, empty if there is none; InputError unless they are positive, of known outputs."""
+def checked_tolerance(tolerance: Any, names: Sequence[str], for_each: bool = False) -> dict[str, float]:
+    """Return output -> tolerance, empty if there is none; InputError unless they are positive, of known outputs.
+
+    for_each: one number is meant for every output, as a share of its own size is.
+    """
     if tolerance is None:
         return {}
     if not names:
         raise InputError(f"tolerance={tolerance!r}: {UNNAMED}")
     if isinstance(tolerance, Real):
-        if len(names) != 1:
+        if len(names) != 1 and not for_each:
             raise InputError(f"tolerance={tolerance!r} for {len(names)} outputs; pass a dict name -> value")
-        tolerance = {names[0]: tolerance}
+        tolerance = dict.fromkeys(names, tolerance)
     if not isinstance(tolerance, dict):
         raise InputError(f"tolerance={tolerance!r}; needed: a dict name -> value (or a float if one output)")
     for name, limit in tolerance.items():

@@ -121,7 +121,6 @@ def add_reduced_body(
     B = _checked_inputs(body, inputs, input_function)
     model = _reduce(body, basis, B, input_function)
     model.force(0.0)  # a function that fails would stop Exudyn's solver without a word of what is wrong
-    model.force(0.0)  # a function that fails would stop Exudyn's solver without a word of what is wrong
     items = _add_items(mbs, model, _initial_state(body, basis, initial))
     return ReducedBody(mbs, body, basis, B, input_function, items, initial, model)
 

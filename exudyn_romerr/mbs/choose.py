@@ -50,7 +50,7 @@ def choose_modes(
     tolerance : dict or float
         Output name -> largest bound allowed, in the output's unit (a float if there is one output).
     relative : bool
-        Tolerances are shares of the largest value of the output.
+        Tolerances are shares of the largest value of the output; a float is the share for every output.
     pick : bool
         Take any of the modes, not the first n: build is called with the numbers (0 .. most - 1) of those to keep, in
         ascending order, instead of n. keep_modes(fem, numbers) keeps them.
@@ -114,7 +114,7 @@ class _Search:
         names = [out.name for monitor in trial.monitors for out in monitor.subject.outputs]
         if len(set(names)) < len(names):
             raise InputError(f"outputs of {trial.call} are {names}; give those of different bodies different names")
-        self._limits = checked_tolerance(self._tolerance, names)
+        self._limits = checked_tolerance(self._tolerance, names, for_each=self._relative)
         if not self._limits:
             raise InputError(f"tolerance={self._tolerance!r}; needed: a number or a dict, for some of {names}")
         return [Ladder(*monitor.subject.modes(trial.mbs), len(self._all)) for monitor in trial.monitors]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import exudyn as exu
@@ -23,27 +22,18 @@ SAME = 1e-9  # relative; Exudyn rounds reduced matrices at 1e-13 of their larges
 
 @dataclass(frozen=True, eq=False)
 class FloatingBody:
-    """A flexible body in a floating frame, as made by floating_body; to be passed to attach."""
+    """A flexible body in a floating frame, as made by floating_body; to be passed to attach.
+
+    mass, stiffness (N, N) and positions (nodes, 3) are those that the fem had then.
+    """
 
     fem: Any
     items: dict[str, Any]
     reference: MeanMotion | MassOrthogonal | None
     interfaces: str
-
-    @cached_property
-    def mass(self) -> sp.csc_matrix:
-        """M (N, N)."""
-        return sp.csc_matrix(self.fem.GetMassMatrix(sparse=True))
-
-    @cached_property
-    def stiffness(self) -> sp.csc_matrix:
-        """K (N, N)."""
-        return sp.csc_matrix(self.fem.GetStiffnessMatrix(sparse=True))
-
-    @cached_property
-    def positions(self) -> np.ndarray:
-        """Reference positions of the mesh nodes (nodes, 3)."""
-        return np.asarray(self.fem.GetNodePositionsAsArray(), dtype=float)
+    mass: sp.csc_matrix
+    stiffness: sp.csc_matrix
+    positions: np.ndarray
 
     @property
     def number(self) -> int:
@@ -64,7 +54,8 @@ def floating_body(
     Parameters
     ----------
     fem : exudyn.FEM.FEMinterface
-        The FE model whose modes the body has: full mass and stiffness matrices, node positions.
+        The FE model whose modes the body has: full mass and stiffness matrices, node positions. They are copied:
+        what is changed in the fem afterwards does not count.
     items : dict
         What cms.AddObjectFFRFreducedOrder(mbs, ...) or mbs.CreateFFRFReducedOrderObject(...) returned.
     reference : mean_motion(nodes, weights) or mass_orthogonal(), optional
@@ -113,7 +104,9 @@ def floating_body(
     if reference is not None and not isinstance(reference, MeanMotion | MassOrthogonal):
         raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights), mass_orthogonal() or None")
     check_choice("interfaces", interfaces, INTERFACES)
-    flex = FloatingBody(fem, items, reference, interfaces)
+    matrices = (sp.csc_matrix(of(sparse=True), copy=True) for of in (fem.GetMassMatrix, fem.GetStiffnessMatrix))
+    positions = np.array(fem.GetNodePositionsAsArray(), dtype=float)
+    flex = FloatingBody(fem, items, reference, interfaces, *matrices, positions)
     if flex.mass.shape[0] != 3 * len(flex.positions):
         raise AssumptionError(
             f"fem has {flex.mass.shape[0]} coordinates at {len(flex.positions)} nodes; a moving frame needs 3 a node"

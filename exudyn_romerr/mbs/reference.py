@@ -67,14 +67,20 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
     )
 
 
-def _rigid_interfaces(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
-    """The model of RBE2 modes: nodes that no mode moves are fixed, those of all other interfaces rigid."""
+def require_still_interface(flex: FloatingBody, V: np.ndarray) -> np.ndarray:
+    """Return the nodes that no mode moves; AssumptionError unless they hold the body, as RBE2 modes do."""
     still = _still_nodes(flex, V)
     if flex.reference is not None or not _holds(still, flex.positions):
         raise AssumptionError(
             f"interfaces='rigid' is for RBE2 modes, which leave the nodes of one interface still; found {still.size} "
             "still nodes; use interfaces='free'"
         )
+    return still
+
+
+def _rigid_interfaces(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
+    """The model of RBE2 modes: nodes that no mode moves are fixed, those of all other interfaces rigid."""
+    still = require_still_interface(flex, V)
     moving = [set(motion.nodes.tolist()) for motion in interfaces.values() if not np.isin(motion.nodes, still).all()]
     rigid = [part for part in _merged(moving) if _is_rigid(list(part), flex.positions, V)]
     text = f"{still.size} nodes that no mode moves, {len(rigid)} rigid interfaces"
