@@ -18,7 +18,7 @@ import numpy as np
 from exudyn import itemInterface
 
 import exudyn_romerr as romerr
-from examples import first_bound
+from examples import suspension_linkage
 from exudyn_romerr.plot import draw_bounds, draw_signal
 from exudyn_romerr.style import picture
 from models import exact, floating, linkage
@@ -112,7 +112,7 @@ def main(folder: str | Path = RESULTS, ladder: tuple = LADDER, sizes: tuple[int,
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     finest = ladder[-1][1]
-    plain, (sprung, u), (welded, fem, v) = first_bound.simulate(), released(2 * finest), bar()
+    plain, (sprung, u), (welded, fem, v) = suspension_linkage.simulate(), released(2 * finest), bar()
     compared(plain)
     rows = [timed(kind, *pair) for kind in BASES for pair in ladder]
     counts = [counted(n, finest) for n in sizes]

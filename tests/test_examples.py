@@ -10,7 +10,7 @@ from examples import (
     clamped_bar,
     double_pendulum,
     error_against_run_time,
-    first_bound,
+    suspension_linkage,
     flexible_pendulum,
     fundamental_matrix_norms,
     how_many_modes,
@@ -19,7 +19,7 @@ from examples import (
     rotor_run_up,
     slider_crank,
     sprung_body,
-    suspension_linkage,
+    paper_linkage,
 )
 from models import exact, linkage
 
@@ -94,18 +94,18 @@ def test_truth_of_the_linkage_does_not_depend_on_its_coordinates():
 @pytest.fixture(scope="module")
 def suspension(tmp_path_factory):
     directory = tmp_path_factory.mktemp("suspension")
-    return suspension_linkage.main(["--output", str(directory)], end=SHORT), directory
+    return paper_linkage.main(["--output", str(directory)], end=SHORT), directory
 
 
-def test_suspension_linkage_prints_the_published_constants(capsys):
-    suspension_linkage.print_constants(suspension_linkage.constants())
+def test_paper_linkage_prints_the_published_constants(capsys):
+    paper_linkage.print_constants(paper_linkage.constants())
     rows = re.findall(r"^(C\d+) +(\S+) +(\S+) ", capsys.readouterr().out, re.MULTILINE)
     assert [name for name, *_ in rows] == ["C1", "C11", "C12", "C2"]
     for _, computed, published in rows:
         assert float(computed) == pytest.approx(float(published), rel=5e-5)
 
 
-def test_suspension_linkage_bounds_hold_and_time_integration_is_exact_enough(suspension):
+def test_paper_linkage_bounds_hold_and_time_integration_is_exact_enough(suspension):
     run, _ = suspension
     reduction, total = run.true_errors(np.arange(len(run.report.t)))
     for bound in run.output.bound.values():
@@ -114,11 +114,11 @@ def test_suspension_linkage_bounds_hold_and_time_integration_is_exact_enough(sus
     assert np.max(np.abs(reduction)) == pytest.approx(2.3e-9, rel=0.05)
 
 
-def test_suspension_linkage_writes_pictures_and_tables(suspension):
+def test_paper_linkage_writes_pictures_and_tables(suspension):
     run, directory = suspension
-    for name in ("suspension_linkage.png", "error_against_run_time.png"):
+    for name in ("paper_linkage.png", "error_against_run_time.png"):
         assert (directory / name).read_bytes().startswith(PNG)
-    table = np.loadtxt(directory / "suspension_linkage.csv", delimiter=",", skiprows=1)
+    table = np.loadtxt(directory / "paper_linkage.csv", delimiter=",", skiprows=1)
     t, value, fast, convolution, reduction, total = table.T
     np.testing.assert_allclose(t, np.linspace(0, SHORT, 201))
     assert np.all(np.abs(reduction) <= convolution)
@@ -150,9 +150,9 @@ def test_error_against_run_time_rows_are_bounded(tmp_path):
     assert (tmp_path / "picture.png").read_bytes().startswith(PNG)
 
 
-def test_suspension_linkage_writes_the_figure_alone(tmp_path):
+def test_paper_linkage_writes_the_figure_alone(tmp_path):
     path = tmp_path / "figures" / "readme.png"
-    suspension_linkage.main(["--figure", str(path)], end=SHORT)
+    paper_linkage.main(["--figure", str(path)], end=SHORT)
     assert path.read_bytes().startswith(PNG)
     assert list(path.parent.iterdir()) == [path]
 
@@ -178,14 +178,14 @@ def test_fundamental_matrix_norms_agree_with_the_exponential(tmp_path, capsys):
     assert float(re.search(r"agree to (\S+) of", printed)[1]) < 1e-5
 
 
-def test_first_bound_prints_the_bound_and_draws_it(tmp_path, capsys):
-    report = first_bound.main(tmp_path, steps=200)
+def test_suspension_linkage_prints_the_bound_and_draws_it(tmp_path, capsys):
+    report = suspension_linkage.main(tmp_path, steps=200)
     out = report.output("tip z")
     # 200 steps of 10 ms: the error is that of the time step, which the sampled residual cannot see
     assert np.all(np.abs(out.error) <= out.bound["best"] + CLOSED_FORM * np.abs(out.value).max())
     assert out.effectivity["best"][0] < 1.2
     assert "from the step size, not the basis" in capsys.readouterr().out
-    assert (tmp_path / "first_bound.png").read_bytes()[:4] == PNG
+    assert (tmp_path / "suspension_linkage.png").read_bytes()[:4] == PNG
 
 
 def test_clamped_bar_bounds_what_a_truth_shows_that_has_a_bound_itself(tmp_path, capsys):

@@ -162,7 +162,9 @@ def test_sweep_works_in_spawned_processes(python, tmp_path):
     assert 0 < fine < coarse
 
 
-@pytest.mark.parametrize(("example", "option"), [("first_bound", ()), ("fundamental_matrix_norms", ("--output",))])
+@pytest.mark.parametrize(
+    ("example", "option"), [("suspension_linkage", ()), ("fundamental_matrix_norms", ("--output",))]
+)
 def test_examples_run_from_any_folder(example, option, python, tmp_path):
     """They find models/ by their own place, and write to the folder they are given, relative to the current one."""
     python.run(ROOT / "examples" / f"{example}.py", *option, "pictures", folder=tmp_path)
