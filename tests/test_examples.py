@@ -10,16 +10,16 @@ from examples import (
     clamped_bar,
     double_pendulum,
     error_against_run_time,
-    suspension_linkage,
     flexible_pendulum,
     fundamental_matrix_norms,
     how_many_modes,
     hump,
     linkage_scene,
+    paper_linkage,
     rotor_run_up,
     slider_crank,
     sprung_body,
-    paper_linkage,
+    suspension_linkage,
 )
 from models import exact, linkage
 
