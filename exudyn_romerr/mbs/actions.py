@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from ..errors import AssumptionError, InputError
 from ..frame import left_jacobian
 from ..space import MeanMotion, mean_motion
+from .load_functions import controllers, loads_with_functions
 from .scene import numbers
 
 if TYPE_CHECKING:
@@ -219,12 +220,21 @@ def _mean_motion(name: str, nodes: np.ndarray, weights: np.ndarray, flex: Floati
 
 
 def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions, load_factor: Callable | None) -> None:
+    unknown = controllers(mbs, loads_with_functions(mbs))  # never called for other times than those of the solver
     for i in range(mbs.systemData.NumberOfLoads()):
         load = mbs.GetLoad(i)
         number = int(load["markerNumber"])
-        if number in actions.places:
+        if number in actions.places and i in unknown:
+            place = actions.places[number]
+            _join(actions.wrenches, place if load["loadType"] == "TorqueVector" else place.without_torques())
+        elif number in actions.places:
             actions.loads.append(_load(i, load, actions.places[number], _vector(mbs, load, load_factor)))
         elif load["loadType"] == "MassProportional" and flex.number in numbers(mbs.GetMarker(number), "bodyNumber"):
+            if i in unknown:
+                raise AssumptionError(
+                    f"{unknown[i]}, gravity of object {flex.number}, depends on the motion or on earlier calls: what "
+                    "it is between the solver's calls is not known; make it a function of time alone"
+                )
             actions.gravity.append(_vector(mbs, load, load_factor))
 
 
@@ -249,15 +259,13 @@ def _vector(mbs: Any, load: dict, load_factor: Callable | None) -> Callable[[flo
 
 def _read_objects(mbs: Any, flex: FloatingBody, actions: Actions) -> None:
     """Collect where joints and connectors act; what acts on the same nodes with the same weights is one wrench."""
-    joined: list[Place] = []
     for i in range(mbs.systemData.NumberOfObjects()):
         item = mbs.GetObject(i)
         if i == flex.number or item.get("activeConnector") is False:
             continue
         for number in sorted(numbers(item, "markerNumbers") & set(actions.places)):
             place = actions.places[number]
-            _join(joined, place.without_torques() if _has_no_torque(item) else place)
-    actions.wrenches = joined
+            _join(actions.wrenches, place.without_torques() if _has_no_torque(item) else place)
 
 
 def _has_no_torque(item: dict) -> bool:

@@ -17,7 +17,8 @@ import numpy as np
 import scipy.linalg as la
 
 from ..errors import AssumptionError
-from .scope import coordinates_kept, loads_by_motion, loads_with_functions
+from .load_functions import controllers, loads_with_functions
+from .state_guard import coordinates_kept
 
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing changes
@@ -98,11 +99,13 @@ class Tangents:
 
     def _check_loads(self, mbs: Any) -> None:
         try:
-            controllers = loads_by_motion(mbs, self._loads)
+            found = controllers(mbs, self._loads)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
-        if controllers:
-            raise AssumptionError(f"{', '.join(controllers)} depend on the motion: pass scope='inputs frozen'")
+        if found:
+            raise AssumptionError(
+                f"{', '.join(found.values())} depend on the motion or on earlier calls: pass scope='inputs frozen'"
+            )
 
     def _mass(self, mbs: Any) -> np.ndarray:
         self._solver.ComputeMassMatrix(mbs)
