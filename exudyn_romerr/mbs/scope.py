@@ -34,6 +34,10 @@ SWITCHES = ("useLimitStops", "dynamicFrictionForce", "staticFrictionOffsetForce"
 PASSIVE = ("stiffness", "damping")  # parameters that take energy away or keep it, if not negative
 LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
 MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
+DRIVEN = (
+    "the bound holds for the full body under the motion of the frame that this simulation computed, at its samples and "
+    "linear between them; how far that is from the function, what time steps do to the frame's motion, is not covered"
+)
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
@@ -80,6 +84,8 @@ def find_scope(
     reacting = [place.name for place in actions.wrenches] + [load.name for load in actions.loads if load.follows]
     if not support.at_rest and not support.driven:
         reacting.insert(0, "the frame")
+    if not reacting and support.driven:
+        return Found(FROZEN, f"{support.text}; {DRIVEN}; loads do not depend on the body's deformation")
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     without = next(_no_feedback(mbs, wanted, model), "")
