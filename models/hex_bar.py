@@ -85,13 +85,16 @@ def bar(
     )
     flexible = items["oFFRFreducedOrder"]
     markers = {
-        side: floating.add_interface_marker(mbs, flexible, *floating.interface(fem, side)) for side in ("left", "right")
+        side: floating.add_interface_marker(mbs, flexible, *floating.interface(fem, side))
+        for side in ("left", "right")
     }
     sensors = _add_sensors(mbs, flexible, len(fem.nodes["Position"]) - 1)
     return HexScene(SC, mbs, fem, cms, items, markers, sensors, floating.solver_settings(h, t_end))
 
 
-def driven(motion: Callable, rate: Callable | None = None, axes: np.ndarray | None = None, **options: Any) -> HexScene:
+def driven(
+    motion: Callable, rate: Callable | None = None, axes: np.ndarray | None = None, **options: Any
+) -> HexScene:
     """Return the bar, its left face welded to the ground but for offsets motion(t) (6,), with rates rate(t).
 
     axes : (3, 3), of the joint on the ground. options: those of bar.
@@ -109,6 +112,28 @@ def driven(motion: Callable, rate: Callable | None = None, axes: np.ndarray | No
         itemInterface.GenericJoint(markerNumbers=[marker, scene.markers["left"]], **turned, **functions)
     )
     return scene
+
+
+def spinning(share: float, **options: Any) -> HexScene:
+    """Return the bar, hinged (axis y) at its left face, spinning at a share of its first frequency if clamped there.
+
+    options: those of bar. It begins undeformed: centrifugal forces act at once.
+    """
+    scene = bar(**options)
+    nodes, weights = floating.interface(scene.fem, "left")
+    hinge = weights @ scene.fem.GetNodePositionsAsArray()[nodes]
+    floating._add_joint(scene, "left", [1, 1, 1, 1, 0, 1])
+    w = np.array([0.0, share * first_frequency(), 0.0])
+    rates = [*-np.cross(w, hinge), 0.0, *(w / 2)]  # of the origin, and of Euler parameters
+    scene.mbs.SetNodeParameter(scene.items["nRigidBody"], "initialVelocities", rates)
+    return scene
+
+
+def first_frequency() -> float:
+    """Return the first frequency in rad/s of the bar whose left face has no mean motion."""
+    fem = load_fem()
+    floating.reduce(fem, 0, "complete")
+    return float(np.sqrt(fem.eigenValues[0]))
 
 
 def _element(edge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -151,9 +176,7 @@ def _add_sensors(mbs: Any, flexible: int, node: int) -> dict[str, int]:
     sensor = itemInterface.SensorSuperElement
     return {
         name: mbs.AddSensor(
-            sensor(
-                bodyNumber=flexible, meshNodeNumber=node, storeInternal=True, outputVariableType=kind, name=name
-            )
+            sensor(bodyNumber=flexible, meshNodeNumber=node, storeInternal=True, outputVariableType=kind, name=name)
         )
         for name, kind in shown.items()
     }

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ..frame import Turn
+    from ..frame import Turn, Veer
     from ..packing import Cut
     from ..problem import Problem
     from ..residual import StartNorms
@@ -21,11 +21,13 @@ class Added(NamedTuple):
     """What auxiliary vectors add to a reduced trajectory, which was bounded with it.
 
     q, q_t : (S, n) of modes and vectors. speed : (S,) the root of twice the kinetic energy of all that is added.
+    veer : how far that moves the frame; None: not at all.
     """
 
     q: np.ndarray
     q_t: np.ndarray
     speed: np.ndarray
+    veer: Veer | None = None
 
 
 @dataclass(frozen=True)
