@@ -87,14 +87,14 @@ def _between_samples(run: Run) -> list[str]:
     offline, quintic = run.offline, run.quintic
     if run.time == "static":
         return []
-    if offline.scene.pose is not None and offline.signal is None:
+    if offline.scene.pose is not None and offline.signal is None and offline.driven is None:
         return [FROM_SAMPLES]
     if quintic is None:
         return []
     if quintic.rounding_share > ROUNDING:
         share = f"{min(100 * quintic.rounding_share, 100):.0f} %"
         return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
-    if offline.signal is None and offline.coordinates.p:
+    if offline.signal is None and offline.coordinates.p and offline.driven is None:
         return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
     if quintic.largest_miss > RESOLVED:
         return [

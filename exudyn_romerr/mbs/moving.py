@@ -12,17 +12,19 @@ import numpy as np
 
 from ..basis import Basis
 from ..body import ElasticBody
+from ..driven_inputs import Inputs
 from ..frame import FramePose, translations
 from ..inputs import SampledSignal
 from ..offline import prepare
 from ..scope import COMPLETE, Scene
 from .actions import read_actions
+from .driven import read_driven, starts_off
 from .enriched import EnrichedBody
 from .floating import read_object
 from .reference import find_reference
 from .sampling import Sampler
 from .scene import load_factor
-from .scope import Wanted, find_scope
+from .scope import AUTO, Wanted, find_scope
 from .sensors import NO_SENSOR, BodySensors, body_sensors
 from .support import read_support
 from .terms import InputTerms
@@ -33,12 +35,14 @@ if TYPE_CHECKING:
     from ..offline import Offline
     from ..outputs import Output
     from .actions import Actions
+    from .driven import DrivenFrame
     from .floating import FloatingBody, ReducedMatrices
     from .reference import Reference
     from .scope import Found
     from .support import Support
 
 TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
+SHORT = 0.01  # rad of the first mode: how far a driven motion is looked at to tell the velocity that it begins with
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 
 
@@ -52,6 +56,7 @@ class MovingSubject:
         self._use(options["outputs"] or ())
         self.enriched: EnrichedBody | None = None
         self.columns = np.zeros(0, dtype=int)
+        self._last_time: float | None = None  # of the samples taken last
         self._signature: tuple = ()
         self._body: ElasticBody | None = None
 
@@ -62,7 +67,7 @@ class MovingSubject:
         reference = find_reference(self._flex, model.V, actions.interfaces())
         body = self._made_body(model, reference)
         idle = actions.drop_idle(body)
-        support = read_support(mbs, model, idle)
+        support = self._with_motion(mbs, model, read_support(mbs, model, idle), body, static)
         columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
         scope = self._find_scope(mbs, model, actions, support, static, attached, others)
         signature = (model.V.tobytes(), id(body), support, scope, *actions.signature())
@@ -151,6 +156,7 @@ class MovingSubject:
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt (S, n), u (S, p) and the frame (S, 21) of accepted steps."""
+        self._last_time = float(t[-1])
         return self._sampler(t, *states)
 
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
@@ -188,6 +194,42 @@ class MovingSubject:
         terms, actions = self._sampler.terms, self._sampler.actions
         return terms.values(actions, t, self._model.frame.motion(pose, rest, rest), q, q)
 
+    def _with_motion(
+        self, mbs: Any, model: ReducedMatrices, support: Support, body: ElasticBody, static: bool
+    ) -> Support:
+        """Take the motion of a driven frame from its function, where that can be had; tell why where not."""
+        self._driven: DrivenFrame | None = None
+        if not support.driven or static:
+            return support
+        options = self._options
+        if self._wanted.scope != AUTO or options["time"] != "reconstructed" or options["initial"] is not None:
+            return replace(support, unknown=f"needed: scope={AUTO!r}, time='reconstructed', initial=None")
+        system, size = mbs.systemData, model.frame.size
+        coordinates = np.concatenate([_coordinates(mbs, model.nodes[0])])
+        q, q_t = (x[coordinates][None] for x in (system.GetODE2Coordinates(), system.GetODE2Coordinates_t()))
+        now, t = model.frame.motion(q, q_t, np.zeros((1, size))), system.GetTime()
+        driven = read_driven(mbs, support, now)
+        if isinstance(driven, str):
+            return replace(support, unknown=driven)
+        self._short = SHORT / float(body.modes(1).omega[0])
+        off = "" if t == self._last_time else starts_off(driven, now, t, self._short)
+        if off:
+            return replace(support, unknown=off)
+        self._driven = driven
+        return replace(support, known=True)
+
+    def _driven_inputs(self, t: np.ndarray, q: np.ndarray, q_t: np.ndarray, start: float, end: float, step: float):
+        """Inputs of a frame that moves as its function says, at times in [start, end]; step: the shortest."""
+        end = end if end > start else start + self._short  # a run's first sample
+        d = self._driven.over(start, end, min(step, end - start))(t)
+        motion, (r_tt, al) = self._driven.motion(d), self._driven.off(d)
+        u = self._sampler.terms.values(self._sampler.actions, t, motion, q, q_t)
+        off = np.zeros_like(u)
+        off[:, :3], off[:, 3:12] = r_tt[:, None], al[:, None]
+        n = q.shape[1]
+        off[:, 12 : 12 + 9 * n] = np.tile(al[:, None] * np.abs(q), 9)
+        return Inputs(u, motion.rows(), off)
+
     def _scene(
         self,
         model: ReducedMatrices,
@@ -216,6 +258,7 @@ class MovingSubject:
             turns=not support.at_rest,
             checked=terms.unknown < model.V.shape[1],
             pose=FramePose(r, A),
+            driven=self._driven_inputs if support.known and scope.name == COMPLETE else None,
             minor=terms.minor,
             computed=(
                 f"floating body: held in its frame by {reference.source}",

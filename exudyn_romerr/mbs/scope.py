@@ -84,8 +84,9 @@ def find_scope(
     reacting = [place.name for place in actions.wrenches] + [load.name for load in actions.loads if load.follows]
     if not support.at_rest and not support.driven:
         reacting.insert(0, "the frame")
-    if not reacting and support.driven:
-        return Found(FROZEN, f"{support.text}; {DRIVEN}; loads do not depend on the body's deformation")
+    if not reacting and support.driven and not static and not support.known:
+        why = f" ({support.unknown})" if support.unknown else ""
+        return Found(FROZEN, f"{support.text}; {DRIVEN}{why}; loads do not depend on the body's deformation")
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     without = next(_no_feedback(mbs, wanted, model), "")

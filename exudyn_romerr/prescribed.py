@@ -1,0 +1,102 @@
+"""Prescribed: a function of time that nobody knows more of than its values, with its first two derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+EPS = np.finfo(float).eps
+DEGREE = 16
+LOW = 4  # degree of panels that do not resolve the function: one of high degree would overshoot at a kink
+RESOLVED = 1e-9  # of the second derivative
+
+
+class Derivatives(NamedTuple):
+    """Values, first and second derivatives (T, k) at some times; off (T, k): estimated error of the second ones."""
+
+    f: np.ndarray
+    f_t: np.ndarray
+    f_tt: np.ndarray
+    off: np.ndarray
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A polynomial on [start, end]: Chebyshev coefficients (degree + 1, k), estimated error (k,) of f''."""
+
+    start: float
+    end: float
+    coefficients: np.ndarray
+    off: np.ndarray
+
+    def __call__(self, t: np.ndarray) -> Derivatives:
+        """Return what the polynomial gives at times t (T,)."""
+        scale = 2 / (self.end - self.start)
+        x, c = (t - self.start) * scale - 1, self.coefficients
+        parts = [chebyshev.chebval(x, chebyshev.chebder(c, m) * scale**m).T for m in range(3)]
+        return Derivatives(*parts, np.broadcast_to(self.off, (len(t), len(self.off))))
+
+
+@dataclass(frozen=True)
+class Panels:
+    """Panels one after another."""
+
+    panels: tuple[Panel, ...]
+
+    def __call__(self, t: np.ndarray) -> Derivatives:
+        """Return values and derivatives at times t (T,) inside."""
+        edges = [panel.start for panel in self.panels[1:]]
+        which = np.searchsorted(edges, t, side="right")
+        found = np.zeros((4, len(t), self.panels[0].coefficients.shape[1]))
+        for i in np.unique(which).tolist():
+            found[:, which == i] = self.panels[i](t[which == i])
+        return Derivatives(*found)
+
+
+def resolved(f: Callable[[np.ndarray], np.ndarray], start: float, end: float, shortest: float) -> Panels:
+    """Return polynomials through f on [start, end] that are halved until they resolve it, or are `shortest`.
+
+    f takes times (T,) and returns (T, k). A panel resolves f where the last two of its coefficients would change f''
+    by less than RESOLVED of it, or are rounding. Where a panel is not resolved, its f'' is that of a polynomial of low
+    degree, whose error is estimated by how far the panel of higher degree is from it.
+    """
+    panel = _panel(f, start, end, DEGREE)
+    if _is_resolved(panel):
+        return Panels((panel,))
+    if end - start <= shortest:
+        return Panels((_low(f, start, end),))
+    middle = (start + end) / 2
+    return Panels(resolved(f, start, middle, shortest).panels + resolved(f, middle, end, shortest).panels)
+
+
+def _panel(f: Callable, start: float, end: float, degree: int) -> Panel:
+    x = chebyshev.chebpts1(degree + 1)
+    values = f(start + (x + 1) / 2 * (end - start))
+    coefficients = np.linalg.solve(chebyshev.chebvander(x, degree), values)
+    size = np.abs(values).max(axis=0)
+    tail = np.maximum(np.abs(coefficients[-2:]).max(axis=0), EPS * size)
+    return Panel(start, end, coefficients, tail * _bend(degree, end - start))
+
+
+def _bend(degree: int, length: float) -> float:
+    """Largest second derivative of the Chebyshev polynomial of a degree on an interval of some length."""
+    return degree**2 * (degree**2 - 1) / 3 * (2 / length) ** 2
+
+
+def _is_resolved(panel: Panel) -> bool:
+    length, c = panel.end - panel.start, panel.coefficients
+    f_tt = np.abs(panel(np.linspace(panel.start, panel.end, DEGREE)).f_tt).max(axis=0)
+    rounding = 8 * EPS * np.abs(c).sum(axis=0) * _bend(DEGREE, length)
+    return bool(np.all(panel.off <= np.maximum(RESOLVED * f_tt, rounding)))
+
+
+def _low(f: Callable, start: float, end: float) -> Panel:
+    panel = _panel(f, start, end, LOW)
+    spread = np.ptp(panel(np.linspace(start, end, DEGREE)).f_tt, axis=0)
+    return Panel(start, end, panel.coefficients, spread)
