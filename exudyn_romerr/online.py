@@ -45,7 +45,7 @@ class Opening(NamedTuple):
 class Extension(NamedTuple):
     """Further samples, and stream -> (their segments, index of the segment that ends each step).
 
-    frame : (S, 21), where a frame that moves as a function of time says is at the samples; None: where the run has it.
+    frame : (S, 21), where a frame that moves as a function of time says is at the samples; None: as the run has it.
     """
 
     new: Samples
@@ -147,7 +147,8 @@ class Run:
         for block, _ in segments.values():
             if not block.is_driven:
                 block.turn, block.cut = self._turn(samples, block), cut
-        frame = None if self.offline.driven is None else self.offline.driven.at(samples.t, samples.q, samples.q_t)[2][1:]
+        driven = self.offline.driven
+        frame = None if driven is None else driven.at(samples.t, samples.q, samples.q_t)[2][1:]
         return Extension(new, segments, frame)
 
     def advance(self, extension: Extension) -> None:

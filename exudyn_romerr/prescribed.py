@@ -62,9 +62,9 @@ class Panels:
 def resolved(f: Callable[[np.ndarray], np.ndarray], start: float, end: float, shortest: float) -> Panels:
     """Return polynomials through f on [start, end] that are halved until they resolve it, or are `shortest`.
 
-    f takes times (T,) and returns (T, k). A panel resolves f where the last two of its coefficients would change f''
-    by less than RESOLVED of it, or are rounding. Where a panel is not resolved, its f'' is that of a polynomial of low
-    degree, whose error is estimated by how far the panel of higher degree is from it.
+    f takes times (T,) and returns (T, k). A panel resolves f where the last two of its coefficients would change its
+    second derivative by less than RESOLVED of it, or are rounding. Where the shortest does not, a polynomial of low
+    degree is taken, and all that its second derivative changes by is its estimated error.
     """
     panel = _panel(f, start, end, DEGREE)
     if _is_resolved(panel):

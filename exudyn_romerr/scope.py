@@ -24,8 +24,8 @@ class Scene:
     bounds of the trajectory with auxiliary vectors. unknown : number of trailing inputs, wrenches of a mechanism.
     turns : the body is in a frame that may turn. checked : whether W^T R is a check, not used up by wrenches that
     follow from it. pose : of the frame in the reference configuration.
-    driven : inputs and motion of a frame that moves as a function of time says, see driven_inputs.py; None: those of the
-    run. minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
+    driven : inputs and motion of a frame that moves as a function of time says, see driven_inputs.py; None: those of
+    the run. minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines of the plan.
     """
 
     scope: str = COMPLETE

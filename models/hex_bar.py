@@ -1,4 +1,4 @@
-"""A plastic bar of 4 x 1 x 1 hexahedra, 60 coordinates: small enough for all its modes in Exudyn and for exact truths.
+"""A plastic bar of 4 x 1 x 1 hexahedra, 60 coordinates: few enough for all its modes in Exudyn and exact truths.
 
 The left face may be driven: a joint with all axes locked whose offsets are functions of time.
 """
@@ -30,7 +30,7 @@ LINEAR = np.polynomial.legendre.leggauss(2)[0]  # of -1..1; weights 1
 class HexScene:
     """A model of the bar; items, markers and sensors are Exudyn's numbers.
 
-    Markers: MarkerSuperElementRigid "left", "right". Sensors, of the corner at the far end of the bar: "displacement",
+    Markers: MarkerSuperElementRigid "left", "right". Sensors, of a corner at the far end of the bar: "displacement",
     "position", "velocity" (global axes), "displacement local", "velocity local" (in the floating frame).
     """
 
@@ -55,7 +55,7 @@ def load_fem() -> FEMinterface:
     fem = FEMinterface()
     edge = np.array([SIZE[0] / ELEMENTS, *SIZE[1:]])
     grid = {cell: i for i, cell in enumerate(product(range(ELEMENTS + 1), (0, 1), (0, 1)))}
-    hexes = np.array([[grid[tuple(corner + [i, 0, 0])] for corner in CORNERS] for i in range(ELEMENTS)])
+    hexes = np.array([[grid[tuple((corner + (i, 0, 0)).tolist())] for corner in CORNERS] for i in range(ELEMENTS)])
     x = np.array(list(grid)) * edge
     mass, stiffness = _element(edge)
     fem.nodes = {"Position": x}
@@ -92,12 +92,10 @@ def bar(
     return HexScene(SC, mbs, fem, cms, items, markers, sensors, floating.solver_settings(h, t_end))
 
 
-def driven(
-    motion: Callable, rate: Callable | None = None, axes: np.ndarray | None = None, **options: Any
-) -> HexScene:
+def driven(motion: Callable, rate: Callable | None = None, back: bool = False, **options: Any) -> HexScene:
     """Return the bar, its left face welded to the ground but for offsets motion(t) (6,), with rates rate(t).
 
-    axes : (3, 3), of the joint on the ground. options: those of bar.
+    back : the ground has the joint's second marker. options: those of bar.
     """
     scene = bar(**options)
     nodes, weights = floating.interface(scene.fem, "left")
@@ -107,10 +105,8 @@ def driven(
     functions = {"offsetUserFunction": lambda mbs, t, i, parameters: list(motion(t))}
     if rate is not None:
         functions["offsetUserFunction_t"] = lambda mbs, t, i, parameters: list(rate(t))
-    turned = {} if axes is None else {"rotationMarker0": axes, "rotationMarker1": axes}
-    scene.mbs.AddObject(
-        itemInterface.GenericJoint(markerNumbers=[marker, scene.markers["left"]], **turned, **functions)
-    )
+    markers = [marker, scene.markers["left"]]
+    scene.mbs.AddObject(itemInterface.GenericJoint(markerNumbers=markers[::-1] if back else markers, **functions))
     return scene
 
 

@@ -58,8 +58,8 @@ class Block:
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
     turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
     bent, moved : (S, 2), see Turn.of_curve. joint : (S,) variation of R of all bodies of a mechanism together; None:
-    this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing. is_driven : turn
-    and cut are those of a frame that moves as a function of time says.
+    this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
+    is_driven : turn and cut are those of a frame that moves as a function of time says.
     """
 
     t: np.ndarray

@@ -128,7 +128,7 @@ class CorrectedEnergy(MechanismEnergy):
         return super().advance(block)
 
     def variations(self, block: Block) -> np.ndarray:
-        """Return what R of this body varies by (S, d + 1), and the impulses that the linearised equations leave out."""
+        """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
         pieces, force = super().variations(block), self._unbalanced(block)
         pieces[:, -1] += block.h * np.maximum(force, np.append(self._force, force[:-1]))
         return pieces

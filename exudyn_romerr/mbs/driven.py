@@ -11,14 +11,17 @@ import exudyn as exu
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..frame import FrameMotion, FrameRows
+from ..driven_inputs import Inputs
+from ..frame import FrameMotion
 from ..prescribed import Derivatives, Panels, resolved
-from .scene import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from .actions import Actions
+    from .floating import ReducedMatrices
     from .support import Support
+    from .terms import InputTerms
 
 SAME = 1e-6  # of places, angles and velocities at the start: Newton's tolerance leaves less
 PARTS = 4  # of a step: panels are not made shorter
@@ -26,10 +29,11 @@ PARTS = 4  # of a step: panels are not made shorter
 
 @dataclass(frozen=True)
 class DrivenFrame:
-    """Frame with r = p0 + sign f_0..2 - A arm, A = left Q right; Q = Rx(f_3) Ry(f_4) Rz(f_5), or that turned back.
+    """Frame with r = place + f_0..2 - A arm, A = left Q right, Q = Rx(f_3) Ry(f_4) Rz(f_5).
 
-    offset : function t -> (6,). Exudyn's GenericJoint with all axes locked: positions differ by f_0..2 in global axes,
-    rotations by Q in those of marker 0; turned back where the body has marker 0.
+    offset : function t -> (6,). Exudyn's GenericJoint with all axes locked: positions differ by f_0..2 in global
+    axes, rotations by Q in those of marker 0. back : the body has marker 0, its r has -f_0..2 and its A has Q^T.
+    short : a short time, to look at the beginning with.
     """
 
     offset: Callable[[float], Any]
@@ -38,6 +42,21 @@ class DrivenFrame:
     right: np.ndarray
     arm: np.ndarray
     back: bool
+    short: float
+
+    def inputs(
+        self, terms: InputTerms, actions: Actions, t: np.ndarray, q: np.ndarray, q_t: np.ndarray, *span: float
+    ) -> Inputs:
+        """Return the inputs at times t (S,) and states q, q_t (S, n) inside a span: its start and end, its steps."""
+        start, end, step = span
+        end = end if end > start else start + self.short  # a run's first sample
+        d = self.over(start, end, min(step, end - start))(t)
+        motion, (off_r, off_al) = self.motion(d), self._off(d)
+        u = terms.values(actions, t, motion, q, q_t)
+        off, n = np.zeros_like(u), q.shape[1]
+        off[:, :3], off[:, 3:12] = off_r[:, None], off_al[:, None]
+        off[:, 12 : 12 + 9 * n] = np.tile(off_al[:, None] * np.abs(q), 9)
+        return Inputs(u, motion.rows(), off)
 
     def over(self, start: float, end: float, step: float) -> Panels:
         """Return the function as polynomials on [start, end]."""
@@ -57,7 +76,7 @@ class DrivenFrame:
         r, r_t, r_tt = (sign * f[:, :3] - np.einsum("sij,sj->si", A, x) for x, f in parts)
         return FrameMotion(self.place + r, r_t, r_tt, A, w, al)
 
-    def off(self, d: Derivatives) -> tuple[np.ndarray, np.ndarray]:
+    def _off(self, d: Derivatives) -> tuple[np.ndarray, np.ndarray]:
         """Return estimated errors (S,) of r'' and al."""
         al = d.off[:, 3:].sum(axis=1)
         return np.linalg.norm(d.off[:, :3], axis=1) + np.linalg.norm(self.arm) * al, al
@@ -79,12 +98,24 @@ def _turning(d: Derivatives) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(w, axis=1), np.stack(al, axis=1)
 
 
-def read_driven(mbs: Any, support: Support, frame: FrameMotion) -> DrivenFrame | str:
-    """Return the frame's motion as the joint prescribes it, or why it cannot be had; frame: as it is now."""
-    item = mbs.GetObject(support.item)
-    f, owner, number = item["offsetUserFunction"]["function"], weakref.ref(mbs), support.item
-    parameters = item["offsetUserFunctionParameters"]
-    f = f if callable(f) else f.Evaluate
+def find_motion(mbs: Any, support: Support, model: ReducedMatrices, short: float, goes_on: bool) -> DrivenFrame | str:
+    """Return the frame's motion as the joint prescribes it, or why it cannot be had.
+
+    It has to begin where the bodies are, and (but where a run goes on) with their velocity: a jump of velocity sets
+    off all modes at once.
+    """
+    system, size = mbs.systemData, model.frame.size
+    first = mbs.GetNodeODE2Index(model.nodes[0])
+    q, q_t = (x[None, first : first + size] for x in (system.GetODE2Coordinates(), system.GetODE2Coordinates_t()))
+    now = model.frame.motion(q, q_t, np.zeros((1, size)))
+    driven = _read(mbs, support, now, short)
+    return _varies(mbs, driven) or _starts_off(driven, now, system.GetTime(), goes_on) or driven
+
+
+def _read(mbs: Any, support: Support, now: FrameMotion, short: float) -> DrivenFrame:
+    item, number, owner = mbs.GetObject(support.item), support.item, weakref.ref(mbs)
+    f, parameters = item["offsetUserFunction"]["function"], item["offsetUserFunctionParameters"]
+    f = f if callable(f) else f.Evaluate  # a symbolic function
 
     def offset(t: float) -> Any:
         return f(owner(), t, number, parameters)
@@ -93,27 +124,25 @@ def read_driven(mbs: Any, support: Support, frame: FrameMotion) -> DrivenFrame |
     back = markers[0] in support.markers
     body, ground = markers if back else markers[::-1]
     (p_body, A_body), (p_ground, A_ground) = _pose(mbs, body), _pose(mbs, ground)
-    J0, J1 = (np.asarray(item[f"rotationMarker{i}"], dtype=float) for i in (0, 1))
-    of_ground, of_body = (J1, J0) if back else (J0, J1)
-    A = frame.A[0]
-    arm, own = A.T @ (p_body - frame.r[0]), A.T @ A_body @ of_body
-    driven = DrivenFrame(offset, p_ground, A_ground @ of_ground, own.T, arm, back)
-    return _varies(mbs, driven) or driven
+    axes = [np.asarray(item.get(f"rotationMarker{i}", np.eye(3)), dtype=float) for i in (0, 1)]
+    of_body, of_ground = axes if back else axes[::-1]
+    A = now.A[0]
+    arm, own = A.T @ (p_body - now.r[0]), A.T @ A_body @ of_body
+    return DrivenFrame(offset, p_ground, A_ground @ of_ground, own.T, arm, back, short)
 
 
-def starts_off(driven: DrivenFrame, frame: FrameMotion, t: float, short: float) -> str:
-    """Say how the frame at time t differs from what is prescribed then; empty if it does not. short: a short time."""
-    panels = driven.over(t, t + short, short)
+def _starts_off(driven: DrivenFrame, now: FrameMotion, t: float, goes_on: bool) -> str:
+    """Say how the frame at time t differs from what is prescribed then; empty if it does not."""
+    panels = driven.over(t, t + driven.short, driven.short)
     d = panels(np.array([t]))
-    now, size = driven.motion(d), np.linalg.norm(driven.arm)
-    change = np.abs(panels(np.linspace(t, t + short, 5)).f_t).max(initial=0.0)
-    unsure = d.off.max() * short
-    place = np.linalg.norm(now.r - frame.r) + size * np.linalg.norm(now.A - frame.A)
-    if np.linalg.norm(now.A - frame.A) > SAME or place > SAME * (size + np.linalg.norm(now.r) + np.abs(d.f).max()):
+    there, size = driven.motion(d), np.linalg.norm(driven.arm)
+    turned = np.linalg.norm(there.A - now.A)
+    if turned > SAME or np.linalg.norm(there.r - now.r) > SAME * (size + np.linalg.norm(there.r) + np.abs(d.f).max()):
         return "it does not begin where the bodies are"
-    speed = max(np.linalg.norm(now.r_t - frame.r_t), np.linalg.norm(now.w - frame.w))
-    if speed > SAME * max(change, np.linalg.norm(frame.r_t), np.linalg.norm(frame.w)) + unsure:
-        return f"it begins with a velocity that the bodies do not have (off by {speed:.2g})"
+    speeds = [np.linalg.norm(x) for x in (there.r_t - now.r_t, there.w - now.w)]
+    sizes = np.abs(panels(np.linspace(t, t + driven.short, PARTS)).f_t).max(), *map(np.linalg.norm, (now.r_t, now.w))
+    if not goes_on and max(speeds) > SAME * max(sizes) + d.off.max() * driven.short:
+        return "it begins with a velocity that the bodies do not have: set initialVelocities, or begin smoothly"
     return ""
 
 
@@ -122,11 +151,11 @@ def _varies(mbs: Any, driven: DrivenFrame) -> str:
     t = mbs.systemData.GetTime()
     try:
         before = copy.deepcopy(dict(mbs.variables))
-        values = [driven._values(np.array([t])) for _ in range(2)]
+        values = [driven.offset(t) for _ in range(2)]
         unchanged = dict(mbs.variables) == before
     except Exception as error:  # whatever a user's function, or what it keeps in mbs.variables, cannot do
         return f"it cannot be called away from the run ({type(error).__name__}: {error})"
-    if not unchanged or not np.array_equal(*values):
+    if not unchanged or not np.array_equal(*map(np.asarray, values)):
         return "it remembers its calls, and cannot be called away from the run"
     return ""
 

@@ -12,13 +12,12 @@ import numpy as np
 
 from ..basis import Basis
 from ..body import ElasticBody
-from ..driven_inputs import Inputs
 from ..frame import FramePose, translations
 from ..inputs import SampledSignal
 from ..offline import prepare
 from ..scope import COMPLETE, Scene
 from .actions import read_actions
-from .driven import read_driven, starts_off
+from .driven import find_motion
 from .enriched import EnrichedBody
 from .floating import read_object
 from .reference import find_reference
@@ -32,6 +31,7 @@ from .terms import InputTerms
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from ..driven_inputs import Inputs
     from ..offline import Offline
     from ..outputs import Output
     from .actions import Actions
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .support import Support
 
 TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
+ALONGSIDE = "its function is used alongside a run, with scope='auto', time='reconstructed', initial=None"
 SHORT = 0.01  # rad of the first mode: how far a driven motion is looked at to tell the velocity that it begins with
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 
@@ -56,6 +57,8 @@ class MovingSubject:
         self._use(options["outputs"] or ())
         self.enriched: EnrichedBody | None = None
         self.columns = np.zeros(0, dtype=int)
+        self._driven: DrivenFrame | None = None
+        self._known = False  # whether the last solve took the frame's motion from a function
         self._last_time: float | None = None  # of the samples taken last
         self._signature: tuple = ()
         self._body: ElasticBody | None = None
@@ -198,37 +201,23 @@ class MovingSubject:
         self, mbs: Any, model: ReducedMatrices, support: Support, body: ElasticBody, static: bool
     ) -> Support:
         """Take the motion of a driven frame from its function, where that can be had; tell why where not."""
-        self._driven: DrivenFrame | None = None
         if not support.driven or static:
             return support
         options = self._options
         if self._wanted.scope != AUTO or options["time"] != "reconstructed" or options["initial"] is not None:
-            return replace(support, unknown=f"needed: scope={AUTO!r}, time='reconstructed', initial=None")
-        system, size = mbs.systemData, model.frame.size
-        coordinates = np.concatenate([_coordinates(mbs, model.nodes[0])])
-        q, q_t = (x[coordinates][None] for x in (system.GetODE2Coordinates(), system.GetODE2Coordinates_t()))
-        now, t = model.frame.motion(q, q_t, np.zeros((1, size))), system.GetTime()
-        driven = read_driven(mbs, support, now)
-        if isinstance(driven, str):
-            return replace(support, unknown=driven)
-        self._short = SHORT / float(body.modes(1).omega[0])
-        off = "" if t == self._last_time else starts_off(driven, now, t, self._short)
-        if off:
-            return replace(support, unknown=off)
-        self._driven = driven
+            return replace(support, unknown=ALONGSIDE)
+        t = mbs.systemData.GetTime()
+        goes_on = self._known and self._last_time is not None and t >= self._last_time
+        found = find_motion(mbs, support, model, SHORT / float(body.modes(1).omega[0]), goes_on)
+        self._known = not isinstance(found, str)
+        if not self._known:
+            return replace(support, unknown=found)
+        self._driven = found
         return replace(support, known=True)
 
-    def _driven_inputs(self, t: np.ndarray, q: np.ndarray, q_t: np.ndarray, start: float, end: float, step: float):
-        """Inputs of a frame that moves as its function says, at times in [start, end]; step: the shortest."""
-        end = end if end > start else start + self._short  # a run's first sample
-        d = self._driven.over(start, end, min(step, end - start))(t)
-        motion, (r_tt, al) = self._driven.motion(d), self._driven.off(d)
-        u = self._sampler.terms.values(self._sampler.actions, t, motion, q, q_t)
-        off = np.zeros_like(u)
-        off[:, :3], off[:, 3:12] = r_tt[:, None], al[:, None]
-        n = q.shape[1]
-        off[:, 12 : 12 + 9 * n] = np.tile(al[:, None] * np.abs(q), 9)
-        return Inputs(u, motion.rows(), off)
+    def _driven_inputs(self, *of_curve: Any) -> Inputs:
+        """Inputs of a frame that moves as its function says, see DrivenFrame.inputs."""
+        return self._driven.inputs(self._sampler.terms, self._sampler.actions, *of_curve)
 
     def _scene(
         self,

@@ -35,8 +35,13 @@ PASSIVE = ("stiffness", "damping")  # parameters that take energy away or keep i
 LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
 MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
 DRIVEN = (
-    "the bound holds for the full body under the motion of the frame that this simulation computed, at its samples and "
-    "linear between them; how far that is from the function, what time steps do to the frame's motion, is not covered"
+    "the bound holds for the full body under the motion of the frame that this simulation computed, at its samples "
+    "and linear between them; how far that is from the function, what time steps do to the frame's motion, is not "
+    "covered"
+)
+BY_FUNCTION = (
+    "which gives the frame's motion between time steps too; its derivatives are those of polynomials through it, and "
+    "what they miss is estimated and added"
 )
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
@@ -87,6 +92,8 @@ def find_scope(
     if not reacting and support.driven and not static and not support.known:
         why = f" ({support.unknown})" if support.unknown else ""
         return Found(FROZEN, f"{support.text}; {DRIVEN}{why}; loads do not depend on the body's deformation")
+    if not reacting and support.known:
+        return Found(COMPLETE, f"{support.text}, {BY_FUNCTION}; loads do not depend on the body's deformation")
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     without = next(_no_feedback(mbs, wanted, model), "")
