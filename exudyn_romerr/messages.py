@@ -15,8 +15,8 @@ RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes do
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
 MOTION_JUMPS = (
     "loads or accelerations of the prescribed motion change within single steps: up to {:.1e} of the largest is not "
-    "followed by the reconstruction (estimated, and added to the bounds): let the motion change more smoothly, or take "
-    "smaller steps"
+    "followed by the reconstruction (estimated, and added to the bounds): let the motion change more smoothly, or "
+    "take smaller steps"
 )
 UNCHECKED = (
     "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "

@@ -55,7 +55,7 @@ def load_fem() -> FEMinterface:
     fem = FEMinterface()
     edge = np.array([SIZE[0] / ELEMENTS, *SIZE[1:]])
     grid = {cell: i for i, cell in enumerate(product(range(ELEMENTS + 1), (0, 1), (0, 1)))}
-    hexes = np.array([[grid[tuple((corner + (i, 0, 0)).tolist())] for corner in CORNERS] for i in range(ELEMENTS)])
+    hexes = np.array([[grid[i + x, y, z] for x, y, z in CORNERS] for i in range(ELEMENTS)])
     x = np.array(list(grid)) * edge
     mass, stiffness = _element(edge)
     fem.nodes = {"Position": x}

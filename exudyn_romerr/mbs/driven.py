@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .terms import InputTerms
 
 SAME = 1e-6  # of places, angles and velocities at the start: Newton's tolerance leaves less
+REMEMBERS = "the function remembers its calls, so it cannot be called away from the run"
 PARTS = 4  # of a step: panels are not made shorter
 
 
@@ -109,7 +110,7 @@ def find_motion(mbs: Any, support: Support, model: ReducedMatrices, short: float
     q, q_t = (x[None, first : first + size] for x in (system.GetODE2Coordinates(), system.GetODE2Coordinates_t()))
     now = model.frame.motion(q, q_t, np.zeros((1, size)))
     driven = _read(mbs, support, now, short)
-    return _varies(mbs, driven) or _starts_off(driven, now, system.GetTime(), goes_on) or driven
+    return _tried(mbs, driven, now, system.GetTime(), goes_on) or driven
 
 
 def _read(mbs: Any, support: Support, now: FrameMotion, short: float) -> DrivenFrame:
@@ -146,18 +147,20 @@ def _starts_off(driven: DrivenFrame, now: FrameMotion, t: float, goes_on: bool) 
     return ""
 
 
-def _varies(mbs: Any, driven: DrivenFrame) -> str:
-    """Say why the function cannot be called away from the run; empty if it can."""
-    t = mbs.systemData.GetTime()
+def _tried(mbs: Any, driven: DrivenFrame, now: FrameMotion, t: float, goes_on: bool) -> str:
+    """Say why the function cannot be called away from the run, or how it starts off; empty if neither is so."""
     try:
         before = copy.deepcopy(dict(mbs.variables))
-        values = [driven.offset(t) for _ in range(2)]
-        unchanged = dict(mbs.variables) == before
+        values = [driven.offset(t), driven.offset(t)]
+        reason = _starts_off(driven, now, t, goes_on)
+        values.append(driven.offset(t))  # after others
+        if dict(mbs.variables) != before:
+            mbs.variables.clear()
+            mbs.variables.update(before)
+            return REMEMBERS
     except Exception as error:  # whatever a user's function, or what it keeps in mbs.variables, cannot do
-        return f"it cannot be called away from the run ({type(error).__name__}: {error})"
-    if not unchanged or not np.array_equal(*map(np.asarray, values)):
-        return "it remembers its calls, and cannot be called away from the run"
-    return ""
+        return f"the function cannot be called away from the run: {type(error).__name__}: {error}"
+    return reason if all(np.array_equal(values[0], x) for x in values) else REMEMBERS
 
 
 def _pose(mbs: Any, marker: int) -> tuple[np.ndarray, np.ndarray]:
