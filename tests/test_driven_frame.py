@@ -1,10 +1,11 @@
-"""A body whose frame a function of time drives: bounds of scope "complete" hold for the motion of the function itself.
+"""A body whose frame a function of time drives: bounds of scope "complete" hold for the motion of that function.
 
 Truth: the full body, all modes, under exactly prescribed motion of its frame (derivatives by hand), integrated by an
 explicit method of order 8 to 1e-11. It uses nothing of the package but models/.
 """
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -109,7 +110,7 @@ class FullBody:
         """What the sensors show at times t (T,), sensor -> (T, 3)."""
         y, edges = np.zeros((len(t), 2 * len(self.omega))), [0.0, *breaks, t[-1]]
         state = y[0]
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
+        for first, last in pairwise(edges):
             inside = (t > first) & (t <= last)
             at = np.append(t[inside], last)
             found = solve_ivp(self.slope, (first, last), state, "DOP853", np.unique(at), rtol=1e-11, atol=1e-15)
