@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ EPS = np.finfo(float).eps
 DEGREE = 16
 LOW = 4  # degree of panels that do not resolve the function: one of high degree would overshoot at a kink
 RESOLVED = 1e-9  # of the second derivative
+SAME = 1e-6  # of first derivatives on both sides of a joint of two panels
+CUT = 0.4871  # where a panel is cut: kinks are often at halves
 
 
 class Derivatives(NamedTuple):
@@ -45,14 +48,14 @@ class Panel:
 
 @dataclass(frozen=True)
 class Panels:
-    """Panels one after another."""
+    """Panels one after another; each counts from its edge (P,) on."""
 
+    edges: tuple[float, ...]
     panels: tuple[Panel, ...]
 
     def __call__(self, t: np.ndarray) -> Derivatives:
         """Return values and derivatives at times t (T,) inside."""
-        edges = [panel.start for panel in self.panels[1:]]
-        which = np.searchsorted(edges, t, side="right")
+        which = np.searchsorted(self.edges[1:], t, side="right")
         found = np.zeros((4, len(t), self.panels[0].coefficients.shape[1]))
         for i in np.unique(which).tolist():
             found[:, which == i] = self.panels[i](t[which == i])
@@ -60,19 +63,46 @@ class Panels:
 
 
 def resolved(f: Callable[[np.ndarray], np.ndarray], start: float, end: float, shortest: float) -> Panels:
-    """Return polynomials through f on [start, end] that are halved until they resolve it, or are `shortest`.
+    """Return polynomials through f on [start, end] that are cut in two until they resolve it, or are `shortest`.
 
     f takes times (T,) and returns (T, k). A panel resolves f where the last two of its coefficients would change its
     second derivative by less than RESOLVED of it, or are rounding. Where the shortest does not, a polynomial of low
-    degree is taken, and all that its second derivative changes by is its estimated error.
+    degree is taken, and all that its second derivative changes by is its estimated error. So it is about a joint of
+    two panels whose first derivatives differ: f has a kink there.
     """
+    found = _cut(f, start, end, shortest)
+    edges, panels = [start], found[:1]
+    for before, after in pairwise(found):
+        joint, half = np.array([after.start]), shortest / 2
+        if _has_kink(before(joint), after(joint), shortest):
+            low = _low(f, max(joint[0] - half, start), min(joint[0] + half, end))
+            edges, panels = [*edges, low.start, low.end], [*panels, low, after]
+        else:
+            edges, panels = [*edges, after.start], [*panels, after]
+    return Panels(tuple(np.maximum.accumulate(edges).tolist()), tuple(panels))
+
+
+def has_kink(f: Callable[[np.ndarray], np.ndarray], t: float, short: float) -> bool:
+    """Whether the first derivative of f jumps at t, seen from a short time before and after."""
+    at = np.array([t])
+    return _has_kink(_panel(f, t - short, t, LOW)(at), _panel(f, t, t + short, LOW)(at), short)
+
+
+def _has_kink(before: Derivatives, after: Derivatives, length: float) -> bool:
+    unsure = (before.off + after.off) * length
+    return bool(
+        np.any(np.abs(after.f_t - before.f_t) > SAME * np.maximum(np.abs(before.f_t), np.abs(after.f_t)) + unsure)
+    )
+
+
+def _cut(f: Callable, start: float, end: float, shortest: float) -> list[Panel]:
     panel = _panel(f, start, end, DEGREE)
     if _is_resolved(panel):
-        return Panels((panel,))
+        return [panel]
     if end - start <= shortest:
-        return Panels((_low(f, start, end),))
-    middle = (start + end) / 2
-    return Panels(resolved(f, start, middle, shortest).panels + resolved(f, middle, end, shortest).panels)
+        return [_low(f, start, end)]
+    middle = start + CUT * (end - start)
+    return _cut(f, start, middle, shortest) + _cut(f, middle, end, shortest)
 
 
 def _panel(f: Callable, start: float, end: float, degree: int) -> Panel:

@@ -13,6 +13,7 @@ import tolerances as tol
 from scipy.integrate import solve_ivp
 
 import exudyn_romerr as romerr
+from exudyn_romerr import prescribed
 from exudyn_romerr.prescribed import resolved
 from models import floating, hex_bar
 
@@ -332,3 +333,19 @@ def test_derivatives_of_a_function_with_a_kink():
     assert np.all(off <= found.off[:, 0])
     assert off[~near].max() < 1e-6
     assert off[near].max() > 0.1
+
+
+@pytest.mark.parametrize("kink", [0.0, END / 2, prescribed.CUT * END])
+def test_a_velocity_that_jumps_where_polynomials_meet_is_seen(kink):
+    """Otherwise each of them would resolve its own side, and nothing would tell of the jump between."""
+    t = np.linspace(0, END, 1001)
+
+    def ramp(times):
+        return np.maximum(times - kink, 0.0)[:, None]
+
+    off = resolved(ramp, 0.0, END, 2.5e-4)(t).off[:, 0]
+    assert prescribed.has_kink(ramp, kink, 1e-4)
+    assert not prescribed.has_kink(ramp, END / 3, 1e-4)
+    if kink:
+        assert off[np.argmin(np.abs(t - kink))] > 1 / 2.5e-4
+    assert np.median(off) < 1e-6

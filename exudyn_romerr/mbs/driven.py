@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ..driven_inputs import Inputs
 from ..frame import FrameMotion
-from ..prescribed import Derivatives, Panels, resolved
+from ..prescribed import Derivatives, Panels, has_kink, resolved
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,7 +34,7 @@ class DrivenFrame:
 
     offset : function t -> (6,). Exudyn's GenericJoint with all axes locked: positions differ by f_0..2 in global
     axes, rotations by Q in those of marker 0. back : the body has marker 0, its r has -f_0..2 and its A has Q^T.
-    short : a short time, to look at the beginning with.
+    short : a short time, to look at the beginning with. since : a time from which on the function may be called.
     """
 
     offset: Callable[[float], Any]
@@ -44,6 +44,7 @@ class DrivenFrame:
     arm: np.ndarray
     back: bool
     short: float
+    since: float
 
     def inputs(
         self, terms: InputTerms, actions: Actions, t: np.ndarray, q: np.ndarray, q_t: np.ndarray, *span: float
@@ -61,7 +62,8 @@ class DrivenFrame:
 
     def over(self, start: float, end: float, step: float) -> Panels:
         """Return the function as polynomials on [start, end]."""
-        return resolved(self._values, start, end, step / PARTS)
+        shortest = step / PARTS  # that much before, too: there may be a kink at the start itself
+        return resolved(self.values, max(start - shortest, min(self.since, start)), end, shortest)
 
     def motion(self, d: Derivatives) -> FrameMotion:
         """Return the motion of the frame."""
@@ -82,7 +84,8 @@ class DrivenFrame:
         al = d.off[:, 3:].sum(axis=1)
         return np.linalg.norm(d.off[:, :3], axis=1) + np.linalg.norm(self.arm) * al, al
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
+    def values(self, t: np.ndarray) -> np.ndarray:
+        """Return the function at times t (T,), (T, 6)."""
         return np.array([self.offset(x) for x in t.tolist()], dtype=float).reshape(len(t), 6)
 
 
@@ -109,11 +112,12 @@ def find_motion(mbs: Any, support: Support, model: ReducedMatrices, short: float
     first = mbs.GetNodeODE2Index(model.nodes[0])
     q, q_t = (x[None, first : first + size] for x in (system.GetODE2Coordinates(), system.GetODE2Coordinates_t()))
     now = model.frame.motion(q, q_t, np.zeros((1, size)))
-    driven = _read(mbs, support, now, short)
-    return _tried(mbs, driven, now, system.GetTime(), goes_on) or driven
+    t = system.GetTime()
+    driven = _read(mbs, support, now, short, t - short if goes_on else t)
+    return _tried(mbs, driven, now, t, goes_on) or driven
 
 
-def _read(mbs: Any, support: Support, now: FrameMotion, short: float) -> DrivenFrame:
+def _read(mbs: Any, support: Support, now: FrameMotion, short: float, since: float) -> DrivenFrame:
     item, number, owner = mbs.GetObject(support.item), support.item, weakref.ref(mbs)
     f, parameters = item["offsetUserFunction"]["function"], item["offsetUserFunctionParameters"]
     f = f if callable(f) else f.Evaluate  # a symbolic function
@@ -129,7 +133,7 @@ def _read(mbs: Any, support: Support, now: FrameMotion, short: float) -> DrivenF
     of_body, of_ground = axes if back else axes[::-1]
     A = now.A[0]
     arm, own = A.T @ (p_body - now.r[0]), A.T @ A_body @ of_body
-    return DrivenFrame(offset, p_ground, A_ground @ of_ground, own.T, arm, back, short)
+    return DrivenFrame(offset, p_ground, A_ground @ of_ground, own.T, arm, back, short, since)
 
 
 def _starts_off(driven: DrivenFrame, now: FrameMotion, t: float, goes_on: bool) -> str:
@@ -140,9 +144,11 @@ def _starts_off(driven: DrivenFrame, now: FrameMotion, t: float, goes_on: bool) 
     turned = np.linalg.norm(there.A - now.A)
     if turned > SAME or np.linalg.norm(there.r - now.r) > SAME * (size + np.linalg.norm(there.r) + np.abs(d.f).max()):
         return "it does not begin where the bodies are"
+    if goes_on:
+        return "its velocity jumps where the run goes on" if has_kink(driven.values, t, driven.short) else ""
     speeds = [np.linalg.norm(x) for x in (there.r_t - now.r_t, there.w - now.w)]
     sizes = np.abs(panels(np.linspace(t, t + driven.short, PARTS)).f_t).max(), *map(np.linalg.norm, (now.r_t, now.w))
-    if not goes_on and max(speeds) > SAME * max(sizes) + d.off.max() * driven.short:
+    if max(speeds) > SAME * max(sizes) + d.off.max() * driven.short:
         return "it begins with a velocity that the bodies do not have: set initialVelocities, or begin smoothly"
     return ""
 
