@@ -48,12 +48,12 @@ def onlooker_reports(run: Run) -> dict[str, OutputReport]:
 
 def _output_reports(offline: Offline, streams: dict, samples: tuple, decides: bool) -> dict[str, OutputReport]:
     """Return the outputs that were asked for, or (decides=False) the onlookers beside them."""
-    _, values, round_off, frames = samples
+    _, values, round_off, *frames = samples
     widest, found = offline.scene.widest(streams["total"]), {}
     for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
         if out.decides == decides:
             rows = (values[:, part], round_off[:, part], _rows_of(streams, part))
-            seen = rows if view is None else _seen(view, rows, frames, offline)
+            seen = rows if view is None else _seen(view, rows, *frames, offline)
             found[out.name] = _output_report(out, *seen, widest)
     return found
 
@@ -63,10 +63,13 @@ def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, di
     return {stream: {name: b.of_rows(part) for name, b in bounds.items()} for stream, bounds in streams.items()}
 
 
-def _seen(view: View, rows: tuple, frames: np.ndarray, offline: Offline) -> tuple:
-    """Values, round-off and bounds of an output in global axes."""
+def _seen(view: View, rows: tuple, frames: np.ndarray, driven: np.ndarray, offline: Offline) -> tuple:
+    """Values, round-off and bounds of an output in global axes; the total error holds where the frame really is."""
     values, round_off, streams = rows
     turned = {name: {e: view.bounds(b, frames) for e, b in bounds.items()} for name, bounds in streams.items()}
+    if offline.driven is not None:
+        shift = view.shift_between(values, frames, driven, offline.scene.pose)
+        turned["total"] = {e: view.bounds(b, driven, shift) for e, b in streams["total"].items()}
     spread = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
     return view.values(values, frames, offline.scene.pose), spread, turned
 

@@ -31,6 +31,8 @@ def _elevation(degree: int) -> np.ndarray:
 RAISE = {degree: _elevation(degree) for degree in (3, 4)}
 FROM_NODES = np.linalg.inv(_bernstein(NODES))  # values at NODES -> control points
 AT_CHECKS = _bernstein(CHECKS)  # control points -> values at CHECKS
+INNER = np.sort(np.concatenate([NODES, CHECKS]))
+AT_INNER = _bernstein(INNER)  # control points -> values at NODES and, every second one, at CHECKS
 
 
 def hermite_controls(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -13,6 +13,11 @@ GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's 
 TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
+MOTION_JUMPS = (
+    "loads or accelerations of the prescribed motion change within single steps: up to {:.1e} of the largest is not "
+    "followed by the reconstruction (estimated, and added to the bounds): let the motion change more smoothly, or "
+    "take smaller steps"
+)
 UNCHECKED = (
     "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
     "noticed. No bound of this run is certified; add eigenmodes"
@@ -87,15 +92,17 @@ def _between_samples(run: Run) -> list[str]:
     offline, quintic = run.offline, run.quintic
     if run.time == "static":
         return []
-    if offline.scene.pose is not None and offline.signal is None:
+    if offline.scene.pose is not None and offline.signal is None and offline.driven is None:
         return [FROM_SAMPLES]
     if quintic is None:
         return []
     if quintic.rounding_share > ROUNDING:
         share = f"{min(100 * quintic.rounding_share, 100):.0f} %"
         return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
-    if offline.signal is None and offline.coordinates.p:
+    if offline.signal is None and offline.coordinates.p and offline.driven is None:
         return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
+    if quintic.largest_miss > RESOLVED and offline.driven is not None:
+        return [MOTION_JUMPS.format(quintic.largest_miss)]
     if quintic.largest_miss > RESOLVED:
         return [
             f"the inputs change within single steps: up to {quintic.largest_miss:.1e} of their largest value is "

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .driven_inputs import DrivenInputs
 from .errors import AssumptionError, InputError, check_array, check_choice
 from .estimators import ESTIMATORS
 from .estimators.mechanism import CorrectedEnergy, MechanismEnergy
@@ -83,6 +84,12 @@ class Offline:
     nodes: Callable[[dict], dict]
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
+
+    @property
+    def driven(self) -> DrivenInputs | None:
+        """Inputs of a frame that moves as a function of time says; None: those of the run."""
+        driven = self.scene.driven if self.time == "reconstructed" else None
+        return None if driven is None else DrivenInputs(driven, self.packing)
 
 
 def prepare(

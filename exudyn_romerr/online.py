@@ -43,10 +43,14 @@ class Opening(NamedTuple):
 
 
 class Extension(NamedTuple):
-    """Further samples, and stream -> (their segments, index of the segment that ends each step)."""
+    """Further samples, and stream -> (their segments, index of the segment that ends each step).
+
+    frame : (S, 21), where a frame that moves as a function of time says is at the samples; None: as the run has it.
+    """
 
     new: Samples
     segments: dict[str, tuple[Block, np.ndarray]]
+    frame: np.ndarray | None = None
 
 
 class Run:
@@ -67,7 +71,7 @@ class Run:
         self.end_time: float | None = None  # where the solver was to go, if known
         self.newton_tolerance = 0.0  # of the solver, relative
         self.floor = 0.0  # size of terms of W^T R that cancelled before they came here
-        self._t, self._values, self._round_off, self._frames = (Rows() for _ in range(4))
+        self._t, self._values, self._round_off, self._frames, self._driven_frames = (Rows() for _ in range(5))
         self._last: Samples | None = None
         self._settled = slice(None)
         layout = offline.coordinates
@@ -76,7 +80,7 @@ class Run:
         if offline.time == "reconstructed":
             root = offline.mass_root if offline.scene.turns else None
             choice = (offline.measure, offline.omega_1, root)
-            self._segmenters["total"] = Quintic(layout, self._jumps, offline.signal, *choice)
+            self._segmenters["total"] = Quintic(layout, self._jumps, offline.signal, *choice, offline.driven)
         last = list(self._segmenters)[-1]
         self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
         if offline.initial is not None:
@@ -109,8 +113,14 @@ class Run:
         """Begin the run."""
         first, before, start, _ = opening
         rounded = self._rounding(first)
+        frame = None
+        if self.offline.driven is not None:
+            u, cut, frame = self.offline.driven.at(first.t, first.q, first.q_t)
         if start is not None:
             for name in self._segmenters:
+                if name == "total" and frame is not None:
+                    z = self.offline.coordinates(first.q[0], first.q_t[0], first.q_tt[0], u[0])
+                    start = replace(start, z=z, cut=float(np.abs(cut).sum()))
                 self._streams[name].start(start, rounded)
             if "initial" in self._streams:
                 self._streams["initial"].start(replace(start, z=0 * start.z))
@@ -119,7 +129,7 @@ class Run:
                 stream.go_on(before._streams[name])
             self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
             self._defect.go_on(before._defect)
-        self._record(first, rounded)
+        self._record(first, rounded, frame)
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
@@ -135,12 +145,15 @@ class Run:
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
         cut = Cut.between(samples.cut)
         for block, _ in segments.values():
-            block.turn, block.cut = self._turn(samples, block), cut
-        return Extension(new, segments)
+            if not block.is_driven:
+                block.turn, block.cut = self._turn(samples, block), cut
+        driven = self.offline.driven
+        frame = None if driven is None else driven.at(samples.t, samples.q, samples.q_t)[2][1:]
+        return Extension(new, segments, frame)
 
     def advance(self, extension: Extension) -> None:
         """Go on by checked samples."""
-        new, segments = extension
+        new, segments, frame = extension
         rounded = self._rounding(new)
         for name, (block, step_end) in segments.items():
             skipped = [] if block.skipped is None else [self._off_the_samples(block.skipped[step_end])]
@@ -148,15 +161,19 @@ class Run:
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
             self._streams["initial"].advance(replace(block, c=0 * block.c, joint=None, added=None), step_end)
-        self._record(new, rounded)
+        self._record(new, rounded, frame)
 
     def best_now(self) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (r,) at the last step given."""
         frame, widest = self._last.frame, self.offline.scene.widest(self.assumptions())
         totals = [run._total for run in (self, self.companion) if run is not None]
         now = [bounds for total in totals for bounds in total.now(widest)]
-        rows = zip(self.offline.outputs, self.offline.slices, self.offline.views, strict=True)
-        return {out.name: best_output(now, part, view, frame) for out, part, view in rows}
+        rows = list(zip(self.offline.outputs, self.offline.slices, self.offline.views, strict=True))
+        if self.offline.driven is None:
+            return {out.name: best_output(now, part, view, frame) for out, part, view in rows}
+        values, driven, pose = self._values.read()[-1:], self._driven_frames.read()[-1:], self.offline.scene.pose
+        shifts = (v and v.shift_between(values[:, part], frame, driven, pose) for _, part, v in rows)
+        return {out.name: best_output(now, *row, driven, x) for (out, *row), x in zip(rows, shifts, strict=True)}
 
     def estimators(self, stream: str) -> dict[str, Any]:
         """Return the estimators of a stream as they stand now."""
@@ -211,8 +228,11 @@ class Run:
         return {"total": found["reduction"], **found}
 
     def samples(self) -> tuple[np.ndarray, ...]:
-        """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
-        kept = self._t, self._values, self._round_off, self._frames
+        """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,).
+
+        Frames twice: as the run has them, and as a function of time says, if one does.
+        """
+        kept = self._t, self._values, self._round_off, self._frames, self._driven_frames
         return tuple(rows.read()[self._settled] for rows in kept)
 
     def node_bounds(self) -> dict[str, np.ndarray]:
@@ -277,11 +297,12 @@ class Run:
         rows = self.offline.value_rows.T
         return np.where(self.offline.velocity_rows, q_t @ rows, q @ rows)
 
-    def _record(self, new: Samples, rounded: Rounded) -> None:
+    def _record(self, new: Samples, rounded: Rounded, driven: np.ndarray | None = None) -> None:
         self._t.append(new.t)
         self._values.append(self._outputs_of(new.q, new.q_t))
         of_input = self.offline.input_rounding
         self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u) if of_input else rounded).outputs)
         if any(self.offline.views):  # outputs in global axes
             self._frames.append(new.frame)
+            self._driven_frames.append(new.frame if driven is None else driven)
         self._last = new.part(slice(-1, None))

@@ -19,6 +19,7 @@ from .samples import by_steps, piece_ends, without_empty
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from .driven_inputs import DrivenInputs
     from .inputs import InputSignal
     from .residual import Coordinates
     from .samples import Jump, Samples
@@ -77,7 +78,7 @@ class Quintic:
     Where steps are so short that rounding of q'' from differences of q would dominate, only every s-th sample is a
     knot of the interpolant; the known differences at the samples between come with the block. measure: z -> norm of R
     by which s is chosen. mass_root: given in a turning frame, whose terms z takes as linear between samples; blocks
-    then tell how far the trajectory is from that.
+    then tell how far the trajectory is from that. driven: inputs of a frame that moves as a function of time says.
     """
 
     def __init__(
@@ -88,8 +89,9 @@ class Quintic:
         measure: Callable,
         omega_1: float,
         mass_root: np.ndarray | None = None,
+        driven: DrivenInputs | None = None,
     ):
-        self.mass_root = mass_root
+        self.mass_root, self.driven = mass_root, driven
         self.layout, self.jumps, self.signal, self.measure, self.omega_1 = layout, jumps, signal, measure, omega_1
         self._miss = self._size = self._rounding = self._variation = 0.0
 
@@ -111,7 +113,7 @@ class Quintic:
         every = np.arange(len(s.t))
         if np.diff(s.t).max() * self.omega_1 >= SHORT or len(s.t) == 2:
             return self._through(s, every)
-        inputs = self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
+        inputs = None if self.driven else self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
         best, stride = self._choice(s, every, inputs), 2
         while best.rounds and stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG:
             choice = self._choice(s, np.unique(np.append(every[::stride], every[-1])), inputs)
@@ -121,23 +123,34 @@ class Quintic:
         self._variation, self._rounding = self._variation + best.size, self._rounding + best.rounding
         return best.block
 
-    def _choice(self, s: Samples, knots: np.ndarray, inputs: tuple) -> _Choice:
+    def _choice(self, s: Samples, knots: np.ndarray, inputs: tuple | None) -> _Choice:
         block = self._through(s, knots, inputs)
         return _Choice(block, self._size_of(block), self._rounding_of(s.part(knots)))
 
     def _through(self, s: Samples, knots: np.ndarray, inputs: tuple | None = None) -> Block:
         """Segments between all samples, of the interpolant through those at the knots."""
         h = np.diff(s.t)
-        u, missed, variation = inputs or self._inputs(s.t[:-1], h, s.u[:-1], s.u[1:])
         curves = hermite_controls(np.diff(s.t[knots]), s.q[knots], s.q_t[knots], s.q_tt[knots])
         skipped = None
         if len(knots) < len(s.t):
             curves = [_cut(s.t, knots, c) for c in curves]
             skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
+        if self.driven is not None:
+            return self._driven(s, curves, skipped)
+        u, missed, variation = inputs or self._inputs(s.t[:-1], h, s.u[:-1], s.u[1:])
         block = Block(s.t[1:], h, self.layout(*curves, u), missed, variation, skipped)
         if self.mass_root is not None:
             pairs = [self._distance(*pair) for pair in zip(curves, (s.q, s.q_t), strict=False)]
             block.bent, block.moved = np.swapaxes(pairs, 0, 1).swapaxes(1, 2)
+        return block
+
+    def _driven(self, s: Samples, curves: Sequence[np.ndarray], skipped: np.ndarray | None) -> Block:
+        """Segments under the inputs of a frame whose motion is known between samples, too."""
+        found = self.driven.between(s.t, *curves[:2])
+        block = Block(s.t[1:], np.diff(s.t), self.layout(*curves, found.controls), *found[1:3], skipped)
+        block.turn, block.cut, block.is_driven = found.turn, found.cut, True
+        self._miss = max(self._miss, found.unresolved.max(initial=0.0) / SAFETY)
+        self._size = max(self._size, np.abs(found.controls).max(initial=0.0))
         return block
 
     def _distance(self, curve: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
+    from .driven_inputs import Inputs
     from .frame import FramePose
 
 COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "inputs frozen")  # the widest first
@@ -23,7 +24,8 @@ class Scene:
     bounds of the trajectory with auxiliary vectors. unknown : number of trailing inputs, wrenches of a mechanism.
     turns : the body is in a frame that may turn. checked : whether W^T R is a check, not used up by wrenches that
     follow from it. pose : of the frame in the reference configuration.
-    minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
+    driven : inputs and motion of a frame that moves as a function of time says, see driven_inputs.py; None: those of
+    the run. minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines of the plan.
     """
 
     scope: str = COMPLETE
@@ -35,6 +37,7 @@ class Scene:
     turns: bool = False
     checked: bool = True
     pose: FramePose | None = None
+    driven: Callable[..., Inputs] | None = None
     minor: slice | None = None
     computed: tuple[str, ...] = ()
     left_out: tuple[tuple[str, str], ...] = ()

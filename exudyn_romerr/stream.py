@@ -106,7 +106,9 @@ class KeptBounds:
         return Bounds(*(self._fields[name].read() if name in self._fields else None for name in names))
 
 
-def best_output(bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray) -> np.ndarray:
-    """Return the smallest bound (r,) of the output that has some of the rows, at one instant."""
+def best_output(
+    bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray, shift: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the smallest bound (r,) of the output that has some of the rows, at one instant; shift: see View."""
     seen = [b.of_rows(part) for b in bounds]
-    return np.min([(b if view is None else view.bounds(b, frame)).outputs[0] for b in seen], axis=0)
+    return np.min([(b if view is None else view.bounds(b, frame, shift)).outputs[0] for b in seen], axis=0)

@@ -51,13 +51,20 @@ class View:
         own = np.einsum("srk,sk->sr", self.matrices(frame), base)
         return own + carried[:, :, list(self.axes)].reshape(len(frame), -1)
 
-    def bounds(self, base: Bounds, frame: np.ndarray) -> Bounds:
-        """Return the bounds of the output from those of its base rows."""
-        H = self.matrices(frame)
+    def shift_between(self, base: np.ndarray, frame: np.ndarray, other: np.ndarray, pose: FramePose) -> np.ndarray:
+        """Return what the output (S, r) of the base rows' values (S, R) changes by if the frame is another one."""
+        return self.values(base, other, pose) - self.values(base, frame, pose)
+
+    def bounds(self, base: Bounds, frame: np.ndarray, shift: np.ndarray | None = None) -> Bounds:
+        """Return the bounds of the output from those of its base rows.
+
+        shift (S, r): what the error holds beside the deformation's, known: where the frame is.
+        """
+        H, shift = self.matrices(frame), 0.0 if shift is None else shift
         jumped = None if base.jumped is None else _spread(H, base.jumped)
         if base.correction is None:
-            return replace(base, outputs=_spread(H, base.outputs), jumped=jumped)
-        known, left = np.einsum("srk,sk->sr", H, base.correction), _spread(H, base.correction_bound)
+            return replace(base, outputs=_spread(H, base.outputs) + np.abs(shift), jumped=jumped)
+        known, left = np.einsum("srk,sk->sr", H, base.correction) + shift, _spread(H, base.correction_bound)
         return replace(base, outputs=np.abs(known) + left, jumped=jumped, correction=known, correction_bound=left)
 
 

@@ -649,6 +649,7 @@ def test_weld_moved_by_a_function_of_time_is_complete_and_moves():
     add_joint(scene, scene.left, offsetUserFunction=motion)
     monitor = run(scene)
     assert scope(monitor) == "complete"
+    assert "between time steps too" in reason(monitor)
     assert "moves the reference interface by its function" in reason(monitor)
     assert defect(monitor) <= tol.BALANCED
     place, turn = (

@@ -5,11 +5,12 @@ errors writing progress factor matrices oscillator modes space frame views defin
 basis kernels lagtable products residual recurrence inputs propagate forgetting split problem round_off
 packing matrix_exponential estimators.base estimators.paper estimators.energy estimators.auxiliary
 estimators.output_kernel estimators.static estimators.turning estimators.mechanism estimators nodes enrichment
-feedback scope plan samples bezier reconstruct rows stream made verdict saving formats style plot band
+feedback scope plan samples bezier prescribed driven_inputs
+reconstruct rows stream made verdict saving formats style plot band
 pictures surface page_parts page report load choice messages assemble offline starts defect online static_run
 mechanism evaluate forecast mbs.scene mbs.scope mbs.gather mbs.tangent mbs.watch mbs.reaction mbs.mechanism
 mbs.live mbs.hook mbs.bodies mbs.linear mbs.frames mbs.floating mbs.reference mbs.actions mbs.sensors
-mbs.support mbs.terms mbs.sampling mbs.enriched mbs.moving mbs.asked mbs.monitor mbs.solution mbs.trial
+mbs.support mbs.driven mbs.terms mbs.sampling mbs.enriched mbs.moving mbs.asked mbs.monitor mbs.solution mbs.trial
 mbs.two_level mbs.choose mbs.fem_modes mbs study __main__
 """.split()
 MAY_IMPORT_EXUDYN = ("mbs", "study", "__main__")

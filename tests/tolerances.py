@@ -120,3 +120,5 @@ ALL_VECTORS = 1.015
 SHORTER_BLOCK = 1e-9
 # Responses between the last two tangents are interpolated with one tangent less; measured 3e-6.
 LAST_TANGENT = 1e-5
+# A truth integrated to 1e-11 of every mode; positions of 0.4 m round to 1e-16.
+DRIVEN = 1e-10

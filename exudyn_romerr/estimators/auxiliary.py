@@ -65,19 +65,22 @@ class Auxiliary:
         """Go on by one block; return the bounds at the ends of its segments."""
         forces = rows_times(block.c, self.forcing.T)
         states = self.oscillators.advance(self.state, block.t, block.h, forces)
-        before = self.growth
+        before, missed = self.growth, self._unresolved(block)
         self.growth, g, g_jump = self.growth.advanced(block)
         if block.turn is not None:
             d_M, v_M = before.inside(g, self.growth)
             eta, eta_t = self.oscillators.inside(self.state, states, block.h, forces)
             static = self.growth.static_inside(self.norm_static, before, block)
-            self.inside = np.hypot(row_norms(eta), static + d_M), np.hypot(row_norms(eta_t), v_M)
+            self.inside = (
+                np.hypot(row_norms(eta), static + d_M) + row_norms(missed),
+                np.hypot(row_norms(eta_t), v_M) + row_norms(missed * self.oscillators.omega),
+            )
         eta, eta_t = np.abs(states).max(axis=0)
         self.rounding = self.rounding + self._rounding_of(block, eta, eta_t, g)
         self.state = states[-1]
         # of times: steps follow them but for rounding, which does not add up
         of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
-        inexact = self.rounding + of_times + self._unresolved(block)
+        inexact = self.rounding + of_times + missed
         return self._bounds(block.c[:, -1], states, (g, g_jump), inexact, cut_size(block))
 
     def _rounding_of(self, block: Block, eta: np.ndarray, eta_t: np.ndarray, g: np.ndarray) -> np.ndarray:

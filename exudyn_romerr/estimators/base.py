@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ..frame import Turn
+    from ..frame import Turn, Veer
     from ..packing import Cut
     from ..problem import Problem
     from ..residual import StartNorms
@@ -21,11 +21,13 @@ class Added(NamedTuple):
     """What auxiliary vectors add to a reduced trajectory, which was bounded with it.
 
     q, q_t : (S, n) of modes and vectors. speed : (S,) the root of twice the kinetic energy of all that is added.
+    veer : how far that moves the frame; None: not at all.
     """
 
     q: np.ndarray
     q_t: np.ndarray
     speed: np.ndarray
+    veer: Veer | None = None
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class Block:
     turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
     bent, moved : (S, 2), see Turn.of_curve. joint : (S,) variation of R of all bodies of a mechanism together; None:
     this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
+    is_driven : turn and cut are those of a frame that moves as a function of time says.
     """
 
     t: np.ndarray
@@ -71,6 +74,7 @@ class Block:
     moved: np.ndarray | None = None
     joint: np.ndarray | None = None
     added: Added | None = None
+    is_driven: bool = False
     _norms: dict = field(default_factory=dict, init=False)
 
     @classmethod

@@ -100,7 +100,9 @@ class CorrectedEnergy(MechanismEnergy):
         |C e| <= |C du - C K^-1 R| + |C|_{K^-1} g ,   R and g of u + du
 
     du solves linearised equations, whose matrices are interpolated between tangents. What that misses of du is in no
-    residual of a body: LINEARISED of the largest du so far is added.
+    residual of a body. Inertia forces of second order in du, of which a body's own R holds only what its wrenches
+    balance, go into g as the force that they are: |F|_{M^-1} of every step. For the rest LINEARISED of the largest du
+    so far is added.
     """
 
     name = "auxiliary"
@@ -109,17 +111,34 @@ class CorrectedEnergy(MechanismEnergy):
         super().__init__(problem, unknown)
         self.value_rows = problem.C @ problem.V
         self.root = np.linalg.qr(problem.body.mass_factor.half_multiply(problem.V), mode="r")
+        body, x = problem.body, problem.body.positions.ravel()
+        self.arm, self.mass = float(np.sqrt(x @ (body.mass @ x))), body.total_mass
+        self._force = 0.0  # of second order, at the end of the last block
         self._largest = np.zeros(len(self.value_rows) + 1)  # of du so far: every output, and its mass norm
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
-        self._added = start.added or self._nothing(1)
+        self._added, self._force = start.added or self._nothing(1), 0.0
         return super().start(start)
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         self._added = block.added or self._nothing(len(block.h))
+        self._force = float(self._unbalanced(block)[-1])
         return super().advance(block)
+
+    def variations(self, block: Block) -> np.ndarray:
+        """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
+        pieces, force = super().variations(block), self._unbalanced(block)
+        pieces[:, -1] += block.h * np.maximum(force, np.append(self._force, force[:-1]))
+        return pieces
+
+    def _unbalanced(self, block: Block) -> np.ndarray:
+        """Inertia forces (S,) of second order in du at the ends of the segments, |.|_{M^-1}."""
+        if block.added is None or block.added.veer is None:
+            return np.zeros(len(block.h))
+        du, du_t = (row_norms(x @ self.root.T) for x in (block.added.q, block.added.q_t))
+        return block.added.veer.unbalanced(du, du_t, self.arm, self.mass)
 
     def _nothing(self, count: int) -> Added:
         none = np.zeros((count, self.value_rows.shape[1]))
@@ -127,7 +146,7 @@ class CorrectedEnergy(MechanismEnergy):
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        return super().instant(i), Added(*(x[i : i + 1] for x in self._added))
+        return super().instant(i), Added(*(x[i : i + 1] for x in self._added[:3]))
 
     def outputs_at(self, instant: tuple) -> np.ndarray:
         """Return the bounds (R,) at an instant of an estimator with other outputs."""
@@ -135,7 +154,7 @@ class CorrectedEnergy(MechanismEnergy):
         return super().outputs_at(rest)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        rest, (q, q_t, speed) = super()._bounds(z, g, cut), self._added
+        rest, (q, q_t, speed, _) = super()._bounds(z, g, cut), self._added
         rows = self.value_rows.T
         known = rest.correction + np.where(self.velocity_rows, q_t @ rows, q @ rows)
         size = row_norms(q @ self.root.T)

@@ -17,12 +17,13 @@ from ..inputs import SampledSignal
 from ..offline import prepare
 from ..scope import COMPLETE, Scene
 from .actions import read_actions
+from .driven import find_motion
 from .enriched import EnrichedBody
 from .floating import read_object
 from .reference import find_reference
 from .sampling import Sampler
 from .scene import load_factor
-from .scope import Wanted, find_scope
+from .scope import AUTO, Wanted, find_scope
 from .sensors import NO_SENSOR, BodySensors, body_sensors
 from .support import read_support
 from .terms import InputTerms
@@ -30,15 +31,19 @@ from .terms import InputTerms
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from ..driven_inputs import Inputs
     from ..offline import Offline
     from ..outputs import Output
     from .actions import Actions
+    from .driven import DrivenFrame
     from .floating import FloatingBody, ReducedMatrices
     from .reference import Reference
     from .scope import Found
     from .support import Support
 
 TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
+ALONGSIDE = "its function is used alongside a run, with scope='auto', time='reconstructed', initial=None"
+SHORT = 0.01  # rad of the first mode: how far a driven motion is looked at to tell the velocity that it begins with
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 
 
@@ -52,6 +57,9 @@ class MovingSubject:
         self._use(options["outputs"] or ())
         self.enriched: EnrichedBody | None = None
         self.columns = np.zeros(0, dtype=int)
+        self._driven: DrivenFrame | None = None
+        self._known = False  # whether the last solve took the frame's motion from a function
+        self._last_time: float | None = None  # of the samples taken last
         self._signature: tuple = ()
         self._body: ElasticBody | None = None
 
@@ -62,7 +70,7 @@ class MovingSubject:
         reference = find_reference(self._flex, model.V, actions.interfaces())
         body = self._made_body(model, reference)
         idle = actions.drop_idle(body)
-        support = read_support(mbs, model, idle)
+        support = self._with_motion(mbs, model, read_support(mbs, model, idle), body, static)
         columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
         scope = self._find_scope(mbs, model, actions, support, static, attached, others)
         signature = (model.V.tobytes(), id(body), support, scope, *actions.signature())
@@ -151,6 +159,7 @@ class MovingSubject:
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt (S, n), u (S, p) and the frame (S, 21) of accepted steps."""
+        self._last_time = float(t[-1])
         return self._sampler(t, *states)
 
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
@@ -188,6 +197,28 @@ class MovingSubject:
         terms, actions = self._sampler.terms, self._sampler.actions
         return terms.values(actions, t, self._model.frame.motion(pose, rest, rest), q, q)
 
+    def _with_motion(
+        self, mbs: Any, model: ReducedMatrices, support: Support, body: ElasticBody, static: bool
+    ) -> Support:
+        """Take the motion of a driven frame from its function, where that can be had; tell why where not."""
+        if not support.driven or static:
+            return support
+        options = self._options
+        if self._wanted.scope != AUTO or options["time"] != "reconstructed" or options["initial"] is not None:
+            return replace(support, unknown=ALONGSIDE)
+        t = mbs.systemData.GetTime()
+        goes_on = self._known and self._last_time is not None and t >= self._last_time
+        found = find_motion(mbs, support, model, SHORT / float(body.modes(1).omega[0]), goes_on)
+        self._known = not isinstance(found, str)
+        if not self._known:
+            return replace(support, unknown=found)
+        self._driven = found
+        return replace(support, known=True)
+
+    def _driven_inputs(self, *of_curve: Any) -> Inputs:
+        """Inputs of a frame that moves as its function says, see DrivenFrame.inputs."""
+        return self._driven.inputs(self._sampler.terms, self._sampler.actions, *of_curve)
+
     def _scene(
         self,
         model: ReducedMatrices,
@@ -216,6 +247,7 @@ class MovingSubject:
             turns=not support.at_rest,
             checked=terms.unknown < model.V.shape[1],
             pose=FramePose(r, A),
+            driven=self._driven_inputs if support.known and scope.name == COMPLETE else None,
             minor=terms.minor,
             computed=(
                 f"floating body: held in its frame by {reference.source}",

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from ..estimators.base import Added
 from ..feedback import Feedback, Tangent
+from ..frame import Veer
 from ..mechanism import join_extensions, joined_openings
 from ..online import Run
 
@@ -80,10 +81,12 @@ class Reaction:
         e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__)
         self._tangents.forget()
         runs, extensions = [watch.run.companion for watch in self._watches], []
-        for run, (body, own) in zip(runs, self.parts, strict=True):
-            extension = run.extension(rows[0], *body.sampler(rows[0], *self._states(body, own, rows[1:], e)))
+        for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
+            sample = body.sampler(rows[0], *self._states(body, own, rows[1:], e))
+            extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
+            veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
             for block, _ in extension.segments.values():
-                block.added = self._added(body, own, e, speed)
+                block.added = self._added(body, own, e, speed)._replace(veer=veer)
             extensions.append(extension)
         join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):

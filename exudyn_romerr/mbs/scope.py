@@ -32,6 +32,15 @@ SWITCHING = (
 )
 SWITCHES = ("useLimitStops", "dynamicFrictionForce", "staticFrictionOffsetForce")  # parameters
 PASSIVE = ("stiffness", "damping")  # parameters that take energy away or keep it, if not negative
+DRIVEN = (
+    "the bound holds for the full body under the motion of the frame that this simulation computed, at its samples "
+    "and linear between them; how far that is from the function, what time steps do to the frame's motion, is not "
+    "covered"
+)
+BY_FUNCTION = (
+    "which gives the frame's motion between time steps too; its derivatives are those of polynomials through it, and "
+    "what they miss is estimated and added"
+)
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
@@ -78,6 +87,11 @@ def find_scope(
     reacting = [place.name for place in actions.wrenches] + [load.name for load in actions.loads if load.follows]
     if not support.at_rest and not support.driven:
         reacting.insert(0, "the frame")
+    if not reacting and support.driven and not static and not support.known:
+        why = f" ({support.unknown})" if support.unknown else ""
+        return Found(FROZEN, f"{support.text}; {DRIVEN}{why}; loads do not depend on the body's deformation")
+    if not reacting and support.known:
+        return Found(COMPLETE, f"{support.text}, {BY_FUNCTION}; loads do not depend on the body's deformation")
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     without = next(_no_feedback(mbs, wanted, model), "")
