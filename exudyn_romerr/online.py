@@ -69,6 +69,7 @@ class Run:
         self.floor = 0.0  # size of terms of W^T R that cancelled before they came here
         self._t, self._values, self._round_off, self._frames = (Rows() for _ in range(4))
         self._last: Samples | None = None
+        self._rest: np.ndarray | None = None  # where a frame at rest is
         self._settled = slice(None)
         layout = offline.coordinates
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
@@ -87,7 +88,7 @@ class Run:
         return self._streams.get("total", self._streams["reduction"])
 
     def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
-        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (21,) if any.
+        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
 
         after: a run whose last state this one starts in; its bounds go on. After a static run the full body starts in
         its own equilibrium under the static run's last loads (the run's offline part must be `from_static`).
@@ -211,7 +212,7 @@ class Run:
         return {"total": found["reduction"], **found}
 
     def samples(self) -> tuple[np.ndarray, ...]:
-        """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
+        """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 24) or (0,)."""
         kept = self._t, self._values, self._round_off, self._frames
         return tuple(rows.read()[self._settled] for rows in kept)
 
@@ -248,7 +249,11 @@ class Run:
         u, cut = self._inputs(t, u), np.zeros((len(t), 0))
         if not self.offline.scene.corrected:  # what its balance lacks is in its bounds
             layout, rows = self.offline.balance
-            self._defect.measure(rows, layout(*states, u), self.offline.rounding.in_balance(states[0]))
+            z, jitter = layout(*states, u), self.offline.scene.jitter
+            if jitter is not None:
+                self._rest = frame[0] if self._last is None else self._rest
+                z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
+            self._defect.measure(rows, z, self.offline.rounding.in_balance(states[0]))
         self._inputs_given = u[-1:]  # as they are, also where they are packed below
         if self.offline.packing is not None:
             u, cut = self.offline.packing(u)

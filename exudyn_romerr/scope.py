@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from .frame import FramePose
+    from .frame import FramePose, Jitter
 
 COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "inputs frozen")  # the widest first
 NOT_CERTIFIED = "not certified"  # ends the reason of a scope: loads may be missing
@@ -23,6 +23,7 @@ class Scene:
     bounds of the trajectory with auxiliary vectors. unknown : number of trailing inputs, wrenches of a mechanism.
     turns : the body is in a frame that may turn. checked : whether W^T R is a check, not used up by wrenches that
     follow from it. pose : of the frame in the reference configuration.
+    jitter : what a solver leaves of the accelerations of a frame at rest; None of a frame that moves, or of none.
     minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
     """
 
@@ -35,6 +36,7 @@ class Scene:
     turns: bool = False
     checked: bool = True
     pose: FramePose | None = None
+    jitter: Jitter | None = None
     minor: slice | None = None
     computed: tuple[str, ...] = ()
     left_out: tuple[tuple[str, str], ...] = ()

@@ -559,10 +559,54 @@ def load_of_the_state(scene):
     add_load(scene, scene.right, FORCE, loadVectorUserFunction=follow)
 
 
-def test_load_that_depends_on_the_state_is_caught():
+@pytest.mark.parametrize("h", [1e-4, 1e-6])
+def test_load_that_depends_on_the_state_is_caught(h):
+    """At 1e-6 s too, where the solver's rounding over h^2 is larger than what is caught."""
     scene = supported()
     load_of_the_state(scene)
-    assert accused(run(scene, h=1e-4))
+    assert accused(run(scene, h=h, steps=100))
+
+
+@pytest.mark.parametrize("call", range(20, 30))
+def test_a_step_that_was_interrupted_is_no_alarm(call):
+    """By Ctrl-C while Exudyn asks for the load, at different places of a step; that step is left out."""
+    calls = []
+
+    def load(t):
+        calls.append(t)
+        if len(calls) == call:
+            raise KeyboardInterrupt
+        return floating.ramped_force(t)
+
+    scene = floating.clamped_bar(4, h=1e-4, t_end=2e-3, force=load)
+    monitor = watched(scene)
+    with pytest.raises(exu.ModelError):
+        scene.solve()
+    assert 0 < monitor.report().t[-1] < calls[call - 1]
+    assert not accused(monitor)
+
+
+@pytest.mark.parametrize("h", [1e-6, 1e-7])
+@pytest.mark.parametrize("hold", ["weld", "node"])
+def test_steps_however_short_are_in_balance(h, hold):
+    """A frame at rest is held to 1e-17 rad; over h^2 that was taken for a missing load, 3e-5 and 4e-3 of all."""
+    scene = supported() if hold == "weld" else bar()
+    if hold == "node":
+        hold_frame(scene, (0, 1, 2, 4, 5, 6))
+    add_load(scene, scene.right, FORCE)
+    assert defect(run(scene, h=h, steps=100)) <= tol.BALANCED
+
+
+def test_a_frame_that_is_moved_unseen_is_caught():
+    """By a PreStep function that shakes what the frame is welded to: the mbs says that it is at rest."""
+    scene = supported()
+
+    def shake(mbs, t):
+        mbs.SetObjectParameter(scene.ground, "referencePosition", [0, 0, 1e-9 * np.sin(1e4 * t)])
+        return True
+
+    scene.mbs.SetPreStepUserFunction(shake)
+    assert accused(run(scene, h=1e-5, steps=100))
 
 
 @pytest.mark.parametrize("action", [constrain_a_mode, stiffen_the_modes])
