@@ -52,8 +52,8 @@ class Offline:
     frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
     jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z) that knots of the reconstruction are
     chosen by. rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single:
-    names of what has fewer. initial: None, "equilibrium" or "state". nodes: bounds at every node, on demand. static,
-    from_static: made when a static solve, or a run from its end, begins.
+    names of what has fewer. initial: None, "equilibrium" or "state". notes: what the reader must know. nodes: bounds
+    at every node, on demand. static, from_static: made when a static solve, or a run from its end, begins.
     """
 
     coordinates: Coordinates | PackedCoordinates
@@ -80,6 +80,7 @@ class Offline:
     plan: Plan
     views: tuple[View | None, ...]
     scene: Scene
+    notes: tuple[str, ...]
     nodes: Callable[[dict], dict]
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
@@ -160,6 +161,7 @@ def prepare(
         from_static=lambda: prepare(
             body, basis, initial="equilibrium", sampled_inputs=sampled_inputs, scene=scene, **of_problem, **of_run
         ),
+        notes=(problem.split.left_ringing,) if with_modes and problem.split.left_ringing else (),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
         static=lambda: StaticError(problem),
     )
