@@ -9,6 +9,7 @@ import numpy as np
 from .matrices import DOUBLE
 
 if TYPE_CHECKING:
+    from .body import ElasticBody
     from .problem import Problem
 
 
@@ -21,10 +22,15 @@ class Rounded(NamedTuple):
 
 
 class RoundOff:
-    """How far the reduced motion may be off if every number it follows from is off by its eps, relative.
+    """How far reduced motion and full body may be off if every number they follow from is off by its eps, relative.
 
-        r = eps_K sum_j |qr_j| | |K| |V_j| |_{K^-1} + eps_M sum_j |qr_j''| | |M| |V_j| |_{K^-1}
+        r = eps_K max(sum_j |qr_j| | |K| |V_j| |_{K^-1} , x) + eps_M sum_j |qr_j''| | |M| |V_j| |_{K^-1}
             + eps_D sum_j |qr_j'| | |D| |V_j| |_{K^-1} + eps_B sum_i |u_i| | |B_i| |_{K^-1}
+
+    x = max_{s <= t} (sum_i |u_i(s)| | |K| |K^-1 B_i| |_{K^-1} , | |K| |q0| |_{K^-1}) is of the full body's own motion,
+    which the reduced one may lack: its static response to loads, those before too, in which it may ring, and its
+    initial state. It is left out in a frame that moves unless an initial error is asked for: most columns there are of
+    inertia, and their responses cancel.
 
     |e'|_M <= r, |e|_M <= r / omega_1, |C e| <= |C|_{K^-1} r + (eps_C + eps_q) |C V| |qr|; of velocities
     |C e'| <= |C|_{M^-1} r + ... |C V| |qr'|. What is off at an instant, not what it adds up to over many periods. The
@@ -35,6 +41,8 @@ class RoundOff:
     problem : Problem
     eps : dict
         Relative spacing of the numbers of "mass", "stiffness", "damping", "inputs", "samples", and (R,) of "outputs".
+    full : bool
+        Whether the full body's static response counts.
 
     Notes
     -----
@@ -42,13 +50,17 @@ class RoundOff:
     rounding of a given initial state.
     """
 
-    def __init__(self, problem: Problem, eps: dict[str, Any]):
+    def __init__(self, problem: Problem, eps: dict[str, Any], full: bool = True):
         self.velocity_rows, self.per_mass = problem.velocity_rows, 1 / problem.body.modes(1).omega[0]
         self.eps_K, self.eps_M, self.eps_D, self.eps_B = (
             eps[name] for name in ("stiffness", "mass", "damping", "inputs")
         )
         body, V, B = problem.body, np.abs(problem.V), np.abs(problem.B)
         norm, KV = body.stiffness_factor.half_solve, abs(body.K) @ V
+        self.of_response = self._of_motion(body, body.stiffness_factor.solve(problem.B)) if full and B.size else None
+        self.of_start = 0.0
+        if problem.initial_state is not None:
+            self.of_start = float(self._of_motion(body, problem.initial_state[0][:, None])[0])
         self.of_K, self.of_balance = np.linalg.norm(norm(KV), axis=0), self.eps_K * np.abs(problem.W).T @ KV
         self.of_M = np.linalg.norm(norm(abs(body.M) @ V), axis=0) if self.eps_M > DOUBLE else None
         self.of_D = np.linalg.norm(norm(abs(body.D) @ V), axis=0) if self.eps_D > DOUBLE else None
@@ -56,10 +68,19 @@ class RoundOff:
         self.constants = np.where(problem.velocity_rows, problem.C2, problem.C_K)
         self.value_rows = (eps["samples"] + eps["outputs"])[:, None] * np.abs(problem.C @ problem.V)
 
-    def __call__(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> Rounded:
-        """Return it at samples q, q_t, q_tt (S, n), u (S, p)."""
+    def of_full(self, u: np.ndarray) -> np.ndarray:
+        """Return | |K| |x| |_{K^-1} (S,) of the full body's static response x to inputs u (S, p), or its start."""
+        response = np.zeros(len(u)) if self.of_response is None else np.abs(u) @ self.of_response
+        return np.maximum(response, self.of_start)
+
+    def _of_motion(self, body: ElasticBody, X: np.ndarray) -> np.ndarray:
+        """| |K| |x| |_{K^-1} of every column x of X."""
+        return np.linalg.norm(body.stiffness_factor.half_solve(abs(body.K) @ np.abs(X)), axis=0)
+
+    def __call__(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray, full: np.ndarray) -> Rounded:
+        """Return it at samples q, q_t, q_tt (S, n), u (S, p); full (S,): the largest of_full so far."""
         q, q_t = np.abs(q), np.abs(q_t)
-        r = self.eps_K * (q @ self.of_K)
+        r = self.eps_K * np.maximum(q @ self.of_K, full)
         if self.of_M is not None:
             r += self.eps_M * (np.abs(q_tt) @ self.of_M)
         if self.of_D is not None:

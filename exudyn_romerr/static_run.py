@@ -57,6 +57,9 @@ class StaticRun(Run):
         q = np.asarray(q, dtype=float)
         return self._checked(t, q, 0 * q, 0 * q, u, frame)
 
+    def _full_motion(self, u: np.ndarray) -> np.ndarray:
+        return self.offline.rounding.of_full(u)
+
     def _take(self, new: Samples) -> None:
         z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
         rounded = self._rounding(new)
