@@ -27,10 +27,10 @@ class RoundOff:
         r = eps_K max(sum_j |qr_j| | |K| |V_j| |_{K^-1} , x) + eps_M sum_j |qr_j''| | |M| |V_j| |_{K^-1}
             + eps_D sum_j |qr_j'| | |D| |V_j| |_{K^-1} + eps_B sum_i |u_i| | |B_i| |_{K^-1}
 
-    x = max_{s <= t} (sum_i |u_i(s)| | |K| |K^-1 B_i| |_{K^-1} , | |K| |q0| |_{K^-1}) is of the full body's own motion,
-    which the reduced one may lack: its static response to loads, those before too, in which it may ring, and its
-    initial state. It is left out in a frame that moves unless an initial error is asked for: most columns there are of
-    inertia, and their responses cancel.
+    x = max_{s <= t} (sum_i |u_i(s)| | |K| |K^-1 B_i| |_{K^-1} , | |K| |q0| |_{K^-1}) is of the full body's motion, which
+    the reduced one may lack: its static response to loads, those before too, in which it may ring, and its initial
+    state. It is left out in a frame that moves unless an initial error is asked for: most columns there are of inertia,
+    and their responses cancel.
 
     |e'|_M <= r, |e|_M <= r / omega_1, |C e| <= |C|_{K^-1} r + (eps_C + eps_q) |C V| |qr|; of velocities
     |C e'| <= |C|_{M^-1} r + ... |C V| |qr'|. What is off at an instant, not what it adds up to over many periods. The
