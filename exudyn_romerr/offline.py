@@ -133,7 +133,6 @@ def prepare(
     signal = _made_signal(input_function, problem.B.shape[1], sampled_inputs)
     V, W, B = problem.V, problem.W, problem.B
     eps, single = of_input(problem, samples_precision)
-    full = scene.minor is None or initial is not None  # else many columns, whose responses cancel
     return Offline(
         coordinates=problem.map.coordinates,
         signal=signal,
@@ -146,8 +145,8 @@ def prepare(
         packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
-        rounding=RoundOff(problem, {**dict.fromkeys(eps, DOUBLE), "outputs": np.full(len(problem.C), DOUBLE)}, full),
-        input_rounding=RoundOff(problem, eps, full) if single else None,
+        rounding=RoundOff(problem, {**dict.fromkeys(eps, DOUBLE), "outputs": np.full(len(problem.C), DOUBLE)}),
+        input_rounding=RoundOff(problem, eps) if single else None,
         single=tuple(single),
         samples_precision=samples_precision,
         measure=measure,

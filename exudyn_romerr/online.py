@@ -71,7 +71,7 @@ class Run:
         self._last: Samples | None = None
         self._rest: np.ndarray | None = None  # where a frame at rest is
         self._settled = slice(None)
-        self._largest = 0.0  # of the full body's own motion, for its rounding
+        self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
         layout = offline.coordinates
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(layout, self._jumps)}
@@ -110,11 +110,7 @@ class Run:
     def open(self, opening: Opening) -> None:
         """Begin the run."""
         first, before, start, _ = opening
-        if before is not None:
-            self._largest = before._largest
-        elif self.offline.initial == "equilibrium":  # under the loads before, which may be others
-            slot = self.offline.coordinates.input_slot
-            self._largest = float(self.offline.rounding.of_full(start.y0[None, slot])[0])
+        self._own = self._own_motion(start) if before is None else before._own
         rounded = self._rounding(first)
         if start is not None:
             for name in self._segmenters:
@@ -276,14 +272,15 @@ class Run:
         return u
 
     def _rounding(self, new: Samples) -> Rounded:
-        self._full = self._full_motion(new.u)
-        return self.offline.rounding(new.q, new.q_t, new.q_tt, new.u, self._full)
+        return self.offline.rounding(new.q, new.q_t, new.q_tt, new.u, self._own)
 
-    def _full_motion(self, u: np.ndarray) -> np.ndarray:
-        """Size (S,) of what the full body moves by itself: it may ring in its largest response so far."""
-        sizes = np.concatenate([[self._largest], self.offline.rounding.of_full(u)])
-        self._largest = float(sizes.max())
-        return np.maximum.accumulate(sizes)[1:]
+    def _own_motion(self, start: Start) -> float:
+        """Size of what the full body starts with, and may ring in all along, see RoundOff."""
+        offline = self.offline
+        if offline.initial != "equilibrium":
+            return offline.rounding.of_start
+        u = start.y0[None, offline.coordinates.input_slot]  # of the loads before, which may be others
+        return float(offline.rounding.of_equilibrium(u)[0])
 
     def _off_the_samples(self, skipped: np.ndarray) -> tuple:
         """Distance of samples from the trajectory that is bounded: position, velocity, outputs."""
@@ -300,7 +297,7 @@ class Run:
         self._values.append(self._outputs_of(new.q, new.q_t))
         of_input = self.offline.input_rounding
         self._round_off.append(
-            (of_input(new.q, new.q_t, new.q_tt, new.u, self._full) if of_input else rounded).outputs
+            (of_input(new.q, new.q_t, new.q_tt, new.u, self._own) if of_input else rounded).outputs
         )
         if any(self.offline.views):  # outputs in global axes
             self._frames.append(new.frame)

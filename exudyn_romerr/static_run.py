@@ -57,11 +57,10 @@ class StaticRun(Run):
         q = np.asarray(q, dtype=float)
         return self._checked(t, q, 0 * q, 0 * q, u, frame)
 
-    def _full_motion(self, u: np.ndarray) -> np.ndarray:
-        return self.offline.rounding.of_full(u)
-
     def _take(self, new: Samples) -> None:
         z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
+        if self.offline.packing is None:
+            self._own = self.offline.rounding.of_equilibrium(new.u)
         rounded = self._rounding(new)
         self._streams["reduction"].load_steps(z, rounded)
         self._record(new, rounded)
