@@ -201,8 +201,8 @@ class BoundReport:
         divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
         what = "error in the mass norm" if self.total_mass is None else "mass-weighted RMS error of position"
         return [
-            f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= {rounded_up(np.max(bound) / divisor)}; "
-            f"{self.reasons[e]}"
+            f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
+            f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
             for e, bound in self.position_bound.items()
         ] + ([f"  scope: {self.scope_reason}"] if self.scope_reason else [])
 

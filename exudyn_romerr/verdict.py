@@ -132,7 +132,7 @@ def advice(out: OutputReport, row: int | None = None) -> str:
     if at_round_off(out)[rows][at[1]]:
         return "nothing to improve: more modes or shorter steps do not show above rounding of the input"
     if not 0 < total < np.inf:
-        return "nothing to improve" if total == 0 else "no finite bound: ask for another estimator"
+        return "nothing to improve" if total == 0 else "no finite bound: the messages or reasons say why"
     cause = max(shares, key=shares.get)
     rest = np.max(bound - causes[cause])
     left = f"; the rest alone bounds it by {rounded_up(rest)} {out.unit}" if rest > 0 else ""

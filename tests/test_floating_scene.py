@@ -1110,3 +1110,37 @@ def test_run_released_from_a_static_solve_in_a_frame_that_may_turn(estimators):
     assert static.time == "static"
     assert np.isfinite(dynamic.output("tip").bound["best"]).all()
     np.testing.assert_allclose(dynamic.output("tip").value[0], static.output("tip").value[-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["RBE2", "RBE3"])
+def test_nothing_is_claimed_of_the_interface_that_holds_the_frame(kind):
+    """Its motion in global axes is the frame's alone, the bound was 3e-22 m; at rest it is held, and known."""
+    for support, known in (("hinge", False), ("weld", True)):
+        scene = supported(SUPPORTS[support], kind=kind)
+        add_load(scene, scene.right, FORCE)
+        sensor = itemInterface.SensorMarker(markerNumber=scene.left, outputVariableType=Quantity.Displacement)
+        held = scene.mbs.AddSensor(sensor)
+        scene.mbs.SetSensorParameter(held, "name", "held")
+        monitor = watched(scene, outputs=[held, node_displacement("tip", node=20, frame="global")], scope="auto")
+        solve(scene, h=1e-4, steps=10)
+        report = monitor.report()
+        assert (report.scope["energy"] == "complete") == known
+        assert np.isfinite(report.output("tip").bound["best"]).all()
+        bound = report.output("held").bound["best"]
+        assert np.max(bound) < 1e-15 if known else np.isinf(bound).all()
+        said = [message for message in report.messages if "nothing is known of the error of 'held'" in message]
+        assert len(said) == (not known)
+        assert ("error not bounded" in str(report)) == (not known)
+
+
+def test_lines_of_the_solver_say_what_bounds_hold_under(capfd):
+    scene = supported(HINGE)
+    add_load(scene, scene.right, FORCE)
+    watched(scene, scope=FROZEN)
+    simulation = settings(1e-4, 5)
+    simulation.timeIntegration.verboseMode = 2
+    scene.mbs.Assemble()
+    scene.mbs.SolveDynamic(simulation)
+    told = [line for line in capfd.readouterr().out.splitlines() if line.startswith("error bounds at t = ")]
+    assert told
+    assert all(line.endswith(" m, inputs frozen") for line in told)
