@@ -9,7 +9,8 @@ import numpy as np
 
 from .errors import InputError
 from .report import SAMPLED
-from .verdict import rounded_up
+from .scope import FROZEN
+from .verdict import rounded_up, widest_scope
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -147,7 +148,9 @@ class ModeChoice:
 
     def __str__(self) -> str:
         scopes = {scope for report in self.reports for scope in report.scope.values()}
-        verdict = "is enough" if self.met else "came closest, and is not enough"
+        is_frozen = any(widest_scope(report.scope) == FROZEN for report in self.reports)
+        frozen = ", inputs frozen (the mechanism's answer is not covered)" if is_frozen else ""
+        verdict = f"is enough{frozen}" if self.met else "came closest, and is not enough"
         lines = [f"{self.chosen.basis} {verdict}; scope of the bounds: {', '.join(sorted(scopes))}"]
         lines += [f"  run {i}: {run}" for i, run in enumerate(self.tried, start=1)]
         lines += [f"  {self._smaller()}"] if self.met else [f"  {CURES[self.limit]}"]

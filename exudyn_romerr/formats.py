@@ -7,6 +7,7 @@ import io
 from itertools import count
 from typing import TYPE_CHECKING
 
+from .verdict import under
 from .writing import write_whole
 
 if TYPE_CHECKING:
@@ -32,7 +33,8 @@ def columns(report: BoundReport) -> dict[str, np.ndarray]:
         Name -> (T,). "t [s]" ("load factor" of a static solve); then for every row of every output, here tip z in m,
         "tip z [m]", "tip z bound [m]" (the best), "tip z bound auxiliary [m]" (each estimator), "tip z corrected [m]"
         and "tip z corrected bound [m]" (with auxiliary modes), "tip z round-off [m]", "tip z true error [m]" (if a
-        truth was compared); then "position bound auxiliary" and "velocity bound auxiliary" of |e|_M and |e'|_M.
+        truth was compared); then "position bound auxiliary" and "velocity bound auxiliary" of |e|_M and |e'|_M. Where
+        the scope is not complete the names of bounds say so: "tip z bound, inputs frozen [m]", or ", to first order".
 
     Notes
     -----
@@ -62,19 +64,19 @@ def _named(report: BoundReport) -> Iterator[tuple[str, np.ndarray]]:
     yield "load factor" if report.time == "static" else "t [s]", report.t
     for out in report.outputs.values():
         for row, name in enumerate(out.row_names):
-            for what, x in _series(out):
+            for what, x in _series(out, report.scope):
                 yield " ".join(filter(None, [name, what, f"[{out.unit}]"])), x[:, row]
     for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
-        yield from ((f"{kind} bound {e}", x) for e, x in bounds.items())
+        yield from ((f"{kind} bound {e}{under(report.scope, e)}", x) for e, x in bounds.items())
 
 
-def _series(out: OutputReport) -> Iterator[tuple[str, np.ndarray]]:
+def _series(out: OutputReport, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
     yield "", out.value
-    yield "bound", out.bound["best"]
-    yield from ((f"bound {e}", x) for e, x in out.bound.items() if e != "best")
+    yield f"bound{under(scope)}", out.bound["best"]
+    yield from ((f"bound {e}{under(scope, e)}", x) for e, x in out.bound.items() if e != "best")
     if out.corrected is not None:
         yield "corrected", out.corrected
-        yield "corrected bound", out.corrected_bound
+        yield f"corrected bound{under(scope)}", out.corrected_bound
     yield "round-off", out.round_off
     if out.error is not None:
         yield "true error", out.error

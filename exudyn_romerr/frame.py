@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from .errors import AssumptionError
 
 ISOTROPY = 1e-9  # of the largest entry of M: solid elements meet it to rounding
+HELD = 1e-12  # of the size of a body, and rad: some thousand roundings; what moves on purpose is far above
 SERIES = 1e-3  # rad; below, two terms of a Taylor series are exact to 1e-14, the quotients are not
 
 
@@ -42,8 +43,8 @@ class FrameMotion:
         return skew(self.al) + skew(self.w) @ skew(self.w)
 
     def rows(self) -> np.ndarray:
-        """Return r, r_t, A, w, al side by side, (S, 21), as samples carry them."""
-        return np.hstack([self.r, self.r_t, self.A.reshape(-1, 9), self.w, self.al])
+        """Return r, r_t, A, w, al, r_tt side by side, (S, 24), as samples carry them."""
+        return np.hstack([self.r, self.r_t, self.A.reshape(-1, 9), self.w, self.al, self.r_tt])
 
 
 class FrameRows(NamedTuple):
@@ -54,12 +55,13 @@ class FrameRows(NamedTuple):
     A: np.ndarray
     w: np.ndarray
     al: np.ndarray
+    r_tt: np.ndarray
 
     @classmethod
     def of(cls, rows: np.ndarray) -> FrameRows:
-        """Cut rows (S, 21) into r, r_t, A, w, al."""
-        r, r_t, A, w, al = np.split(rows, (3, 6, 15, 18), axis=1)
-        return cls(r, r_t, A.reshape(-1, 3, 3), w, al)
+        """Cut rows (S, 24) into r, r_t, A, w, al, r_tt."""
+        r, r_t, A, w, al, r_tt = np.split(rows, (3, 6, 15, 18, 21), axis=1)
+        return cls(r, r_t, A.reshape(-1, 3, 3), w, al, r_tt)
 
 
 class FramePose(NamedTuple):
@@ -67,6 +69,36 @@ class FramePose(NamedTuple):
 
     r: np.ndarray
     A: np.ndarray
+
+
+class Jitter(NamedTuple):
+    """What a solver leaves of the accelerations of a frame at rest, in the balance W^T R = 0 of its body.
+
+    A frame that is held is where it was but for rounding of positions; over the square of a short step that is an
+    acceleration, which the solver's equations hold, and which is no load that is missing.
+
+    rows : (n, 6), W^T M times unit accelerations. size : of the body and of its place, a length.
+    """
+
+    rows: np.ndarray
+    size: float
+
+    @classmethod
+    def of(cls, mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray, pose: FramePose) -> Jitter:
+        """Make it of M (N, N), positions (nodes, 3), V (N, n)."""
+        turned = [np.cross(axis, positions).reshape(-1) for axis in np.eye(3)]
+        units = np.column_stack([translations(mass), mass @ np.array(turned).T])
+        return cls(V.T @ units, float(np.linalg.norm(pose.r) + np.linalg.norm(positions, axis=1).max()))
+
+    def accelerations(self, frame: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """Return A^T r'' and al (S, 6) at samples (S, 24); zero where the frame has left where it was, `start` (24,).
+
+        There it really moves, and what is missing in the balance has to be seen.
+        """
+        rows, first = FrameRows.of(frame), FrameRows.of(start[None])
+        moved = np.abs(rows.r - first.r).max(axis=1) / self.size + np.abs(rows.A - first.A).max(axis=(1, 2))
+        found = np.hstack([np.einsum("sji,sj->si", rows.A, rows.r_tt), rows.al])
+        return np.where(moved[:, None] <= HELD, found, 0.0)
 
 
 class Turn(NamedTuple):

@@ -36,6 +36,7 @@ def run_messages(run: Run) -> list[str]:
         *_defect(run),
         *_no_outputs(run),
         *run.messages,
+        *(run.offline.notes if run.time != "static" else ()),
         *_end(run),
         *_between_samples(run),
         *_single(run),

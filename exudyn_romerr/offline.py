@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from .packing import PackedCoordinates, PackedProblem, Packing
 from .plan import Plan, make_plan
 from .problem import Problem
 from .round_off import RoundOff, of_input
-from .scope import COUPLED, Scene
+from .scope import COMPLETE, COUPLED, Scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from .residual import Coordinates
     from .views import View
 
+UNMOVED = 1e-9  # of the entries of an output: what rounding leaves of rows that reference conditions hold at zero
 TIMES = ("reconstructed", "sampled")
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
@@ -53,8 +54,8 @@ class Offline:
     frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
     jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z) that knots of the reconstruction are
     chosen by. rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single:
-    names of what has fewer. initial: None, "equilibrium" or "state". nodes: bounds at every node, on demand. static,
-    from_static: made when a static solve, or a run from its end, begins.
+    names of what has fewer. initial: None, "equilibrium" or "state". notes: what the reader must know. nodes: bounds
+    at every node, on demand. static, from_static: made when a static solve, or a run from its end, begins.
     """
 
     coordinates: Coordinates | PackedCoordinates
@@ -81,6 +82,7 @@ class Offline:
     plan: Plan
     views: tuple[View | None, ...]
     scene: Scene
+    notes: tuple[str, ...]
     nodes: Callable[[dict], dict]
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
@@ -139,6 +141,7 @@ def prepare(
     signal = _made_signal(input_function, problem.B.shape[1], sampled_inputs)
     V, W, B = problem.V, problem.W, problem.B
     eps, single = of_input(problem, samples_precision)
+    views, blind = _without_sight(problem, scene)
     return Offline(
         coordinates=problem.map.coordinates,
         signal=signal,
@@ -151,7 +154,7 @@ def prepare(
         packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
-        rounding=RoundOff(problem, dict.fromkeys(eps, DOUBLE) | {"outputs": np.full(len(problem.C), DOUBLE)}),
+        rounding=RoundOff(problem, {**dict.fromkeys(eps, DOUBLE), "outputs": np.full(len(problem.C), DOUBLE)}),
         input_rounding=RoundOff(problem, eps) if single else None,
         single=tuple(single),
         samples_precision=samples_precision,
@@ -162,11 +165,12 @@ def prepare(
         time=time,
         total_mass=body.total_mass,
         plan=make_plan(problem, asked, time, estimators, scene, live),
-        views=problem.views,
+        views=tuple(views),
         scene=scene,
         from_static=lambda: prepare(
             body, basis, initial="equilibrium", sampled_inputs=sampled_inputs, scene=scene, **of_problem, **of_run
         ),
+        notes=tuple(filter(None, [problem.split.left_ringing if with_modes else None, blind])),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
         static=lambda: StaticError(problem),
     )
@@ -234,6 +238,28 @@ def _sharpest_norm(problem: Problem, names: tuple[str, ...], scene: Scene, with_
     if with_modes:
         return problem.split.norm_K
     return problem.norm_K if "energy" in names or scene.coupled else problem.norm_M
+
+
+def _without_sight(problem: Problem, scene: Scene) -> tuple[list[View | None], str | None]:
+    """Return the views, blind where no motion of the body in its frame moves an output, and a note about these.
+
+    What such an output, on the interface that holds the frame, shows in global axes is the motion of the frame: exact
+    where the scope is complete, else unknown.
+    """
+    views, names = list(problem.views), []
+    for i, (out, part) in enumerate(zip(problem.outputs, problem.slices, strict=True)):
+        if views[i] is None or scene.scope == COMPLETE:
+            continue
+        if np.max(np.abs(problem.C[part])) <= UNMOVED * np.max(np.abs(out.resolve(problem.body))):
+            views[i] = replace(views[i], blind=True)
+            names += [repr(out.name)] if out.decides else []
+    if not names:
+        return views, None
+    return views, (
+        f"nothing is known of the error of {', '.join(names)}: the reference conditions hold the body there, so that "
+        "the output shows the motion of the frame alone, which is taken as it is in this run (bound inf). Take an "
+        "output in the body's frame, or one elsewhere on the body"
+    )
 
 
 def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[float, ...]:

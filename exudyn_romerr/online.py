@@ -73,7 +73,9 @@ class Run:
         self.floor = 0.0  # size of terms of W^T R that cancelled before they came here
         self._t, self._values, self._round_off, self._frames, self._driven_frames = (Rows() for _ in range(5))
         self._last: Samples | None = None
+        self._rest: np.ndarray | None = None  # where a frame at rest is
         self._settled = slice(None)
+        self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
         layout = offline.coordinates
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(layout, self._jumps)}
@@ -91,7 +93,7 @@ class Run:
         return self._streams.get("total", self._streams["reduction"])
 
     def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
-        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (21,) if any.
+        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
 
         after: a run whose last state this one starts in; its bounds go on. After a static run the full body starts in
         its own equilibrium under the static run's last loads (the run's offline part must be `from_static`).
@@ -112,6 +114,7 @@ class Run:
     def open(self, opening: Opening) -> None:
         """Begin the run."""
         first, before, start, _ = opening
+        self._own = self._own_motion(start) if before is None else before._own
         rounded = self._rounding(first)
         frame = None
         if self.offline.driven is not None:
@@ -228,7 +231,7 @@ class Run:
         return {"total": found["reduction"], **found}
 
     def samples(self) -> tuple[np.ndarray, ...]:
-        """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,).
+        """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 24) or (0,).
 
         Frames twice: as the run has them, and as a function of time says, if one does.
         """
@@ -268,7 +271,11 @@ class Run:
         u, cut = self._inputs(t, u), np.zeros((len(t), 0))
         if not self.offline.scene.corrected:  # what its balance lacks is in its bounds
             layout, rows = self.offline.balance
-            self._defect.measure(rows, layout(*states, u), self.offline.rounding.in_balance(states[0]))
+            z, jitter = layout(*states, u), self.offline.scene.jitter
+            if jitter is not None:
+                self._rest = frame[0] if self._last is None else self._rest
+                z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
+            self._defect.measure(rows, z, self.offline.rounding.in_balance(states[0]))
         self._inputs_given = u[-1:]  # as they are, also where they are packed below
         if self.offline.packing is not None:
             u, cut = self.offline.packing(u)
@@ -285,7 +292,15 @@ class Run:
         return u
 
     def _rounding(self, new: Samples) -> Rounded:
-        return self.offline.rounding(new.q, new.q_t, new.q_tt, new.u)
+        return self.offline.rounding(new.q, new.q_t, new.q_tt, new.u, self._own)
+
+    def _own_motion(self, start: Start) -> float:
+        """Size of what the full body starts with, and may ring in all along, see RoundOff."""
+        offline = self.offline
+        if offline.initial != "equilibrium":
+            return offline.rounding.of_start
+        u = start.y0[None, offline.coordinates.input_slot]  # of the loads before, which may be others
+        return float(offline.rounding.of_equilibrium(u)[0])
 
     def _off_the_samples(self, skipped: np.ndarray) -> tuple:
         """Distance of samples from the trajectory that is bounded: position, velocity, outputs."""
@@ -301,7 +316,9 @@ class Run:
         self._t.append(new.t)
         self._values.append(self._outputs_of(new.q, new.q_t))
         of_input = self.offline.input_rounding
-        self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u) if of_input else rounded).outputs)
+        self._round_off.append(
+            (of_input(new.q, new.q_t, new.q_tt, new.u, self._own) if of_input else rounded).outputs
+        )
         if any(self.offline.views):  # outputs in global axes
             self._frames.append(new.frame)
             self._driven_frames.append(new.frame if driven is None else driven)

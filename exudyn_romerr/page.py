@@ -15,7 +15,17 @@ from .page_parts import CSS, items, numbers, paragraph, section, table, words
 from .plot import draw_bounds, draw_causes, draw_signal
 from .scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
 from .style import DPI, SIZE, new_figure, of_one_size
-from .verdict import advises, best_estimator, instant, is_uncertified, outside, rounded_up, sentence, under
+from .verdict import (
+    advises,
+    best_estimator,
+    corrected_within,
+    instant,
+    is_uncertified,
+    outside,
+    rounded_up,
+    sentence,
+    under,
+)
 from .writing import write_whole
 
 if TYPE_CHECKING:
@@ -107,8 +117,8 @@ def _notes(report: BoundReport, out: OutputReport, row: int) -> Iterator[str]:
     if not np.isfinite(np.max(out.bound["best"][:, row])):
         yield f"That estimator {report.reasons[best]}."
     if out.corrected is not None:
-        left = np.max(out.corrected_bound[:, row])
-        yield f"The corrected output is within {rounded_up(left)} {out.unit} of the full model{under(report.scope)}."
+        said = corrected_within(out, out.corrected_bound[:, row], report.scope)
+        yield f"{said[0].upper()}{said[1:]}."
     if out.error is not None:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
         yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}."
@@ -148,19 +158,25 @@ def _picture(report: BoundReport, name: str, row: int) -> str:
 def _tables(report: BoundReport) -> Iterator[str]:
     estimators = list(report.scope)
     if report.outputs:
-        head = ("output", "largest value", *(f"bound '{e}'" for e in estimators), "corrected within", "round-off")
+        head = (
+            "output",
+            "largest value",
+            *(f"bound '{e}'{under(report.scope, e)}" for e in estimators),
+            "corrected within",
+            "round-off",
+        )
         rows = [_output_row(report, out, row, name, estimators) for out, row, name in _rows(report)]
         yield numbers("Largest bounds of outputs, and when", head, rows)
     divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
     what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
     rows = [
         (
-            f"'{e}'",
+            f"'{e}'{under(report.scope, e)}",
             *(_largest(report, bound[e] / divisor) for bound in (report.position_bound, report.velocity_bound)),
         )
         for e in report.position_bound
     ]
-    head = ("estimator", "error of position at most", "error of velocity at most")
+    head = ("estimator", "bound of the error of position", "of velocity")
     yield numbers(f"The whole body, {what}, in the units of the model", head, rows)
 
 

@@ -133,7 +133,7 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
         label = "rounding of the input: nothing below is known"
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
-    title = f"{out.row_names[row]}: how wrong at most"
+    title = f"{out.row_names[row]}: bounds of its error"
     ylabel = f"{error_kind(report.time)} of {out.row_names[row]} / {out.unit}"
     ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)
     finish(ax)

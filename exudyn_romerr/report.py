@@ -13,7 +13,18 @@ from .formats import columns, write_csv
 from .plan import Plan
 from .samples import SAME_TIMES
 from .saving import write_npz
-from .verdict import advice, advises, at_round_off, outside, rounded_up, row_names, row_verdict, under, widest_scope
+from .verdict import (
+    advice,
+    advises,
+    at_round_off,
+    corrected_within,
+    outside,
+    rounded_up,
+    row_names,
+    row_verdict,
+    under,
+    widest_scope,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -178,8 +189,7 @@ class BoundReport:
             if advises(self):
                 lines.append(f"  {out.advice()}")
             if out.corrected is not None:
-                left = f"{rounded_up(np.max(out.corrected_bound))} {out.unit}"
-                lines.append(f"  the corrected output is within {left} of the full model{under(self.scope)}")
+                lines.append(f"  {corrected_within(out, out.corrected_bound, self.scope)}")
             if out.effectivity:
                 largest = np.max(np.abs(out.error))
                 ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")
@@ -191,7 +201,8 @@ class BoundReport:
         divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
         what = "error in the mass norm" if self.total_mass is None else "mass-weighted RMS error of position"
         return [
-            f"  {e:<13} scope {self.scope[e]}; {what} <= {rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
+            f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
+            f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
             for e, bound in self.position_bound.items()
         ] + ([f"  scope: {self.scope_reason}"] if self.scope_reason else [])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from .matrices import DOUBLE
 
 if TYPE_CHECKING:
+    from .body import ElasticBody
     from .problem import Problem
 
 
@@ -21,10 +23,14 @@ class Rounded(NamedTuple):
 
 
 class RoundOff:
-    """How far the reduced motion may be off if every number it follows from is off by its eps, relative.
+    """How far reduced motion and full body may be off if every number they follow from is off by its eps, relative.
 
-        r = eps_K sum_j |qr_j| | |K| |V_j| |_{K^-1} + eps_M sum_j |qr_j''| | |M| |V_j| |_{K^-1}
+        r = eps_K max(sum_j |qr_j| | |K| |V_j| |_{K^-1} , x) + eps_M sum_j |qr_j''| | |M| |V_j| |_{K^-1}
             + eps_D sum_j |qr_j'| | |D| |V_j| |_{K^-1} + eps_B sum_i |u_i| | |B_i| |_{K^-1}
+
+    x = max(sum_i |u_i| | |K| |K^-1 B_i| |_{K^-1} , | |K| |q0| |_{K^-1}) is of the full body's own motion, which the
+    reduced one may lack: the equilibrium that it starts in, under the inputs u then, and may ring in from then on, or
+    that of a load step; or its initial state. Else x = 0.
 
     |e'|_M <= r, |e|_M <= r / omega_1, |C e| <= |C|_{K^-1} r + (eps_C + eps_q) |C V| |qr|; of velocities
     |C e'| <= |C|_{M^-1} r + ... |C V| |qr'|. What is off at an instant, not what it adds up to over many periods. The
@@ -49,6 +55,10 @@ class RoundOff:
         )
         body, V, B = problem.body, np.abs(problem.V), np.abs(problem.B)
         norm, KV = body.stiffness_factor.half_solve, abs(body.K) @ V
+        self._responses = lambda: self._of_motion(body, body.stiffness_factor.solve(problem.B))
+        self.of_start = 0.0
+        if problem.initial_state is not None:
+            self.of_start = float(self._of_motion(body, problem.initial_state[0][:, None])[0])
         self.of_K, self.of_balance = np.linalg.norm(norm(KV), axis=0), self.eps_K * np.abs(problem.W).T @ KV
         self.of_M = np.linalg.norm(norm(abs(body.M) @ V), axis=0) if self.eps_M > DOUBLE else None
         self.of_D = np.linalg.norm(norm(abs(body.D) @ V), axis=0) if self.eps_D > DOUBLE else None
@@ -56,10 +66,25 @@ class RoundOff:
         self.constants = np.where(problem.velocity_rows, problem.C2, problem.C_K)
         self.value_rows = (eps["samples"] + eps["outputs"])[:, None] * np.abs(problem.C @ problem.V)
 
-    def __call__(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> Rounded:
-        """Return it at samples q, q_t, q_tt (S, n), u (S, p)."""
+    def of_equilibrium(self, u: np.ndarray) -> np.ndarray:
+        """Return | |K| |x| |_{K^-1} (S,) of the full body's equilibria x under inputs u (S, p)."""
+        return np.abs(u) @ self.of_responses
+
+    @cached_property
+    def of_responses(self) -> np.ndarray:
+        """The same of a unit of every input (p,)."""
+        return self._responses()
+
+    def _of_motion(self, body: ElasticBody, X: np.ndarray) -> np.ndarray:
+        """| |K| |x| |_{K^-1} of every column x of X."""
+        return np.linalg.norm(body.stiffness_factor.half_solve(abs(body.K) @ np.abs(X)), axis=0)
+
+    def __call__(
+        self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray, own: float | np.ndarray
+    ) -> Rounded:
+        """Return it at samples q, q_t, q_tt (S, n), u (S, p); own: x, one for all or (S,)."""
         q, q_t = np.abs(q), np.abs(q_t)
-        r = self.eps_K * (q @ self.of_K)
+        r = self.eps_K * np.maximum(q @ self.of_K, own)
         if self.of_M is not None:
             r += self.eps_M * (np.abs(q_tt) @ self.of_M)
         if self.of_D is not None:

@@ -20,7 +20,7 @@ SNAP = 1e-9  # of a step: a jump this close to a sample is at the sample; solver
 
 @dataclass(frozen=True)
 class Samples:
-    """Consecutive samples: t (S,), q, q_t, q_tt (S, n), u (S, p); frame (S, 21), or (S, 0) of a body at rest.
+    """Consecutive samples: t (S,), q, q_t, q_tt (S, n), u (S, p); frame (S, 24), or (S, 0) of a body at rest.
 
     cut : (S, c), scaled coordinates of what packed inputs u leave out.
     """

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from .driven_inputs import Inputs
-    from .frame import FramePose
+    from .frame import FramePose, Jitter
 
 COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "inputs frozen")  # the widest first
 NOT_CERTIFIED = "not certified"  # ends the reason of a scope: loads may be missing
@@ -25,7 +25,8 @@ class Scene:
     turns : the body is in a frame that may turn. checked : whether W^T R is a check, not used up by wrenches that
     follow from it. pose : of the frame in the reference configuration.
     driven : inputs and motion of a frame that moves as a function of time says, see driven_inputs.py; None: those of
-    the run. minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines of the plan.
+    the run. jitter : what a solver leaves of the accelerations of a frame at rest; None of a frame that moves, or of
+    none. minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines of the plan.
     """
 
     scope: str = COMPLETE
@@ -38,6 +39,7 @@ class Scene:
     checked: bool = True
     pose: FramePose | None = None
     driven: Callable[..., Inputs] | None = None
+    jitter: Jitter | None = None
     minor: slice | None = None
     computed: tuple[str, ...] = ()
     left_out: tuple[tuple[str, str], ...] = ()

@@ -7,9 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.linalg as la
 
 from .errors import check_count
 from .forgetting import Forgetting, rayleigh_rates
+from .modes import count_below
 from .residual import StartNorms, make_norm
 
 if TYPE_CHECKING:
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
     from .problem import Problem
 
 AUTO_SHARE = 0.05  # of |C|_{K^-1} that may be left above the auxiliary modes
-AUTO_CAP = 60
+AUTO_CAP = 60  # modes, where the reduced body rings in no more
+LARGEST_CAP = 200  # modes, where it does
 AUTO_WITHOUT_OUTPUTS = 20
 
 
@@ -30,6 +33,7 @@ class Split:
     omega (m,), cut : rad/s; every other mode has omega >= cut (inf if P is complete).
     CP : (R, m).
     capped : the note for the plan if "auto" stopped at its cap, else None.
+    left_ringing : what to tell the reader if the reduced body rings in more modes than "auto" may take, else None.
     """
 
     def __init__(self, problem: Problem, asked: int | str):
@@ -37,6 +41,7 @@ class Split:
         body.require_rayleigh("auxiliary modes")
         self._problem = problem
         self.capped: str | None = None
+        self.left_ringing: str | None = None
         if asked == "auto":
             asked = self._auto_count()
         modes = body.modes(check_count("auxiliary_modes", asked, body.free.size, "free coordinates; or 'auto'"))
@@ -124,20 +129,45 @@ class Split:
         return np.column_stack([PL, self.omega**2 * (MP.T @ q0), MP.T @ q0_t])
 
     def _auto_count(self) -> int:
-        """Smallest m with |C|_rest <= 5 % of |C|_{K^-1} for every output, at most 60."""
+        """Smallest m with |C|_rest <= 5 % of |C|_{K^-1} for every output, at most 60, or as the body rings."""
         problem, body = self._problem, self._problem.body
         cap = min(AUTO_CAP, body.free.size)
         if not problem.decides.any():
             return min(AUTO_WITHOUT_OUTPUTS, cap)
-        modes = body.modes(cap)
+        left = self._left_above(cap)
+        if left[-1] > AUTO_SHARE:
+            cap = max(cap, self._ringing(cap))
+            left = self._left_above(cap)
+        if left[-1] > AUTO_SHARE:
+            self.capped = f"'auto' stopped at {cap} modes with {100 * left[-1]:.2g} % of |C| above them"
+            return cap
+        self.left_ringing = None
+        return int(np.argmax(left <= AUTO_SHARE)) + 1
+
+    def _left_above(self, m: int) -> np.ndarray:
+        """The largest |C|_rest/|C|_{K^-1} of all outputs that decide, above 1, 2, ... m modes (m,)."""
+        problem, modes = self._problem, self._problem.body.modes(m)
         seen = problem.decides & (problem.C_K > 0)  # rows that see free coordinates
         share = np.cumsum((problem.C[seen] @ modes.shapes / modes.omega) ** 2, axis=1) / problem.C_K[seen, None] ** 2
-        enough = np.all(1 - share <= AUTO_SHARE**2, axis=0)
-        if not enough.any():
-            left = np.sqrt(np.max(1 - share[:, -1]))
-            self.capped = f"'auto' stopped at {cap} modes with {100 * left:.2g} % of |C| above them"
-            return cap
-        return int(np.argmax(enough)) + 1
+        return np.sqrt(np.max(np.maximum(1 - share, 0.0), axis=0, initial=0.0))
+
+    def _ringing(self, known: int) -> int:
+        """Number of modes below what the reduced body's highest mode rings at, at most 200; at least `known` are.
+
+        In those the error rings with the reduced body. What varies so fast is paid for in full where it is bounded.
+        """
+        body, V, W = self._problem.body, self._problem.V, self._problem.W
+        squares = la.eigvals(W.T @ (body.K @ V), W.T @ (body.M @ V))
+        highest = float(np.sqrt(np.max(np.abs(squares))))
+        if highest <= body.modes(known).cut:
+            return known
+        found = count_below(body.M, body.K, highest)
+        if found > LARGEST_CAP:
+            self.left_ringing = (
+                f"the reduced body rings in {found} modes of the full one, and 'auto' follows {LARGEST_CAP}: bounds "
+                f"are larger than they need be, the more so the more modes ring; auxiliary_modes={found} follows all"
+            )
+        return min(found, LARGEST_CAP)
 
 
 def without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:

@@ -82,7 +82,7 @@ def draw_body(
     bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
     bar.set_label(f"bound of the {error_kind(report.time)} by '{e}'{under(report.scope, e)} / {unit}")
     bar.formatter.set_powerlimits((-3, 4))
-    ax.set_title(_title(report, bound, at, scale, unit))
+    ax.set_title(_title(report, bound, at, scale, f"{unit}{under(report.scope, e)}"))
 
 
 def _sharpest(report: BoundReport) -> str:

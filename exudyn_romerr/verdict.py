@@ -20,10 +20,9 @@ CAUSES = {
     "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
     "jumps": "load jumps: add modes, or let the load grow over a short time",
 }
-CONDITIONS = {
-    COUPLED: "to first order of the error",
-    FROZEN: "inputs frozen: as if the error did not change the frame motion, loads and wrenches of this run",
-}
+AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
+NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be several times larger"
+SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
 def rounded_up(x: float, digits: int = 3) -> str:
@@ -45,8 +44,16 @@ def widest(scope: dict[str, str]) -> list[str]:
 
 
 def under(scope: dict[str, str], e: str = "best") -> str:
-    """Return what must be said with a bound: nothing, or that it holds for frozen inputs only."""
-    return ", inputs frozen" if (widest_scope(scope) if e == "best" else scope[e]) == FROZEN else ""
+    """Return what must be said with a bound, in two words: nothing where the scope is complete."""
+    return SHORT.get(widest_scope(scope) if e == "best" else scope[e], "")
+
+
+def corrected_within(out: OutputReport, bound: np.ndarray, scope: dict[str, str]) -> str:
+    """Return in words how far the corrected output is from the full model: "within ..." only if the scope says so."""
+    left, widest = f"{rounded_up(np.max(bound))} {out.unit}", widest_scope(scope)
+    if widest == FROZEN:
+        return f"{AS_IN_THIS_RUN} the corrected output is within {left} of the full body"
+    return f"{'to first order ' if widest == COUPLED else ''}the corrected output is within {left} of the full model"
 
 
 def error_kind(time: str) -> str:
@@ -66,14 +73,17 @@ def is_uncertified(report: BoundReport) -> bool:
 
 def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -> str:
     """Return one line of the summary: largest value, bound at the worst instant, the estimator that gave it."""
-    best = best_estimator(out, row, scope)
-    by = f"by '{best}'{under(scope, best)}"
-    text = f"{out.row_names[row]}: up to {_largest(out.value, row):.4g} {out.unit}, {error_kind(time)}"
+    kind, covers = error_kind(time), widest_scope(scope)
+    by = f"by '{best_estimator(out, row, scope)}'"
+    text = f"{out.row_names[row]}: up to {_largest(out.value, row):.4g} {out.unit}"
     if not np.isfinite(_largest(out.bound["best"], row)):
-        return f"{text} not bounded{_where_finite(out, row)}"
+        return f"{text}, {kind} not bounded{_where_finite(out, row, scope)}"
+    bound = f"at most {_wrong_by(out, row)}, {by}"
     if at_round_off(out)[row]:
-        return f"{text} at round-off: at most {_floor(out, row)}, {by} and by rounding of the input"
-    return f"{text} at most {_wrong_by(out, row)}, {by}"
+        bound = f"at round-off: at most {_floor(out, row)}, {by} and by rounding of the input"
+    if covers == FROZEN:
+        return f"{text}; {AS_IN_THIS_RUN} the {kind} is {bound} ({NOT_THE_MECHANISM})"
+    return f"{text}, {kind}{under(scope)}{', ' if covers == COUPLED else ' '}{bound}"
 
 
 def advises(report: BoundReport) -> bool:
@@ -86,12 +96,20 @@ def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str], advi
     todo = advice(out, row) if advised else ""
     text = f"{out.row_names[row]} is up to {_largest(out.value, row):.4g} {out.unit}"
     if not np.isfinite(_largest(out.bound["best"], row)):
-        return f"{text}; how wrong it may be is not known{_where_finite(out, row)}{todo and f': {todo}'}."
-    conditions = [CONDITIONS.get(widest_scope(scope)), "time integration not covered" if time == "sampled" else None]
-    only = f" ({'; '.join(filter(None, conditions))})" if any(conditions) else ""
+        return f"{text}; how wrong it may be is not known{_where_finite(out, row, scope)}{todo and f': {todo}'}."
+    covers = widest_scope(scope)
+    if covers == FROZEN:
+        text = f"{text}; {AS_IN_THIS_RUN} it is"
+    else:
+        text = f"{text},{' to first order' if covers == COUPLED else ''}"
+    left_out = [
+        NOT_THE_MECHANISM if covers == FROZEN else "",
+        "time integration not covered" if time == "sampled" else "",
+    ]
+    only = f" ({'; '.join(filter(None, left_out))})" if any(left_out) else ""
     if at_round_off(out)[row]:
-        return f"{text}, wrong by at most {_floor(out, row)}{only}, which is round-off{todo and f': {todo}'}."
-    return f"{text}, wrong by at most {_wrong_by(out, row)}{only}{todo and f', {todo}'}."
+        return f"{text} wrong by at most {_floor(out, row)}{only}, which is round-off{todo and f': {todo}'}."
+    return f"{text} wrong by at most {_wrong_by(out, row)}{only}{todo and f', {todo}'}."
 
 
 def best_estimator(out: OutputReport, row: int, scope: dict[str, str]) -> str:
@@ -114,7 +132,7 @@ def advice(out: OutputReport, row: int | None = None) -> str:
     if at_round_off(out)[rows][at[1]]:
         return "nothing to improve: more modes or shorter steps do not show above rounding of the input"
     if not 0 < total < np.inf:
-        return "nothing to improve" if total == 0 else "no finite bound: ask for another estimator"
+        return "nothing to improve" if total == 0 else "no finite bound: the messages or reasons say why"
     cause = max(shares, key=shares.get)
     rest = np.max(bound - causes[cause])
     left = f"; the rest alone bounds it by {rounded_up(rest)} {out.unit}" if rest > 0 else ""
@@ -139,13 +157,14 @@ def _largest(x: np.ndarray, row: int) -> float:
     return np.max(np.abs(x[:, row]), initial=0.0)
 
 
-def _where_finite(out: OutputReport, row: int) -> str:
+def _where_finite(out: OutputReport, row: int, scope: dict[str, str]) -> str:
     """What is known where an infinite bound is still finite."""
     bound = out.bound["best"][:, row]
     known = bound[np.isfinite(bound)]
     if not known.any():
         return ""
-    return f" at {len(bound) - len(known)} instants; at the others at most {rounded_up(known.max())} {out.unit}"
+    most = f"at most {rounded_up(known.max())} {out.unit}"
+    return f" at {len(bound) - len(known)} instants; at the others{under(scope)}{',' if under(scope) else ''} {most}"
 
 
 def _wrong_by(out: OutputReport, row: int) -> str:

@@ -23,7 +23,8 @@ class View:
 
     Attributes
     ----------
-    axes : components (0, 1, 2) of each vector that the output shows.
+    axes : components (0, 1, 2) of each vector that the output shows. blind : whether all of its error is the frame's,
+    of which nothing is known: bounds are inf.
     places : (k, 3) C x; shift : (k,) s, C of a unit translation. of : "displacement", "velocity", "position".
     """
 
@@ -31,6 +32,7 @@ class View:
     places: np.ndarray
     shift: np.ndarray
     of: str
+    blind: bool = False
 
     def matrices(self, frame: np.ndarray) -> np.ndarray:
         """Return H (S, r, R) with output = H (rows in body axes); velocities see the displacement rows first."""
@@ -61,6 +63,9 @@ class View:
         shift (S, r): what the error holds beside the deformation's, known: where the frame is.
         """
         H, shift = self.matrices(frame), 0.0 if shift is None else shift
+        if self.blind:
+            none = np.zeros(H.shape[:2])
+            return replace(base, outputs=none + np.inf, jumped=None, correction=None, correction_bound=None)
         jumped = None if base.jumped is None else _spread(H, base.jumped)
         if base.correction is None:
             return replace(base, outputs=_spread(H, base.outputs) + np.abs(shift), jumped=jumped)

@@ -15,6 +15,7 @@ import tolerances as tol
 from total_truth import Exact, signal
 
 import exudyn_romerr as romerr
+from exudyn_romerr import split
 from exudyn_romerr.mbs.moving import MovingSubject
 from models import floating
 from models.floating import GRAVITY, RAYLEIGH
@@ -250,7 +251,7 @@ def recorded(scene, body, **options):
     assert not q[0].any()
     columns, n = subjects[0]._sampler.terms.columns, q.shape[1]
     bare = np.r_[0:12, 12 + 9 * n : u.shape[1]]  # without the reduced body's own turning terms
-    r, r_t, A, w, al = np.split(frame, (3, 6, 15, 18), axis=1)
+    r, r_t, A, w, al, _ = np.split(frame, (3, 6, 15, 18, 21), axis=1)
     return Recorded(report, t, u[:, bare], q[0], columns[:, bare], r, r_t, A.reshape(-1, 3, 3), w, al)
 
 
@@ -399,3 +400,50 @@ def test_the_full_motion_is_that_of_a_complete_basis():
         found.append(np.max(np.abs(u - out.value)) / np.max(np.abs(u)))
     assert found[1] < 1e-2
     assert 2.5 < found[0] / found[1] < 6  # 4, but for modes that no step resolves
+
+
+@cache
+def finely_stepped(n, **options):
+    """The clamped bar with n eigenmodes in 200 steps of 1 us, its tip compared with the exact motion."""
+    scene, tip = floating.clamped_bar(n, h=1e-6, t_end=2e-4), full_body("bar").probes["tip"]
+    flex = romerr.floating_body(scene.fem, scene.items)
+    monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("tip", node=tip)], **options)
+    scene.solve()
+    report = monitor.report()
+    u = clamped_motion(full_body("bar").P, report.t).reshape(len(report.t), -1, 3)[:, tip]
+    return report, report.compare("tip", report.t, u)
+
+
+def test_more_modes_do_not_make_the_bound_larger():
+    """Short steps ring in all of the basis, and "auto" follows: bound / error was 91 with 80 modes, 222 with 120."""
+    bounds = [finely_stepped(n)[1].bound["best"].max(axis=0) for n in (40, 80, 120)]
+    assert np.all(np.diff(bounds, axis=0) < 0)
+    for n in (80, 120):
+        out = finely_stepped(n)[1]
+        assert np.all(np.abs(out.error) <= out.bound["best"] + out.round_off)
+        assert out.effectivity["best"].max() <= 15  # measured 7.9 and 11.6, along the bar
+
+
+def test_as_many_auxiliary_modes_as_the_reduced_body_rings_in():
+    """Counted among all modes of the bar; 60 where that is enough."""
+    for n in (4, 40):
+        report, _ = finely_stepped(n)
+        M, K = (x.toarray() for x in (floating.load_fem("bar").massMatrix, floating.load_fem("bar").stiffnessMatrix))
+        scene = floating.clamped_bar(n)
+        V = scene.fem.modeBasis["matrix"]
+        highest = np.sqrt(la.eigh(V.T @ K @ V, V.T @ M @ V, eigvals_only=True)[-1])
+        expected = max(60, int(np.sum(full_body("bar").omega < highest)))
+        assert f"{expected} modes up to" in str(report.plan)
+        assert report.messages == []
+
+
+def test_the_report_says_where_more_ring_than_are_followed(monkeypatch):
+    monkeypatch.setattr(split, "LARGEST_CAP", 80)
+    scene = floating.clamped_bar(80, t_end=1e-3)
+    flex = romerr.floating_body(scene.fem, scene.items)
+    monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("tip", node=20)])
+    scene.solve()
+    said = [message for message in monitor.report().messages if "rings in 94 modes of the full one" in message]
+    assert len(said) == 1
+    assert "auxiliary_modes=94 follows all" in said[0]
+    assert "80 modes up to" in str(monitor.report().plan)

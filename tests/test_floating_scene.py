@@ -569,6 +569,67 @@ def test_load_that_depends_on_the_state_is_found_from_the_balance():
     assert f"marker {scene.right}" in monitor.report().scope_reason
 
 
+def changed_by_the_user(scene):
+    """By a PreStep function, which no one asks what it does."""
+    load = add_load(scene, scene.right, FORCE)
+
+    def change(mbs, t):
+        mbs.SetLoadParameter(load, "loadVector", [0, 0, 10.0])
+        return True
+
+    scene.mbs.SetPreStepUserFunction(change)
+
+
+@pytest.mark.parametrize("h", [1e-4, 1e-6])
+def test_load_that_is_not_known_is_caught(h):
+    """At 1e-6 s too, where the solver's rounding over h^2 is larger than what is caught."""
+    scene = supported()
+    changed_by_the_user(scene)
+    assert accused(run(scene, h=h, steps=100))
+
+
+@pytest.mark.parametrize("call", range(20, 30))
+def test_a_step_that_was_interrupted_is_no_alarm(call):
+    """By Ctrl-C while Exudyn asks for the load, at different places of a step; that step is left out."""
+    calls = []
+
+    def load(t):
+        calls.append(t)
+        if len(calls) == call:
+            raise KeyboardInterrupt
+        return floating.ramped_force(t)
+
+    scene = floating.clamped_bar(4, h=1e-4, t_end=2e-3, force=load)
+    monitor = watched(scene)
+    with pytest.raises(exu.ModelError):
+        scene.solve()
+    assert 0 < monitor.report().t[-1] < calls[call - 1]
+    assert not accused(monitor)
+
+
+@pytest.mark.parametrize("h", [1e-6, 1e-7])
+@pytest.mark.parametrize("hold", ["weld", "node"])
+def test_steps_however_short_are_in_balance(h, hold):
+    """A frame at rest is held to 1e-17 rad; over h^2 that was taken for a missing load, 3e-5 and 4e-3 of all."""
+    scene = supported() if hold == "weld" else bar()
+    if hold == "node":
+        hold_frame(scene, (0, 1, 2, 4, 5, 6))
+    add_load(scene, scene.right, FORCE)
+    assert defect(run(scene, h=h, steps=100)) <= tol.BALANCED
+
+
+def test_a_frame_that_is_moved_unseen_is_caught():
+    """By a PreStep function that shakes what the frame is welded to: the mbs says that it is at rest."""
+    scene = supported()
+
+    def shake(mbs, t):
+        mbs.SetObjectParameter(scene.ground, "referencePosition", [0, 0, 1e-9 * np.sin(1e4 * t)])
+        return True
+
+    scene.mbs.SetPreStepUserFunction(shake)
+    assert accused(run(scene, h=1e-5, steps=100))
+
+
 @pytest.mark.parametrize("action", [constrain_a_mode, stiffen_the_modes])
 def test_what_acts_on_single_modes_is_refused(action):
     scene = supported()
@@ -1071,3 +1132,37 @@ def test_run_released_from_a_static_solve_in_a_frame_that_may_turn(estimators):
     assert static.time == "static"
     assert np.isfinite(dynamic.output("tip").bound["best"]).all()
     np.testing.assert_allclose(dynamic.output("tip").value[0], static.output("tip").value[-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["RBE2", "RBE3"])
+def test_nothing_is_claimed_of_the_interface_that_holds_the_frame(kind):
+    """Its motion in global axes is the frame's alone, the bound was 3e-22 m; at rest it is held, and known."""
+    for support, known in (("hinge", False), ("weld", True)):
+        scene = supported(SUPPORTS[support], kind=kind)
+        add_load(scene, scene.right, FORCE)
+        sensor = itemInterface.SensorMarker(markerNumber=scene.left, outputVariableType=Quantity.Displacement)
+        held = scene.mbs.AddSensor(sensor)
+        scene.mbs.SetSensorParameter(held, "name", "held")
+        monitor = watched(scene, outputs=[held, node_displacement("tip", node=20, frame="global")], scope="auto")
+        solve(scene, h=1e-4, steps=10)
+        report = monitor.report()
+        assert (report.scope["energy"] == "complete") == known
+        assert np.isfinite(report.output("tip").bound["best"]).all()
+        bound = report.output("held").bound["best"]
+        assert np.max(bound) < 1e-15 if known else np.isinf(bound).all()
+        said = [message for message in report.messages if "nothing is known of the error of 'held'" in message]
+        assert len(said) == (not known)
+        assert ("error not bounded" in str(report)) == (not known)
+
+
+def test_lines_of_the_solver_say_what_bounds_hold_under(capfd):
+    scene = supported(HINGE)
+    add_load(scene, scene.right, FORCE)
+    watched(scene, scope=FROZEN)
+    simulation = settings(1e-4, 5)
+    simulation.timeIntegration.verboseMode = 2
+    scene.mbs.Assemble()
+    scene.mbs.SolveDynamic(simulation)
+    told = [line for line in capfd.readouterr().out.splitlines() if line.startswith("error bounds at t = ")]
+    assert told
+    assert all(line.endswith(" m, inputs frozen") for line in told)

@@ -28,6 +28,7 @@ from exudyn_romerr import (
     relative_displacement,
 )
 from exudyn_romerr.made import made_here
+from exudyn_romerr.scope import COUPLED, FROZEN
 from models import floating
 
 ESTIMATORS = ("fast", "energy")
@@ -84,6 +85,16 @@ def test_columns_have_truth_and_corrected_output_where_there_are_any(report, cas
     assert np.array_equal(columns["tip z corrected [m]"], 2 * out.value[:, 0])
     assert np.array_equal(columns["tip z corrected bound [m]"], 3 * out.value[:, 0])
     assert not any("corner" in name and ("corrected" in name or "true" in name) for name in columns)
+
+
+@pytest.mark.parametrize(("scope", "said"), [(COUPLED, ", to first order"), (FROZEN, ", inputs frozen")])
+def test_columns_of_bounds_say_what_they_hold_under(report, scope, said):
+    """A table has no scope beside it: a bound with frozen inputs is no column called "y bound"."""
+    other = replace(report, scope=dict.fromkeys(report.scope, scope))
+    bounds = [name for name in other.to_dict() if "bound" in name]
+    assert bounds
+    assert all(said in name for name in bounds)
+    assert not any(said in name for name in report.to_dict())
 
 
 def test_no_column_hides_another(report):

@@ -1,13 +1,16 @@
 """Round-off: of the numbers that the input came in, and of the bounds themselves, which hold it."""
 
+from dataclasses import dataclass
 from functools import cache
 
+import exudyn as exu
 import mpmath
 import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from models import beam3d, exact, linkage, solid_bar
+from models import beam3d, exact, extreme_bodies, linkage, solid_bar
+from models.precise import DIGITS, PreciseModes
 
 RELATIVE = 1e-8  # of every entry: large enough to measure, small enough to be linear
 W = 2 * np.pi * linkage.FREQUENCY
@@ -167,3 +170,98 @@ def test_a_report_cannot_be_written_to_where_the_run_goes_on():
     for array in (report.t, report.output("tip z").value, report.output("tip z").bound["energy"]):
         with pytest.raises(ValueError, match="read-only"):
             array *= 2.0
+
+
+# --- what the reduced motion lacks: an equilibrium, a state, a load that no mode follows ---------------------
+
+
+def graded_chain(ratio, seed):
+    """Eight masses in a row, the first one on a soft spring, the others' stiffness up to `ratio` times as large."""
+    rng = np.random.default_rng(seed)
+    k = np.append(ratio ** np.append(0, rng.uniform(0, 1, 7)), 0.0)
+    return np.diag(rng.uniform(0.5, 2, 8)), np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+
+
+ILL = {
+    **{f"chain 1e11, {seed}": graded_chain(1e11, seed) for seed in range(6)},
+    "beam 1e4": extreme_bodies.slender_beam(1e4, turned=True),
+    "beam 1e5": extreme_bodies.slender_beam(1e5, turned=True),
+    "link 1e5": extreme_bodies.stiff_link(1e5),
+}
+LAST = "y"  # the last coordinate
+
+
+@dataclass
+class Ill:
+    """A body of condition 1e10 to 1e13, two of its modes, a load b and its static response to 50 digits."""
+
+    body: romerr.ElasticBody
+    basis: romerr.Basis
+    b: np.ndarray
+    static: np.ndarray
+    t: np.ndarray
+
+    @property
+    def output(self):
+        return romerr.Output(LAST, np.eye(len(self.b))[-1])
+
+    def left_behind(self, load, **options):
+        """The output of a reduced body that stays at zero, under a load that is constant."""
+        zero = np.zeros((len(self.t), 2))
+        traj = romerr.Trajectory(self.t, zero, zero, zero, np.full(len(self.t), load))
+        common = {"inputs": self.b[:, None], "input_function": lambda t: load + 0 * t, "outputs": [self.output]}
+        return romerr.evaluate(self.body, self.basis, traj, **common, **options).output(LAST)
+
+
+@cache
+def ill(name):
+    M, K = ILL[name]
+    body, b = romerr.ElasticBody(M, K, rayleigh=(0.0, 0.0)), np.random.default_rng(1).standard_normal(len(M))
+    with mpmath.workdps(DIGITS):
+        static = mpmath.lu_solve(mpmath.matrix(K.tolist()), mpmath.matrix(b.tolist()))
+    t = np.linspace(0, 6 / float(body.modes(1).omega[0]), 21)
+    return Ill(body, romerr.modal_basis(body, 2), b, np.array([float(x) for x in static]), t)
+
+
+def check_covered(out, true):
+    """By every estimator, without tolerance."""
+    for e, bound in out.bound.items():
+        assert np.all(np.abs(true - out.value[:, 0]) <= bound[:, 0]), e
+
+
+@pytest.mark.parametrize("name", ILL)
+def test_an_equilibrium_is_known_to_its_rounding(name):
+    """The full body stays in it: bounds were up to 9e-6 of it too low, and round_off zero."""
+    case = ill(name)
+    out = case.left_behind(1.0, initial="equilibrium", estimators=("fast", "energy", "auxiliary"))
+    check_covered(out, case.static[-1])
+    assert np.all(np.abs(case.static[-1] - out.corrected[:, 0]) <= out.corrected_bound[:, 0])
+    moved = out.round_off[:, 0] / np.abs(case.static[-1])
+    condition = np.linalg.cond(case.body.K.toarray())
+    assert np.all(moved > 0)
+    assert np.all(moved < 10 * np.finfo(float).eps * condition)  # no more than any solve with K may lose
+
+
+@pytest.mark.parametrize("name", ILL)
+def test_a_given_state_rings_with_its_rounding(name):
+    """Free motion from the static response."""
+    case = ill(name)
+    out = case.left_behind(0.0, initial=(case.static, 0 * case.static), estimators=("fast", "energy", "auxiliary"))
+    truth = PreciseModes(*ILL[name], (0.0, 0.0), 0 * case.b, 1.0, case.static)
+    check_covered(out, truth.motion(case.t)[0][:, -1])
+
+
+@pytest.mark.parametrize("name", ILL)
+def test_a_static_error_and_a_released_run_are_known_to_their_rounding(name):
+    """In Exudyn; the load stays, and so does the full body."""
+    case, mbs = ill(name), exu.SystemContainer().AddSystem()
+    flex = romerr.add_reduced_body(mbs, case.body, case.basis, inputs=case.b[:, None], input_function=lambda t: 1.0)
+    monitor = romerr.attach(mbs, flex, outputs=[case.output])
+    mbs.Assemble()
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    mbs.SolveStatic(settings, updateInitialValues=True)
+    settings.timeIntegration.numberOfSteps, settings.timeIntegration.endTime = 20, case.t[-1]
+    mbs.SolveDynamic(settings)
+    check_covered(monitor.report(0).output(LAST), case.static[-1])
+    check_covered(monitor.report(1).output(LAST), case.static[-1])

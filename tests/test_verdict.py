@@ -5,7 +5,7 @@ import pytest
 
 from exudyn_romerr.report import OutputReport
 from exudyn_romerr.scope import COMPLETE, COUPLED, FROZEN
-from exudyn_romerr.verdict import rounded_up, sentence
+from exudyn_romerr.verdict import corrected_within, rounded_up, sentence, under
 
 
 def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0)):
@@ -45,7 +45,8 @@ ONE = {"auxiliary": COMPLETE}
             output(4.27e-2, {"auxiliary": np.inf}, ONE),
             ONE,
             "reconstructed",
-            "tip z is up to 0.0427 m; how wrong it may be is not known: no finite bound: ask for another estimator.",
+            "tip z is up to 0.0427 m; how wrong it may be is not known: no finite bound: the messages or "
+            "reasons say why.",
         ),
         (
             output(0.0, {"auxiliary": 0.0}, ONE),
@@ -57,15 +58,16 @@ ONE = {"auxiliary": COMPLETE}
             output(2.0, {"auxiliary": 1.0}, {"auxiliary": FROZEN}, shares=(1.0, 0.0, 0.0, 0.0)),
             {"auxiliary": FROZEN},
             "reconstructed",
-            "tip z is up to 2 m, wrong by at most 1 m (50 %) (inputs frozen: as if the error did not change the "
-            "frame motion, loads and wrenches of this run), 100 % of it from the basis: add modes.",
+            "tip z is up to 2 m; under the frame motion, loads and joint forces of this run it is wrong by at most "
+            "1 m (50 %) (the mechanism's answer is not covered and may be several times larger), 100 % of it from "
+            "the basis: add modes.",
         ),
         (
             output(2.0, {"auxiliary": 1.0}, {"auxiliary": COUPLED}, shares=(0.0, 0.0, 0.0, 1.0)),
             {"auxiliary": COUPLED},
             "sampled",
-            "tip z is up to 2 m, wrong by at most 1 m (50 %) (to first order of the error; time integration not "
-            "covered), 100 % of it from the load jumps: add modes, or let the load grow over a short time.",
+            "tip z is up to 2 m, to first order wrong by at most 1 m (50 %) (time integration not covered), 100 % of "
+            "it from the load jumps: add modes, or let the load grow over a short time.",
         ),
     ],
     ids=["bound", "round-off", "infinite", "zero", "frozen", "coupled"],
@@ -94,7 +96,21 @@ def test_a_narrower_scope_never_gives_the_verdict():
     scope = {"energy": COUPLED, "auxiliary": FROZEN}
     out = output(2.0, {"energy": 1.0, "auxiliary": 0.1}, scope)
     (line,) = out.verdict("sampled", scope)
-    assert line == "tip z: up to 2 m, reduction error at most 1 m (50 %), by 'energy'"
+    assert line == "tip z: up to 2 m, reduction error, to first order, at most 1 m (50 %), by 'energy'"
+
+
+def test_at_most_is_said_only_with_what_it_holds_under():
+    """No summary line of a bound with frozen inputs reads as one of the mechanism's error."""
+    out = output(2.0, {"auxiliary": 1.0}, {"auxiliary": FROZEN})
+    (line,) = out.verdict("reconstructed", {"auxiliary": FROZEN})
+    assert line == (
+        "tip z: up to 2 m; under the frame motion, loads and joint forces of this run the error is at most 1 m "
+        "(50 %), by 'auxiliary' (the mechanism's answer is not covered and may be several times larger)"
+    )
+    for scope, said in ((COMPLETE, ""), (COUPLED, ", to first order"), (FROZEN, ", inputs frozen")):
+        assert under({"auxiliary": scope}) == said
+    within = corrected_within(out, np.ones(1), {"auxiliary": FROZEN})
+    assert within.startswith("under the frame motion, loads and joint forces of this run the corrected output")
 
 
 @pytest.mark.parametrize(

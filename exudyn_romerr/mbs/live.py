@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from exudyn.itemInterface import SensorUserFunction
 
-from ..verdict import rounded_up
+from ..verdict import rounded_up, under
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,13 +26,19 @@ def bounds_at(watch: Watch, t: float) -> dict[str, np.ndarray]:
 def live_line(watches: Sequence[Watch], t: float) -> str:
     """Return in words what the bounds are at t, the largest of the rows of each output."""
     found = [
-        f"{out.name} {rounded_up(np.max(bounds[out.name]))} {out.unit}"
+        f"{out.name} {rounded_up(np.max(bounds[out.name]))} {out.unit}{condition_of(watch)}"
         for watch in watches
         for bounds in [bounds_at(watch, t)]
         for out in watch.subject.outputs
         if out.name in bounds
     ]
     return f"error bounds at t = {t:g}: {', '.join(found) or 'none'}\n"
+
+
+def condition_of(watch: Watch) -> str:
+    """Return what must be said with the bounds of a watch: nothing where their scope is complete."""
+    run = watch.run
+    return under({name: run.offline.scene.scope_of(name) for name in run.assumptions()})
 
 
 def sensor_of(hook: StepHook, watch: Watch, out: Output, options: dict[str, Any]) -> SensorUserFunction:

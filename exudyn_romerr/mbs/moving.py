@@ -12,7 +12,7 @@ import numpy as np
 
 from ..basis import Basis
 from ..body import ElasticBody
-from ..frame import FramePose, translations
+from ..frame import FramePose, Jitter, translations
 from ..inputs import SampledSignal
 from ..offline import prepare
 from ..scope import COMPLETE, Scene
@@ -158,7 +158,7 @@ class MovingSubject:
         return bool(np.max(np.abs(terms.sum(axis=1))) > UNSET * np.max(np.abs(terms).sum(axis=1)))
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
-        """Return q, q_t, q_tt (S, n), u (S, p) and the frame (S, 21) of accepted steps."""
+        """Return q, q_t, q_tt (S, n), u (S, p) and the frame (S, 24) of accepted steps."""
         self._last_time = float(t[-1])
         return self._sampler(t, *states)
 
@@ -228,7 +228,8 @@ class MovingSubject:
         support: Support,
         scope: Found,
     ) -> Scene:
-        full = f"Full model: all of the fem, interfaces {self._flex.interfaces}, held by {reference.source}"
+        flex = self._flex
+        full = f"Full model: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
         reason = f"{scope.reason}. {full}"
         r, A = model.frame.reference_pose()
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
@@ -248,6 +249,7 @@ class MovingSubject:
             checked=terms.unknown < model.V.shape[1],
             pose=FramePose(r, A),
             driven=self._driven_inputs if support.known and scope.name == COMPLETE else None,
+            jitter=Jitter.of(flex.mass, flex.positions, model.V, FramePose(r, A)) if support.at_rest else None,
             minor=terms.minor,
             computed=(
                 f"floating body: held in its frame by {reference.source}",

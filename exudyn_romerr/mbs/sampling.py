@@ -35,7 +35,7 @@ class Sampler:
         return cls(frame, actions, terms, offline, _wrenches_from_balance(offline, terms, actions))
 
     def __call__(self, t: np.ndarray, *states: np.ndarray) -> tuple:
-        """Return q, q_t, q_tt (S, n), u (S, p), None if it is a function of time, and the frame (S, 21)."""
+        """Return q, q_t, q_tt (S, n), u (S, p), None if it is a function of time, and the frame (S, 24)."""
         size = self.frame.size
         motion = self.frame.motion(*(state[:, :size] for state in states))
         q, q_t, q_tt = (state[:, size:] for state in states)

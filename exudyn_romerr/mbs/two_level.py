@@ -9,7 +9,8 @@ import numpy as np
 
 from ..choice import outputs_of
 from ..errors import InputError, check_count
-from ..verdict import rounded_up
+from ..scope import COUPLED, FROZEN
+from ..verdict import NOT_THE_MECHANISM, rounded_up, widest_scope
 from .trial import build_trial, same_times
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ class LevelOutput:
     """One output of the coarse run.
 
     value : (T, r). difference : (T, r), the fine run's value less this. bound : (T, r) of this run's error: size of
-    the difference plus the fine run's own bound.
+    the difference plus the fine run's own bound. scope : of that.
     """
 
     name: str
@@ -33,13 +34,15 @@ class LevelOutput:
     value: np.ndarray
     difference: np.ndarray
     bound: np.ndarray
+    scope: str
 
     def __str__(self) -> str:
         largest, apart, bound = (np.max(np.abs(x)) for x in (self.value, self.difference, self.bound))
-        return (
-            f"{self.name}: up to {largest:.4g} {self.unit}, {apart:.3g} {self.unit} from the finer run, "
-            f"error at most {rounded_up(bound)} {self.unit}"
-        )
+        text = f"{self.name}: up to {largest:.4g} {self.unit}, {apart:.3g} {self.unit} from the finer run"
+        most = f"at most {rounded_up(bound)} {self.unit}"
+        if self.scope == FROZEN:
+            return f"{text}; if the finer run's inputs were the truth's, error {most} ({NOT_THE_MECHANISM})"
+        return f"{text}, error, to first order, {most}" if self.scope == COUPLED else f"{text}, error {most}"
 
 
 @dataclass(frozen=True)
@@ -112,11 +115,13 @@ def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
         raise InputError(
             f"outputs of n = {modes[0]} are {list(found)}, of n = {modes[1]} {list(finer)}; give both the same"
         )
-    outputs = {name: _level(out, finer[name]) for name, out in found.items()}
+    covers = {name: widest_scope(report.scope) for report in fine for name in report.outputs}
+    outputs = {name: _level(out, finer[name], covers[name]) for name, out in found.items()}
     scopes = {scope for report in fine for scope in report.scope.values()}
     return TwoLevel(modes, t, outputs, coarse, fine, ", ".join(sorted(scopes)))
 
 
-def _level(coarse: Any, fine: Any) -> LevelOutput:
+def _level(coarse: Any, fine: Any, scope: str) -> LevelOutput:
     difference = fine.value - coarse.value
-    return LevelOutput(coarse.name, coarse.unit, coarse.value, difference, np.abs(difference) + fine.bound["best"])
+    bound = np.abs(difference) + fine.bound["best"]
+    return LevelOutput(coarse.name, coarse.unit, coarse.value, difference, bound, scope)
