@@ -84,7 +84,9 @@ def chain(
     for i in range(2):
         _add_bar(scene, i * joint)
     cube = InertiaCuboid(density=CUBE[0] / CUBE[1] ** 3, sideLengths=[CUBE[1]] * 3)
-    scene.objects["cube"] = mbs.CreateRigidBody(referencePosition=begin + 2 * joint + [CUBE[1] / 2, 0, 0], inertia=cube)
+    scene.objects["cube"] = mbs.CreateRigidBody(
+        referencePosition=begin + 2 * joint + [CUBE[1] / 2, 0, 0], inertia=cube
+    )
     at_cube = _body_marker(mbs, scene.objects["cube"], [-CUBE[1] / 2, 0, 0])
     markers = [_ground_marker(mbs, begin), *(scene.markers[f"{s} {i}"] for i in (1, 2) for s in ("left", "right"))]
     markers.append(at_cube)
