@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .tangent import Reading, Tangents
     from .watch import Watch
 
-PARTS = 16  # tangents to a reading: what is linear in between follows the spline
+PARTS = 16  # tangents to a reading, for inverses of second degree in between
 
 
 class Reaction:
@@ -136,16 +136,23 @@ class _Extended:
             for first, last in pairwise(readings)
         ]
         self.t = np.sort(np.concatenate([times, *between]))
-        self._spline = CubicSpline(times, whole) if len(times) > 1 else lambda _: whole[0]
+        self._spline = CubicSpline(times, whole) if len(times) > 1 else None
+        self._only = whole[0]
         self._made: dict[int, Tangent] = {}
 
     def __getitem__(self, j: int) -> Tangent:
         if j not in self._made:
             self._made = {i: tangent for i, tangent in self._made.items() if i == j - 1}
-            stacked = self._spline(self.t[j])
-            M, D, K = stacked[: 3 * self._size].reshape(3, self._size, self._size)
-            self._made[j] = Tangent(self.t[j], M, D, K, stacked[3 * self._size :])
+            if self._spline is None:
+                self._made[j] = self._tangent(j, self._only)
+            else:
+                rate = self._tangent(j, self._spline(self.t[j], 1))
+                self._made[j] = replace(self._tangent(j, self._spline(self.t[j])), rate=rate)
         return self._made[j]
+
+    def _tangent(self, j: int, stacked: np.ndarray) -> Tangent:
+        M, D, K = stacked[: 3 * self._size].reshape(3, self._size, self._size)
+        return Tangent(self.t[j], M, D, K, stacked[3 * self._size :])
 
     def _whole(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
         """M, D, K and G of reading j with the vectors, one upon another."""
