@@ -7,12 +7,12 @@ the tangent is read in the stored state, until they do not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from .tangent import Reading, Tangents, scaled, state_set
 
@@ -101,8 +101,13 @@ class LateReadings:
     def _missed(self) -> Iterator[int]:
         """Rows whose forces or positions are not those that the tangents around them belong to."""
         q, _, q_tt, multipliers = self._states
-        moving = _off(self._tangents.readings, self._t, np.hstack([q_tt, multipliers]), lambda r: [*r.state[2:]])
-        turned = _off(self._tangents.readings, self._t, q, lambda r: [r.state[0]])
+        readings = self._tangents.readings
+        if len(readings) == 1:
+            return
+        times = np.array([r.t for r in readings])
+        at = [np.array([r.state[k] for r in readings]) for k in range(4)]
+        moving = np.hstack([q_tt, multipliers]) - CubicSpline(times, np.hstack(at[2:]))(self._t)
+        turned = q - CubicHermiteSpline(times, *at[:2])(self._t)
         for interval in self._intervals():
             carried = self._tangents.carried_near(self._t[interval.middle])
             x, scale = moving[interval.rows], self._scale(interval)
@@ -126,12 +131,11 @@ class LateReadings:
             if t in self._tried or not self._is_unchanged():
                 continue
             self._tried.add(t)
-            weights = CubicSpline(times, np.eye(len(times)))(t)
             with state_set(self._mbs.systemData, t, [x[row] for x in self._states]):
-                G, Kdq = self._tangents.differences(self._mbs, scale * signs)
-            for weight, reading in zip(weights, readings, strict=True):
-                G, Kdq = G - weight * reading.G, Kdq - weight * (reading.K @ (scale * signs))
-            if np.abs(scale * Kdq).max() > OFF or np.linalg.norm(G) > OFF * np.linalg.norm(interval.last.G):
+                Kdq = self._tangents.differences(self._mbs, scale * signs)
+            for weight, reading in zip(CubicSpline(times, np.eye(len(times)))(t), readings, strict=True):
+                Kdq -= weight * (reading.K @ (scale * signs))
+            if np.abs(scale * Kdq).max() > OFF:
                 yield row
 
     def _scale(self, interval: _Interval) -> np.ndarray:
@@ -143,9 +147,3 @@ NOTE = (
     "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile (by "
     "a PostStep function, or after the solve), and they cannot be read in stored states"
 )
-
-
-def _off(readings: Sequence[Reading], t: np.ndarray, values: np.ndarray, of: Callable[[Reading], list]) -> np.ndarray:
-    """Values (S, k) at t less those interpolated between readings."""
-    times, known = np.array([r.t for r in readings]), np.array([np.concatenate(of(r)) for r in readings])
-    return values - (CubicSpline(times, known)(t) if len(times) > 1 else known)

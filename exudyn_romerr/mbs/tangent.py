@@ -39,7 +39,7 @@ FAILED = "the mechanism's tangent could not be computed"
 
 @dataclass(frozen=True)
 class Reading:
-    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints.
+    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints, G_t its rate.
 
     K holds loads too, and how inertia and the forces of constraints change with the coordinates. own : hash of what
     Exudyn gives by itself. change : of G and K since the reading before, over CHANGE.
@@ -51,6 +51,7 @@ class Reading:
     D: np.ndarray
     K: np.ndarray
     G: np.ndarray
+    G_t: np.ndarray
     own: int
     change: float = 0.0
 
@@ -138,8 +139,8 @@ class Tangents:
         del self.readings[:-KEPT]
         self.carried = [self.carried_near(self.readings[-1].t)]
 
-    def differences(self, mbs: Any, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """G, and K dq in the current state: all forces at both sides of it, over twice the distance."""
+    def differences(self, mbs: Any, dq: np.ndarray) -> np.ndarray:
+        """K dq in the current state: all forces at both sides of it, over twice the distance."""
         system = mbs.systemData
         q_tt, multipliers = system.GetODE2Coordinates_tt(), system.GetAECoordinates()
         step = STEP / np.abs(dq).max()
@@ -151,15 +152,14 @@ class Tangents:
             return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers - forces
 
         with coordinates_kept(system) as (q, _):
-            G = self._constraints(mbs, system.GetTime())
-            return G, (force(q + step * dq) - force(q - step * dq)) / (2 * step)
+            return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
 
     def _read(self, mbs: Any, t: float) -> Reading:
         state = _state(mbs.systemData)
         M, G = self._mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
-        D, own, carried = self._forces(mbs, G)
-        return Reading(t, state, M, D, own + carried, G, _hashed(M, G, D, own))
+        D, own, carried, G_t = self._forces(mbs, G)
+        return Reading(t, state, M, D, own + carried, G, G_t, _hashed(M, G, D, own))
 
     def _check_loads(self, mbs: Any) -> None:
         try:
@@ -200,11 +200,11 @@ class Tangents:
             )
         return G
 
-    def _forces(self, mbs: Any, G: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """D and K by numerical differentiation, K in two parts; what user functions leave half done is set back."""
+    def _forces(self, mbs: Any, G: np.ndarray) -> tuple[np.ndarray, ...]:
+        """D, K in two parts and G_t by numerical differentiation; what user functions leave half done is set back."""
         try:
-            with coordinates_kept(mbs.systemData) as (q, _):
-                return *self._jacobians(mbs), self._carried_forces(mbs, q, G)
+            with state_kept(mbs.systemData) as (q, *_):
+                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), self._turning(mbs)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
 
@@ -242,6 +242,17 @@ class Tangents:
             turning = np.linalg.norm(changes[:, :, n:], axis=(1, 2)) / max(np.linalg.norm(before[:, n:]), TINY)
             self.carried.append(Carried(t, G, j, i, changes[j, i], turning))
         return carried
+
+    def _turning(self, mbs: Any) -> np.ndarray:
+        """G_t, along the motion and over time."""
+        system = mbs.systemData
+        t, (q, q_t, *rest) = system.GetTime(), _state(system)
+        dt = STEP / max(1.0, np.abs(q_t).max())
+        found = []
+        for sign in (1.0, -1.0):
+            _set(system, t + sign * dt, (q + sign * dt * q_t, q_t, *rest))
+            found.append(self._all_constraints(mbs)[self._rows])
+        return (found[0] - found[1]) / (2 * dt)
 
     def _is_due(self, t: float, G: np.ndarray) -> bool:
         """Whether changes of M and G are kept: where steps are read one by one, nothing is interpolated."""
@@ -322,14 +333,21 @@ def _set(system: Any, t: float, state: Sequence[np.ndarray]) -> None:
 
 
 @contextmanager
-def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[None]:
-    """Set the current state for a while: time, q, q_t, q_tt and multipliers."""
-    now, kept = system.GetTime(), _state(system)
+def state_kept(system: Any) -> Iterator[tuple[np.ndarray, ...]]:
+    """Give the current state, and set it back: time, q, q_t, q_tt and multipliers."""
+    t, state = system.GetTime(), _state(system)
     try:
+        yield state
+    finally:
+        _set(system, t, state)
+
+
+@contextmanager
+def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[None]:
+    """Set the current state for a while."""
+    with state_kept(system):
         _set(system, t, state)
         yield
-    finally:
-        _set(system, now, kept)
 
 
 @contextmanager
