@@ -12,11 +12,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from .tangent import Reading, Tangents, scaled, state_set
+from .tangent import Reading, Tangents, masses, scaled, state_set
 
-OFF = 0.03  # of K + M/dt^2, and of G: what an interpolated tangent may miss
+OFF = 0.05  # of K + M/dt^2, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
 SEED = 15
 
@@ -57,8 +58,17 @@ class LateReadings:
         """Read what is missing: at the last row, then where tangents change or what is interpolated is off."""
         if self._tangents.readings[-1].t < self._t[-1]:
             self._read([len(self._t) - 1])
-        while any(self._read(list(find())) for find in (self._changing, self._missed, self._untrue)):
+        while self._interpolate() and any(self._read(list(find())) for find in (self._changing, self._missed, self._untrue)):
             pass
+
+    def _interpolate(self) -> bool:
+        """Compare q'' and multipliers of the rows with a spline through those of the readings, as K is interpolated."""
+        readings = self._tangents.readings
+        times, at = ([*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True))
+        self._spline = CubicSpline(times, np.eye(len(times))) if len(times) > 1 else None
+        if self._spline is not None:
+            self._moving = np.hstack(self._states[2:]) - self._spline(self._t) @ np.array(at)
+        return self._spline is not None
 
     def _read(self, rows: Sequence[int]) -> bool:
         """Whether there was something to read."""
@@ -100,43 +110,57 @@ class LateReadings:
 
     def _missed(self) -> Iterator[int]:
         """Rows whose forces or positions are not those that the tangents around them belong to."""
-        q, _, q_tt, multipliers = self._states
-        readings = self._tangents.readings
-        if len(readings) == 1:
-            return
-        times = np.array([r.t for r in readings])
-        at = [np.array([r.state[k] for r in readings]) for k in range(4)]
-        moving = np.hstack([q_tt, multipliers]) - CubicSpline(times, np.hstack(at[2:]))(self._t)
-        turned = q - CubicHermiteSpline(times, *at[:2])(self._t)
         for interval in self._intervals():
-            carried = self._tangents.carried_near(self._t[interval.middle])
-            x, scale = moving[interval.rows], self._scale(interval)
-            off = np.abs(turned[interval.rows]) @ carried.turning
-            both = scale[carried.i] * scale[carried.j]
-            matters = both * (np.abs(carried.by) @ np.abs(x).max(axis=0)) > OFF
-            if matters.any():
-                changes = np.abs(x @ carried.by[matters].T) * both[matters]
-                off = np.maximum(off, changes.max(axis=1))
+            off = np.abs(self._turned(interval)) @ self._tangents.carried_near(self._t[interval.middle]).turning
+            off = np.maximum(off, self._off(interval))
             if off.max() > OFF:
                 yield interval.rows.start + int(off.argmax())
 
+    def _turned(self, interval: _Interval) -> np.ndarray:
+        """How far q (S, n) of the rows of an interval is from what its readings let expect."""
+        (first, last), rows = interval[1:3], interval.rows
+        q, q_t = ([reading.state[k] for reading in (first, last)] for k in (0, 1))
+        return self._states[0][rows] - CubicHermiteSpline([first.t, last.t], q, q_t)(self._t[rows])
+
+    def _off(self, interval: _Interval) -> np.ndarray:
+        """How far K is off at the rows (S,) of an interval, by q'' and multipliers there.
+
+        What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
+        twice, if that is less.
+        """
+        carried, scale = self._tangents.carried_near(self._t[interval.middle]), self._scale(interval)
+        x = self._moving[interval.rows]
+        both = scale[carried.i] * scale[carried.j]
+        matters = both * (np.abs(carried.by) @ np.abs(x).max(axis=0)) > OFF
+        changes = np.vstack([x[:1] * 0, x, x[:1] * 0]) @ carried.by[matters].T
+        t = np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]])
+        moved = cumulative_trapezoid(cumulative_trapezoid(changes, t, axis=0, initial=0), t, axis=0, initial=0)
+        light = 1 / np.sqrt(masses(interval.last.M, self._tangents.rotations))
+        moved = np.abs(moved).max(axis=0, initial=0.0) * light[carried.i[matters]] * light[carried.j[matters]]
+        found = np.abs(changes[1:-1]) * both[matters]
+        return found[:, moved > OFF].max(axis=1, initial=0.0)
+
     def _untrue(self) -> Iterator[int]:
-        """Rows in whose state forces change otherwise, in a direction that all coordinates take part in."""
-        readings = self._tangents.readings
-        times = np.array([r.t for r in readings])
+        """Rows in whose state K differs for other reasons, in a direction that all coordinates take part in."""
         signs = np.random.default_rng(SEED).choice([-1.0, 1.0], self._tangents.size) * self._tangents.differentiable
         for interval in [i for i in self._intervals() if i.count >= LONG]:
-            row = interval.middle
-            t, scale = self._t[row], self._scale(interval)
-            if t in self._tried or not self._is_unchanged():
+            row, scale = interval.middle, self._scale(interval)
+            if self._t[row] in self._tried or not self._is_unchanged():
                 continue
-            self._tried.add(t)
-            with state_set(self._mbs.systemData, t, [x[row] for x in self._states]):
-                Kdq = self._tangents.differences(self._mbs, scale * signs)
-            for weight, reading in zip(CubicSpline(times, np.eye(len(times)))(t), readings, strict=True):
-                Kdq -= weight * (reading.K @ (scale * signs))
-            if np.abs(scale * Kdq).max() > OFF:
+            self._tried.add(self._t[row])
+            if np.abs(scale * self._untried(row, scale * signs)).max() > OFF:
                 yield row
+
+    def _untried(self, row: int, dq: np.ndarray) -> np.ndarray:
+        """What K dq is off by in the state of a row, but for what q'' and multipliers are."""
+        t = self._t[row]
+        with state_set(self._mbs.systemData, t, [x[row] for x in self._states]):
+            off = self._tangents.differences(self._mbs, dq)
+        for weight, reading in zip(self._spline(t), self._tangents.readings, strict=True):
+            off -= weight * (reading.K @ dq)
+        carried = self._tangents.carried_near(t)
+        np.subtract.at(off, carried.i, carried.by @ self._moving[row] * dq[carried.j])
+        return off
 
     def _scale(self, interval: _Interval) -> np.ndarray:
         first, last = interval.first, interval.last

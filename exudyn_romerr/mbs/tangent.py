@@ -23,7 +23,7 @@ from .scope import coordinates_kept, loads_by_motion, loads_with_functions
 
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing changes
-SMALL = 0.1  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
+SMALL = 0.4  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
 STEP = 1e-7  # of coordinates, to differentiate by
 RANK = 1e-10  # of the largest singular value: constraints below are redundant
 PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
@@ -287,16 +287,24 @@ def _change(before: Reading, now: Reading, rotations: Sequence[list[int]]) -> fl
 
 
 def scaled(reading: Reading, dt: float, rotations: Sequence[list[int]]) -> np.ndarray:
-    """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate.
+    """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate; of rotations M/dt^2 alone."""
+    inertia = masses(reading.M, rotations) / dt**2
+    stiffness = np.abs(np.diag(reading.K)) + inertia
+    for parameters in rotations:
+        stiffness[parameters] = inertia[parameters]
+    return 1 / np.sqrt(np.maximum(stiffness, TINY))
+
+
+def masses(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:
+    """Return the diagonal (n,) of M.
 
     Of a rotation's parameters the lightest axis counts, about which a slim body spins: the third largest inertia, for
     of four parameters one direction has none.
     """
-    M = reading.M
-    stiffness = np.abs(np.diag(reading.K)) + np.diag(M) / dt**2
+    found = np.diag(M).copy()
     for parameters in rotations:
-        stiffness[parameters] = la.eigvalsh(M[np.ix_(parameters, parameters)])[-3] / dt**2
-    return 1 / np.sqrt(np.maximum(stiffness, TINY))
+        found[parameters] = la.eigvalsh(M[np.ix_(parameters, parameters)])[-3]
+    return np.maximum(found, TINY)
 
 
 def _turned(before: np.ndarray, G: np.ndarray) -> float:
