@@ -15,7 +15,7 @@ from ..mechanism import join_extensions, joined_openings
 from ..online import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from .enriched import EnrichedBody
     from .tangent import Reading, Tangents
@@ -136,8 +136,7 @@ class _Extended:
             for first, last in pairwise(readings)
         ]
         self.t = np.sort(np.concatenate([times, *between]))
-        G = readings[0].G
-        self._spline, self._turning = lambda _: whole[0], lambda _, order: (1 - order) * G
+        self._spline, self._turning = _held(whole[0]), _held(readings[0].G)
         if len(times) > 1:
             self._spline = CubicSpline(times, whole)
             # rates of the motion itself: where pieces of splines meet, G would have a kink
@@ -148,14 +147,15 @@ class _Extended:
     def __getitem__(self, j: int) -> Tangent:
         if j not in self._made:
             self._made = {i: tangent for i, tangent in self._made.items() if i == j - 1}
-            n, t = self._size, self.t[j]
-            G, G_t = (self._wide(self._turning(t, order)) for order in (0, 1))
-            self._made[j] = Tangent(t, *self._spline(t).reshape(3, n, n), G, G_t)
+            self._made[j] = replace(self._tangent(j, 0), rate=self._tangent(j, 1))
         return self._made[j]
 
-    def _wide(self, G: np.ndarray) -> np.ndarray:
-        """With columns of the vectors, which no constraint knows."""
-        return np.hstack([G, np.zeros((len(G), self._size - G.shape[1]))])
+    def _tangent(self, j: int, order: int) -> Tangent:
+        """The tangent, or its rate."""
+        n, t = self._size, self.t[j]
+        turning = self._turning(t, order)
+        G = np.hstack([turning, np.zeros((len(turning), n - turning.shape[1]))])
+        return Tangent(t, *self._spline(t, order).reshape(3, n, n), G)
 
     def _whole(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
         """M, D and K of reading j with the vectors, one upon another."""
@@ -168,3 +168,8 @@ class _Extended:
             M[own, body.columns] = of.M[j][: len(body.columns)].T
             D[own, body.columns], K[own, body.columns] = of.D_rows[j], of.K_rows[j]
         return np.vstack([M, D, K])
+
+
+def _held(value: np.ndarray) -> Callable[[float, int], np.ndarray]:
+    """What does not change with time, and its rate."""
+    return lambda _, order: np.zeros_like(value) if order else value

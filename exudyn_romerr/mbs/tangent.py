@@ -39,7 +39,8 @@ FAILED = "the mechanism's tangent could not be computed"
 
 @dataclass(frozen=True)
 class Reading:
-    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints, G_t its rate.
+    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints, G_t its rate, masses
+    and springs (n,) the diagonals of M and of K, the latter 0 for rotations.
 
     K holds loads too, and how inertia and the forces of constraints change with the coordinates. own : hash of what
     Exudyn gives by itself. change : of G and K since the reading before, over CHANGE.
@@ -52,8 +53,15 @@ class Reading:
     K: np.ndarray
     G: np.ndarray
     G_t: np.ndarray
+    masses: np.ndarray
+    springs: np.ndarray
     own: int
     change: float = 0.0
+
+
+    def scale(self, dt: float) -> np.ndarray:
+        """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate; of rotations M/dt^2 alone."""
+        return 1 / np.sqrt(self.springs + self.masses / dt**2)
 
 
 @dataclass(frozen=True)
@@ -77,8 +85,7 @@ class Tangents:
 
     Attributes
     ----------
-    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. rotations : coordinates of
-    each rotation. readings : list of Reading, in the order of time. carried : list of Carried,
+    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. readings : list of Reading, in the order of time. carried : list of Carried,
     where G has turned since. redundant : number of constraints that follow from others.
     """
 
@@ -95,7 +102,7 @@ class Tangents:
         self._first_constraint = self.size + self._solver.GetODE1size()
         increments = {j for rotation in _rotations(mbs, INCREMENTS) for j in rotation}
         self.differentiable = np.array([j not in increments for j in range(self.size)])
-        self.rotations, self._loads = _rotations(mbs, PARAMETERS), loads_with_functions(mbs)
+        self._rotations, self._loads = _rotations(mbs, PARAMETERS), loads_with_functions(mbs)
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
         self._stride, self._active, self._rows = 1, None, None
@@ -120,7 +127,7 @@ class Tangents:
         self.readings.insert(j, reading)
         for i in (j, j + 1):
             if 0 < i < len(self.readings):
-                change = _change(self.readings[i - 1], self.readings[i], self.rotations) / CHANGE
+                change = _change(self.readings[i - 1], self.readings[i]) / CHANGE
                 self.readings[i] = replace(self.readings[i], change=change)
         return j
 
@@ -159,7 +166,11 @@ class Tangents:
         M, G = self._mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
         D, own, carried, G_t = self._forces(mbs, G)
-        return Reading(t, state, M, D, own + carried, G, G_t, _hashed(M, G, D, own))
+        K = own + carried
+        springs = np.abs(np.diag(K))
+        springs[[j for rotation in self._rotations for j in rotation]] = 0.0
+        masses = _masses(M, self._rotations)
+        return Reading(t, state, M, D, K, G, G_t, masses, springs, _hashed(M, G, D, own))
 
     def _check_loads(self, mbs: Any) -> None:
         try:
@@ -276,34 +287,24 @@ def _rotations(mbs: Any, types: Sequence[str]) -> list[list[int]]:
     return found
 
 
-def _change(before: Reading, now: Reading, rotations: Sequence[list[int]]) -> float:
+def _change(before: Reading, now: Reading) -> float:
     """Return how much G and K have changed: of G its share, of K that of K + M/dt^2, dt the time since.
 
     Where K is soft, its change accelerates masses for that time.
     """
-    scale = scaled(now, now.t - before.t, rotations)
+    scale = now.scale(now.t - before.t)
     change = scale[:, None] * np.abs(now.K - before.K) * scale
     return max(_turned(before.G, now.G), float(np.max(change)))
 
 
-def scaled(reading: Reading, dt: float, rotations: Sequence[list[int]]) -> np.ndarray:
-    """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate; of rotations M/dt^2 alone."""
-    inertia = masses(reading.M, rotations) / dt**2
-    stiffness = np.abs(np.diag(reading.K)) + inertia
-    for parameters in rotations:
-        stiffness[parameters] = inertia[parameters]
-    return 1 / np.sqrt(np.maximum(stiffness, TINY))
+def _masses(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:
+    """Return the diagonal (n,) of M; of a rotation's parameters the lightest axis, about which a slim body spins.
 
-
-def masses(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:
-    """Return the diagonal (n,) of M.
-
-    Of a rotation's parameters the lightest axis counts, about which a slim body spins: the third largest inertia, for
-    of four parameters one direction has none.
+    It is the third largest inertia, for of four parameters one direction has none.
     """
     found = np.diag(M).copy()
     for parameters in rotations:
-        found[parameters] = la.eigvalsh(M[np.ix_(parameters, parameters)])[-3]
+        found[parameters] = np.linalg.eigvalsh(M[np.ix_(parameters, parameters)])[-3]
     return np.maximum(found, TINY)
 
 
