@@ -62,13 +62,17 @@ class LateReadings:
         """Read what is missing: at the last row, then where tangents change or what is interpolated is off."""
         if self._tangents.readings[-1].t < self._t[-1]:
             self._read([len(self._t) - 1])
-        while self._interpolate() and any(self._read(list(find())) for find in (self._changing, self._missed, self._untrue)):
+        while self._interpolate() and any(
+            self._read(list(find())) for find in (self._changing, self._missed, self._untrue)
+        ):
             pass
 
     def _interpolate(self) -> bool:
-        """Compare q'' and multipliers of the rows with a spline through those of the readings, as K is interpolated."""
+        """Compare q'' and multipliers of the rows with a spline through those of readings; K has one such."""
         readings = self._tangents.readings
-        times, at = ([*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True))
+        times, at = (
+            [*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True)
+        )
         self._spline = CubicSpline(times, np.eye(len(times))) if len(times) > 1 else None
         if self._spline is not None:
             self._moving = np.hstack(self._states[2:]) - self._spline(self._t) @ np.array(at)
@@ -79,13 +83,18 @@ class LateReadings:
         if not rows or not self._is_unchanged():
             return False
         for row in rows:
-            try:
-                self._tangents.read_stored(self._mbs, self._t[row], [x[row] for x in self._states])
-            except Exception as error:
-                self.failure = error
-                self._tangents.end_before(self._t[row])
-                break
+            self._read_row(row)
         return True
+
+    def _read_row(self, row: int) -> None:
+        t, end = self._t[row], self._tangents.readings[-1].t
+        if self.failure is not None and t > end:
+            return
+        try:
+            self._tangents.read_stored(self._mbs, t, [x[row] for x in self._states])
+        except Exception as error:
+            self.failure = error
+            self._tangents.end_before(t)
 
     def _is_unchanged(self) -> bool:
         """Whether the mbs gives in the states of readings what it gave when they were read."""
@@ -170,6 +179,6 @@ class LateReadings:
 
 
 NOTE = (
-    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile (by "
-    "a PostStep function, or after the solve), and they cannot be read in stored states"
+    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile "
+    "(by a PostStep function, or after the solve), and they cannot be read in stored states"
 )

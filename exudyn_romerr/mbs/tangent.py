@@ -39,11 +39,12 @@ FAILED = "the mechanism's tangent could not be computed"
 
 @dataclass(frozen=True)
 class Reading:
-    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints, G_t its rate, masses
-    and springs (n,) the diagonals of M and of K, the latter 0 for rotations.
+    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n),
+    G (c, n) of independent constraints.
 
-    K holds loads too, and how inertia and the forces of constraints change with the coordinates. own : hash of what
-    Exudyn gives by itself. change : of G and K since the reading before, over CHANGE.
+    K holds loads too, and how inertia and the forces of constraints change with the coordinates. G_t : rate of G.
+    masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. own : hash of what Exudyn
+    gives by itself. change : of G and K since the reading before, over CHANGE.
     """
 
     t: float
@@ -58,7 +59,6 @@ class Reading:
     own: int
     change: float = 0.0
 
-
     def scale(self, dt: float) -> np.ndarray:
         """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate; of rotations M/dt^2 alone."""
         return 1 / np.sqrt(self.springs + self.masses / dt**2)
@@ -68,8 +68,8 @@ class Reading:
 class Carried:
     """How M and G change with the coordinates, at time t: what d(M q'' + G^T l)/dq of other q'' and l follows from.
 
-    G : of the reading. j, i (p,) : columns and rows of entries of K that are not always zero. by (p, n + c) : change of
-    each by q'' and l. turning (n,) : share of G that changes, by coordinates.
+    G : of the reading. j, i (p,) : columns and rows of entries of K that are not always zero. by (p, n + c) : change
+    of each by q'' and l. turning (n,) : share of G that changes, by coordinates.
     """
 
     t: float
@@ -85,8 +85,9 @@ class Tangents:
 
     Attributes
     ----------
-    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. readings : list of Reading, in the order of time. carried : list of Carried,
-    where G has turned since. redundant : number of constraints that follow from others.
+    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. readings : list of
+    Reading, in the order of time. carried : list of Carried, where G has turned since. redundant : number of
+    constraints that follow from others.
     """
 
     def __init__(self, mbs: Any):
