@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
@@ -14,10 +15,10 @@ START_OF_STEP = exu.ConfigurationType.StartOfStep
 
 
 def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
-    """Return step(mbs, t), the PostStep function; drain() -> (t, q, q_t, q_tt), the rows it stored since; hurry().
+    """Return step(mbs, t), the PostStep function; drain() -> t, q, q_t, q_tt, multipliers stored since; hurry().
 
-    After hurry() the next step ends the block. Closures: as a method, with its look-ups of attributes, step would add
-    6 % to the step of a small body.
+    Multipliers are stored where tangents are read. After hurry() the next step ends the block. Closures: as a method,
+    with its look-ups of attributes, step would add 6 % to the step of a small body.
     """
     system = mbs.systemData
     start_of_step = system.GetTime
@@ -26,20 +27,24 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
         system.GetODE2Coordinates_t,
         system.GetODE2Coordinates_tt,
     )
+    read_multipliers = system.GetAECoordinates
     i = room = due = 0
-    times = q = q_t = q_tt = None
+    end = inf
+    times = q = q_t = q_tt = multipliers = None
 
     def step(mbs: Any, t: float) -> Any:
-        nonlocal i, room, due, times, q, q_t, q_tt
+        nonlocal i, room, due, end, times, q, q_t, q_tt, multipliers
         # equal at the first call of a solve, and only there: no step was made yet
         if start_of_step(START_OF_STEP) == t:
-            times, q, q_t, q_tt = hook.begin(mbs)
-            due = int(hook.has_tangents)
+            times, q, q_t, q_tt, multipliers = hook.begin(mbs)
+            due, end = int(hook.has_tangents), hook.end
             room = 1  # the first row is evaluated at once: what is wrong shows before the first step
         times[i] = t
         q[i] = read_q()
         q_t[i] = read_q_t()
         q_tt[i] = read_q_tt()
+        if due:
+            multipliers[i] = read_multipliers()
         i += 1
         if due:
             due -= 1
@@ -49,12 +54,14 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
         go_on = True
         if i == room:
             go_on, room = hook.goes_on(t), len(times)
+        elif t >= end:
+            hook.flush()  # while the mbs is what it was
         return go_on if hook.user is None else hook.call_user(mbs, t, go_on)
 
     def drain() -> tuple:
         nonlocal i
         n, i = i, 0
-        return () if n == 0 else (times[:n], q[:n], q_t[:n], q_tt[:n])
+        return () if n == 0 else (times[:n], q[:n], q_t[:n], q_tt[:n], multipliers[:n])
 
     def hurry() -> None:
         nonlocal room

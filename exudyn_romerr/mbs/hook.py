@@ -17,7 +17,7 @@ from ..scope import FROZEN
 from .gather import gatherer
 from .live import live_line
 from .mechanism import Mechanism
-from .scene import is_verbose, running_static_solver
+from .scene import end_time, is_verbose, running_static_solver
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .watch import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
+SAME = 1e-9  # of a time: solvers add up their steps
 TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines through all take 15 times that
 
 
@@ -45,9 +46,10 @@ class StepHook:
         self._occupant: Callable = self.step
         self._static_solver: Any = None
         self._verbose = False
+        self.end = np.inf  # of the solve, if tangents are to be read in its last block
 
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
-        """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt."""
+        """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
         self.flush()
         self._occupant = slot_function(mbs)
         static = running_static_solver(mbs, self._static_solver)
@@ -62,17 +64,20 @@ class StepHook:
         self._mbs = weakref.ref(mbs)
         self._mechanism = Mechanism(self.watches, self._mechanism)
         self._mechanism.begin(mbs)
+        end = end_time(mbs, static is not None) if self.has_tangents else None
+        self.end = np.inf if end is None else end - SAME * abs(end)
         # load steps are few, and their loads may be changed before the next solve asks for a block
         at_once = static is not None or any(watch.tolerance for watch in self.watches)
-        return self._new_arrays(mbs.systemData.ODE2Size(), at_once)
+        system = mbs.systemData
+        return self._new_arrays(system.ODE2Size(), len(system.GetAECoordinates()), at_once)
 
     def flush(self) -> None:
         """Evaluate the rows stored so far."""
         with _interrupt_deferred():
-            rows = self._drain()
+            *rows, multipliers = self._drain() or ((),)
             if not rows:
                 return
-            self._mechanism.read_end(self._mbs(), rows[0][-1])
+            self._mechanism.read_late(self._mbs(), *rows, multipliers)
             self._mechanism.take(*rows)
             if self._verbose:
                 exu.Print(live_line(self.watches, rows[0][-1]))
@@ -140,9 +145,9 @@ class StepHook:
         """Whether Exudyn calls this hook: directly, or through a function that did so in the last solve."""
         return slot_function(mbs) is self._occupant
 
-    def _new_arrays(self, size: int, at_once: bool) -> tuple[np.ndarray, ...]:
+    def _new_arrays(self, size: int, multipliers: int, at_once: bool) -> tuple[np.ndarray, ...]:
         rows = 1 if at_once else block_rows(size, self.has_tangents)
-        return np.empty(rows), *(np.empty((rows, size)) for _ in range(3))
+        return np.empty(rows), *(np.empty((rows, width)) for width in (size, size, size, multipliers))
 
 
 def _frozen(watches: Sequence[Watch]) -> str:
