@@ -33,6 +33,7 @@ HELD = {
 CUBE = 0.05, 0.3  # m, and its share of the bar's mass
 DRIVEN = 0.1  # rad
 SLACK = 5e-3  # s: dampers have this times their spring's stiffness
+Vector = tuple[float, float, float]
 BACKWARDS = np.diag([-1.0, -1.0, 1.0])
 SENSORS = (("tip", "Displacement"), ("middle", "Displacement"), ("tip", "Velocity"))
 
@@ -69,8 +70,8 @@ class Scene:
         return {name: self.mbs.GetSensorStoredData(number)[:, 1:] for name, number in numbers.items()}
 
 
-def built(mechanism: Mechanism, complete: bool = False, iterate: float = 1.0) -> Scene:
-    """Build the model; complete: with all modes; iterate: factor of Newton's tolerances."""
+def built(mechanism: Mechanism, complete: bool = False, iterate: float = 1.0, at: Vector = (0.0, 0.0, 0.0)) -> Scene:
+    """Build the model; complete: all modes; iterate: factor of Newton's tolerances; at: where the chain begins."""
     SC = exu.SystemContainer()
     settings = settings_to_compare(mechanism.h, mechanism.h * mechanism.steps)
     settings.timeIntegration.generalizedAlpha.spectralRadius = mechanism.rho
@@ -79,7 +80,7 @@ def built(mechanism: Mechanism, complete: bool = False, iterate: float = 1.0) ->
     settings.timeIntegration.adaptiveStep = False  # the steps of two runs are to be the same
     scene = Scene(mechanism, SC, SC.AddSystem(), settings)
     ground = scene.mbs.AddObject(itemInterface.ObjectGround())
-    place, axes = _ground(scene, ground, np.zeros(3)), np.eye(3)
+    place, axes = _ground(scene, ground, np.array(at)), np.eye(3)
     for bar, links in zip(mechanism.bars, mechanism.links, strict=True):
         axes = axes @ Rotation.from_rotvec(bar.kink).as_matrix()
         if len(links) == 2:

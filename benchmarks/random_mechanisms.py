@@ -1,7 +1,7 @@
 """Random mechanisms of one to three flexible bars of at most 60 coordinates: what seeds of sweep_mechanisms.py mean.
 
 A chain: the ground or nothing, bars (held by either end, bent or straight, of plastic to steel), rigid cubes between
-them, and what holds the end. `drawn(seed)` says what it is, `benchmarks/mechanism_builder.py` builds it. Forces are scaled so
+them, and what holds the end. `drawn(seed)` says what it is, `mechanism_builder.built` builds it. Forces are scaled so
 that bars move by 0.5 to 50 % of their length, and bend by 1 % of it at most, as linear elasticity has it.
 """
 
@@ -51,7 +51,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Bar:
-    """A flexible bar: fem (see models.hex_bar), modes, damping; turned against the one before; entered at "right"?"""
+    """A flexible bar: fem (see models.hex_bar), modes, damping; turned against the one before, perhaps reversed."""
 
     elements: int
     size: tuple[float, float, float]
@@ -133,8 +133,7 @@ def drawn(seed: int) -> Mechanism:
     if len(bars) == 1 and base in ("weld", "driven") and end == "none":
         end = "cube"  # else the frame's motion is known, and the scope another one: benchmarks/sweep.py
     links = [(_link(rng, bars[0], base),)]
-    for bar in bars[1:]:
-        links.append(tuple(_link(rng, bar) for _ in range(rng.choice([1, 2]))))
+    links += [tuple(_link(rng, bar) for _ in range(rng.choice([1, 2]))) for bar in bars[1:]]
     loads = tuple(_load(rng, bars, h * steps, h) for _ in range(rng.choice([1, 2])))
     gravity = 9.81 * _direction(rng), _shape(rng, GRAVITIES, h * steps, h, constant=True)
     last, rho = _link(rng, bars[-1]), float(rng.choice([0.6, 0.8, 0.9, 1.0]))

@@ -1,4 +1,4 @@
-"""What sweep_mechanisms.py found, as a table: violations and how far bounds are above errors, by class of mechanism."""
+"""What sweep_mechanisms.py found, as a table: violations, and how far bounds are above errors, by class."""
 
 from collections import Counter, defaultdict
 
