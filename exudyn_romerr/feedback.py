@@ -2,9 +2,9 @@
 
     M e'' + D e' + K e + G^T l = f(t) ,   G e = 0 ,
 
-e the error of all coordinates of the mechanism and the coordinates of auxiliary modes. Matrices are linear in time
-between tangents; the time integration is that of the simulation, so that e is what auxiliary modes would have added
-to it.
+e the error of all coordinates of the mechanism and the coordinates of auxiliary modes. Matrices are cubic in time
+between tangents that know their rates, linear between others; where G has a kink, constraints strike the mechanism.
+The time integration is that of the simulation, so that e is what auxiliary modes would have added to it.
 """
 
 from __future__ import annotations
@@ -41,13 +41,14 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Tangent:
-    """The linearised equations at time t: M, D, K (k, k), and G (c, k) of independent constraints."""
+    """The linearised equations at time t: M, D, K (k, k), and G (c, k) of independent constraints; their rates."""
 
     t: float
     M: np.ndarray
     D: np.ndarray
     K: np.ndarray
     G: np.ndarray
+    rate: Tangent | None = None
 
     def stacked(self, mass: float, damping: float, scale: float) -> np.ndarray:
         """[[mass M + damping D + K, scale G^T], [scale G, 0]]."""
@@ -112,7 +113,7 @@ class Feedback:
 
 
 class _Interval:
-    """Steps of one size between two tangents: A z = f - W (e, e') ahead, A and W linear in time."""
+    """Steps of one size between two tangents: A z = f - W (e, e') ahead, A and W cubic in time."""
 
     def __init__(self, first: Tangent, last: Tangent, h: float, s: Scheme, steps: int):
         self._ends, self._h = (first, last), h
@@ -125,20 +126,19 @@ class _Interval:
         grown = (1 - s.alpha_f) / (1 - s.alpha_m) * mass
         self._next = np.array([[1, 0, 0, 1], [0, 1, 0, damping], [0, 0, 0, mass], [0, 0, 1, grown]], dtype=float)
         scale = mass * np.abs(np.diag(first.M)).max()  # of constraints: all rows of one size
-        A, B = (tangent.stacked(mass, damping, scale) for tangent in self._ends)
-        W, U = (_wide(tangent, scale) for tangent in self._ends)
-        self._A, self._W = np.vstack([A, B - A]), np.vstack([W, U - W])
+        self._A = _cubic(*self._ends, lambda tangent: tangent.stacked(mass, damping, scale))
+        self._W = _cubic(*self._ends, lambda tangent: _wide(tangent, scale))
         self._inverses = None if steps < MANY else self._inverted()
 
     def _inverted(self) -> np.ndarray | None:
         """A^-1 as a polynomial of second degree in time, from three instants; None if that is not exact enough."""
         try:
-            start, half, end = (np.linalg.inv(_linear(self._A, share)) for share in (0.0, 0.5, 1.0))
+            start, half, end = (np.linalg.inv(_at(self._A, share)) for share in (0.0, 0.5, 1.0))
         except np.linalg.LinAlgError as error:
             raise AssumptionError(SINGULAR) from error
         inverses = np.vstack([start, 4 * half - 3 * start - end, 2 * (start + end) - 4 * half])
         x = np.ones(len(start))
-        off = _squared(inverses @ _linear(self._A @ x, 0.25), 0.25) - x
+        off = _at(inverses @ _at(self._A @ x, 0.25), 0.25, degree=2) - x
         return inverses if np.abs(off).max() <= CLOSE else None
 
     def holds(self, first: Tangent, last: Tangent, h: float) -> bool:
@@ -156,27 +156,31 @@ class _Interval:
         """Return the increment z (k,)."""
         first, last = self._ends
         share = float(_share(now, first, last))
-        right = -_linear(self._W @ ahead, share)
+        right = -_at(self._W @ ahead, share)
         right[: len(force)] += force
         if self._inverses is not None:
-            x = _squared(self._inverses @ right, share)
-            x += _squared(self._inverses @ (right - _linear(self._A @ x, share)), share)
+            x = _at(self._inverses @ right, share, degree=2)
+            x += _at(self._inverses @ (right - _at(self._A @ x, share)), share, degree=2)
             return x[: len(force)]
         try:
-            return np.linalg.solve(_linear(self._A, share), right)[: len(force)]
+            return np.linalg.solve(_at(self._A, share), right)[: len(force)]
         except np.linalg.LinAlgError as error:
             raise AssumptionError(SINGULAR) from error
 
 
-def _linear(stacked: np.ndarray, share: float) -> np.ndarray:
-    """Value and change, one upon the other: the value after a share of the change."""
-    n = len(stacked) // 2
-    return stacked[:n] + share * stacked[n:]
+def _cubic(first: Tangent, last: Tangent, of: Callable[[Tangent], np.ndarray]) -> np.ndarray:
+    """Coefficients of what is made `of` tangents between two, one upon the other, by the share of the time gone."""
+    A, B = of(first), of(last)
+    change, dt = B - A, last.t - first.t
+    start, end = (change if one.rate is None else dt * of(one.rate) for one in (first, last))
+    bend = start + end - 2 * change
+    return np.vstack([A, start, change - start - bend, bend])
 
 
-def _squared(stacked: np.ndarray, share: float) -> np.ndarray:
-    """The same of a polynomial of second degree."""
-    return np.array([1.0, share, share * share]) @ stacked.reshape(3, -1)
+def _at(stacked: np.ndarray, share: float, degree: int = 3) -> np.ndarray:
+    """Value of a polynomial from its coefficients, one upon the other."""
+    powers = share ** np.arange(degree + 1)
+    return (powers @ stacked.reshape(degree + 1, -1)).reshape(-1, *stacked.shape[1:])
 
 
 SINGULAR = (

@@ -14,9 +14,9 @@ START_OF_STEP = exu.ConfigurationType.StartOfStep
 
 
 def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
-    """Return step(mbs, t), the PostStep function; drain() -> (t, q, q_t, q_tt), the rows it stored since; hurry().
+    """Return step(mbs, t), the PostStep function; drain() -> (t, q, q_t, q_tt, multipliers), the rows it stored since; hurry().
 
-    After hurry() the next step ends the block. Closures: as a method, with its look-ups of attributes, step would add
+    Multipliers are stored where tangents are read. After hurry() the next step ends the block. Closures: as a method, with its look-ups of attributes, step would add
     6 % to the step of a small body.
     """
     system = mbs.systemData
@@ -26,20 +26,23 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
         system.GetODE2Coordinates_t,
         system.GetODE2Coordinates_tt,
     )
+    read_multipliers = system.GetAECoordinates
     i = room = due = 0
-    times = q = q_t = q_tt = None
+    times = q = q_t = q_tt = multipliers = None
 
     def step(mbs: Any, t: float) -> Any:
-        nonlocal i, room, due, times, q, q_t, q_tt
+        nonlocal i, room, due, times, q, q_t, q_tt, multipliers
         # equal at the first call of a solve, and only there: no step was made yet
         if start_of_step(START_OF_STEP) == t:
-            times, q, q_t, q_tt = hook.begin(mbs)
+            times, q, q_t, q_tt, multipliers = hook.begin(mbs)
             due = int(hook.has_tangents)
             room = 1  # the first row is evaluated at once: what is wrong shows before the first step
         times[i] = t
         q[i] = read_q()
         q_t[i] = read_q_t()
         q_tt[i] = read_q_tt()
+        if due:
+            multipliers[i] = read_multipliers()
         i += 1
         if due:
             due -= 1
@@ -54,7 +57,7 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
     def drain() -> tuple:
         nonlocal i
         n, i = i, 0
-        return () if n == 0 else (times[:n], q[:n], q_t[:n], q_tt[:n])
+        return () if n == 0 else (times[:n], q[:n], q_t[:n], q_tt[:n], multipliers[:n])
 
     def hurry() -> None:
         nonlocal room

@@ -47,7 +47,7 @@ class StepHook:
         self._verbose = False
 
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
-        """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt."""
+        """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
         self.flush()
         self._occupant = slot_function(mbs)
         static = running_static_solver(mbs, self._static_solver)
@@ -64,15 +64,16 @@ class StepHook:
         self._mechanism.begin(mbs)
         # load steps are few, and their loads may be changed before the next solve asks for a block
         at_once = static is not None or any(watch.tolerance for watch in self.watches)
-        return self._new_arrays(mbs.systemData.ODE2Size(), at_once)
+        system = mbs.systemData
+        return self._new_arrays(system.ODE2Size(), len(system.GetAECoordinates()), at_once)
 
     def flush(self) -> None:
         """Evaluate the rows stored so far."""
         with _interrupt_deferred():
-            rows = self._drain()
+            *rows, multipliers = self._drain() or ((),)
             if not rows:
                 return
-            self._mechanism.read_end(self._mbs(), rows[0][-1])
+            self._mechanism.read_late(self._mbs(), *rows, multipliers)
             self._mechanism.take(*rows)
             if self._verbose:
                 exu.Print(live_line(self.watches, rows[0][-1]))
@@ -140,9 +141,9 @@ class StepHook:
         """Whether Exudyn calls this hook: directly, or through a function that did so in the last solve."""
         return slot_function(mbs) is self._occupant
 
-    def _new_arrays(self, size: int, at_once: bool) -> tuple[np.ndarray, ...]:
+    def _new_arrays(self, size: int, multipliers: int, at_once: bool) -> tuple[np.ndarray, ...]:
         rows = 1 if at_once else block_rows(size, self.has_tangents)
-        return np.empty(rows), *(np.empty((rows, size)) for _ in range(3))
+        return np.empty(rows), *(np.empty((rows, width)) for width in (size, size, size, multipliers))
 
 
 def _frozen(watches: Sequence[Watch]) -> str:

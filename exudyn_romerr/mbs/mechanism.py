@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from ..errors import AssumptionError, InputError, RunError
 from ..feedback import Feedback, Scheme
 from ..mechanism import join_extensions, joined_openings
+from .late import LateReadings
 from .reaction import Reaction
 from .tangent import Tangents
 
@@ -49,13 +49,15 @@ class Mechanism:
             self._failure = error
             return 0
 
-    def read_end(self, mbs: Any, t: float) -> None:
-        """Read the tangent at the end of a block too, if the mbs is still there: what follows is not known then."""
-        if self.tangents is None or not self.tangents.readings or mbs is None or self._failure:
+    def read_late(self, mbs: Any, t: np.ndarray, *states: np.ndarray) -> None:
+        """Read the tangents that stored steps need: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
+        if self.tangents is None or not self.tangents.readings or self._failure is not None:
             return
-        if self.tangents.readings[-1].t < t == mbs.systemData.GetTime():
-            with suppress(Exception):  # the mbs may have been changed since the solve
-                self.tangents.read(mbs, t)
+        late = LateReadings(self.tangents, mbs, t, states)
+        late.read()
+        self._failure = late.failure
+        for watch in self._coupled if late.note else ():
+            watch.note(late.note)
 
     def take(self, *rows: np.ndarray) -> None:
         """Evaluate accepted steps: t (S,) and q, q_t, q_tt (S, all coordinates of the mbs)."""

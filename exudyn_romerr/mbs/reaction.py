@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from ..estimators.base import Added
 from ..feedback import Feedback, Tangent
@@ -15,13 +15,13 @@ from ..mechanism import join_extensions, joined_openings
 from ..online import Run
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from .enriched import EnrichedBody
     from .tangent import Reading, Tangents
     from .watch import Watch
 
-PARTS = 16  # tangents to a reading: what is linear in between follows the spline
+PARTS = 16  # tangents to a reading, for inverses of second degree in between
 
 
 class Reaction:
@@ -136,19 +136,29 @@ class _Extended:
             for first, last in pairwise(readings)
         ]
         self.t = np.sort(np.concatenate([times, *between]))
-        self._spline = CubicSpline(times, whole) if len(times) > 1 else lambda _: whole[0]
+        self._spline, self._turning = _held(whole[0]), _held(readings[0].G)
+        if len(times) > 1:
+            self._spline = CubicSpline(times, whole)
+            # rates of the motion itself: where pieces of splines meet, G would have a kink
+            G, G_t = (np.array([getattr(reading, name) for reading in readings]) for name in ("G", "G_t"))
+            self._turning = CubicHermiteSpline(times, G, G_t)
         self._made: dict[int, Tangent] = {}
 
     def __getitem__(self, j: int) -> Tangent:
         if j not in self._made:
             self._made = {i: tangent for i, tangent in self._made.items() if i == j - 1}
-            stacked = self._spline(self.t[j])
-            M, D, K = stacked[: 3 * self._size].reshape(3, self._size, self._size)
-            self._made[j] = Tangent(self.t[j], M, D, K, stacked[3 * self._size :])
+            self._made[j] = replace(self._tangent(j, 0), rate=self._tangent(j, 1))
         return self._made[j]
 
+    def _tangent(self, j: int, order: int) -> Tangent:
+        """The tangent, or its rate."""
+        n, t = self._size, self.t[j]
+        turning = self._turning(t, order)
+        G = np.hstack([turning, np.zeros((len(turning), n - turning.shape[1]))])
+        return Tangent(t, *self._spline(t, order).reshape(3, n, n), G)
+
     def _whole(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
-        """M, D, K and G of reading j with the vectors, one upon another."""
+        """M, D and K of reading j with the vectors, one upon another."""
         n = len(reading.M)
         M, D, K = np.zeros((3, self._size, self._size))
         M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, reading.D, reading.K
@@ -157,6 +167,9 @@ class _Extended:
             M[rows, own], D[rows, own], K[rows, own] = of.M[j], of.D[j], of.K[j]
             M[own, body.columns] = of.M[j][: len(body.columns)].T
             D[own, body.columns], K[own, body.columns] = of.D_rows[j], of.K_rows[j]
-        G = np.zeros((len(reading.G), self._size))
-        G[:, :n] = reading.G
-        return np.vstack([M, D, K, G])
+        return np.vstack([M, D, K])
+
+
+def _held(value: np.ndarray) -> Callable[[float, int], np.ndarray]:
+    """What does not change with time, and its rate."""
+    return lambda _, order: np.zeros_like(value) if order else value

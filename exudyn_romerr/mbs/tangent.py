@@ -2,14 +2,16 @@
 
 A static solver of our own, initialised once, computes them from the current state and writes into itself only:
 results of the simulation stay equal bit for bit (measured with Exudyn 1.13.6; ComputeLinearizedSystem starts a solver
-each time, and states, accelerations and time have to be restored after it).
+each time, and states, accelerations and time have to be restored after it). So do they where the current state is a
+stored one for that time (late.py), and what is read there equals, bit for bit, what would have been read in passing.
 """
 
 from __future__ import annotations
 
+from bisect import bisect, bisect_left
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import exudyn as exu
@@ -21,11 +23,12 @@ from .scope import coordinates_kept, loads_by_motion, loads_with_functions
 
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing changes
-SMALL = 0.1  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
+SMALL = 0.4  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
 STEP = 1e-7  # of coordinates, to differentiate by
 RANK = 1e-10  # of the largest singular value: constraints below are redundant
 PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
+TURNED = 0.2  # share of G: more, and how it changes with the coordinates is another one
 KEPT = 3  # readings of the block before: a spline through them goes on smoothly
 TINY = np.finfo(float).tiny
 CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
@@ -36,19 +39,37 @@ FAILED = "the mechanism's tangent could not be computed"
 
 @dataclass(frozen=True)
 class Reading:
-    """Read at time t: q, q_t, q_tt of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints.
+    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n), G (c, n) of independent constraints, G_t its rate.
 
-    K holds loads too, and how inertia and the forces of constraints change with the coordinates. change : of G and K
-    since the reading before, over CHANGE.
+    K holds loads too, and how inertia and the forces of constraints change with the coordinates. own : hash of what
+    Exudyn gives by itself. change : of G and K since the reading before, over CHANGE.
     """
 
     t: float
-    state: tuple[np.ndarray, np.ndarray, np.ndarray]
+    state: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     M: np.ndarray
     D: np.ndarray
     K: np.ndarray
     G: np.ndarray
-    change: float
+    G_t: np.ndarray
+    own: int
+    change: float = 0.0
+
+
+@dataclass(frozen=True)
+class Carried:
+    """How M and G change with the coordinates, at time t: what d(M q'' + G^T l)/dq of other q'' and l follows from.
+
+    G : of the reading. j, i (p,) : columns and rows of entries of K that are not always zero. by (p, n + c) : change of
+    each by q'' and l. turning (n,) : share of G that changes, by coordinates.
+    """
+
+    t: float
+    G: np.ndarray
+    j: np.ndarray
+    i: np.ndarray
+    by: np.ndarray
+    turning: np.ndarray
 
 
 class Tangents:
@@ -56,8 +77,9 @@ class Tangents:
 
     Attributes
     ----------
-    size : number of coordinates. readings : list of Reading, in the order of time. redundant : number of constraints
-    that follow from others.
+    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. rotations : coordinates of
+    each rotation. readings : list of Reading, in the order of time. carried : list of Carried,
+    where G has turned since. redundant : number of constraints that follow from others.
     """
 
     def __init__(self, mbs: Any):
@@ -72,29 +94,72 @@ class Tangents:
         self._no_jacobian = np.zeros((self.size + self._solver.GetODE1size() + self._solver.GetAEsize(),) * 2)
         self._first_constraint = self.size + self._solver.GetODE1size()
         increments = {j for rotation in _rotations(mbs, INCREMENTS) for j in rotation}
-        self._coordinates = [j for j in range(self.size) if j not in increments]
-        self._rotations, self._loads = _rotations(mbs, PARAMETERS), loads_with_functions(mbs)
+        self.differentiable = np.array([j not in increments for j in range(self.size)])
+        self.rotations, self._loads = _rotations(mbs, PARAMETERS), loads_with_functions(mbs)
         self.readings: list[Reading] = []
+        self.carried: list[Carried] = []
         self._stride, self._active, self._rows = 1, None, None
         self.redundant = 0
 
     def read(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again."""
-        system = mbs.systemData
-        state = system.GetODE2Coordinates(), system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
-        M, G = self._mass(mbs), self._constraints(mbs, t)
-        self._check_loads(mbs)
-        D, K = self._forces(mbs)
-        change = _change(self.readings[-1], (t, M, K, G), self._rotations) / CHANGE if self.readings else 0.0
-        if self.readings:
+        change = self.readings[self.add(self._read(mbs, t))].change
+        if len(self.readings) > 1:
             self._stride = max(self._stride // 2, 1) if change > 1 else self._stride
             self._stride = min(2 * self._stride, LONGEST) if change < SMALL else self._stride
-        self.readings.append(Reading(t, state, M, D, K, G, change))
         return self._stride
+
+    def read_stored(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> None:
+        """Read the tangent of a stored state: q, q_t, q_tt and multipliers at time t."""
+        with state_set(mbs.systemData, t, state):
+            self.add(self._read(mbs, t))
+
+    def add(self, reading: Reading) -> int:
+        """Put a reading where its time belongs; return its number."""
+        j = bisect(self.readings, reading.t, key=lambda other: other.t)
+        self.readings.insert(j, reading)
+        for i in (j, j + 1):
+            if 0 < i < len(self.readings):
+                change = _change(self.readings[i - 1], self.readings[i], self.rotations) / CHANGE
+                self.readings[i] = replace(self.readings[i], change=change)
+        return j
+
+    def reads_the_same(self, mbs: Any, reading: Reading) -> bool:
+        """Whether Exudyn gives now, in the state of a reading, what it gave then: nothing else has changed."""
+        with state_set(mbs.systemData, reading.t, reading.state):
+            own = self._mass(mbs), self._constraints(mbs, reading.t), *self._jacobians(mbs)
+        return _hashed(*own) == reading.own
+
+    def end_before(self, t: float) -> None:
+        """Drop readings from a time on."""
+        del self.readings[bisect_left(self.readings, t, key=lambda reading: reading.t) :]
 
     def forget(self) -> None:
         """Keep the last readings, which what follows is interpolated with."""
         del self.readings[:-KEPT]
+        self.carried = [self.carried_near(self.readings[-1].t)]
+
+    def differences(self, mbs: Any, dq: np.ndarray) -> np.ndarray:
+        """K dq in the current state: all forces at both sides of it, over twice the distance."""
+        system = mbs.systemData
+        q_tt, multipliers = system.GetODE2Coordinates_tt(), system.GetAECoordinates()
+        step = STEP / np.abs(dq).max()
+
+        def force(at: np.ndarray) -> np.ndarray:
+            system.SetODE2Coordinates(at)
+            self._solver.ComputeODE2RHS(mbs)
+            forces = self._solver.GetSystemResidual()[: self.size].copy()
+            return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers - forces
+
+        with coordinates_kept(system) as (q, _):
+            return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
+
+    def _read(self, mbs: Any, t: float) -> Reading:
+        state = _state(mbs.systemData)
+        M, G = self._mass(mbs), self._constraints(mbs, t)
+        self._check_loads(mbs)
+        D, own, carried, G_t = self._forces(mbs, G)
+        return Reading(t, state, M, D, own + carried, G, G_t, _hashed(M, G, D, own))
 
     def _check_loads(self, mbs: Any) -> None:
         try:
@@ -135,37 +200,69 @@ class Tangents:
             )
         return G
 
-    def _forces(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
-        """D and K by numerical differentiation; what user functions leave half done is set back."""
+    def _forces(self, mbs: Any, G: np.ndarray) -> tuple[np.ndarray, ...]:
+        """D, K in two parts and G_t by numerical differentiation; what user functions leave half done is set back."""
         try:
-            with coordinates_kept(mbs.systemData) as (q, _):
-                D, K = self._jacobian(mbs, 0.0, -1.0, 0), self._jacobian(mbs, -1.0, 0.0, 1)
-                return D, K + self._carried_forces(mbs, q)
+            with state_kept(mbs.systemData) as (q, *_):
+                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), self._turning(mbs)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
+
+    def _jacobians(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+        return self._jacobian(mbs, 0.0, -1.0, 0), self._jacobian(mbs, -1.0, 0.0, 1)
 
     def _jacobian(self, mbs: Any, positions: float, rates: float, with_loads: int) -> np.ndarray:
         self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
         return self._solver.GetSystemJacobian()[: self.size, : self.size]
 
-    def _carried_forces(self, mbs: Any, q: np.ndarray) -> np.ndarray:
+    def _carried_forces(self, mbs: Any, q: np.ndarray, G: np.ndarray) -> np.ndarray:
         """d(M q'' + G^T l)/dq (n, n), which Exudyn's Jacobians leave out.
 
         By rotations and by modal coordinates: arms of joints' forces follow the deformation.
         """
         system = mbs.systemData
-        q_tt, multipliers = system.GetODE2Coordinates_tt(), system.GetAECoordinates()
+        moving = np.concatenate([system.GetODE2Coordinates_tt(), system.GetAECoordinates()])
+        n, t = self.size, system.GetTime()
 
-        def force(at: np.ndarray) -> np.ndarray:
+        def by_moving(at: np.ndarray) -> np.ndarray:
             system.SetODE2Coordinates(at)
-            return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers
+            return np.hstack([self._mass(mbs), self._all_constraints(mbs).T])
 
-        before, carried = force(q), np.zeros((self.size, self.size))
-        for j in self._coordinates:
+        before, carried = by_moving(q), np.zeros((n, n))
+        changes = np.zeros((n, *before.shape), np.float32) if self._is_due(t, G) else None
+        for j in np.flatnonzero(self.differentiable):
             moved = q.copy()
             moved[j] += STEP
-            carried[:, j] = (force(moved) - before) / STEP
+            change = (by_moving(moved) - before) / STEP
+            carried[:, j] = change @ moving
+            if changes is not None:
+                changes[j] = change
+        if changes is not None:
+            j, i = np.nonzero(changes.any(axis=2))
+            turning = np.linalg.norm(changes[:, :, n:], axis=(1, 2)) / max(np.linalg.norm(before[:, n:]), TINY)
+            self.carried.append(Carried(t, G, j, i, changes[j, i], turning))
         return carried
+
+    def _turning(self, mbs: Any) -> np.ndarray:
+        """G_t, along the motion and over time."""
+        system = mbs.systemData
+        t, (q, q_t, *rest) = system.GetTime(), _state(system)
+        dt = STEP / max(1.0, np.abs(q_t).max())
+        found = []
+        for sign in (1.0, -1.0):
+            _set(system, t + sign * dt, (q + sign * dt * q_t, q_t, *rest))
+            found.append(self._all_constraints(mbs)[self._rows])
+        return (found[0] - found[1]) / (2 * dt)
+
+    def _is_due(self, t: float, G: np.ndarray) -> bool:
+        """Whether changes of M and G are kept: where steps are read one by one, nothing is interpolated."""
+        if not self.carried:
+            return True
+        return self._stride > 1 and _turned(self.carried_near(t).G, G) > TURNED
+
+    def carried_near(self, t: float) -> Carried:
+        """Return that of the nearest time."""
+        return min(self.carried, key=lambda one: abs(one.t - t))
 
 
 def _rotations(mbs: Any, types: Sequence[str]) -> list[list[int]]:
@@ -179,18 +276,35 @@ def _rotations(mbs: Any, types: Sequence[str]) -> list[list[int]]:
     return found
 
 
-def _change(before: Reading, now: tuple, rotations: Sequence[list[int]]) -> float:
-    """Return how much G and K of t, M, K, G have changed: of G its share, of K that of K + M/dt^2, dt the time since.
+def _change(before: Reading, now: Reading, rotations: Sequence[list[int]]) -> float:
+    """Return how much G and K have changed: of G its share, of K that of K + M/dt^2, dt the time since.
 
-    Where K is soft, its change accelerates masses for that time. Of a rotation's parameters the lightest axis counts,
-    about which a slim body spins: the third largest inertia, for of four parameters one direction has none.
+    Where K is soft, its change accelerates masses for that time.
     """
-    t, M, K, G = now
-    stiffness = np.abs(np.diag(K)) + np.diag(M) / (t - before.t) ** 2
+    scale = scaled(now, now.t - before.t, rotations)
+    change = scale[:, None] * np.abs(now.K - before.K) * scale
+    return max(_turned(before.G, now.G), float(np.max(change)))
+
+
+def scaled(reading: Reading, dt: float, rotations: Sequence[list[int]]) -> np.ndarray:
+    """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate; of rotations M/dt^2 alone."""
+    inertia = masses(reading.M, rotations) / dt**2
+    stiffness = np.abs(np.diag(reading.K)) + inertia
     for parameters in rotations:
-        stiffness[parameters] = la.eigvalsh(M[np.ix_(parameters, parameters)])[-3] / (t - before.t) ** 2
-    scale = 1 / np.sqrt(np.maximum(stiffness, TINY))
-    return max(_turned(before.G, G), float(np.max(scale[:, None] * np.abs(K - before.K) * scale)))
+        stiffness[parameters] = inertia[parameters]
+    return 1 / np.sqrt(np.maximum(stiffness, TINY))
+
+
+def masses(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:
+    """Return the diagonal (n,) of M.
+
+    Of a rotation's parameters the lightest axis counts, about which a slim body spins: the third largest inertia, for
+    of four parameters one direction has none.
+    """
+    found = np.diag(M).copy()
+    for parameters in rotations:
+        found[parameters] = la.eigvalsh(M[np.ix_(parameters, parameters)])[-3]
+    return np.maximum(found, TINY)
 
 
 def _turned(before: np.ndarray, G: np.ndarray) -> float:
@@ -206,6 +320,42 @@ def _independent(G: np.ndarray, active: np.ndarray) -> np.ndarray:
     _, triangle, order = la.qr(G[rows].T, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
     return np.sort(rows[order[: int(np.sum(size > RANK * size[0]))]])
+
+
+def _hashed(*matrices: np.ndarray) -> int:
+    return hash(tuple(matrix.tobytes() for matrix in matrices))
+
+
+def _state(system: Any) -> tuple[np.ndarray, ...]:
+    rates = system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
+    return system.GetODE2Coordinates(), *rates, system.GetAECoordinates()
+
+
+def _set(system: Any, t: float, state: Sequence[np.ndarray]) -> None:
+    q, q_t, q_tt, multipliers = state
+    system.SetTime(t)
+    system.SetODE2Coordinates(q)
+    system.SetODE2Coordinates_t(q_t)
+    system.SetODE2Coordinates_tt(q_tt)
+    system.SetAECoordinates(multipliers)
+
+
+@contextmanager
+def state_kept(system: Any) -> Iterator[tuple[np.ndarray, ...]]:
+    """Give the current state, and set it back: time, q, q_t, q_tt and multipliers."""
+    t, state = system.GetTime(), _state(system)
+    try:
+        yield state
+    finally:
+        _set(system, t, state)
+
+
+@contextmanager
+def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[None]:
+    """Set the current state for a while."""
+    with state_kept(system):
+        _set(system, t, state)
+        yield
 
 
 @contextmanager

@@ -1,0 +1,158 @@
+"""A chain of two bars and a rigid cube on spherical joints or hinges, without gravity, that loads set in motion.
+
+The bars, 0.4 m along x, 0.03 m in y, 0.04 m in z, are of four hexahedra of eight nodes each: 60 coordinates, so that
+a run with all modes takes a second. kind="complete" of `chain` is the full model. Loads act on the joint between the
+bars, and as a torque on the right end of the first one; `after`: how long everything rests before they begin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+
+import exudyn as exu
+import numpy as np
+from exudyn import itemInterface
+from exudyn.FEM import FEMinterface, ObjectFFRFreducedOrderInterface
+from exudyn.utilities import InertiaCuboid
+from scipy import sparse
+
+from models.floating import RAYLEIGH, add_interface_marker, interface, reduce
+from models.mechanisms import MechanismScene, _body_marker, _ground_marker, join, settings_to_compare
+
+SIZE = (0.4, 0.03, 0.04)  # m
+ELEMENTS = 4  # along x
+YOUNGS_MODULUS, DENSITY, POISSON_RATIO = 2e9, 2000.0, 0.3  # N/m^2, kg/m^3
+CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
+GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)
+CUBE = (0.5, 0.05)  # kg, m
+SPHERICAL = [1, 1, 1, 0, 0, 0]
+HINGE = [1, 1, 1, 1, 0, 1]  # free: rotation about y
+Vector = tuple[float, float, float]
+
+
+def swinging_loads(t: float) -> tuple[Vector, Vector]:
+    """Force in N on the middle joint, torque in Nm on the right end of the first bar, both zero at rest before t = 0."""
+    t = max(t, 0.0)
+    force, twist = 10.0 * np.sin(30.0 * t) ** 2, np.sin(30.0 * t) ** 2
+    return (0.0, force, 20.0 * np.sin(40.0 * t) ** 2), (0.1 * twist, 0.0, 0.05 * twist)
+
+
+def bar() -> FEMinterface:
+    """Return the bar as if imported, without modes; node sets "left", "right" (weights by area), "tip", "middle"."""
+    fem, (length, *_) = FEMinterface(), SIZE
+    grid = np.array(list(product(range(ELEMENTS + 1), range(2), range(2))))
+    number = {tuple(node): i for i, node in enumerate(grid)}
+    hexes = [[number[x + i, j, k] for i, j, k in CORNERS] for x in range(ELEMENTS)]
+    positions = grid * np.array(SIZE) / [ELEMENTS, 1, 1]
+    fem.nodes = {"Position": positions}
+    fem.elements = [{"Name": "bar", "Hex8": np.array(hexes)}]
+    M, K = _element(positions[hexes[0]])
+    coordinates = [(3 * np.array(nodes)[:, None] + range(3)).ravel() for nodes in hexes]
+    fem.massMatrix, fem.stiffnessMatrix = (
+        sparse.csr_matrix(sum(_spread(part, of, positions.size) for of in coordinates)) for part in (M, K)
+    )
+    faces = {"left": 0.0, "right": length}
+    sets = {name: (np.flatnonzero(positions[:, 0] == x), np.full(4, 0.25)) for name, x in faces.items()}
+    sets |= {"tip": ([number[ELEMENTS, 1, 1]], [1.0]), "middle": ([number[ELEMENTS // 2, 1, 1]], [1.0])}
+    fem.nodeSets = [{"Name": key, "NodeNumbers": n, "NodeWeights": w} for key, (n, w) in sets.items()]
+    return fem
+
+
+def chain(
+    n: int = 0,
+    kind: str = "RBE3",
+    axes: list[int] = SPHERICAL,
+    loads: Callable[[float], tuple[Vector, Vector]] = swinging_loads,
+    factor: float = 1.0,
+    after: float = 0.0,
+    h: float = 1e-3,
+    t_end: float = 0.1,
+) -> MechanismScene:
+    """Ground, joint, bar 1, joint, bar 2, joint, cube. n, kind: modes, see floating.reduce; after, h, t_end in s.
+
+    axes: of each joint, those constrained. loads: t -> force and torque, times `factor`.
+    """
+    fem = bar()
+    reduce(fem, n, kind)
+    SC = exu.SystemContainer()
+    settings = settings_to_compare(h, t_end)
+    scene = MechanismScene(SC, SC.AddSystem(), fem, ObjectFFRFreducedOrderInterface(fem), settings)
+    mbs = scene.mbs
+    begin = np.array([0.0, SIZE[1] / 2, SIZE[2] / 2])
+    joint = np.array([SIZE[0], 0.0, 0.0])
+    for i in range(2):
+        _add_bar(scene, i * joint)
+    cube = InertiaCuboid(density=CUBE[0] / CUBE[1] ** 3, sideLengths=[CUBE[1]] * 3)
+    scene.objects["cube"] = mbs.CreateRigidBody(
+        referencePosition=begin + 2 * joint + [CUBE[1] / 2, 0, 0], inertia=cube
+    )
+    at_cube = _body_marker(mbs, scene.objects["cube"], [-CUBE[1] / 2, 0, 0])
+    markers = [_ground_marker(mbs, begin), *(scene.markers[f"{s} {i}"] for i in (1, 2) for s in ("left", "right"))]
+    markers.append(at_cube)
+    for i in range(3):
+        join(scene, f"joint {i + 1}", markers[2 * i], markers[2 * i + 1], axes)
+    for which, load, marker in (
+        (0, itemInterface.LoadForceVector, scene.markers["left 2"]),
+        (1, itemInterface.LoadTorqueVector, scene.markers["right 1"]),
+    ):
+        mbs.AddLoad(load(markerNumber=marker, loadVectorUserFunction=_load(loads, which, factor, after)))
+    return scene
+
+
+def _load(loads: Callable, which: int, factor: float, after: float) -> Callable:
+    return lambda mbs, t, loadVector: list(factor * np.array(loads(t - after)[which]))
+
+
+def _add_bar(scene: MechanismScene, position: np.ndarray) -> None:
+    """Add the next bar, markers of its interfaces, sensors of two nodes in its frame."""
+    mbs, number = scene.mbs, len(scene.bodies) + 1
+    alpha, beta = RAYLEIGH
+    items = scene.cms.AddObjectFFRFreducedOrder(
+        mbs,
+        positionRef=position,
+        gravity=[0, 0, 0],
+        massProportionalDamping=alpha,
+        stiffnessProportionalDamping=beta,
+    )
+    scene.bodies += (items,)
+    flexible = items["oFFRFreducedOrder"]
+    for side in ("left", "right"):
+        scene.markers[f"{side} {number}"] = add_interface_marker(mbs, flexible, *interface(scene.fem, side))
+    for probe in ("tip", "middle"):
+        name = f"{probe} {number} local"
+        sensor = itemInterface.SensorSuperElement(
+            name=name,
+            bodyNumber=flexible,
+            meshNodeNumber=interface(scene.fem, probe)[0][0],
+            outputVariableType=exu.OutputVariableType.DisplacementLocal,
+            storeInternal=True,
+        )
+        scene.sensors[name] = mbs.AddSensor(sensor)
+
+
+def _element(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mass and stiffness matrices (24, 24) of a box of eight nodes, two Gauss points in each direction."""
+    lengths = corners.max(axis=0) - corners.min(axis=0)
+    shear = YOUNGS_MODULUS / (2 * (1 + POISSON_RATIO))
+    lame = 2 * shear * POISSON_RATIO / (1 - 2 * POISSON_RATIO)
+    weight = lengths.prod() / 8
+    at = np.array(CORNERS)
+    M, K = np.zeros((8, 8)), np.zeros((24, 24))
+    for point in product(GAUSS, repeat=3):
+        factors = np.where(at, point, 1 - np.array(point))
+        slopes = np.where(at, 1.0, -1.0) / lengths
+        N = factors.prod(axis=1)
+        dN = np.stack([slopes[:, i] * np.delete(factors, i, axis=1).prod(axis=1) for i in range(3)], axis=1)
+        M += weight * DENSITY * np.outer(N, N)
+        # energy: lame/2 (div u)^2 + shear sum eps_ij^2
+        blocks = lame * np.einsum("ai,bj->aibj", dN, dN) + shear * np.einsum("aj,bi->aibj", dN, dN)
+        blocks += shear * np.einsum("ak,bk,ij->aibj", dN, dN, np.eye(3))
+        K += weight * blocks.reshape(24, 24)
+    return np.kron(M, np.eye(3)), K
+
+
+def _spread(part: np.ndarray, of: np.ndarray, size: int) -> np.ndarray:
+    whole = np.zeros((size, size))
+    whole[np.ix_(of, of)] = part
+    return whole
