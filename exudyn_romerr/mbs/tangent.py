@@ -40,11 +40,11 @@ FAILED = "the mechanism's tangent could not be computed"
 
 @dataclass(frozen=True)
 class Reading:
-    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n), G, C, C_t (c, n) of constraints.
+    """Read at time t: M, D, K (n, n), G, C, C_t (c, n) of independent constraints. state : q, q_t, q_tt, multipliers.
 
-    K holds loads too, and how inertia and the forces of constraints change with the coordinates. Constraints are
-    independent ones. G^T l are their forces; C is the derivative of what they keep zero, C_t its rate. Exudyn's G is
-    not C: where an interface turns with the deformation, its rows of rotations are off by as much as it has turned.
+    K holds loads too, and how inertia and the forces of constraints change with the coordinates. Constraints have
+    forces G^T l; C is the derivative of what they keep zero, C_t its rate. Exudyn's G is not C: where an interface
+    turns with the deformation, its rows of rotations are off by as much as it has turned.
     own : hash of what Exudyn gives by itself. change : of G and K since the reading before, over CHANGE.
     """
 
@@ -205,7 +205,7 @@ class Tangents:
         return G
 
     def _forces(self, mbs: Any, G: np.ndarray) -> tuple[np.ndarray, ...]:
-        """D, K in two parts, C and C_t by numerical differentiation; what user functions leave half done is set back."""
+        """D, K in two parts, C, C_t by numerical differentiation; what user functions leave half done is set back."""
         try:
             with state_kept(mbs.systemData) as (q, *_):
                 return *self._jacobians(mbs), self._carried_forces(mbs, q, G), *self._kept(mbs)
@@ -252,9 +252,7 @@ class Tangents:
         system = mbs.systemData
         t, (q, q_t, *rest) = system.GetTime(), _state(system)
         dt = WIDE / max(1.0, np.abs(q_t).max())
-        after, before = (
-            self._differences(mbs, t + dt, (q + dt * q_t, q_t, *rest)) for dt in (dt, -dt)
-        )
+        after, before = (self._differences(mbs, t + dt, (q + dt * q_t, q_t, *rest)) for dt in (dt, -dt))
         return (after + before) / 2, (after - before) / (2 * dt)
 
     def _differences(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
