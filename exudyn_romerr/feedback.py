@@ -137,12 +137,12 @@ class _Interval:
     def _inverted(self) -> np.ndarray | None:
         """A^-1 as a polynomial of second degree in time, from three instants; None if that is not exact enough."""
         try:
-            start, half, end = (np.linalg.inv(_at(self._A, share)) for share in (0.0, 0.5, 1.0))
+            start, half, end = (np.linalg.inv(_matrix(self._A, _powers(share))) for share in (0.0, 0.5, 1.0))
         except np.linalg.LinAlgError as error:
             raise AssumptionError(SINGULAR) from error
         inverses = np.vstack([start, 4 * half - 3 * start - end, 2 * (start + end) - 4 * half])
-        x = np.ones(len(start))
-        off = _at(inverses @ _at(self._A @ x, 0.25), 0.25, degree=2) - x
+        x, powers = np.ones(len(start)), _powers(0.25)
+        off = _matrix(inverses, powers[:3]) @ (_matrix(self._A, powers) @ x) - x
         return inverses if np.abs(off).max() <= CLOSE else None
 
     def holds(self, first: Tangent, last: Tangent, h: float) -> bool:
@@ -160,14 +160,16 @@ class _Interval:
         """Return the increment z (k,)."""
         first, last = self._ends
         share = float(_share(now, first, last))
-        right = -_at(self._W @ ahead, share)
+        powers = _powers(share)
+        right = -(powers @ (self._W @ ahead).reshape(4, -1))
         right[: len(force)] += force
         if self._inverses is not None:
-            x = _at(self._inverses @ right, share, degree=2)
-            x += _at(self._inverses @ (right - _at(self._A @ x, share)), share, degree=2)
+            x = powers[:3] @ (self._inverses @ right).reshape(3, -1)
+            left = powers @ (self._A @ x).reshape(4, -1)
+            x += powers[:3] @ (self._inverses @ (right - left)).reshape(3, -1)
             return x[: len(force)]
         try:
-            return np.linalg.solve(_at(self._A, share), right)[: len(force)]
+            return np.linalg.solve(_matrix(self._A, powers), right)[: len(force)]
         except np.linalg.LinAlgError as error:
             raise AssumptionError(SINGULAR) from error
 
@@ -181,10 +183,14 @@ def _cubic(first: Tangent, last: Tangent, of: Callable[[Tangent], np.ndarray]) -
     return np.vstack([A, start, change - start - bend, bend])
 
 
-def _at(stacked: np.ndarray, share: float, degree: int = 3) -> np.ndarray:
-    """Value of a polynomial from its coefficients, one upon the other."""
-    powers = share ** np.arange(degree + 1)
-    return (powers @ stacked.reshape(degree + 1, -1)).reshape(-1, *stacked.shape[1:])
+def _powers(share: float) -> np.ndarray:
+    """What the coefficients of a cubic polynomial are summed with; those of a quadratic one with the first three."""
+    return np.array([1.0, share, share * share, share * share * share])
+
+
+def _matrix(stacked: np.ndarray, powers: np.ndarray) -> np.ndarray:
+    """Value of a polynomial whose coefficients are stacked."""
+    return np.tensordot(powers, stacked.reshape(len(powers), -1, stacked.shape[1]), axes=1)
 
 
 SINGULAR = (

@@ -2,7 +2,8 @@
 
 The bars, 0.4 m along x, 0.03 m in y, 0.04 m in z, are of four hexahedra of eight nodes each: 60 coordinates, so that
 a run with all modes takes a second. kind="complete" of `chain` is the full model. Loads act on the joint between the
-bars, and as a torque on the right end of the first one; `after`: how long everything rests before they begin.
+bars, and as a torque on the right end of the first one; `after`: how long everything rests before they begin. SCENES
+are those that tests/test_late_loads.py compares with.
 """
 
 from __future__ import annotations
@@ -32,10 +33,26 @@ Vector = tuple[float, float, float]
 
 
 def swinging_loads(t: float) -> tuple[Vector, Vector]:
-    """Force in N on the middle joint, torque in Nm on the right end of the first bar, both zero at rest before t = 0."""
+    """Force in N on the middle joint, torque in Nm on the right end of the first bar; both are zero before t = 0."""
     t = max(t, 0.0)
     force, twist = 10.0 * np.sin(30.0 * t) ** 2, np.sin(30.0 * t) ** 2
     return (0.0, force, 20.0 * np.sin(40.0 * t) ** 2), (0.1 * twist, 0.0, 0.05 * twist)
+
+
+def pulse(t: float) -> tuple[Vector, Vector]:
+    """The same kind of loads for 8 ms."""
+    size = np.sin(np.pi * min(max(t / 0.008, 0.0), 1.0)) ** 2
+    return (0.0, 50.0 * size, 100.0 * size), (size, 0.0, 0.5 * size)
+
+
+LATE = 0.128  # s: so many steps of 1 ms, and tangents were read every 64 once
+SCENES = {
+    "at once": {"t_end": 0.06},
+    "late": {"after": LATE, "t_end": 0.19},
+    "late, times 10": {"after": LATE, "t_end": 0.19, "factor": 10.0},
+    "hinges, late, times 10": {"after": LATE, "t_end": 0.19, "factor": 10.0, "axes": HINGE},
+    "pulse": {"after": 0.1, "t_end": 0.16, "loads": pulse},
+}
 
 
 def bar() -> FEMinterface:

@@ -65,14 +65,14 @@ def test_stiffness_is_the_derivative_of_all_forces_by_all_coordinates(make, at):
     tangents, exudyns, wanted, carried = running(make(), at)
     reading = tangents.readings[0]
     size = np.abs(np.diag(wanted)) + np.diag(reading.M) / at**2
-    for parameters in tangents.rotations:  # one of four may have neither mass nor stiffness
+    for parameters in tangents._rotations:  # one of four may have neither mass nor stiffness
         size[parameters] = size[parameters].mean()
     off = np.abs(reading.K - wanted) / np.sqrt(np.outer(size, size))
     assert off.max() < NEAR
     lengths = np.linalg.norm(carried, axis=0)
     found = np.linalg.norm(reading.K - exudyns - carried, axis=0)
     assert np.all(found < CARRIED * np.maximum(lengths, 1e-3 * lengths.max()))
-    assert np.count_nonzero(lengths) > sum(map(len, tangents.rotations))
+    assert np.count_nonzero(lengths) > sum(map(len, tangents._rotations))
 
 
 def test_tangents_are_read_where_forces_change_though_nothing_turns():

@@ -14,10 +14,10 @@ START_OF_STEP = exu.ConfigurationType.StartOfStep
 
 
 def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
-    """Return step(mbs, t), the PostStep function; drain() -> (t, q, q_t, q_tt, multipliers), the rows it stored since; hurry().
+    """Return step(mbs, t), the PostStep function; drain() -> (t, q, q_t, q_tt, multipliers), rows stored since; hurry().
 
-    Multipliers are stored where tangents are read. After hurry() the next step ends the block. Closures: as a method, with its look-ups of attributes, step would add
-    6 % to the step of a small body.
+    Multipliers are stored where tangents are read. After hurry() the next step ends the block. Closures: as a method,
+    with its look-ups of attributes, step would add 6 % to the step of a small body.
     """
     system = mbs.systemData
     start_of_step = system.GetTime

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicSpline
 
-from .tangent import Reading, Tangents, masses, scaled, state_set
+from .tangent import Reading, Tangents, state_set
 
 OFF = 0.05  # of K + M/dt^2, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
@@ -33,6 +33,10 @@ class _Interval(NamedTuple):
     @property
     def middle(self) -> int:
         return (self.rows.start + self.rows.stop) // 2
+
+    @property
+    def scale(self) -> np.ndarray:
+        return self.last.scale(self.last.t - self.first.t)
 
     @property
     def count(self) -> int:
@@ -58,13 +62,17 @@ class LateReadings:
         """Read what is missing: at the last row, then where tangents change or what is interpolated is off."""
         if self._tangents.readings[-1].t < self._t[-1]:
             self._read([len(self._t) - 1])
-        while self._interpolate() and any(self._read(list(find())) for find in (self._changing, self._missed, self._untrue)):
+        while self._interpolate() and any(
+            self._read(list(find())) for find in (self._changing, self._missed, self._untrue)
+        ):
             pass
 
     def _interpolate(self) -> bool:
-        """Compare q'' and multipliers of the rows with a spline through those of the readings, as K is interpolated."""
+        """Compare q'' and multipliers of the rows with a spline through those of readings; K has one such."""
         readings = self._tangents.readings
-        times, at = ([*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True))
+        times, at = (
+            [*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True)
+        )
         self._spline = CubicSpline(times, np.eye(len(times))) if len(times) > 1 else None
         if self._spline is not None:
             self._moving = np.hstack(self._states[2:]) - self._spline(self._t) @ np.array(at)
@@ -75,13 +83,18 @@ class LateReadings:
         if not rows or not self._is_unchanged():
             return False
         for row in rows:
-            try:
-                self._tangents.read_stored(self._mbs, self._t[row], [x[row] for x in self._states])
-            except Exception as error:
-                self.failure = error
-                self._tangents.end_before(self._t[row])
-                break
+            self._read_row(row)
         return True
+
+    def _read_row(self, row: int) -> None:
+        t, end = self._t[row], self._tangents.readings[-1].t
+        if self.failure is not None and t > end:
+            return
+        try:
+            self._tangents.read_stored(self._mbs, t, [x[row] for x in self._states])
+        except Exception as error:
+            self.failure = error
+            self._tangents.end_before(t)
 
     def _is_unchanged(self) -> bool:
         """Whether the mbs gives in the states of readings what it gave when they were read."""
@@ -118,9 +131,11 @@ class LateReadings:
 
     def _turned(self, interval: _Interval) -> np.ndarray:
         """How far q (S, n) of the rows of an interval is from what its readings let expect."""
-        (first, last), rows = interval[1:3], interval.rows
-        q, q_t = ([reading.state[k] for reading in (first, last)] for k in (0, 1))
-        return self._states[0][rows] - CubicHermiteSpline([first.t, last.t], q, q_t)(self._t[rows])
+        first, last, rows = interval.first, interval.last, interval.rows
+        dt, change = last.t - first.t, last.state[0] - first.state[0]
+        share = ((self._t[rows] - first.t) / dt)[:, None]
+        bend = (1 - share) * (dt * first.state[1] - change) - share * (dt * last.state[1] - change)
+        return self._states[0][rows] - first.state[0] - share * (change + (1 - share) * bend)
 
     def _off(self, interval: _Interval) -> np.ndarray:
         """How far K is off at the rows (S,) of an interval, by q'' and multipliers there.
@@ -128,14 +143,14 @@ class LateReadings:
         What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
         twice, if that is less.
         """
-        carried, scale = self._tangents.carried_near(self._t[interval.middle]), self._scale(interval)
+        carried, scale = self._tangents.carried_near(self._t[interval.middle]), interval.scale
         x = self._moving[interval.rows]
         both = scale[carried.i] * scale[carried.j]
         matters = both * (np.abs(carried.by) @ np.abs(x).max(axis=0)) > OFF
         changes = np.vstack([x[:1] * 0, x, x[:1] * 0]) @ carried.by[matters].T
         t = np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]])
         moved = cumulative_trapezoid(cumulative_trapezoid(changes, t, axis=0, initial=0), t, axis=0, initial=0)
-        light = 1 / np.sqrt(masses(interval.last.M, self._tangents.rotations))
+        light = 1 / np.sqrt(interval.last.masses)
         moved = np.abs(moved).max(axis=0, initial=0.0) * light[carried.i[matters]] * light[carried.j[matters]]
         found = np.abs(changes[1:-1]) * both[matters]
         return found[:, moved > OFF].max(axis=1, initial=0.0)
@@ -144,7 +159,7 @@ class LateReadings:
         """Rows in whose state K differs for other reasons, in a direction that all coordinates take part in."""
         signs = np.random.default_rng(SEED).choice([-1.0, 1.0], self._tangents.size) * self._tangents.differentiable
         for interval in [i for i in self._intervals() if i.count >= LONG]:
-            row, scale = interval.middle, self._scale(interval)
+            row, scale = interval.middle, interval.scale
             if self._t[row] in self._tried or not self._is_unchanged():
                 continue
             self._tried.add(self._t[row])
@@ -162,12 +177,8 @@ class LateReadings:
         np.subtract.at(off, carried.i, carried.by @ self._moving[row] * dq[carried.j])
         return off
 
-    def _scale(self, interval: _Interval) -> np.ndarray:
-        first, last = interval.first, interval.last
-        return scaled(last, last.t - first.t, self._tangents.rotations)
-
 
 NOTE = (
-    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile (by "
-    "a PostStep function, or after the solve), and they cannot be read in stored states"
+    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile "
+    "(by a PostStep function, or after the solve), and they cannot be read in stored states"
 )

@@ -45,7 +45,8 @@ class Reading:
     K holds loads too, and how inertia and the forces of constraints change with the coordinates. Constraints have
     forces G^T l; C is the derivative of what they keep zero, C_t its rate. Exudyn's G is not C: where an interface
     turns with the deformation, its rows of rotations are off by as much as it has turned.
-    own : hash of what Exudyn gives by itself. change : of G and K since the reading before, over CHANGE.
+    masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. own : hash of what Exudyn
+    gives by itself. change : of G and K since the reading before, over CHANGE.
     """
 
     t: float
@@ -56,16 +57,22 @@ class Reading:
     G: np.ndarray
     C: np.ndarray
     C_t: np.ndarray
+    masses: np.ndarray
+    springs: np.ndarray
     own: int
     change: float = 0.0
+
+    def scale(self, dt: float) -> np.ndarray:
+        """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate; of rotations M/dt^2 alone."""
+        return 1 / np.sqrt(self.springs + self.masses / dt**2)
 
 
 @dataclass(frozen=True)
 class Carried:
     """How M and G change with the coordinates, at time t: what d(M q'' + G^T l)/dq of other q'' and l follows from.
 
-    G : of the reading. j, i (p,) : columns and rows of entries of K that are not always zero. by (p, n + c) : change of
-    each by q'' and l. turning (n,) : share of G that changes, by coordinates.
+    G : of the reading. j, i (p,) : columns and rows of entries of K that are not always zero. by (p, n + c) : change
+    of each by q'' and l. turning (n,) : share of G that changes, by coordinates.
     """
 
     t: float
@@ -81,9 +88,9 @@ class Tangents:
 
     Attributes
     ----------
-    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. rotations : coordinates of
-    each rotation. readings : list of Reading, in the order of time. carried : list of Carried,
-    where G has turned since. redundant : number of constraints that follow from others.
+    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. readings : list of
+    Reading, in the order of time. carried : list of Carried, where G has turned since. redundant : number of
+    constraints that follow from others.
     """
 
     def __init__(self, mbs: Any):
@@ -99,7 +106,7 @@ class Tangents:
         self._first_constraint = self.size + self._solver.GetODE1size()
         increments = {j for rotation in _rotations(mbs, INCREMENTS) for j in rotation}
         self.differentiable = np.array([j not in increments for j in range(self.size)])
-        self.rotations, self._loads = _rotations(mbs, PARAMETERS), loads_with_functions(mbs)
+        self._rotations, self._loads = _rotations(mbs, PARAMETERS), loads_with_functions(mbs)
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
         self._stride, self._active, self._rows = 1, None, None
@@ -124,7 +131,7 @@ class Tangents:
         self.readings.insert(j, reading)
         for i in (j, j + 1):
             if 0 < i < len(self.readings):
-                change = _change(self.readings[i - 1], self.readings[i], self.rotations) / CHANGE
+                change = _change(self.readings[i - 1], self.readings[i]) / CHANGE
                 self.readings[i] = replace(self.readings[i], change=change)
         return j
 
@@ -163,7 +170,11 @@ class Tangents:
         M, G = self._mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
         D, own, carried, C, C_t = self._forces(mbs, G)
-        return Reading(t, state, M, D, own + carried, G, C, C_t, _hashed(M, G, D, own))
+        K = own + carried
+        springs = np.abs(np.diag(K))
+        springs[[j for rotation in self._rotations for j in rotation]] = 0.0
+        masses = _masses(M, self._rotations)
+        return Reading(t, state, M, D, K, G, C, C_t, masses, springs, _hashed(M, G, D, own))
 
     def _check_loads(self, mbs: Any) -> None:
         try:
@@ -293,34 +304,24 @@ def _rotations(mbs: Any, types: Sequence[str]) -> list[list[int]]:
     return found
 
 
-def _change(before: Reading, now: Reading, rotations: Sequence[list[int]]) -> float:
+def _change(before: Reading, now: Reading) -> float:
     """Return how much G and K have changed: of G its share, of K that of K + M/dt^2, dt the time since.
 
     Where K is soft, its change accelerates masses for that time.
     """
-    scale = scaled(now, now.t - before.t, rotations)
+    scale = now.scale(now.t - before.t)
     change = scale[:, None] * np.abs(now.K - before.K) * scale
     return max(_turned(before.G, now.G), float(np.max(change)))
 
 
-def scaled(reading: Reading, dt: float, rotations: Sequence[list[int]]) -> np.ndarray:
-    """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate; of rotations M/dt^2 alone."""
-    inertia = masses(reading.M, rotations) / dt**2
-    stiffness = np.abs(np.diag(reading.K)) + inertia
-    for parameters in rotations:
-        stiffness[parameters] = inertia[parameters]
-    return 1 / np.sqrt(np.maximum(stiffness, TINY))
+def _masses(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:
+    """Return the diagonal (n,) of M; of a rotation's parameters the lightest axis, about which a slim body spins.
 
-
-def masses(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:
-    """Return the diagonal (n,) of M.
-
-    Of a rotation's parameters the lightest axis counts, about which a slim body spins: the third largest inertia, for
-    of four parameters one direction has none.
+    It is the third largest inertia, for of four parameters one direction has none.
     """
     found = np.diag(M).copy()
     for parameters in rotations:
-        found[parameters] = la.eigvalsh(M[np.ix_(parameters, parameters)])[-3]
+        found[parameters] = np.linalg.eigvalsh(M[np.ix_(parameters, parameters)])[-3]
     return np.maximum(found, TINY)
 
 
