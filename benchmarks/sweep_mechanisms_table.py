@@ -66,13 +66,16 @@ def _line(name, group):
 
 
 def violations(results):
-    """Every violation with its seed; how many values there are, and how many are violated without the floor."""
+    """Every mechanism with a violation; how many values there are, and how many are violated without the floor."""
     for result in results:
+        found = defaultdict(list)
         for name, e, bound in violated(result):
+            found[e].append((bound["worst"], name, bound["first"], bound["violations"]))
+        for e, cases in found.items():
+            times, name, step, _ = max(cases)
             yield (
-                f"VIOLATION seed {result['seed']}: {name} by {e}: {bound['violations']} of {bound['values']} values, "
-                f"error up to {bound['worst']:.3g} times bound and floor, first at step {bound['first']}; largest "
-                f"error {bound['error']:.2g}, bound {bound['bound']:.2g}, floor {bound['floor']:.1g}"
+                f"VIOLATION seed {result['seed']}, {e}: {sum(case[-1] for case in cases)} values of "
+                f"{len(cases)} outputs, up to {times:.3g} times bound and floor ({name}, from step {step})"
             )
     bounds = [bound for r in results for out in r.get("outputs", {}).values() for bound in out["bounds"].values()]
     counts = {key: sum(bound[key] for bound in bounds) for key in ("values", "violations", "raw violations")}

@@ -59,7 +59,9 @@ def test_violations_and_worst_cases_are_named(folder, tmp_path):
     file.write_text(f"<!-- {sweep_mechanisms_table.MARK} -->\n```text\nold\n```\n")
     sweep_mechanisms_table.report([first, second], file)
     text = file.read_text()
-    assert "VIOLATION seed 3: tip 2 by best: 7 of 237 values, error up to 1.5 times bound" in text
+    assert (
+        "VIOLATION seed 3, best: 7 values of 1 outputs, up to 1.5 times bound and floor (tip 2, from step 3)" in text
+    )
     assert [line.split()[1:3] for line in text.splitlines() if line.startswith("all ")] == [["2", "1"]]
     assert "seed 2, " in text
     assert page.ROOT not in file.parents
