@@ -7,7 +7,7 @@ packing matrix_exponential estimators.base estimators.paper estimators.energy es
 estimators.output_kernel estimators.static estimators.turning estimators.mechanism estimators nodes enrichment
 feedback scope plan samples bezier reconstruct rows stream made verdict saving formats style plot band
 pictures surface page_parts page report load choice messages assemble offline starts defect online static_run
-mechanism evaluate forecast mbs.scene mbs.scope mbs.gather mbs.tangent mbs.watch mbs.reaction mbs.mechanism
+mechanism evaluate forecast mbs.scene mbs.scope mbs.gather mbs.tangent mbs.late mbs.watch mbs.reaction mbs.mechanism
 mbs.live mbs.hook mbs.bodies mbs.linear mbs.frames mbs.floating mbs.reference mbs.actions mbs.sensors
 mbs.support mbs.terms mbs.sampling mbs.enriched mbs.moving mbs.asked mbs.monitor mbs.solution mbs.trial
 mbs.two_level mbs.choose mbs.fem_modes mbs study __main__

@@ -93,4 +93,4 @@ def test_tangents_are_read_where_forces_change_though_nothing_turns():
     by_constraints = [np.linalg.norm(b.G - a.G) / np.linalg.norm(b.G) for a, b in pairwise(tangents.readings)]
     assert max(by_constraints) < tangent.CHANGE
     assert max(strides) < 64
-    assert strides[-1] <= 8
+    assert strides[-1] <= 16

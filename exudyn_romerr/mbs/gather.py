@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
@@ -14,7 +15,7 @@ START_OF_STEP = exu.ConfigurationType.StartOfStep
 
 
 def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
-    """Return step(mbs, t), the PostStep function; drain() -> (t, q, q_t, q_tt, multipliers), rows stored since; hurry().
+    """Return step(mbs, t), the PostStep function; drain() -> t, q, q_t, q_tt, multipliers stored since; hurry().
 
     Multipliers are stored where tangents are read. After hurry() the next step ends the block. Closures: as a method,
     with its look-ups of attributes, step would add 6 % to the step of a small body.
@@ -28,14 +29,15 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
     )
     read_multipliers = system.GetAECoordinates
     i = room = due = 0
+    end = inf
     times = q = q_t = q_tt = multipliers = None
 
     def step(mbs: Any, t: float) -> Any:
-        nonlocal i, room, due, times, q, q_t, q_tt, multipliers
+        nonlocal i, room, due, end, times, q, q_t, q_tt, multipliers
         # equal at the first call of a solve, and only there: no step was made yet
         if start_of_step(START_OF_STEP) == t:
             times, q, q_t, q_tt, multipliers = hook.begin(mbs)
-            due = int(hook.has_tangents)
+            due, end = int(hook.has_tangents), hook.end
             room = 1  # the first row is evaluated at once: what is wrong shows before the first step
         times[i] = t
         q[i] = read_q()
@@ -52,6 +54,8 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
         go_on = True
         if i == room:
             go_on, room = hook.goes_on(t), len(times)
+        elif t >= end:
+            hook.flush()  # while the mbs is what it was
         return go_on if hook.user is None else hook.call_user(mbs, t, go_on)
 
     def drain() -> tuple:

@@ -17,7 +17,7 @@ from ..scope import FROZEN
 from .gather import gatherer
 from .live import live_line
 from .mechanism import Mechanism
-from .scene import is_verbose, running_static_solver
+from .scene import end_time, is_verbose, running_static_solver
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from .watch import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
+SAME = 1e-9  # of a time: solvers add up their steps
 TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines through all take 15 times that
 
 
@@ -45,6 +46,7 @@ class StepHook:
         self._occupant: Callable = self.step
         self._static_solver: Any = None
         self._verbose = False
+        self.end = np.inf  # of the solve, if tangents are to be read in its last block
 
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
         """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
@@ -62,6 +64,8 @@ class StepHook:
         self._mbs = weakref.ref(mbs)
         self._mechanism = Mechanism(self.watches, self._mechanism)
         self._mechanism.begin(mbs)
+        end = end_time(mbs, static is not None) if self.has_tangents else None
+        self.end = np.inf if end is None else end - SAME * abs(end)
         # load steps are few, and their loads may be changed before the next solve asks for a block
         at_once = static is not None or any(watch.tolerance for watch in self.watches)
         system = mbs.systemData
