@@ -1,9 +1,9 @@
 """Feedback: what auxiliary modes do to a mechanism, and it to them; its linearised equations over time (theory.md 7).
 
-    M e'' + D e' + K e + G^T l = f(t) ,   G e = 0 ,
+    M e'' + D e' + K e + G^T l = f(t) ,   C e = 0 ,
 
 e the error of all coordinates of the mechanism and the coordinates of auxiliary modes. Matrices are cubic in time
-between tangents that know their rates, linear between others; where G has a kink, constraints strike the mechanism.
+between tangents that know their rates, linear between others; where C has a kink, constraints strike the mechanism.
 The time integration is that of the simulation, so that e is what auxiliary modes would have added to it.
 """
 
@@ -41,22 +41,26 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Tangent:
-    """The linearised equations at time t: M, D, K (k, k), and G (c, k) of independent constraints; their rates."""
+    """The linearised equations at time t: M, D, K (k, k), G and C (c, k) of independent constraints; their rates.
+
+    Forces of constraints are G^T l, what they keep zero is C e. C is G but for what the simulation takes it for.
+    """
 
     t: float
     M: np.ndarray
     D: np.ndarray
     K: np.ndarray
     G: np.ndarray
+    C: np.ndarray
     rate: Tangent | None = None
 
     def stacked(self, mass: float, damping: float, scale: float) -> np.ndarray:
-        """[[mass M + damping D + K, scale G^T], [scale G, 0]]."""
+        """[[mass M + damping D + K, scale G^T], [scale C, 0]]."""
         c, k = self.G.shape
         A = np.zeros((k + c, k + c))
         A[:k, :k] = mass * self.M + damping * self.D + self.K
-        A[k:, :k] = scale * self.G
-        A[:k, k:] = A[k:, :k].T
+        A[k:, :k] = scale * self.C
+        A[:k, k:] = scale * self.G.T
         return A
 
 
@@ -72,8 +76,8 @@ class Feedback:
     ) -> None:
         """Begin under the force (k,), without error or in equilibrium with `rest`, at t if not the tangent's time."""
         k = len(force)
-        e = np.zeros(k) if rest is None else _held(tangent.K, tangent.G, rest)
-        e_tt = _held(tangent.M, tangent.G, force - tangent.K @ e)
+        e = np.zeros(k) if rest is None else _held(tangent.K, tangent, rest)
+        e_tt = _held(tangent.M, tangent, force - tangent.K @ e)
         self.t = tangent.t if t is None else t
         self._moving = np.array([e, np.zeros(k), e_tt, e_tt])
 
@@ -207,11 +211,11 @@ def _speed(e_t: np.ndarray, t: np.ndarray, first: Tangent, last: Tangent) -> np.
     return np.sqrt(np.maximum((1 - share) * squares[0] + share * squares[1], 0.0))
 
 
-def _held(A: np.ndarray, G: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Solve A x + G^T l = force, G x = 0 for x (k,)."""
-    c, k = G.shape
+def _held(A: np.ndarray, tangent: Tangent, force: np.ndarray) -> np.ndarray:
+    """Solve A x + G^T l = force, C x = 0 for x (k,)."""
+    c, k = tangent.G.shape
     scale = np.abs(np.diag(A)).max()
-    whole = np.block([[A, scale * G.T], [scale * G, np.zeros((c, c))]])
+    whole = np.block([[A, scale * tangent.G.T], [scale * tangent.C, np.zeros((c, c))]])
     try:
         return np.linalg.solve(whole, np.append(force, np.zeros(c)))[:k]
     except np.linalg.LinAlgError as error:
@@ -219,8 +223,8 @@ def _held(A: np.ndarray, G: np.ndarray, force: np.ndarray) -> np.ndarray:
 
 
 def _wide(tangent: Tangent, scale: float) -> np.ndarray:
-    """[[K, D], [scale G, 0]]."""
+    """[[K, D], [scale C, 0]]."""
     c, k = tangent.G.shape
     wide = np.zeros((k + c, 2 * k))
-    wide[:k, :k], wide[:k, k:], wide[k:, :k] = tangent.K, tangent.D, scale * tangent.G
+    wide[:k, :k], wide[:k, k:], wide[k:, :k] = tangent.K, tangent.D, scale * tangent.C
     return wide

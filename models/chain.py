@@ -1,7 +1,7 @@
 """A chain of two bars and a rigid cube on spherical joints or hinges, without gravity, that loads set in motion.
 
-The bars, 0.4 m along x, 0.03 m in y, 0.04 m in z, are of four hexahedra of eight nodes each: 60 coordinates, so that
-a run with all modes takes a second. kind="complete" of `chain` is the full model. Loads act on the joint between the
+The bars are those of hex_bar, 60 coordinates each, so that a run with all modes takes a second. kind="complete" of
+`chain` is the full model. Loads act on the joint between the
 bars, and as a torque on the right end of the first one; `after`: how long everything rests before they begin. SCENES
 are those that tests/test_late_loads.py compares with.
 """
@@ -9,23 +9,18 @@ are those that tests/test_late_loads.py compares with.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import product
 
 import exudyn as exu
 import numpy as np
 from exudyn import itemInterface
-from exudyn.FEM import FEMinterface, ObjectFFRFreducedOrderInterface
+from exudyn.FEM import ObjectFFRFreducedOrderInterface
 from exudyn.utilities import InertiaCuboid
-from scipy import sparse
 
 from models.floating import RAYLEIGH, add_interface_marker, interface, reduce
+from models.hex_bar import hex_bar
 from models.mechanisms import MechanismScene, _body_marker, _ground_marker, join, settings_to_compare
 
-SIZE = (0.4, 0.03, 0.04)  # m
-ELEMENTS = 4  # along x
-YOUNGS_MODULUS, DENSITY, POISSON_RATIO = 2e9, 2000.0, 0.3  # N/m^2, kg/m^3
-CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
-GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)
+SIZE = (0.4, 0.03, 0.04)  # m, of hex_bar
 CUBE = (0.5, 0.05)  # kg, m
 SPHERICAL = [1, 1, 1, 0, 0, 0]
 HINGE = [1, 1, 1, 1, 0, 1]  # free: rotation about y
@@ -55,27 +50,6 @@ SCENES = {
 }
 
 
-def bar() -> FEMinterface:
-    """Return the bar as if imported, without modes; node sets "left", "right" (weights by area), "tip", "middle"."""
-    fem, (length, *_) = FEMinterface(), SIZE
-    grid = np.array(list(product(range(ELEMENTS + 1), range(2), range(2))))
-    number = {tuple(node): i for i, node in enumerate(grid)}
-    hexes = [[number[x + i, j, k] for i, j, k in CORNERS] for x in range(ELEMENTS)]
-    positions = grid * np.array(SIZE) / [ELEMENTS, 1, 1]
-    fem.nodes = {"Position": positions}
-    fem.elements = [{"Name": "bar", "Hex8": np.array(hexes)}]
-    M, K = _element(positions[hexes[0]])
-    coordinates = [(3 * np.array(nodes)[:, None] + range(3)).ravel() for nodes in hexes]
-    fem.massMatrix, fem.stiffnessMatrix = (
-        sparse.csr_matrix(sum(_spread(part, of, positions.size) for of in coordinates)) for part in (M, K)
-    )
-    faces = {"left": 0.0, "right": length}
-    sets = {name: (np.flatnonzero(positions[:, 0] == x), np.full(4, 0.25)) for name, x in faces.items()}
-    sets |= {"tip": ([number[ELEMENTS, 1, 1]], [1.0]), "middle": ([number[ELEMENTS // 2, 1, 1]], [1.0])}
-    fem.nodeSets = [{"Name": key, "NodeNumbers": n, "NodeWeights": w} for key, (n, w) in sets.items()]
-    return fem
-
-
 def chain(
     n: int = 0,
     kind: str = "RBE3",
@@ -90,7 +64,7 @@ def chain(
 
     axes: of each joint, those constrained. loads: t -> force and torque, times `factor`.
     """
-    fem = bar()
+    fem = hex_bar()
     reduce(fem, n, kind)
     SC = exu.SystemContainer()
     settings = settings_to_compare(h, t_end)
@@ -146,30 +120,3 @@ def _add_bar(scene: MechanismScene, position: np.ndarray) -> None:
             storeInternal=True,
         )
         scene.sensors[name] = mbs.AddSensor(sensor)
-
-
-def _element(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mass and stiffness matrices (24, 24) of a box of eight nodes, two Gauss points in each direction."""
-    lengths = corners.max(axis=0) - corners.min(axis=0)
-    shear = YOUNGS_MODULUS / (2 * (1 + POISSON_RATIO))
-    lame = 2 * shear * POISSON_RATIO / (1 - 2 * POISSON_RATIO)
-    weight = lengths.prod() / 8
-    at = np.array(CORNERS)
-    M, K = np.zeros((8, 8)), np.zeros((24, 24))
-    for point in product(GAUSS, repeat=3):
-        factors = np.where(at, point, 1 - np.array(point))
-        slopes = np.where(at, 1.0, -1.0) / lengths
-        N = factors.prod(axis=1)
-        dN = np.stack([slopes[:, i] * np.delete(factors, i, axis=1).prod(axis=1) for i in range(3)], axis=1)
-        M += weight * DENSITY * np.outer(N, N)
-        # energy: lame/2 (div u)^2 + shear sum eps_ij^2
-        blocks = lame * np.einsum("ai,bj->aibj", dN, dN) + shear * np.einsum("aj,bi->aibj", dN, dN)
-        blocks += shear * np.einsum("ak,bk,ij->aibj", dN, dN, np.eye(3))
-        K += weight * blocks.reshape(24, 24)
-    return np.kron(M, np.eye(3)), K
-
-
-def _spread(part: np.ndarray, of: np.ndarray, size: int) -> np.ndarray:
-    whole = np.zeros((size, size))
-    whole[np.ix_(of, of)] = part
-    return whole

@@ -1,4 +1,4 @@
-"""The bar of models/hex_bar.py under exactly prescribed motion of its left face: all modes, integrated to 1e-11.
+"""The bar of models/driven_bar.py under exactly prescribed motion of its left face: all modes, integrated to 1e-11.
 
 It uses nothing of the package. `python -m models.driven_truth` writes what it finds to models/data (half a minute).
 """
@@ -81,7 +81,7 @@ class FullBody:
     """All modes of the bar in a frame that moves as prescribed; joint: its left face, at `hinge`."""
 
     def __init__(self, name: str, back: bool = False, loaded: bool = False):
-        fem = hex_bar.load_fem()
+        fem = hex_bar.hex_bar()
         floating.reduce(fem, 0, "complete")
         self.P, M = fem.modeBasis["matrix"], fem.massMatrix.toarray()
         self.omega, self.PM = np.sqrt(fem.eigenValues), self.P.T @ M

@@ -11,7 +11,7 @@ import tolerances as tol
 import exudyn_romerr as romerr
 from exudyn_romerr import prescribed
 from exudyn_romerr.prescribed import resolved
-from models import floating, hex_bar
+from models import driven_bar, floating
 from models.driven_truth import END, FORCE, SENSORS, STEP, WEIGHT, computed, fourth, offsets, stored
 
 
@@ -29,7 +29,7 @@ def test_stored_truths_are_those_that_are_computed():
 
 def scene_of(name, loaded=False, **options):
     motion = offsets(name)
-    scene = hex_bar.driven(lambda t: motion(t)[0], gravity=WEIGHT if loaded else (0.0, 0.0, 0.0), **options)
+    scene = driven_bar.driven(lambda t: motion(t)[0], gravity=WEIGHT if loaded else (0.0, 0.0, 0.0), **options)
     if loaded:
         floating._loaded(scene, floating.itemInterface.LoadForceVector, "right", _force, False)
     return scene
@@ -142,12 +142,12 @@ def frozen_reason(scene, **options):
 
 
 def test_motion_that_begins_with_a_velocity_is_not_complete():
-    scene = hex_bar.driven(lambda t: [0, 0, 0.01 * np.sin(30 * t), 0, 0, 0])
+    scene = driven_bar.driven(lambda t: [0, 0, 0.01 * np.sin(30 * t), 0, 0, 0])
     assert "begins with a velocity" in frozen_reason(scene)
 
 
 def test_motion_that_begins_elsewhere_is_not_complete():
-    scene = hex_bar.driven(lambda t: [0, 0, 0.01, 0, 0, 0])
+    scene = driven_bar.driven(lambda t: [0, 0, 0.01, 0, 0, 0])
     assert "does not begin where the bodies are" in frozen_reason(scene)
 
 
@@ -158,12 +158,12 @@ def test_function_that_remembers_is_not_complete():
         calls.append(t)
         return [0, 0, 1e-3 * np.sin(30 * t) ** 4 + 1e-15 * len(calls), 0, 0, 0]
 
-    assert "remembers its calls" in frozen_reason(hex_bar.driven(motion))
+    assert "remembers its calls" in frozen_reason(driven_bar.driven(motion))
 
 
 def test_function_that_remembers_in_variables_finds_them_as_they_were():
     motion = offsets("shifts")
-    scene = hex_bar.driven(lambda t: motion(t)[0])
+    scene = driven_bar.driven(lambda t: motion(t)[0])
     joint = scene.mbs.systemData.NumberOfObjects() - 1
 
     def counted(mbs, t, i, parameters):

@@ -33,7 +33,7 @@ def tangents(seed, count, constraints, changing=0.3):
     G, (A, B, C) = rng.standard_normal((constraints, SIZE)), rng.standard_normal((3, SIZE, SIZE))
     turns = [changing * np.sin(2 * t) * (B - B.T) + C for t in np.linspace(0, END, count)]
     M, t = np.eye(SIZE) + 0.1 * A @ A.T, np.linspace(0, END, max(count, 2))
-    return [Tangent(t[i], M, 0.1 * T, 4 * np.eye(SIZE) + T @ T.T, G) for i, T in enumerate(turns)]
+    return [Tangent(t[i], M, 0.1 * T, 4 * np.eye(SIZE) + T @ T.T, G, G) for i, T in enumerate(turns)]
 
 
 def forces(t):
@@ -141,7 +141,7 @@ def test_few_steps_between_tangents_or_many():
         i = min(int(np.searchsorted([m.t for m in made], t, side="right")) - 1, 3)
         share = (t - made[i].t) / (made[i + 1].t - made[i].t)
         parts = ((1 - share) * getattr(made[i], x) + share * getattr(made[i + 1], x) for x in "MDK")
-        close.append(Tangent(t, *parts, made[0].G))
+        close.append(Tangent(t, *parts, made[0].G, made[0].C))
     assert off(solved(close, grid(400))[0], solved(made, grid(400))[0]) < tol.INTERPOLATED
 
 
@@ -153,12 +153,15 @@ def test_several_calls_are_one(parts):
         assert off(y, x) < tol.INTERPOLATED
 
 
-def test_constraints_that_turn_hold_at_every_step():
-    made = [replace(m, G=m.G + np.sin(m.t) * np.roll(m.G, 1, axis=1)) for m in tangents(12, 5, 2)]
+@pytest.mark.parametrize("forces_turn", [True, False])
+def test_constraints_that_turn_hold_at_every_step(forces_turn):
+    """Whether or not their forces, G^T l, turn with them."""
+    made = [replace(m, C=m.G + np.sin(m.t) * np.roll(m.G, 1, axis=1)) for m in tangents(12, 5, 2)]
+    made = [replace(m, G=m.C) for m in made] if forces_turn else made
     times, t = [m.t for m in made], grid(400)
-    G = [[np.interp(t, times, x) for x in row] for row in np.moveaxis([m.G for m in made], 0, -1)]
+    C = [[np.interp(t, times, x) for x in row] for row in np.moveaxis([m.C for m in made], 0, -1)]
     e = solved(made, t)[0][0]
-    assert np.abs(np.einsum("ckt,tk->tc", G, e)).max() < tol.CLOSED_FORM * np.abs(e).max()
+    assert np.abs(np.einsum("ckt,tk->tc", C, e)).max() < tol.CLOSED_FORM * np.abs(e).max()
 
 
 def test_speed_is_the_root_of_twice_the_kinetic_energy():
@@ -178,15 +181,20 @@ def test_a_start_in_equilibrium_stays_there():
     assert speed.max() < tol.CLOSED_FORM
 
 
+def held(tangent, G):
+    """The same with other constraints."""
+    return replace(tangent, G=G, C=G)
+
+
 def changed(name):
     """A tangent whose equations are singular."""
     good = tangents(11, 1, 2)[0]
     light = np.diag([1.0] * (SIZE - 1) + [0.0])
     return {
-        "twice": replace(good, G=good.G[[0, 0, 1]]),
-        "empty": replace(good, G=0 * good.G),
-        "too many": replace(good, G=np.vstack([np.eye(SIZE), np.ones(SIZE)])),
-        "massless": replace(good, M=light, D=0 * good.D, K=light, G=good.G[:0]),
+        "twice": held(good, good.G[[0, 0, 1]]),
+        "empty": held(good, 0 * good.G),
+        "too many": held(good, np.vstack([np.eye(SIZE), np.ones(SIZE)])),
+        "massless": held(replace(good, M=light, D=0 * good.D, K=light), good.G[:0]),
     }[name]
 
 

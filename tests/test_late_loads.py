@@ -164,7 +164,7 @@ def test_late_readings_equal_those_of_the_run_and_change_nothing(monkeypatch):
     np.testing.assert_array_equal(found, with_bounds)
     assert len(late) > 10
     for t, reading in late.items():
-        for name in ("M", "D", "K", "G", "G_t"):
+        for name in ("M", "D", "K", "G", "C", "C_t"):
             np.testing.assert_array_equal(getattr(reading, name), getattr(passing[t], name))
 
 

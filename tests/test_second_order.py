@@ -10,7 +10,7 @@ import pytest
 import tolerances as tol
 
 import exudyn_romerr as romerr
-from models import hex_bar
+from models import driven_bar
 
 SENSORS = ("displacement local", "velocity local")
 STEPS = 20
@@ -22,7 +22,7 @@ def recorded(scene):
 
 @cache
 def truth(h):
-    scene = hex_bar.spinning(0.8, kind="complete", h=h, t_end=STEPS * h)
+    scene = driven_bar.spinning(0.8, kind="complete", h=h, t_end=STEPS * h)
     scene.solve()
     return recorded(scene)
 
@@ -30,7 +30,7 @@ def truth(h):
 @pytest.mark.parametrize(("kind", "n"), [("RBE3", 0), ("RBE3", 4), ("RBE2", 4)])
 @pytest.mark.parametrize("h", [1e-3, 2.5e-4])
 def test_corrected_outputs_of_a_bar_that_spins_near_its_first_frequency_are_covered(h, kind, n):
-    scene = hex_bar.spinning(0.8, n=n, kind=kind, h=h, t_end=STEPS * h)
+    scene = driven_bar.spinning(0.8, n=n, kind=kind, h=h, t_end=STEPS * h)
     flex = romerr.floating_body(scene.fem, scene.items)
     monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors[name] for name in SENSORS])
     scene.solve()

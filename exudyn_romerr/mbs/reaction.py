@@ -139,12 +139,12 @@ class _Extended:
             for first, last in pairwise(readings)
         ]
         self.t = np.sort(np.concatenate([times, *between]))
-        self._spline, self._turning = _held(whole[0]), _held(readings[0].G)
+        self._spline, self._turning = _held(whole[0]), _held(readings[0].C)
         if len(times) > 1:
             self._spline = CubicSpline(times, whole)
-            # rates of the motion itself: where pieces of splines meet, G would have a kink
-            G, G_t = (np.array([getattr(reading, name) for reading in readings]) for name in ("G", "G_t"))
-            self._turning = CubicHermiteSpline(times, G, G_t)
+            # rates of the motion itself: where pieces of splines meet, C would have a kink
+            C, C_t = (np.array([getattr(reading, name) for reading in readings]) for name in ("C", "C_t"))
+            self._turning = CubicHermiteSpline(times, C, C_t)
         self._made: dict[int, Tangent] = {}
 
     def __getitem__(self, j: int) -> Tangent:
@@ -156,12 +156,12 @@ class _Extended:
     def _tangent(self, j: int, order: int) -> Tangent:
         """The tangent, or its rate."""
         n, t = self._size, self.t[j]
-        turning = self._turning(t, order)
-        G = np.hstack([turning, np.zeros((len(turning), n - turning.shape[1]))])
-        return Tangent(t, *self._spline(t, order).reshape(3, n, n), G)
+        turning, whole = self._turning(t, order), self._spline(t, order)
+        C = np.hstack([turning, np.zeros((len(turning), n - turning.shape[1]))])
+        return Tangent(t, *whole[: 3 * n].reshape(3, n, n), whole[3 * n :], C)
 
     def _whole(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
-        """M, D and K of reading j with the vectors, one upon another."""
+        """M, D, K and G of reading j with the vectors, one upon another."""
         n = len(reading.M)
         M, D, K = np.zeros((3, self._size, self._size))
         M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, reading.D, reading.K
@@ -170,7 +170,9 @@ class _Extended:
             M[rows, own], D[rows, own], K[rows, own] = of.M[j], of.D[j], of.K[j]
             M[own, body.columns] = of.M[j][: len(body.columns)].T
             D[own, body.columns], K[own, body.columns] = of.D_rows[j], of.K_rows[j]
-        return np.vstack([M, D, K])
+        G = np.zeros((len(reading.G), self._size))
+        G[:, :n] = reading.G
+        return np.vstack([M, D, K, G])
 
 
 def _held(value: np.ndarray) -> Callable[[float, int], np.ndarray]:

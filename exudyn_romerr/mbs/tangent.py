@@ -26,6 +26,7 @@ CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are take
 LONGEST = 64  # steps between tangents, also where nothing changes
 SMALL = 0.4  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
 STEP = 1e-7  # of coordinates, to differentiate by
+WIDE = 1e-4  # the same at both sides, to differentiate twice: constraints are of low degree
 RANK = 1e-10  # of the largest singular value: constraints below are redundant
 PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
@@ -40,10 +41,11 @@ FAILED = "the mechanism's tangent could not be computed"
 
 @dataclass(frozen=True)
 class Reading:
-    """Read at time t: q, q_t, q_tt, multipliers of the mbs in `state`; M, D, K (n, n),
-    G (c, n) of independent constraints.
+    """Read at time t: M, D, K (n, n), G, C, C_t (c, n) of independent constraints. state : q, q_t, q_tt, multipliers.
 
-    K holds loads too, and how inertia and the forces of constraints change with the coordinates. G_t : rate of G.
+    K holds loads too, and how inertia and the forces of constraints change with the coordinates. Constraints have
+    forces G^T l; C is the derivative of what they keep zero, C_t its rate. Exudyn's G is not C: where an interface
+    turns with the deformation, its rows of rotations are off by as much as it has turned.
     masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. own : hash of what Exudyn
     gives by itself. change : of G and K since the reading before, over CHANGE.
     """
@@ -54,7 +56,8 @@ class Reading:
     D: np.ndarray
     K: np.ndarray
     G: np.ndarray
-    G_t: np.ndarray
+    C: np.ndarray
+    C_t: np.ndarray
     masses: np.ndarray
     springs: np.ndarray
     own: int
@@ -167,12 +170,12 @@ class Tangents:
         state = _state(mbs.systemData)
         M, G = self._mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
-        D, own, carried, G_t = self._forces(mbs, G)
+        D, own, carried, C, C_t = self._forces(mbs, G)
         K = own + carried
         springs = np.abs(np.diag(K))
         springs[[j for rotation in self._rotations for j in rotation]] = 0.0
         masses = _masses(M, self._rotations)
-        return Reading(t, state, M, D, K, G, G_t, masses, springs, _hashed(M, G, D, own))
+        return Reading(t, state, M, D, K, G, C, C_t, masses, springs, _hashed(M, G, D, own))
 
     def _check_loads(self, mbs: Any) -> None:
         try:
@@ -216,10 +219,10 @@ class Tangents:
         return G
 
     def _forces(self, mbs: Any, G: np.ndarray) -> tuple[np.ndarray, ...]:
-        """D, K in two parts and G_t by numerical differentiation; what user functions leave half done is set back."""
+        """D, K in two parts, C, C_t by numerical differentiation; what user functions leave half done is set back."""
         try:
             with state_kept(mbs.systemData) as (q, *_):
-                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), self._turning(mbs)
+                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), *self._kept(mbs)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
 
@@ -258,16 +261,29 @@ class Tangents:
             self.carried.append(Carried(t, G, j, i, changes[j, i], turning))
         return carried
 
-    def _turning(self, mbs: Any) -> np.ndarray:
-        """G_t, along the motion and over time."""
+    def _kept(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+        """C and C_t, along the motion and over time; Exudyn's G by coordinates that are increments."""
         system = mbs.systemData
         t, (q, q_t, *rest) = system.GetTime(), _state(system)
-        dt = STEP / max(1.0, np.abs(q_t).max())
-        found = []
-        for sign in (1.0, -1.0):
-            _set(system, t + sign * dt, (q + sign * dt * q_t, q_t, *rest))
-            found.append(self._all_constraints(mbs)[self._rows])
-        return (found[0] - found[1]) / (2 * dt)
+        dt = WIDE / max(1.0, np.abs(q_t).max())
+        after, before = (self._differences(mbs, t + dt, (q + dt * q_t, q_t, *rest)) for dt in (dt, -dt))
+        return (after + before) / 2, (after - before) / (2 * dt)
+
+    def _differences(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
+        """C at another time and state."""
+        system = mbs.systemData
+        _set(system, t, state)
+        C = self._all_constraints(mbs)[self._rows]
+        for j in np.flatnonzero(self.differentiable) if len(C) else ():
+            left = []
+            for step in (WIDE, -WIDE):
+                moved = state[0].copy()
+                moved[j] += step
+                system.SetODE2Coordinates(moved)
+                self._solver.ComputeAlgebraicEquations(mbs, False)
+                left.append(self._solver.GetSystemResidual()[self._first_constraint :][self._rows])
+            C[:, j] = (left[0] - left[1]) / (2 * WIDE)
+        return C
 
     def _is_due(self, t: float, G: np.ndarray) -> bool:
         """Whether changes of M and G are kept: where steps are read one by one, nothing is interpolated."""

@@ -1,0 +1,88 @@
+"""The sweep of random mechanisms, shortened: it compares with the truth, resumes, counts violations."""
+
+import json
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from benchmarks import page, sweep_mechanisms, sweep_mechanisms_table
+from benchmarks.random_mechanisms import drawn
+from models.hex_bar import hex_bar
+
+SEEDS = (2, 3)  # two bars and a cube that begin to move late; three bars on a driven joint
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Results of both seeds."""
+    path = tmp_path_factory.mktemp("results")
+    sweep_mechanisms.main([str(path), "--seed", str(SEEDS[0]), "--count", str(len(SEEDS))])
+    return path
+
+
+def results(folder):
+    return [json.loads((folder / f"{seed:04d}.json").read_text()) for seed in SEEDS]
+
+
+def test_no_error_is_above_its_bound(folder):
+    for seed, result in zip(SEEDS, results(folder), strict=True):
+        count = len(drawn(seed).bars)
+        assert result["scopes"] == [sweep_mechanisms.COUPLED]
+        assert len(result["outputs"]) == 2 * count + 1
+        assert not sweep_mechanisms_table.violated(result)
+        for out in result["outputs"].values():
+            best = out["bounds"]["best"]
+            assert best["bound"] > best["error"] > best["floor"] > 0
+            assert set(out["bounds"]) == {"energy", "auxiliary", "best", "corrected"}
+            assert best["values"] == 3 * (drawn(seed).steps + 1)
+
+
+def test_what_is_stored_is_not_computed_again(folder, capsys, monkeypatch):
+    monkeypatch.setattr(sweep_mechanisms, "measure", None)
+    again = sweep_mechanisms.main([str(folder), "--seed", str(SEEDS[0]), "--count", str(len(SEEDS))])
+    assert again == results(folder)
+    assert "2 mechanisms, 2 compared" in capsys.readouterr().out
+
+
+def test_bounds_that_are_too_low_are_told():
+    error, bound = np.array([[0.0, 1.0, 2.0], [0.0, 3.0, 1.5]]), np.array([[0.0, 1.0, 1.9], [0.0, 1.5, 1.5]])
+    found = sweep_mechanisms.against(error, bound, 0.2)
+    assert (found["violations"], found["raw violations"], found["first"]) == (1, 2, 1)
+    assert found["worst"] == pytest.approx(3.0 / 1.7)
+
+
+def test_violations_and_worst_cases_are_named(folder, tmp_path):
+    first, second = results(folder)
+    second["outputs"]["tip 2"]["bounds"]["best"].update(violations=7, worst=1.5, first=3)
+    file = tmp_path / "page.md"
+    file.write_text(f"<!-- {sweep_mechanisms_table.MARK} -->\n```text\nold\n```\n")
+    sweep_mechanisms_table.report([first, second], file)
+    text = file.read_text()
+    assert (
+        "VIOLATION seed 3, best: 7 values of 1 outputs, up to 1.5 times bound and floor (tip 2, from step 3)" in text
+    )
+    assert [line.split()[1:3] for line in text.splitlines() if line.startswith("all ")] == [["2", "1"]]
+    assert "seed 2, " in text
+    assert page.ROOT not in file.parents
+
+
+def test_mechanisms_are_functions_of_their_seed():
+    one, other, third = (str(drawn(seed)) for seed in (5, 5, 6))
+    assert one == other != third
+
+
+def test_the_bar_has_six_rigid_motions_its_mass_and_its_stretch():
+    size, modulus, density = (0.5, 0.03, 0.04), 2e9, 1500.0
+    shifts = np.zeros((5, 3))
+    shifts[1:, 1] = [0.01, 0.02, 0.01, 0.0]
+    fem = hex_bar(4, size, (modulus, density, 0.3), shifts)
+    K, M = fem.stiffnessMatrix.toarray(), fem.massMatrix.toarray()
+    omega = la.eigvalsh(K, M)
+    assert np.abs(omega[:6]).max() < 1e-9 * omega[6]  # rounding of 1e-16 of the highest, 1e4 times as large
+    assert M.sum() / 3 == pytest.approx(density * np.prod(size))
+    x = hex_bar(4, size, (modulus, density, 0.0)).GetNodePositionsAsArray()
+    stretch = np.zeros_like(x)
+    stretch[:, 0] = 1e-3 * x[:, 0]
+    K = hex_bar(4, size, (modulus, density, 0.0)).stiffnessMatrix
+    assert stretch.ravel() @ (K @ stretch.ravel()) == pytest.approx(modulus * 1e-6 * np.prod(size))
