@@ -147,7 +147,7 @@ def test_sensor_is_inf_where_the_report_has_no_bound():
 
 
 def test_sensor_is_inf_from_where_evaluation_fails(capfd, monkeypatch):
-    """The solve is stopped in the next step, and says so."""
+    """The run goes on, and says so."""
     original = Run._checked
 
     def checked(self, t, *rest):
@@ -163,12 +163,10 @@ def test_sensor_is_inf_from_where_evaluation_fails(capfd, monkeypatch):
     at = data[:, 0] <= kept.t[-1]
     np.testing.assert_array_equal(data[~at, 1], np.inf)
     np.testing.assert_array_equal(data[at, 1:], kept.output("tip").bound["best"][::5])
-    assert mbs.systemData.GetTime() == pytest.approx(0.056)  # a sensor was written at 0.055
+    assert mbs.systemData.GetTime() == pytest.approx(0.1)
     exu.Print("end")
-    told = (
-        f"exudyn_romerr stops the solve at t = {mbs.systemData.GetTime():g}: bounds end at t = 0.05, report() raises"
-    )
-    assert told in capfd.readouterr().out
+    told = "exudyn_romerr at t = 0.055: bounds end at t = 0.05, report() raises"  # a sensor was written then
+    assert capfd.readouterr().out.count(told) == 1
 
 
 def test_sensor_is_inf_if_a_run_cannot_be_opened(monkeypatch):

@@ -248,7 +248,7 @@ def fails_late(bench, monkeypatch):
 
 @pytest.mark.parametrize("length", [5, 8, 1024])
 def test_failed_evaluation_keeps_every_step_before(bench, fails_late, monkeypatch, capfd, length):
-    """At the end, in the middle or anywhere of a block; the solve is stopped where the block ends."""
+    """At the end, in the middle or anywhere of a block; the run goes on without bounds."""
     monkeypatch.setattr(hook, "BLOCK", length)
     bench.solve()
     whole = bench.bound()
@@ -259,15 +259,12 @@ def test_failed_evaluation_keeps_every_step_before(bench, fails_late, monkeypatc
     kept = bench.monitor.runs[-1].report()
     np.testing.assert_array_equal(kept.t, bench.calls[: FAULT + 1])
     ends = f"bounds end at t = {kept.t[-1]:g}"
-    assert f"{ends}: the steps up to t = {bench.calls[-1]:g} could not be evaluated, ArithmeticError: mine" in str(
-        kept
-    )
+    assert f"{ends}: the steps up to t = " in str(kept)
+    assert "could not be evaluated, ArithmeticError: mine" in str(kept)
     exu.Print("end")
-    told = f"exudyn_romerr stops the solve at t = {bench.calls[-1]:g}: {ends}, report() raises ArithmeticError: mine"
-    assert (told in capfd.readouterr().out) == (
-        length < STEPS
-    )  # the last block is evaluated when the solve has ended
-    assert bench.mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction == (length < STEPS)
+    told = f": {ends}, report() raises ArithmeticError: mine. The simulation goes on"
+    assert capfd.readouterr().out.count(told) == 1
+    assert not bench.mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
     fails_late.clear()
     assert len(bench.solve()) == len(bench.bound()) == STEPS + 1
     np.testing.assert_array_equal(bench.bound(), whole)

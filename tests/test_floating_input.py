@@ -827,13 +827,12 @@ def test_jumps_of_a_frame_at_rest_are_no_error():
 # --- errors of a solve ------------------------------------------------------
 
 
-def test_error_found_when_a_solve_begins_stops_it_and_is_kept():
+def test_error_found_when_a_solve_begins_is_kept_and_the_run_goes_on():
     """With its own type, for every question."""
     scene = clamped(load_on_a_mode)
     monitor = watched(scene)
     solve(scene, h=1e-4, steps=3)
-    assert scene.mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
-    assert scene.mbs.systemData.GetTime() < 2e-4
+    assert scene.mbs.systemData.GetTime() == pytest.approx(3e-4)
     for question in (monitor.report, monitor.report, lambda: monitor.plan):
         check_error(question, AssumptionError, "modal coordinates")
     assert monitor.runs == ()

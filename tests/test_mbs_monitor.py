@@ -24,6 +24,7 @@ from mbs_scenes import (
 
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach, watch
+from exudyn_romerr.mbs.mechanism import Mechanism
 from exudyn_romerr.online import BLOCK, Run
 from exudyn_romerr.outputs import Output
 from exudyn_romerr.static_run import StaticRun
@@ -374,7 +375,7 @@ def test_interrupt_during_evaluation_waits_for_the_block(monkeypatch):
     assert len(monitor.report().t) == BLOCK + 1
 
 
-def test_error_found_when_the_solve_begins_is_kept_and_stops_it():
+def test_error_found_when_the_solve_begins_is_kept_and_the_run_goes_on():
     mbs, flex, monitor = scene()
     marker = mbs.AddMarker(
         exu.itemInterface.MarkerNodeCoordinate(nodeNumber=flex.items["nGenericODE2"], coordinate=0)
@@ -382,7 +383,7 @@ def test_error_found_when_the_solve_begins_is_kept_and_stops_it():
     mbs.AddLoad(exu.itemInterface.LoadCoordinate(markerNumber=marker, load=1.0))
     mbs.Assemble()
     solve(mbs)
-    assert mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
+    assert not mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
     for _ in range(2):
         with pytest.raises(AssumptionError, match=r"load 0.*inputs="):
             monitor.report()
@@ -479,7 +480,7 @@ def test_error_in_a_later_block_keeps_what_is_before(monkeypatch, Failing, kept)
     with pytest.raises(ArithmeticError, match="mine"):
         monitor.report()
     assert len(monitor.runs[0].report().t) == kept
-    assert mbs.systemData.GetTime() < 0.6
+    assert mbs.systemData.GetTime() == pytest.approx(1.0)
 
 
 def test_mbs_is_freed_when_dropped():
@@ -505,3 +506,16 @@ def test_run_that_goes_on_at_a_rounded_time_keeps_its_error():
     for e, bound in after.output("tip").bound.items():
         np.testing.assert_allclose(bound[0], before.output("tip").bound[e][-1], rtol=1e-6)
         assert np.all(bound[0] > 0)
+
+
+@pytest.mark.parametrize("place", ["begin", "take"])
+def test_programming_errors_of_ours_do_not_reach_the_run(monkeypatch, place):
+    """Whatever breaks, wherever: said, kept, and the run and the user's function go on."""
+    monkeypatch.setattr(Mechanism, place, lambda self, *rest: [][0])
+    calls, mbs = [], new_mbs()
+    mbs.SetPostStepUserFunction(lambda mbs, t: not calls.append(t))
+    _, _, monitor = scene(mbs=mbs)
+    solve(mbs)
+    assert len(calls) == 21
+    with pytest.raises(IndexError):
+        monitor.report()

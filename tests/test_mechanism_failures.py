@@ -13,10 +13,10 @@ from mechanism_runs import (
     add_load,
     pendulum,
     raised,
+    ran_to_its_end,
     reports,
     solve,
     steps_of,
-    was_stopped,
     watch,
     with_frames,
 )
@@ -95,7 +95,7 @@ def two_free_bars():
 
 
 @pytest.mark.parametrize("estimators", ["auxiliary", BOTH])
-def test_joint_that_is_switched_off_stops_the_solve(estimators):
+def test_joint_that_is_switched_off_ends_the_bounds(estimators):
     """By the user's PostStep function; energy alone would not notice, and a PreStep function is refused."""
     scene = pendulum(steps=100)
 
@@ -106,8 +106,7 @@ def test_joint_that_is_switched_off_stops_the_solve(estimators):
     scene.mbs.SetPostStepUserFunction(switch)
     monitors = watch(scene, estimators=estimators)
     solve(scene)
-    assert was_stopped(scene)
-    assert 50 * STEP < scene.mbs.systemData.GetTime() < 99 * STEP
+    assert ran_to_its_end(scene)
     for monitor in monitors:
         error = raised(monitor)
         assert type(error) is AssumptionError
@@ -131,8 +130,7 @@ def test_tangent_that_fails_keeps_what_was_bounded(monkeypatch, work, estimators
     scene = pendulum(steps=200)
     monitors = watch(scene, estimators=estimators)
     solve(scene)
-    assert was_stopped(scene)
-    assert scene.mbs.systemData.GetTime() < 100 * STEP
+    assert ran_to_its_end(scene)
     for monitor in monitors:
         assert "mine" in str(raised(monitor))
         assert monitor.runs[-1].report().t[-1] >= 5 * STEP  # at least up to a tangent read before
@@ -186,7 +184,7 @@ def test_failure_in_any_phase_keeps_the_block_before(monkeypatch, kind, name, wh
     scene = pendulum(steps=20)
     monitors = watch(scene, estimators=estimators)
     solve(scene)
-    assert was_stopped(scene)
+    assert ran_to_its_end(scene)
     for monitor in monitors:
         assert "mine" in str(raised(monitor))
         kept = monitor.runs[-1].report()
@@ -208,7 +206,7 @@ def test_failure_when_runs_open_does_not_reach_the_solver(monkeypatch, when):
     scene = pendulum()
     monitors = watch(scene)
     solve(scene)
-    assert was_stopped(scene)
+    assert ran_to_its_end(scene)
     for monitor in monitors:
         assert "mine" in str(raised(monitor))
         for run in monitor.runs:

@@ -1,5 +1,7 @@
 """Coupled bounds over several solves, blocks of steps and steps of other lengths."""
 
+from pathlib import Path
+
 import exudyn as exu
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from exudyn_romerr.mbs import tangent
 
 NEWTON = 1e-6  # of energy bounds: what iterations of relative tolerance 1e-10 leave, and modes that start at random
 RESTART = 1e-3  # of the largest bound: accelerations made anew, to Newton's tolerance, are a small jump of R
+TASKS = Path("/proc/self/task")  # a folder for each thread
 TRAPEZOIDAL = exu.DynamicSolverType.TrapezoidalIndex2
 
 
@@ -185,3 +188,25 @@ def test_body_attached_before_a_solve_goes_on(estimators):
     from_to(scene, 10, 15)
     solve(scene)
     assert [steps_of(monitor) for monitor in monitors] == [[11, 6], [6]]
+
+
+@pytest.mark.skipif(not TASKS.exists(), reason="counts threads as Linux shows them")
+def test_threads_of_the_run_stay(capfd):
+    """Exudyn has one task manager; a solver of ours that was initialised without threads ended it for the run."""
+    found, threads = [], []
+    for attached in (False, True):
+        scene = pendulum(0, steps=10)  # eigenmodes differ in the last bits each time they are computed
+        scene.settings.parallel.numberOfThreads = 2
+        threads.clear()
+
+        def count(mbs, t):
+            threads.append(len(list(TASKS.iterdir())))
+            return True
+
+        scene.mbs.SetPostStepUserFunction(count)
+        if attached:
+            watch(scene, estimators="auxiliary")
+        solve(scene)
+        found.append([threads[0], threads[-1], scene.mbs.systemData.GetODE2Coordinates().tolist()])
+    assert found[0] == found[1]
+    assert "TaskManager" not in capfd.readouterr().out

@@ -53,7 +53,7 @@ def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
                 room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
         go_on = True
         if i == room:
-            go_on, room = hook.goes_on(t), len(times)
+            go_on, room = hook.goes_on(), len(times)
         elif t >= end:
             hook.flush()  # while the mbs is what it was
         return go_on if hook.user is None else hook.call_user(mbs, t, go_on)

@@ -46,11 +46,21 @@ class StepHook:
         self._occupant: Callable = self.step
         self._static_solver: Any = None
         self._verbose = False
+        self._said: set[str] = set()  # why there are no bounds, in the solve under way
         self.end = np.inf  # of the solve, if tangents are to be read in its last block
 
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
         """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
         self.flush()
+        self._said.clear()
+        at_once = False
+        with self._run_goes_on():
+            at_once = self._begin(mbs)
+        system = mbs.systemData
+        return self._new_arrays(system.ODE2Size(), len(system.GetAECoordinates()), at_once)
+
+    def _begin(self, mbs: Any) -> bool:
+        """Read the mbs; return whether each step is to be evaluated at once."""
         self._occupant = slot_function(mbs)
         static = running_static_solver(mbs, self._static_solver)
         self._static_solver = static or self._static_solver
@@ -67,9 +77,16 @@ class StepHook:
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME * abs(end)
         # load steps are few, and their loads may be changed before the next solve asks for a block
-        at_once = static is not None or any(watch.tolerance for watch in self.watches)
-        system = mbs.systemData
-        return self._new_arrays(system.ODE2Size(), len(system.GetAECoordinates()), at_once)
+        return static is not None or any(watch.tolerance for watch in self.watches)
+
+    @contextmanager
+    def _run_goes_on(self) -> Iterator[None]:
+        """Keep an error for the reports of all bodies: nothing of ours stops the user's run."""
+        try:
+            yield
+        except Exception as error:
+            for watch in self.watches:
+                watch.error = watch.error or error
 
     def flush(self) -> None:
         """Evaluate the rows stored so far."""
@@ -77,26 +94,36 @@ class StepHook:
             *rows, multipliers = self._drain() or ((),)
             if not rows:
                 return
-            self._mechanism.read_late(self._mbs(), *rows, multipliers)
-            self._mechanism.take(*rows)
-            if self._verbose:
-                exu.Print(live_line(self.watches, rows[0][-1]))
+            with self._run_goes_on():
+                self._mechanism.read_late(self._mbs(), *rows, multipliers)
+                self._mechanism.take(*rows)
+                if self._verbose:
+                    exu.Print(live_line(self.watches, rows[0][-1]))
             for watch in self.watches:
                 watch.note_error(rows[0][-1])
+            self._say_failures(rows[0][-1])
+
+    def _say_failures(self, t: float) -> None:
+        """Say once what cannot be bounded: SolveDynamic does not raise, only report() will."""
+        for failure in dict.fromkeys(watch.failure for watch in self.watches if watch.failure):
+            if failure not in self._said:
+                self._said.add(failure)
+                exu.Print(f"exudyn_romerr at t = {t:g}: {failure}. The simulation goes on")
 
     def look(self) -> None:
-        """Evaluate the rows stored so far between two steps; the next one stops the solve if that fails."""
+        """Evaluate the rows stored so far between two steps; the next one stops if a tolerance is exceeded."""
         self.flush()
-        if any(watch.stops for watch in self.watches):
+        if self._is_over:
             self._hurry()
 
-    def goes_on(self, t: float) -> bool:
-        """Evaluate the rows stored so far, up to t; False if the solve is to be stopped."""
+    def goes_on(self) -> bool:
+        """Evaluate the rows stored so far; False if a tolerance is exceeded, which is to stop the solve."""
         self.flush()
-        for failure in dict.fromkeys(watch.failure for watch in self.watches if watch.failure):
-            # SolveDynamic does not raise, only report() will
-            exu.Print(f"exudyn_romerr stops the solve at t = {t:g}: {failure}")
-        return not any(watch.stops for watch in self.watches)
+        return not self._is_over
+
+    @property
+    def _is_over(self) -> bool:
+        return any(watch.stopped for watch in self.watches)
 
     def read(self, mbs: Any, watch: Watch) -> Offline:
         """Return what a watch would make bounds with if a solve began now."""

@@ -42,16 +42,23 @@ class Mechanism:
             self._together(self._prepare, mbs)
 
     def read_tangent(self, mbs: Any, t: float) -> int:
-        """Read the tangent now; return after how many steps it is to be read again, 0: it cannot be read."""
+        """Read the tangent now; return after how many steps it is to be read again, 0: not at all."""
+        if self._has_failed:
+            return 0
         try:
             return self.tangents.read(mbs, t)
         except Exception as error:
             self._failure = error
             return 0
 
+    @property
+    def _has_failed(self) -> bool:
+        """Whether coupled bounds have ended in this solve."""
+        return self._failure is not None or any(watch.error for watch in self._coupled)
+
     def read_late(self, mbs: Any, t: np.ndarray, *states: np.ndarray) -> None:
         """Read the tangents that stored steps need: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
-        if self.tangents is None or not self.tangents.readings or self._failure is not None:
+        if self.tangents is None or not self.tangents.readings or self._has_failed:
             return
         late = LateReadings(self.tangents, mbs, t, states)
         late.read()
@@ -110,7 +117,7 @@ class Mechanism:
                     "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
                 )
             scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
-            self.tangents = Tangents(mbs)
+            self.tangents = Tangents(mbs, mbs.sys["simulationSettings"].parallel.numberOfThreads)
             self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents)
 
     def _join_openings(self) -> None:

@@ -91,15 +91,17 @@ class Tangents:
     ----------
     size : number of coordinates. differentiable (size,) : whether K holds all forces by them. readings : list of
     Reading, in the order of time. carried : list of Carried, where G has turned since. redundant : number of
-    constraints that follow from others.
+    constraints that follow from others. threads : of the running solver.
     """
 
-    def __init__(self, mbs: Any):
+    def __init__(self, mbs: Any, threads: int = 1):
         settings = exu.SimulationSettings()
         settings.solution.file.write = settings.solution.sensors.active = False
         settings.staticSolver.verboseMode = 0
+        # Exudyn's one task manager starts anew with as many threads as the solver initialised last asks for
+        settings.parallel.numberOfThreads = threads
         self._solver = exu.MainSolverStatic()
-        with _states_kept(mbs.systemData):
+        with _states_kept(mbs.systemData), _warnings_suppressed():
             if not self._solver.InitializeSolver(mbs, settings):
                 raise AssumptionError(f"the mechanism has no tangent: {self._solver.GetErrorString()}")
         self.size = self._solver.GetODE2size()
@@ -377,6 +379,17 @@ def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[No
     with state_kept(system):
         _set(system, t, state)
         yield
+
+
+@contextmanager
+def _warnings_suppressed() -> Iterator[None]:
+    """Exudyn warns that its task manager ends and starts anew: with the same threads, so the run is the same."""
+    before = exu.config.suppressWarnings
+    exu.config.suppressWarnings = True
+    try:
+        yield
+    finally:
+        exu.config.suppressWarnings = before
 
 
 @contextmanager

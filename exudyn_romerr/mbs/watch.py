@@ -55,11 +55,6 @@ class Watch:
         self._last: tuple | None = None  # time, q, q_t, q_tt of the last row evaluated
 
     @property
-    def stops(self) -> bool:
-        """Whether the solve is to be stopped."""
-        return self.stopped or self.error is not None
-
-    @property
     def enriched(self) -> EnrichedBody | None:
         """The body with auxiliary vectors that react with the mechanism, if it has such."""
         return getattr(self.subject, "enriched", None)
@@ -116,7 +111,7 @@ class Watch:
 
     @contextmanager
     def kept_errors(self) -> Iterator[None]:
-        """Keep an exception for the report; the solve will be stopped."""
+        """Keep an exception for the report; the simulation goes on without bounds."""
         try:
             yield
         except Exception as error:
