@@ -86,3 +86,10 @@ def test_the_bar_has_six_rigid_motions_its_mass_and_its_stretch():
     stretch[:, 0] = 1e-3 * x[:, 0]
     K = hex_bar(4, size, (modulus, density, 0.0)).stiffnessMatrix
     assert stretch.ravel() @ (K @ stretch.ravel()) == pytest.approx(modulus * 1e-6 * np.prod(size))
+
+
+@pytest.mark.xfail(strict=True, reason="in its first steps the integrator overshoots in overdamped modes left out")
+@pytest.mark.parametrize("seed", [37, 112])
+def test_first_steps_after_a_sudden_start_with_much_stiffness_proportional_damping(seed):
+    """Errors are up to 4.8 and 1.1 times their bounds in the first four steps, not later."""
+    assert not sweep_mechanisms_table.violated(sweep_mechanisms.measure(seed))
