@@ -14,7 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import exudyn_romerr as romerr
-from exudyn_romerr import mbs, study
+from exudyn_romerr import mbs
+from exudyn_romerr.mbs.studies import parameter_sweep as study
 
 PAGE = ROOT / "docs" / "api.md"
 HEAD = """# API reference

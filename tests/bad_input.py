@@ -7,7 +7,7 @@ import pytest
 from bodies import model
 
 from exudyn_romerr import Basis, ElasticBody, RomErrError, Trajectory, evaluate
-from exudyn_romerr.offline import prepare
+from exudyn_romerr.offline.prepare import prepare
 
 N = 10
 FULL = model("chain", "under", 0)

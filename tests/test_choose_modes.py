@@ -8,9 +8,9 @@ import pytest
 import tolerances as tol
 
 import exudyn_romerr as romerr
-from exudyn_romerr.choice import BASIS, SLACK, STEP
-from exudyn_romerr.forecast import Ladder, forecasts
-from exudyn_romerr.mbs.trial import build_trial
+from exudyn_romerr.mbs.studies.scene_run import build_trial
+from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
+from exudyn_romerr.mode_selection.mode_choice import BASIS, SLACK, STEP
 from models import exact, floating, linkage, mechanisms
 
 # A run's auxiliary vectors hold its error to about 1 %, and what they leave shrinks with more modes. In the slider

@@ -10,12 +10,12 @@ import scipy.linalg as la
 import tolerances as tol
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output
-from exudyn_romerr.enrichment import Enrichment
-from exudyn_romerr.frame import unit_inertia
-from exudyn_romerr.offline import prepare
-from exudyn_romerr.online import Run
-from exudyn_romerr.scope import COUPLED, Scene
-from exudyn_romerr.space import mass_orthogonal, mean_motion, rigid_modes
+from exudyn_romerr.basis.enrichment import Enrichment
+from exudyn_romerr.model.admissible_space import mass_orthogonal, mean_motion, rigid_modes
+from exudyn_romerr.model.floating_frame import unit_inertia
+from exudyn_romerr.offline.prepare import prepare
+from exudyn_romerr.online.run import Run
+from exudyn_romerr.report.scope import COUPLED, Scene
 from models import floating
 
 NODES = 8

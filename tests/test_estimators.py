@@ -12,11 +12,11 @@ from numpy.polynomial import polynomial as poly
 from total_truth import Exact, bezier_curve, oscillator_step, piecewise_linear, signal
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output, Trajectory, evaluate, load_report, modal_basis
-from exudyn_romerr.bezier import DEGREE, hermite_controls, subdivided
-from exudyn_romerr.forgetting import body_rates, rayleigh_rates
-from exudyn_romerr.modes import check_no_mode_missed
-from exudyn_romerr.problem import Problem
-from exudyn_romerr.propagate import ModalOscillators
+from exudyn_romerr.linalg.bezier import DEGREE, hermite_controls, subdivided
+from exudyn_romerr.linalg.eigenmodes import check_no_mode_missed
+from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
+from exudyn_romerr.residual.decay_rates import body_rates, rayleigh_rates
+from exudyn_romerr.residual.problem import Problem
 
 MODAL = [d for d in DAMPINGS if d not in ("matrix", "gyroscopic")]
 RNG = np.random.default_rng(4)

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from test_mechanism_energy import Reduced, norms, scenario, violations
 
 from exudyn_romerr import AssumptionError
-from exudyn_romerr import feedback as module
-from exudyn_romerr.enrichment import Enrichment
-from exudyn_romerr.estimators.mechanism import LINEARISED
-from exudyn_romerr.feedback import Feedback, Scheme, Tangent
+from exudyn_romerr.basis.enrichment import Enrichment
+from exudyn_romerr.estimators.coupled_energy import LINEARISED
+from exudyn_romerr.online import mechanism_feedback as module
+from exudyn_romerr.online.mechanism_feedback import Feedback, Scheme, Tangent
 
 SIZE, END = 6, 4.0
 

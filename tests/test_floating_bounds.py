@@ -15,7 +15,7 @@ import tolerances as tol
 from total_truth import Exact, signal
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.moving import MovingSubject
+from exudyn_romerr.mbs.monitoring.floating_adapter import MovingSubject
 from models import floating
 from models.floating import GRAVITY, RAYLEIGH
 

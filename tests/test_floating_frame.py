@@ -29,8 +29,9 @@ from test_floating_scene import (
 )
 
 from exudyn_romerr import AssumptionError, mean_rotation, node_displacement
-from exudyn_romerr.estimators.base import Bounds
-from exudyn_romerr.frame import (
+from exudyn_romerr.estimators.mass_norm import Bounds
+from exudyn_romerr.mbs.floating.frame_node import FrameNode
+from exudyn_romerr.model.floating_frame import (
     FrameMotion,
     FramePose,
     FrameRows,
@@ -39,8 +40,7 @@ from exudyn_romerr.frame import (
     left_jacobian,
     skew,
 )
-from exudyn_romerr.mbs.frames import FrameNode
-from exudyn_romerr.views import View
+from exudyn_romerr.model.global_axes import View
 
 ELSEWHERE = np.array([1.0, -2.0, 0.5]), TURNED  # where an undeformed body may be
 NODES, SAMPLES, MODES = 7, 5, 3

@@ -23,10 +23,10 @@ from exudyn_romerr import (
     mean_motion,
     node_displacement,
 )
-from exudyn_romerr.mbs import actions as actions_module
-from exudyn_romerr.mbs import floating as floating_module
-from exudyn_romerr.mbs import moving
-from exudyn_romerr.space import rigid_modes
+from exudyn_romerr.mbs.floating import loads_and_joints as actions_module
+from exudyn_romerr.mbs.floating.floating_body import floating_body as floating_module
+from exudyn_romerr.mbs.monitoring import floating_adapter as moving
+from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating
 
 EULER, LIE = "NodeType.RotationEulerParameters", "NodeType.LieGroupWithDirectUpdate"

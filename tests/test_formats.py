@@ -27,7 +27,7 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
-from exudyn_romerr.made import made_here
+from exudyn_romerr.report.provenance import made_here
 from models import floating
 
 ESTIMATORS = ("fast", "energy")

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from theorem import random_case
 
-from exudyn_romerr import Output, load_report, page
-from exudyn_romerr.scope import NOT_CERTIFIED
-from exudyn_romerr.verdict import rounded_up, sentence
+from exudyn_romerr import Output, load_report
+from exudyn_romerr.report.formats import html_page as page
+from exudyn_romerr.report.scope import NOT_CERTIFIED
+from exudyn_romerr.report.wording import rounded_up, sentence
 
 VOID = {"meta", "link", "img", "br", "hr"}
 KNOWN = VOID | set(

@@ -13,14 +13,16 @@ from exudyn import itemInterface
 from mechanism_runs import FROZEN, pendulum, solve, watch
 
 import exudyn_romerr as romerr
-from exudyn_romerr import body as body_module
-from exudyn_romerr import forgetting, modes, offline
-from exudyn_romerr.factor import SymmetricFactor
-from exudyn_romerr.load import load_report
-from exudyn_romerr.mbs.reaction import Reaction
-from exudyn_romerr.mbs.tangent import Tangents
-from exudyn_romerr.online import BLOCK, Run
-from exudyn_romerr.problem import Problem
+from exudyn_romerr.linalg import eigenmodes as modes
+from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
+from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
+from exudyn_romerr.model import body as body_module
+from exudyn_romerr.offline.prepare import prepare as offline
+from exudyn_romerr.online.run import BLOCK, Run
+from exudyn_romerr.report.load import load_report
+from exudyn_romerr.residual import decay_rates as forgetting
+from exudyn_romerr.residual.problem import Problem
 from models import floating, linkage
 
 ROOT = Path(__file__).parent.parent

@@ -9,12 +9,12 @@ from cases import Case
 from loads import Load
 from theorem import ViolationError, check_theorem, first_mode_case, random_case
 
-import exudyn_romerr.problem as problem_module
+import exudyn_romerr.residual.problem as problem_module
 from exudyn_romerr import Basis
-from exudyn_romerr.estimators.base import MassNormEstimator
+from exudyn_romerr.estimators.mass_norm import MassNormEstimator
 from exudyn_romerr.estimators.paper import Convolution, Fast
-from exudyn_romerr.kernels import CertifiedKernel
-from exudyn_romerr.lagtable import LagTable
+from exudyn_romerr.residual.kernels import CertifiedKernel
+from exudyn_romerr.residual.lag_table import LagTable
 
 PAPER = ("fast", "convolution")
 RANDOM = [random_case(seed, steps=120) for seed in range(40)]

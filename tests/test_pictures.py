@@ -14,13 +14,32 @@ from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
 from examples import pictures as example
-from exudyn_romerr.pictures import draw_convergence, draw_run_time, front
-from exudyn_romerr.plan import Plan
-from exudyn_romerr.plot import BAR, MANY, draw_bounds, draw_causes, draw_signal, plot_causes, plot_report
-from exudyn_romerr.report import BoundReport, OutputReport
-from exudyn_romerr.scope import FROZEN
-from exudyn_romerr.style import COLOURS, LETTERS, MARKERS, STYLES, ends, isolated, log_line, picture, save, spread
-from exudyn_romerr.surface import draw_body, plot_body, surface_triangles
+from exudyn_romerr.offline.planning import Plan
+from exudyn_romerr.report.plots.body_surface import draw_body, plot_body, surface_triangles
+from exudyn_romerr.report.plots.over_time import (
+    BAR,
+    MANY,
+    draw_bounds,
+    draw_causes,
+    draw_signal,
+    plot_causes,
+    plot_report,
+)
+from exudyn_romerr.report.plots.run_comparison import draw_convergence, draw_run_time, front
+from exudyn_romerr.report.plots.style import (
+    COLOURS,
+    LETTERS,
+    MARKERS,
+    STYLES,
+    ends,
+    isolated,
+    log_line,
+    picture,
+    save,
+    spread,
+)
+from exudyn_romerr.report.report import BoundReport, OutputReport
+from exudyn_romerr.report.scope import FROZEN
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "pictures.md").read_text(encoding="utf-8")

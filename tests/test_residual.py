@@ -9,8 +9,8 @@ import tolerances as tol
 from bodies import model
 
 from exudyn_romerr import Basis, initial_coordinates, initial_error
-from exudyn_romerr.problem import Problem
-from exudyn_romerr.residual import RESIDUALS, ResidualMap
+from exudyn_romerr.residual.problem import Problem
+from exudyn_romerr.residual.residual import RESIDUALS, ResidualMap
 
 SIZES = [10.0**-k for k in range(0, 15, 2)]
 

@@ -20,10 +20,11 @@ from loads import uneven_grid
 from scipy.integrate import solve_ivp
 
 from exudyn_romerr import Basis, ElasticBody, Output
-from exudyn_romerr.estimators.turning import Turning
-from exudyn_romerr.frame import FrameMotion, Turn, inertia_columns, inertia_coordinates, skew
-from exudyn_romerr.offline import Scene, prepare
-from exudyn_romerr.online import Run
+from exudyn_romerr.estimators.rotating_frame import Turning
+from exudyn_romerr.model.floating_frame import FrameMotion, Turn, inertia_columns, inertia_coordinates, skew
+from exudyn_romerr.offline.prepare import prepare
+from exudyn_romerr.online.run import Run
+from exudyn_romerr.report.scope import Scene
 
 NODES, FIXED, STEPS = 8, 6, 160
 FREE = 3 * NODES - FIXED

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from exudyn_romerr.report import OutputReport
-from exudyn_romerr.scope import COMPLETE, COUPLED, FROZEN
-from exudyn_romerr.verdict import rounded_up, sentence
+from exudyn_romerr.report.report import OutputReport
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
+from exudyn_romerr.report.wording import rounded_up, sentence
 
 
 def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0)):

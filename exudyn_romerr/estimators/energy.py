@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..forgetting import Forgetting, body_rates
-from ..recurrence import decaying_sum
-from .base import Block, Bounds, Start, times
+from ..linalg.linear_recurrence import decaying_sum
+from ..residual.decay_rates import Forgetting, body_rates
+from .mass_norm import Block, Bounds, Start, times
 
 if TYPE_CHECKING:
-    from ..problem import Problem
-    from ..residual import StartNorms
+    from ..residual.problem import Problem
+    from ..residual.residual import StartNorms
 
 
 class Energy:

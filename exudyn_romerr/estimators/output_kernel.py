@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import oscillator
-from ..lagtable import LagTable
-from .base import Block, Bounds
+from ..linalg import oscillator
+from ..residual.lag_table import LagTable
+from .mass_norm import Block, Bounds
 from .paper import Convolution
 
 if TYPE_CHECKING:
-    from ..problem import Problem
-    from ..split import Split
+    from ..residual.modal_split import Split
+    from ..residual.problem import Problem
 
 
 class OutputKernel:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .base import Bounds
+from .mass_norm import Bounds
 
 if TYPE_CHECKING:
-    from ..problem import Problem
+    from ..residual.problem import Problem
 
 
 class StaticError:

@@ -1,0 +1,236 @@
+"""prepare: everything that is done once before a run, ending in small constants only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..errors import AssumptionError, InputError, check_array, check_choice
+from ..estimators import ESTIMATORS
+from ..estimators.coupled_energy import CorrectedEnergy, MechanismEnergy
+from ..estimators.node_bounds import node_bounds
+from ..estimators.rotating_frame import Turning
+from ..estimators.static import StaticError
+from ..model.matrix_input import DOUBLE
+from ..report.scope import COUPLED, Scene
+from ..residual.packed_residual import PackedCoordinates, PackedProblem, Packing
+from ..residual.problem import Problem
+from ..residual.round_off import RoundOff, of_input
+from ..trajectory.input_signal import InputSignal
+from .planning import Plan, make_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from ..basis.basis import Basis
+    from ..model.body import ElasticBody
+    from ..model.global_axes import View
+    from ..model.outputs import Output
+    from ..residual.residual import Coordinates
+
+TIMES = ("reconstructed", "sampled")
+IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
+
+
+ALONE = Scene()  # of a body without a frame
+
+
+class Balance(NamedTuple):
+    """Galerkin's balance W^T R = rows z (n, k) of all terms, for checks and for wrenches that follow from it."""
+
+    coordinates: Coordinates
+    rows: np.ndarray
+
+
+@dataclass(frozen=True)
+class Offline:
+    """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
+
+    estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
+    frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
+    jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z) that knots of the reconstruction are
+    chosen by. rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single:
+    names of what has fewer. initial: None, "equilibrium" or "state". nodes: bounds at every node, on demand. static,
+    from_static: made when a static solve, or a run from its end, begins.
+    """
+
+    coordinates: Coordinates | PackedCoordinates
+    signal: InputSignal | None
+    estimators: dict[str, Any]
+    outputs: tuple[Output, ...]
+    slices: tuple[slice, ...]
+    velocity_rows: np.ndarray
+    value_rows: np.ndarray
+    balance: Balance
+    packing: Packing | None
+    jump_response: np.ndarray
+    mass_root: np.ndarray
+    rounding: RoundOff
+    input_rounding: RoundOff | None
+    single: tuple[str, ...]
+    samples_precision: float
+    measure: Callable
+    omega_1: float
+    jumps: tuple[float, ...]
+    initial: str | None
+    time: str
+    total_mass: float | None
+    plan: Plan
+    views: tuple[View | None, ...]
+    scene: Scene
+    nodes: Callable[[dict], dict]
+    static: Callable[[], StaticError]
+    from_static: Callable[[], Offline]
+
+
+def prepare(
+    body: ElasticBody,
+    basis: Basis,
+    *,
+    inputs: Any = None,
+    input_function: Callable | None = None,
+    outputs: Sequence[Output] = (),
+    initial: Any = None,
+    jumps: Sequence[float] = (),
+    estimators: Any = "auto",
+    residual: str = "orthonormal",
+    kernels: str = "certified",
+    time: str = "reconstructed",
+    auxiliary_modes: int | str = "auto",
+    sampled_inputs: bool = False,
+    samples_precision: float = DOUBLE,
+    scene: Scene = ALONE,
+    live: bool = False,
+) -> Offline:
+    """Do the offline work of evaluate and attach; their docstrings describe the arguments.
+
+    sampled_inputs: the inputs come as samples with the trajectory, input_function may be missing. samples_precision:
+    relative spacing of the trajectory's numbers. live: bounds are looked at every step, which the plan says.
+
+    Raises
+    ------
+    InputError, AssumptionError
+    """
+    check_choice("time", time, TIMES)
+    time = "sampled" if scene.coupled else time  # joints and other bodies have integration errors that no R shows
+    of_problem = {
+        "inputs": inputs,
+        "outputs": outputs,
+        "residual": residual,
+        "kernels": kernels,
+        "auxiliary_modes": auxiliary_modes,
+    }
+    of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time, "live": live}
+    asked = _checked_estimators(estimators, body, scene)
+    names = tuple(name for name in asked if not (scene.has_companion and name == "auxiliary"))
+    with_modes = "auxiliary" in names and not scene.corrected
+    problem = _made_problem(body, basis, names, scene, with_modes, initial=initial, **of_problem)
+    _check_frame(problem, names, jumps, scene)
+    measure = _sharpest_norm(problem, names, scene, with_modes)  # first, for it takes most modes: none made twice
+    signal = _made_signal(input_function, problem.B.shape[1], sampled_inputs)
+    V, W, B = problem.V, problem.W, problem.B
+    eps, single = of_input(problem, samples_precision)
+    return Offline(
+        coordinates=problem.map.coordinates,
+        signal=signal,
+        estimators={name: _made(name, problem, scene) for name in names},
+        outputs=problem.outputs,
+        slices=tuple(problem.slices),
+        velocity_rows=problem.velocity_rows,
+        value_rows=problem.C @ V,
+        balance=Balance(problem.terms.coordinates, W.T @ problem.terms.L),
+        packing=problem.packing,
+        jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
+        mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
+        rounding=RoundOff(problem, dict.fromkeys(eps, DOUBLE) | {"outputs": np.full(len(problem.C), DOUBLE)}),
+        input_rounding=RoundOff(problem, eps) if single else None,
+        single=tuple(single),
+        samples_precision=samples_precision,
+        measure=measure,
+        omega_1=float(body.modes(1).omega[0]),
+        jumps=_checked_jumps(jumps, signal),
+        initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
+        time=time,
+        total_mass=body.total_mass,
+        plan=make_plan(problem, asked, time, estimators, scene, live),
+        views=problem.views,
+        scene=scene,
+        from_static=lambda: prepare(
+            body, basis, initial="equilibrium", sampled_inputs=sampled_inputs, scene=scene, **of_problem, **of_run
+        ),
+        nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
+        static=lambda: StaticError(problem),
+    )
+
+
+def _checked_estimators(estimators: Any, body: ElasticBody, scene: Scene) -> tuple[str, ...]:
+    """Names of the estimators; "auto": the sharp one if damping allows it, else two that neither is always best."""
+    if isinstance(estimators, str) and estimators == "auto":
+        if scene.feedback:
+            return ("auxiliary",)
+        return ("energy", "auxiliary") if body.rayleigh is not None else ("fast", "energy")
+    return checked_names(estimators)
+
+
+def checked_names(estimators: Any) -> tuple[str, ...]:
+    """Return the names of estimators that were asked for one by one; InputError if one is unknown."""
+    names = (estimators,) if isinstance(estimators, str) else estimators
+    if not isinstance(names, tuple | list | set) or not names:
+        raise InputError(f"estimators={estimators!r}; allowed: 'auto' or some of {tuple(ESTIMATORS)}")
+    for name in names:
+        check_choice("estimators", name, ESTIMATORS)
+    return tuple(dict.fromkeys(names))
+
+
+def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> InputSignal | None:
+    if isinstance(f, InputSignal):
+        return f
+    if f is not None and not p:
+        raise InputError("input_function was given without inputs=B, the matrix it multiplies; pass both or neither")
+    return None if sampled and f is None else InputSignal(f, p)
+
+
+def _made_problem(body, basis, names: tuple[str, ...], scene: Scene, with_modes: bool, **options: Any) -> Problem:
+    """Packed where the estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
+    packed = scene.minor is not None and set(names) <= {"energy", "auxiliary"}
+    if not packed or options["initial"] is not None or options["residual"] != "orthonormal":
+        return Problem(body, basis, **options)
+    return PackedProblem(body, basis, cut=scene.minor, with_modes=with_modes, **options)
+
+
+def _made(name: str, problem: Problem, scene: Scene) -> Any:
+    if name == "static":
+        return StaticError(problem)
+    if scene.coupled and scene.scope_of(name) == COUPLED:
+        return (CorrectedEnergy if scene.corrected else MechanismEnergy)(problem, scene.unknown)
+    estimator = ESTIMATORS[name](problem)
+    return Turning(estimator, problem) if scene.turns else estimator
+
+
+def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float], scene: Scene) -> None:
+    for out in problem.outputs:
+        if scene.pose is None and out.frame == "global":
+            raise InputError(f"output {out.name!r} is in global axes; this body has no frame, leave frame='body'")
+    if not scene.turns:
+        return
+    for name in names:
+        if name not in IN_A_TURNING_FRAME:
+            raise AssumptionError(f"estimator {name!r} needs a frame at rest; allowed here: {IN_A_TURNING_FRAME}")
+    if len(jumps):
+        raise AssumptionError("jumps= need a frame at rest; let the load grow over a few steps instead")
+
+
+def _sharpest_norm(problem: Problem, names: tuple[str, ...], scene: Scene, with_modes: bool) -> Callable:
+    """The norm of R that the sharpest estimator accumulates."""
+    if with_modes:
+        return problem.split.norm_K
+    return problem.norm_K if "energy" in names or scene.coupled else problem.norm_M
+
+
+def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[float, ...]:
+    times = check_array("jumps", jumps, (None,))
+    if times.size and (signal is None or not signal.p):
+        raise InputError("jumps need input_function, which gives the input on both sides; pass it beside inputs")
+    return tuple(sorted(times.tolist()))

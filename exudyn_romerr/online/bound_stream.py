@@ -1,0 +1,112 @@
+"""Stream: one way of looking at a trajectory (sampled, reconstructed, initial error alone) through all estimators."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import fields
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..estimators.mass_norm import Block, Bounds, Start
+from ..trajectory.growing_array import Rows
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+    from typing import Any
+
+    from ..model.global_axes import View
+
+
+class Worst(NamedTuple):
+    """Where |e|_M has its largest bound: that bound, what bounds the outputs there, how much |e|_M was widened."""
+
+    position: float
+    instant: tuple
+    widened: float
+
+
+class Stream:
+    """Copies of the estimators, fed with blocks; remembers their bounds at the ends of steps.
+
+    only_outputs: nothing else of the bounds is remembered.
+    """
+
+    def __init__(self, estimators: Mapping[str, Any], only_outputs: bool = False):
+        self._only_outputs = only_outputs
+        self.estimators = {name: copy.copy(e) for name, e in estimators.items()}
+        self._kept = {name: KeptBounds() for name in estimators}
+        self.worst: dict[str, Worst] = {}
+
+    def start(self, start: Start, *widenings: tuple) -> None:
+        """Begin at the first instant of a run; widenings: see advance."""
+        for name, e in self.estimators.items():
+            self._remember(name, e, e.start(start), slice(None), widenings)
+
+    def go_on(self, before: Stream) -> None:
+        """Begin where another stream ended."""
+        self.estimators = {name: copy.copy(e) for name, e in before.estimators.items()}
+        for name, kept in before._kept.items():
+            self._kept[name].append(kept.read().at(slice(-1, None)))
+
+    def advance(self, block: Block, step_end: np.ndarray, *widenings: tuple) -> None:
+        """Take a block; step_end: index of the segment that ends each step.
+
+        widenings : of position, velocity, outputs, each added to the bounds there.
+        """
+        for name, e in self.estimators.items():
+            self._remember(name, e, e.advance(block), step_end, widenings)
+
+    def _remember(self, name: str, e: Any, bounds: Bounds, ends: np.ndarray | slice, widenings: tuple) -> None:
+        self._note(name, e, bounds, sum(float(np.max(position)) for position, *_ in widenings))
+        bounds = bounds.at(ends)
+        for widening in widenings:
+            bounds = bounds.widened(*widening)
+        self._kept[name].append(bounds.of_outputs() if self._only_outputs else bounds)
+
+    def _note(self, name: str, e: Any, bounds: Bounds, widened: float) -> None:
+        i = int(np.argmax(bounds.position))
+        if name not in self.worst or bounds.position[i] > self.worst[name].position:
+            self.worst[name] = Worst(bounds.position[i], e.instant(i), widened)
+
+    def load_steps(self, z: np.ndarray, *widenings: tuple) -> None:
+        """Take load steps z (S, k) of a static solve, which do not depend on one another."""
+        for name, e in self.estimators.items():
+            self._remember(name, e, e(z), slice(None), widenings)
+
+    def now(self, names: Collection[str]) -> list[Bounds]:
+        """Return the bounds of some estimators at the last instant."""
+        return [kept.read().at(slice(-1, None)) for name, kept in self._kept.items() if name in names]
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of every estimator so far."""
+        return {name: kept.read() for name, kept in self._kept.items()}
+
+
+class KeptBounds:
+    """The bounds of one estimator so far."""
+
+    def __init__(self) -> None:
+        self._fields: dict[str, Rows] = {}
+        self._count = 0
+
+    def append(self, bounds: Bounds) -> None:
+        """Add bounds at further instants."""
+        for name, x in vars(bounds).items():
+            if x is not None and name not in self._fields:
+                self._fields[name] = Rows()
+                self._fields[name].append(np.zeros((self._count, *x.shape[1:])))  # no jumps before the first
+            if name in self._fields:
+                self._fields[name].append(np.zeros_like(bounds.outputs) if x is None else x)
+        self._count += len(bounds.outputs)
+
+    def read(self) -> Bounds:
+        """Return all of them."""
+        names = (field.name for field in fields(Bounds))
+        return Bounds(*(self._fields[name].read() if name in self._fields else None for name in names))
+
+
+def best_output(bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray) -> np.ndarray:
+    """Return the smallest bound (r,) of the output that has some of the rows, at one instant."""
+    seen = [b.of_rows(part) for b in bounds]
+    return np.min([(b if view is None else view.bounds(b, frame)).outputs[0] for b in seen], axis=0)

@@ -1,0 +1,105 @@
+"""What the reader of a report must know first, found along a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..trajectory.reconstruction import ROUNDING
+
+if TYPE_CHECKING:
+    from .run import Run
+
+GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
+TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
+RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
+FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
+UNCHECKED = (
+    "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
+    "noticed. No bound of this run is certified; add eigenmodes"
+)
+NO_OUTPUTS = (
+    "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
+    "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "
+    "velocity on mesh nodes to a body in a floating frame"
+)
+
+
+def run_messages(run: Run) -> list[str]:
+    """Return the messages of a run, the gravest first."""
+    return [
+        *_first_only(run),
+        *_defect(run),
+        *_no_outputs(run),
+        *run.messages,
+        *_end(run),
+        *_between_samples(run),
+        *_single(run),
+    ]
+
+
+def is_balanced(run: Run) -> bool:
+    """Whether the Galerkin defect could be measured, and is what the solver's tolerance leaves."""
+    return run.offline.scene.checked and run.defect <= _limit(run)
+
+
+def _limit(run: Run) -> float:
+    return GALERKIN_DEFECT + TOLERANCES * (run.newton_tolerance + run.offline.samples_precision)
+
+
+def _first_only(run: Run) -> list[str]:
+    return [] if run.time == "static" or len(run.samples()[0]) > 1 else ["only the first instant was bounded"]
+
+
+def _defect(run: Run) -> list[str]:
+    if not run.offline.scene.checked:
+        return [UNCHECKED]
+    if is_balanced(run):
+        return []
+    return [
+        f"Galerkin defect {run.defect:.1e} of the largest term, in mode {run.worst_mode} (expected below "
+        f"{_limit(run):.1e}): a load on the body is not known here, or depends on more than time, or damping "
+        "differs, or a step was too long to be solved well. No bound of this run is certified: it holds for the "
+        "loads known"
+    ]
+
+
+def _no_outputs(run: Run) -> list[str]:
+    return [] if any(out.decides for out in run.offline.outputs) else [NO_OUTPUTS]
+
+
+def _single(run: Run) -> list[str]:
+    names = run.offline.single
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)} came in fewer than 16 digits: bounds are those of the numbers as they are; what their "
+        "rounding alone may move is report.output(name).round_off"
+    ]
+
+
+def _end(run: Run) -> list[str]:
+    if run.end_time is None or run.last_time >= run.end_time * (1 - 1e-9):
+        return []
+    return [f"the run ends at t = {run.last_time:g} s; the solver was to go to {run.end_time:g} s"]
+
+
+def _between_samples(run: Run) -> list[str]:
+    offline, quintic = run.offline, run.quintic
+    if run.time == "static":
+        return []
+    if offline.scene.pose is not None and offline.signal is None:
+        return [FROM_SAMPLES]
+    if quintic is None:
+        return []
+    if quintic.rounding_share > ROUNDING:
+        share = f"{min(100 * quintic.rounding_share, 100):.0f} %"
+        return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
+    if offline.signal is None and offline.coordinates.p:
+        return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
+    if quintic.largest_miss > RESOLVED:
+        return [
+            f"the inputs change within single steps: up to {quintic.largest_miss:.1e} of their largest value is "
+            "not followed by the reconstruction (estimated, and added to the bounds): give jump times as jumps=, "
+            "or take smaller steps"
+        ]
+    return []
