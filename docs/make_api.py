@@ -78,7 +78,10 @@ def _flush(text: str) -> str:
 def members(cls: type) -> list[str]:
     """Return a line for every public method and property: its first sentence."""
     lines = []
-    for name, member in vars(cls).items():
+    found = {
+        name: member for base in reversed(cls.__mro__) if base is not object for name, member in vars(base).items()
+    }
+    for name, member in found.items():
         if name.startswith("_") or not isinstance(member, property | classmethod | FunctionType):
             continue
         # bound, so that self and cls are gone

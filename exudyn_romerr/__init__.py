@@ -7,7 +7,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ._version import __version__ as __version__
-from .basis.basis import Basis, gramian_basis, krylov_basis, modal_basis
+from .basis.basis import Basis, modal_basis
+from .basis.gramian import gramian_basis
+from .basis.krylov import krylov_basis
 from .errors import AssumptionError, InputError, RomErrError, RunError
 from .mode_selection.mode_choice import ModeChoice
 from .model.admissible_space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
@@ -21,12 +23,13 @@ from .model.outputs import (
     node_velocity,
     relative_displacement,
 )
-from .model.stress_outputs import VonMises, node_strain, node_stress, von_mises
+from .model.stress_outputs import node_strain, node_stress
 from .online.evaluate import Trajectory, evaluate
 from .report.load import load_report
 from .report.plots.overlay import add_bands
 from .report.plots.run_comparison import plot_convergence, plot_run_time
 from .report.report import BoundReport, OutputReport
+from .report.von_mises import VonMises, von_mises
 from .residual.residual import initial_coordinates, initial_error
 
 if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads

@@ -29,7 +29,6 @@ from test_floating_scene import (
 )
 
 from exudyn_romerr import AssumptionError, mean_rotation, node_displacement
-from exudyn_romerr.estimators.mass_norm import Bounds
 from exudyn_romerr.mbs.floating.frame_node import FrameNode
 from exudyn_romerr.model.floating_frame import (
     FrameMotion,
@@ -41,6 +40,7 @@ from exudyn_romerr.model.floating_frame import (
     skew,
 )
 from exudyn_romerr.model.global_axes import View
+from exudyn_romerr.trajectory.bounds import Bounds
 
 ELSEWHERE = np.array([1.0, -2.0, 0.5]), TURNED  # where an undeformed body may be
 NODES, SAMPLES, MODES = 7, 5, 3

@@ -19,7 +19,9 @@ LINES_OF_A_FILE = 250
 ONLY_INSIDE_FUNCTIONS = {"matplotlib", "tqdm"}
 NAME = exudyn_romerr.__name__
 PACKAGE = Path(exudyn_romerr.__file__).parent
-PATHS = {path.relative_to(PACKAGE).with_suffix("").as_posix().replace("/", "."): path for path in PACKAGE.rglob("*.py")}
+PATHS = {
+    path.relative_to(PACKAGE).with_suffix("").as_posix().replace("/", "."): path for path in PACKAGE.rglob("*.py")
+}
 
 
 class Imports(ast.NodeVisitor):
@@ -78,7 +80,7 @@ def test_imports_point_upwards():
 
 
 def circle_through(graph):
-    """One circle of a graph {name: names}, or (); names of which nothing leads on are taken out until none is left."""
+    """One circle of a graph {name: names}, or (): names that lead nowhere are taken out until all lead on."""
     left = {name: set(others) for name, others in graph.items()}
     while ends := {name for name, others in left.items() if not others}:
         left = {name: others - ends for name, others in left.items() if name not in ends}

@@ -18,7 +18,7 @@ from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
 from exudyn_romerr.mbs.access.linearisation import Tangents
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from exudyn_romerr.model import body as body_module
-from exudyn_romerr.offline.prepare import prepare as offline
+from exudyn_romerr.offline import prepare as offline
 from exudyn_romerr.online.run import BLOCK, Run
 from exudyn_romerr.report.load import load_report
 from exudyn_romerr.residual import decay_rates as forgetting
@@ -46,7 +46,8 @@ class Watched:
     @property
     def problem(self):
         """What the last problem has made, by name of the attribute."""
-        return set(vars(self.problems[-1]))
+        problem = self.problems[-1]
+        return {*vars(problem), *vars(problem.dual), *vars(problem.rows)}
 
     def count(self, monkeypatch, owner, name, label=None):
         """Count calls of a function."""

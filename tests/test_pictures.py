@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
 from examples import pictures as example
-from exudyn_romerr.offline.planning import Plan
+from exudyn_romerr.report.data import Plan
 from exudyn_romerr.report.plots.body_surface import draw_body, plot_body, surface_triangles
 from exudyn_romerr.report.plots.over_time import (
     BAR,
@@ -522,7 +522,7 @@ QUIET = """
 import sys, json
 import numpy as np
 import exudyn_romerr as romerr
-from exudyn_romerr import pictures, plot, style, surface
+from exudyn_romerr.report.plots import run_comparison as pictures, over_time as plot, style, body_surface as surface
 before = "matplotlib" in sys.modules
 romerr.plot_convergence([(2, 1.0)], "tip", "mm")
 print(json.dumps([before, "matplotlib" in sys.modules, "matplotlib.pyplot" in sys.modules]))

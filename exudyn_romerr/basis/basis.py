@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
-from ..errors import AssumptionError, InputError, check_array, check_count, check_type
-from ..linalg.eigenmodes import count_below
-from ..linalg.symmetric_factor import SymmetricFactor
+from ..checks import check_array, check_type
+from ..errors import InputError
 from ..model.body import ElasticBody
-from ..model.matrix_input import checked_inputs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    pass
 
 RANK = 1e-10  # columns of unit length closer than this to the others' span carry mostly rounding
 PER_INTERVAL = 16  # quadrature nodes from the middle between two resonances to one of them
 RESONANCES = 60  # at most so many are looked for in a band; higher ones are narrow for the nodes between them
-DEFLATION = 1e-10  # share of a Krylov vector that must be new; less is rounding of what is already spanned
 
 
 class Basis:
@@ -81,169 +75,6 @@ def modal_basis(body: ElasticBody, n: int) -> Basis:
     """
     check_type("body", body, ElasticBody)
     return Basis(body.expand(body.modes(n).shapes), note=f"modal, {n} modes")
-
-
-def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float] = (0.0,)) -> Basis:
-    """Return an M-orthonormal basis that matches moments of the transfer function at real shifts.
-
-    Parameters
-    ----------
-    inputs : ndarray, (N, p)
-        Input matrix B.
-    n : int
-        Columns wanted; fewer come back where the Krylov space ends (the basis' note tells how many deflated).
-    shifts : sequence of float
-        Real expansion points s >= 0 in 1/s, taken in turn; 0 matches the static response.
-
-    Raises
-    ------
-    InputError
-        n or shifts out of range, or nothing left after deflation.
-
-    Notes
-    -----
-    Rayleigh or no damping: the undamped Krylov space of K + sigma M, sigma = (s^2 + alpha s)/(1 + beta s), which
-    matches the damped moments too. General damping: Arnoldi on the companion form, positions kept.
-    """
-    B = _restricted_inputs(body, inputs)
-    check_type("body", body, ElasticBody)
-    n = check_count("n", n, body.free.size, "free coordinates")
-    shifts = check_array("shifts", shifts, (None,)).tolist()
-    if not shifts or min(shifts) < 0:
-        raise InputError(f"shifts={shifts!r}; needed: one or more real numbers >= 0 in 1/s")
-    shares = [n // len(shifts) + (k < n % len(shifts)) for k in range(len(shifts))]
-    chain = _companion_chain if body.rayleigh is None else _undamped_chain
-    columns = [chain(body, B, s, share) for s, share in zip(shifts, shares, strict=True) if share]
-    V = m_orthonormal(body.M, np.hstack(columns))[:, :n]
-    deflated = n - V.shape[1]
-    note = f"Krylov, {V.shape[1]} columns, shifts {tuple(shifts)} 1/s"
-    return Basis(body.expand(V), note=note + (f", {deflated} of {n} deflated" if deflated else ""))
-
-
-def gramian_basis(body: ElasticBody, inputs: Any, n: int, band: tuple[float, float]) -> Basis:
-    """Return the n dominant directions of the frequency-limited position Gramian, M-orthonormal.
-
-    P = (1/pi) int_band Re(X X^H) d omega, X = (K + i omega D - omega^2 M)^-1 B, by Gauss quadrature.
-
-    Parameters
-    ----------
-    inputs : ndarray, (N, p)
-    band : (float, float)
-        (w_lo, w_hi) in rad/s, 0 <= w_lo < w_hi.
-
-    Raises
-    ------
-    InputError
-        band or n out of range; fewer than n directions respond in the band.
-    AssumptionError
-        An undamped body with a resonance inside the band.
-    """
-    check_type("body", body, ElasticBody)
-    n = check_count("n", n, body.free.size, "free coordinates")
-    B = _restricted_inputs(body, inputs)
-    lo, hi = check_array("band", band, (2,))
-    if not 0 <= lo < hi:
-        raise InputError(f"band={tuple(band)!r}; needed: 0 <= w_lo < w_hi in rad/s")
-    snapshots = [np.sqrt(w) * _frequency_response(body, B, f) for f, w in _quadrature(body, float(lo), float(hi), n)]
-    Z = np.hstack([part for X in snapshots for part in (X.real, X.imag)])
-    V = m_orthonormal(body.M, Z)
-    directions, size, _ = np.linalg.svd(V.T @ (body.M @ Z), full_matrices=False)
-    responding = int(np.sum(size > DEFLATION * size[0]))
-    if not 1 <= n <= responding:
-        raise InputError(f"n={n} columns asked; {responding} directions respond in the band {band}: widen it")
-    return Basis(body.expand(V @ directions[:, :n]), note=f"Gramian, {n} columns, band {lo:g}..{hi:g} rad/s")
-
-
-def _quadrature(body: ElasticBody, lo: float, hi: float, n: int) -> list[tuple[float, float]]:
-    """Frequencies and weights: Gauss nodes between resonances, drawn towards these (at least n/2 in all)."""
-    inside = min(count_below(body.M, body.K, hi), RESONANCES)
-    omega = body.modes(inside).omega if inside else np.zeros(0)
-    if body.D is None and np.any(omega >= lo):
-        raise AssumptionError(
-            f"the undamped body is in resonance at {omega[omega >= lo][0]:g} rad/s, inside the band: its Gramian is "
-            "infinite: shift the band, or give the body damping"
-        )
-    edges = np.unique([lo, *omega[omega > lo], hi])
-    x, weights = np.polynomial.legendre.leggauss(max(PER_INTERVAL, n // (2 * len(edges))))
-    angle = np.pi / 4 * (x + 1)
-    # over half an interval, from its middle to the resonance: distance (1 - sin)^2 resolves a peak of any width
-    near, slope = (1 - np.sin(angle)) ** 2, np.pi / 2 * (1 - np.sin(angle)) * np.cos(angle)
-    found = []
-    for a, b in pairwise(edges.tolist()):
-        half = (b - a) / 2
-        found += [
-            (end, half * w)
-            for y, w in zip(near, slope * weights, strict=True)
-            for end in (a + half * y, b - half * y)
-        ]
-    return found
-
-
-def m_orthonormal(M: sp.csc_matrix, columns: np.ndarray) -> np.ndarray:
-    """Return an M-orthonormal basis of the columns' span (Gram-Schmidt twice, deflating what is not new)."""
-    kept: list[np.ndarray] = []
-    for column in columns.T:
-        new = _orthonormalised(M, kept, column)
-        if new is not None:
-            kept.append(new)
-    if not kept:
-        raise InputError("no column is left after deflation: the inputs do not move the free coordinates")
-    return np.column_stack(kept)
-
-
-def _orthonormalised(M, kept: list[np.ndarray], vector: np.ndarray) -> np.ndarray | None:
-    size = np.sqrt(vector @ (M @ vector))
-    if size == 0:
-        return None
-    vector = vector / size
-    if kept:
-        Q = np.column_stack(kept)
-        for _ in range(2):
-            vector = vector - Q @ (Q.T @ (M @ vector))
-    left = np.sqrt(vector @ (M @ vector))
-    return vector / left if left > DEFLATION else None
-
-
-def _undamped_chain(body: ElasticBody, B: np.ndarray, shift: float, n: int) -> np.ndarray:
-    alpha, beta = body.rayleigh
-    sigma = (shift**2 + alpha * shift) / (1 + beta * shift)
-    factor = body.stiffness_factor if sigma == 0 else SymmetricFactor(body.K + sigma * body.M)
-    return _arnoldi(body.M, factor.solve(B), lambda v: factor.solve(body.M @ v), n)
-
-
-def _companion_chain(body: ElasticBody, B: np.ndarray, shift: float, n: int) -> np.ndarray:
-    size = body.free.size
-    solve = splu(sp.csc_matrix(body.K + shift * body.D + shift**2 * body.M)).solve
-    slope = 2 * shift * body.M + body.D
-
-    def step(v):
-        return np.concatenate([-solve(slope @ v[:size] + body.M @ v[size:]), v[:size]])
-
-    start = np.vstack([solve(B), np.zeros_like(B)])
-    return _arnoldi(sp.block_diag([body.M, body.M]), start, step, n)[:size]
-
-
-def _arnoldi(M, start: np.ndarray, step: Callable, n: int) -> np.ndarray:
-    """Return up to n M-orthonormal vectors spanning start, step(start), step(step(start)), ..."""
-    kept: list[np.ndarray] = []
-    queue = list(start.T)
-    while queue and len(kept) < n:
-        new = _orthonormalised(M, kept, queue.pop(0))
-        if new is not None:
-            kept.append(new)
-            queue.append(step(new))
-    if not kept:
-        raise InputError("inputs do not move the free coordinates: every column of B is zero there")
-    return np.column_stack(kept)
-
-
-def _frequency_response(body: ElasticBody, B: np.ndarray, frequency: float) -> np.ndarray:
-    dynamic = body.K - frequency**2 * body.M + (0 if body.D is None else 1j * frequency * body.D)
-    return splu(sp.csc_matrix(dynamic, dtype=complex)).solve(B.astype(complex))
-
-
-def _restricted_inputs(body: ElasticBody, inputs: Any) -> np.ndarray:
-    return body.space.loads(checked_inputs(inputs, body.N))
 
 
 def _check_rank(name: str, matrix: np.ndarray) -> None:

@@ -12,8 +12,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..errors import AssumptionError
-from ..residual.modal_split import without
-from ..residual.packed_residual import orthonormal
+from ..linalg.orthogonalise import orthonormal, without
 
 if TYPE_CHECKING:
     from ..model.body import ElasticBody

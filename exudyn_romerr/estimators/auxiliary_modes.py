@@ -8,8 +8,10 @@ import numpy as np
 
 from ..linalg.blocked_products import row_norms, rows_times
 from ..linalg.modal_oscillators import ModalOscillators
+from ..residual.modal_split import NormsAbove
+from ..trajectory.bounds import Bounds, times
+from ..trajectory.segments import Block, Start
 from .energy import Growth, cut_size, jump_share, output_share, smallest
-from .mass_norm import Block, Bounds, Start, times
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem
@@ -31,19 +33,20 @@ class Auxiliary:
 
     def __init__(self, problem: Problem):
         split = problem.split
-        self.oscillators = ModalOscillators(split.omega, problem.body.damping_ratios(split.omega))
+        self.oscillators = ModalOscillators(split.modes.omega, problem.body.damping_ratios(split.modes.omega))
         self.rates = split.rates
         self.growth = Growth(split.norm_K, self.rates)
         self.norm_static = split.norm_static
         self.start_norms = split.start_norms
         self.forcing = -split.PL[:, : problem.map.coordinates.k]
         self.start_rows = split.PL
-        self.CP, self.C_K, self.C_M = split.CP, split.C_K, split.C_M
-        self.static_rows = split.static_rows
-        self.velocity_rows = problem.velocity_rows
+        above = NormsAbove(problem.rows, split.modes)
+        self.CP, self.C_K, self.C_M = above.C @ split.modes.P, above.C_K, above.C_M
+        self.static_rows = above.static_rows
+        self.velocity_rows = problem.rows.velocity_rows
         self.static_cut = np.where(self.velocity_rows, 0.0, self.C_K)
         self.per_mass = self.rates[0].per_mass if self.rates else 0.0
-        self.mode_residual, self.beta = split.mode_residual, problem.body.rayleigh[1]
+        self.mode_residual, self.beta = split.modes.residual, problem.body.rayleigh[1]
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""

@@ -10,8 +10,9 @@ from ..linalg.blocked_products import row_norms
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import mean_motion, rigid_modes
 from ..residual.decay_rates import body_rates
+from ..trajectory.bounds import Bounds, times
+from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
-from .mass_norm import Added, Block, Bounds, Start, times
 
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
@@ -34,16 +35,16 @@ class MechanismEnergy:
     assumes = "ideal joints, dissipative springs and dampers, the mechanism linearised about its motion"
 
     def __init__(self, problem: Problem, unknown: int = 0):
-        self.start_norms = problem.start_norms
-        self._interfaces = _interface_rows(problem, unknown) if problem.may_start_off else None
-        self.norm, self.norm_static = problem.norm_K, problem.norm_static
-        self.static_rows, self.velocity_rows = problem.static_rows, problem.velocity_rows
-        self.factors = problem.C_K
+        self.start_norms = problem.dual.start_norms
+        self._interfaces = _interface_rows(problem, unknown) if problem.has_initial_error else None
+        self.norm, self.norm_static = problem.dual.norm_K, problem.dual.norm_static
+        self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
+        self.factors = problem.rows.C_K
         if self.velocity_rows.any():
-            seen = _free_velocity_norms(problem.body, problem.C[self.velocity_rows])
-            self.factors = np.where(self.velocity_rows, 0.0, problem.C_K)
+            seen = _free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
+            self.factors = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
             self.factors[self.velocity_rows] = seen
-        self.static_cut = np.where(self.velocity_rows, 0.0, problem.C_K)
+        self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
         self.per_mass = body_rates(problem.body)[0].per_mass
         self.g = 0.0
 
@@ -107,7 +108,7 @@ class CorrectedEnergy(MechanismEnergy):
 
     def __init__(self, problem: Problem, unknown: int = 0):
         super().__init__(problem, unknown)
-        self.value_rows = problem.C @ problem.V
+        self.value_rows = problem.rows.C @ problem.V
         self.root = np.linalg.qr(problem.body.mass_factor.half_multiply(problem.V), mode="r")
         self._largest = np.zeros(len(self.value_rows) + 1)  # of du so far: every output, and its mass norm
 
@@ -154,7 +155,7 @@ def joint_variation(columns: list[np.ndarray]) -> np.ndarray:
 def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
     """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
     wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
-    return np.linalg.qr(wrenches)[0].T @ problem.Y_K[:, : problem.map.coordinates.k]
+    return np.linalg.qr(wrenches)[0].T @ problem.dual.Y_K[:, : problem.dual.k]
 
 
 def _free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..linalg.linear_recurrence import decaying_sum
 from ..residual.decay_rates import Forgetting, body_rates
-from .mass_norm import Block, Bounds, Start, times
+from ..trajectory.bounds import Bounds, times
+from ..trajectory.segments import Block, Start
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem
@@ -30,12 +31,12 @@ class Energy:
 
     def __init__(self, problem: Problem):
         self.rates = body_rates(problem.body)
-        self.growth = Growth(problem.norm_K, self.rates)
-        self.norm_static = problem.norm_static
-        self.start_norms = problem.start_norms
-        self.static_rows = problem.static_rows
-        self.C_K, self.C_M = problem.C_K, problem.C2
-        self.velocity_rows = problem.velocity_rows
+        self.growth = Growth(problem.dual.norm_K, self.rates)
+        self.norm_static = problem.dual.norm_static
+        self.start_norms = problem.dual.start_norms
+        self.static_rows = problem.rows.static_rows
+        self.C_K, self.C_M = problem.rows.C_K, problem.rows.C_M
+        self.velocity_rows = problem.rows.velocity_rows
         self.static_cut = np.where(self.velocity_rows, 0.0, self.C_K)
         self.per_mass = self.rates[0].per_mass
 

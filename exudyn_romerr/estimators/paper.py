@@ -9,7 +9,8 @@ import numpy as np
 from ..linalg import oscillator
 from ..linalg.linear_recurrence import decaying_sum
 from ..residual.lag_table import LagTable
-from .mass_norm import Block, MassNormEstimator
+from ..trajectory.segments import Block
+from .mass_norm import MassNormEstimator
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem

@@ -9,8 +9,9 @@ import numpy as np
 
 from ..linalg.linear_recurrence import decaying_sum
 from ..residual.decay_rates import body_rates
+from ..trajectory.bounds import Bounds
+from ..trajectory.segments import Block, Start
 from .energy import output_share, smallest
-from .mass_norm import Block, Bounds, Start
 
 if TYPE_CHECKING:
     from typing import Any
@@ -38,7 +39,11 @@ class Turning:
         self.estimator = estimator
         self.assumes = estimator.assumes
         self.rates = body_rates(problem.body)
-        self.C_K, self.C_M, self.velocity_rows = problem.C_K, problem.C2, problem.velocity_rows
+        self.C_K, self.C_M, self.velocity_rows = (
+            problem.rows.C_K,
+            problem.rows.C_M,
+            problem.rows.velocity_rows,
+        )
         self.g = [0.0] * len(self.rates)
 
     def __copy__(self) -> Turning:

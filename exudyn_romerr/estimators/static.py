@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .mass_norm import Bounds
+from ..trajectory.bounds import Bounds
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem
@@ -18,8 +18,8 @@ class StaticError:
     assumes = "static equilibrium at every load step (exact, no estimate)"
 
     def __init__(self, problem: Problem):
-        self.norm = problem.norm_static
-        self.rows = problem.static_rows
+        self.norm = problem.dual.norm_static
+        self.rows = problem.rows.static_rows
 
     def __call__(self, z: np.ndarray) -> Bounds:
         """Return the errors at load steps z (S, k)."""

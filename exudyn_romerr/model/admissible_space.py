@@ -9,7 +9,8 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from ..errors import AssumptionError, InputError, check_array, check_nodes
+from ..checks import check_array, check_nodes
+from ..errors import AssumptionError, InputError
 
 RIGID_MODES = 6
 RANK = 1e-10  # of scaled reference rows; below, some rigid motion is not held

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import AssumptionError, InputError, check_count
+from ..checks import check_count
+from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import Modes, lowest_modes
 from ..linalg.symmetric_factor import SymmetricFactor
 from .admissible_space import MassOrthogonal, MeanMotion, Space, rigid_parts
-from .definiteness import check_definite
+from .definiteness import check_damping, check_mass, check_masses, check_stiffness
 from .matrix_input import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, precision
 
 if TYPE_CHECKING:
@@ -96,7 +97,11 @@ class ElasticBody:
             raise InputError("rayleigh and damping were both given; pass one of them (or neither: undamped)")
         self.rayleigh = checked_rayleigh(rayleigh) if damping is None else None
         self.damping = None if damping is None else checked_matrix("damping", damping, self.N, symmetric=False)
-        check_definite(self)
+        check_masses(self.M, self.free)
+        check_mass(self.M, self.mass_factor, self.free)
+        check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
+        if self.damping is not None:
+            check_damping(self.D)
         self._modes: Modes | None = None
 
     @classmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from .floating_frame import FrameRows, skew
 
 if TYPE_CHECKING:
-    from ..estimators.mass_norm import Bounds
     from .floating_frame import FramePose
 
 
@@ -50,19 +49,3 @@ class View:
         carried = np.einsum("sij,kj->ski", turn, self.places) + self.shift[:, None] * shift[:, None]
         own = np.einsum("srk,sk->sr", self.matrices(frame), base)
         return own + carried[:, :, list(self.axes)].reshape(len(frame), -1)
-
-    def bounds(self, base: Bounds, frame: np.ndarray) -> Bounds:
-        """Return the bounds of the output from those of its base rows."""
-        H = self.matrices(frame)
-        jumped = None if base.jumped is None else _spread(H, base.jumped)
-        if base.correction is None:
-            return replace(base, outputs=_spread(H, base.outputs), jumped=jumped)
-        known, left = np.einsum("srk,sk->sr", H, base.correction), _spread(H, base.correction_bound)
-        return replace(base, outputs=np.abs(known) + left, jumped=jumped, correction=known, correction_bound=left)
-
-
-def _spread(H: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """|H| times bounds (S, R); an infinite bound counts only where H sees it."""
-    finite = np.isfinite(bounds)
-    spread = np.einsum("srk,sk->sr", np.abs(H), np.where(finite, bounds, 0.0))
-    return np.where(((H != 0) & ~finite[:, None]).any(axis=2), np.inf, spread)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import AssumptionError, InputError, check_array, check_finite, check_numbers, real_array
+from ..checks import check_array, check_finite, check_numbers, real_array
+from ..errors import AssumptionError, InputError
 from ..linalg.symmetric_factor import SymmetricFactor
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, check_array, check_choice, check_nodes, real_array
+from ..checks import check_array, check_choice, check_nodes, real_array
+from ..errors import InputError
 from .admissible_space import mean_motion
 from .global_axes import View
 

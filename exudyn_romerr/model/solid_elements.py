@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, check_array, check_nodes
+from ..checks import check_array, check_nodes
+from ..errors import InputError
 
 STRAINS = ("xx", "yy", "zz", "yz", "xz", "xy")  # Exudyn's order; shears are engineering shears, 2 eps
 # middle nodes lie between these corners, in the order of Abaqus and Ansys

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..estimators import ESTIMATORS
+from ..report.data import Plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,23 +21,6 @@ ALWAYS_LATER = (
     ("errors of static solves", "made when a static solve begins"),
     ("plots", "made, and matplotlib loaded, when report.plot is called"),
 )
-
-
-@dataclass(frozen=True)
-class Plan:
-    """Readable with print().
-
-    computed : lines; left_out : (what, why) pairs.
-    """
-
-    computed: tuple[str, ...]
-    left_out: tuple[tuple[str, str], ...]
-
-    def __str__(self) -> str:
-        lines = ["computed:", *(f"  {line}" for line in self.computed)]
-        if self.left_out:
-            lines += ["left out:", *(f"  {what}: {why}" for what, why in self.left_out)]
-        return "\n".join(lines)
 
 
 def make_plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, scene: Scene, live: bool) -> Plan:
@@ -75,14 +58,14 @@ def _estimators(problem: Problem, names: tuple[str, ...], scene: Scene) -> Itera
 def _details(problem: Problem, name: str) -> str:
     if name == "auxiliary":
         split = problem.split
-        capped = f"; {split.capped}" if split.capped else ""
-        return f": {split.omega.size} modes up to {split.omega[-1]:.4g} rad/s, none missed{capped}"
+        capped = f"; {split.modes.capped}" if split.modes.capped else ""
+        return f": {split.modes.omega.size} modes up to {split.modes.omega[-1]:.4g} rad/s, none missed{capped}"
     return f": kernel '{problem.kernels}'" if name in ("fast", "convolution") else ""
 
 
 def _extent(problem: Problem, time: str, live: bool) -> Iterator[str]:
     yield from (f"output {out.name!r}: {out.of} in {out.unit}" for out in problem.outputs if out.decides)
-    if problem.may_start_off:
+    if problem.has_initial_error:
         where = "its own static equilibrium" if problem.initial_state is None else "the state given as initial="
         yield f"initial error: the full body starts in {where}"
     if time == "reconstructed":
@@ -98,8 +81,8 @@ def _estimators_not_made(problem: Problem, names, asked: Any, scene: Scene) -> I
     if "kernel" not in vars(problem):
         yield "kernels of Phi12", "no estimator asked for takes them"
     if "split" in vars(problem):
-        if np.isfinite(problem.split.cut):
-            yield f"modes above {problem.split.omega[-1]:.4g} rad/s", "bounded together"
+        if np.isfinite(problem.split.modes.cut):
+            yield f"modes above {problem.split.modes.omega[-1]:.4g} rad/s", "bounded together"
     elif "state-space" not in names and not (problem.kernels == "spectrum" and "kernel" in vars(problem)):
         yield "modes above the first", "no estimator asked for takes them"
 
@@ -120,7 +103,7 @@ def _terms_not_there(problem: Problem, scene: Scene) -> Iterator[tuple[str, str]
     if not problem.terms.coordinates.has_damping:
         merged = any(problem.body.rayleigh)
         yield "damping columns D V", "Rayleigh damping is merged into M V and K V" if merged else "undamped"
-    if not problem.may_start_off:
+    if not problem.has_initial_error:
         yield "initial error, Phi11", "the full body starts in the span of V (initial=None)"
 
 

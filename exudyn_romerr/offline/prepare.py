@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import AssumptionError, InputError, check_array, check_choice
+from ..checks import check_array, check_choice
+from ..errors import AssumptionError, InputError
 from ..estimators import ESTIMATORS
 from ..estimators.coupled_energy import CorrectedEnergy, MechanismEnergy
 from ..estimators.node_bounds import node_bounds
 from ..estimators.rotating_frame import Turning
 from ..estimators.static import StaticError
 from ..model.matrix_input import DOUBLE
+from ..report.data import Plan
 from ..report.scope import COUPLED, Scene
 from ..residual.packed_residual import PackedCoordinates, PackedProblem, Packing
 from ..residual.problem import Problem
 from ..residual.round_off import RoundOff, of_input
 from ..trajectory.input_signal import InputSignal
-from .planning import Plan, make_plan
+from .planning import make_plan
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -138,13 +140,13 @@ def prepare(
         estimators={name: _made(name, problem, scene) for name in names},
         outputs=problem.outputs,
         slices=tuple(problem.slices),
-        velocity_rows=problem.velocity_rows,
-        value_rows=problem.C @ V,
+        velocity_rows=problem.rows.velocity_rows,
+        value_rows=problem.rows.C @ V,
         balance=Balance(problem.terms.coordinates, W.T @ problem.terms.L),
         packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
-        rounding=RoundOff(problem, dict.fromkeys(eps, DOUBLE) | {"outputs": np.full(len(problem.C), DOUBLE)}),
+        rounding=RoundOff(problem, dict.fromkeys(eps, DOUBLE) | {"outputs": np.full(len(problem.rows.C), DOUBLE)}),
         input_rounding=RoundOff(problem, eps) if single else None,
         single=tuple(single),
         samples_precision=samples_precision,
@@ -226,7 +228,7 @@ def _sharpest_norm(problem: Problem, names: tuple[str, ...], scene: Scene, with_
     """The norm of R that the sharpest estimator accumulates."""
     if with_modes:
         return problem.split.norm_K
-    return problem.norm_K if "energy" in names or scene.coupled else problem.norm_M
+    return problem.dual.norm_K if "energy" in names or scene.coupled else problem.dual.norm_M
 
 
 def _checked_jumps(jumps: Sequence[float], signal: InputSignal | None) -> tuple[float, ...]:

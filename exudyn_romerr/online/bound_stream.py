@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import fields
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..estimators.mass_norm import Block, Bounds, Start
-from ..trajectory.growing_array import Rows
+from ..trajectory.bounds import Bounds, KeptBounds, Worst, seen_in
+from ..trajectory.segments import Block, Start
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
     from typing import Any
 
     from ..model.global_axes import View
-
-
-class Worst(NamedTuple):
-    """Where |e|_M has its largest bound: that bound, what bounds the outputs there, how much |e|_M was widened."""
-
-    position: float
-    instant: tuple
-    widened: float
 
 
 class Stream:
@@ -83,30 +74,7 @@ class Stream:
         return {name: kept.read() for name, kept in self._kept.items()}
 
 
-class KeptBounds:
-    """The bounds of one estimator so far."""
-
-    def __init__(self) -> None:
-        self._fields: dict[str, Rows] = {}
-        self._count = 0
-
-    def append(self, bounds: Bounds) -> None:
-        """Add bounds at further instants."""
-        for name, x in vars(bounds).items():
-            if x is not None and name not in self._fields:
-                self._fields[name] = Rows()
-                self._fields[name].append(np.zeros((self._count, *x.shape[1:])))  # no jumps before the first
-            if name in self._fields:
-                self._fields[name].append(np.zeros_like(bounds.outputs) if x is None else x)
-        self._count += len(bounds.outputs)
-
-    def read(self) -> Bounds:
-        """Return all of them."""
-        names = (field.name for field in fields(Bounds))
-        return Bounds(*(self._fields[name].read() if name in self._fields else None for name in names))
-
-
 def best_output(bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray) -> np.ndarray:
     """Return the smallest bound (r,) of the output that has some of the rows, at one instant."""
     seen = [b.of_rows(part) for b in bounds]
-    return np.min([(b if view is None else view.bounds(b, frame)).outputs[0] for b in seen], axis=0)
+    return np.min([(b if view is None else seen_in(view, b, frame)).outputs[0] for b in seen], axis=0)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError, check_array, check_type, real_array
+from ..checks import check_array, check_type, real_array
+from ..errors import InputError
 from ..model.matrix_input import precision
 from ..offline.prepare import prepare
 from .run import BLOCK, Run

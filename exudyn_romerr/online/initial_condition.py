@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..estimators.mass_norm import Start
+from ..trajectory.segments import Start
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

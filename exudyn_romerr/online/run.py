@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, RunError, check_finite
+from ..checks import check_finite
+from ..errors import InputError, RunError
 from ..linalg.blocked_products import row_norms
 from ..model.floating_frame import FrameRows, Turn
-from ..residual.packed_residual import Cut
 from ..trajectory.growing_array import Rows
 from ..trajectory.reconstruction import Linear, Quintic
 from ..trajectory.samples import Samples, make_jumps
+from ..trajectory.segments import Cut
 from .bound_stream import Stream, best_output
 from .galerkin_defect import Defect
 from .initial_condition import IN_THE_SPAN, start_of
@@ -22,10 +23,11 @@ from .summary import assemble
 if TYPE_CHECKING:
     from typing import Any
 
-    from ..estimators.mass_norm import Block, Bounds, Start
     from ..offline.prepare import Offline
     from ..report.report import BoundReport
     from ..residual.round_off import Rounded
+    from ..trajectory.bounds import Bounds
+    from ..trajectory.segments import Block, Start
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
 

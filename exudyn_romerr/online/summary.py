@@ -9,13 +9,14 @@ import numpy as np
 from ..report.provenance import made_here
 from ..report.report import BoundReport, OutputReport
 from ..report.scope import FROZEN, NOT_CERTIFIED
+from ..trajectory.bounds import seen_in
 from .run_messages import is_balanced, run_messages
 
 if TYPE_CHECKING:
-    from ..estimators.mass_norm import Bounds
     from ..model.global_axes import View
     from ..model.outputs import Output
     from ..offline.prepare import Offline
+    from ..trajectory.bounds import Bounds
     from .run import Run
 
 
@@ -66,7 +67,7 @@ def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, di
 def _seen(view: View, rows: tuple, frames: np.ndarray, offline: Offline) -> tuple:
     """Values, round-off and bounds of an output in global axes."""
     values, round_off, streams = rows
-    turned = {name: {e: view.bounds(b, frames) for e, b in bounds.items()} for name, bounds in streams.items()}
+    turned = {name: {e: seen_in(view, b, frames) for e, b in bounds.items()} for name, bounds in streams.items()}
     spread = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
     return view.values(values, frames, offline.scene.pose), spread, turned
 

@@ -8,7 +8,7 @@ import os
 import numpy as np
 
 from ..errors import InputError
-from ..offline.planning import Plan
+from .data import Plan
 from .formats.npz_file import DICTS, FORMAT, OPTIONAL
 from .report import BoundReport, OutputReport
 

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, check_array, check_choice, real_array
-from ..offline.planning import Plan
+from ..checks import check_array, check_choice, real_array
+from ..errors import InputError
 from ..trajectory.samples import SAME_TIMES
+from .data import OutputData, ReportData
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
-from .wording import advice, advises, at_round_off, outside, rounded_up, row_names, row_verdict, under, widest_scope
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from .wording import advice, advises, at_round_off, outside, rounded_up, row_verdict, under, widest_scope
 
 SAMPLED = (
     "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
@@ -25,7 +23,7 @@ SAMPLED = (
 
 
 @dataclass
-class OutputReport:
+class OutputReport(OutputData):
     """One output along a run.
 
     value : (T, r) output of the reduced body. bound[e] : (T, r) bound of its error by estimator e, bound["best"]
@@ -36,20 +34,6 @@ class OutputReport:
     of bound["best"]. error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
     labels : names of the rows, or ().
     """
-
-    name: str
-    unit: str
-    of: str
-    value: np.ndarray
-    round_off: np.ndarray
-    bound: dict[str, np.ndarray]
-    reduction_bound: dict[str, np.ndarray]
-    corrected: np.ndarray | None
-    corrected_bound: np.ndarray | None
-    causes: dict[str, np.ndarray]
-    error: np.ndarray | None = None
-    effectivity: dict[str, np.ndarray] = field(default_factory=dict)
-    labels: tuple[str, ...] = ()
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
         """Return a line for each row: largest value, bound at the worst instant, the estimator that gave it."""
@@ -63,14 +47,9 @@ class OutputReport:
         """Return one line: the cause that dominates the bound at its worst instant, and what to do."""
         return advice(self)
 
-    @property
-    def row_names(self) -> list[str]:
-        """How the rows are called: "tip x", "tip y"; "tip row 1" without labels; "tip" if there is only one."""
-        return row_names(self.name, self.labels, self.value.shape[1])
-
 
 @dataclass(repr=False)
-class BoundReport:
+class BoundReport(ReportData):
     """The bounds of one run.
 
     t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
@@ -81,46 +60,11 @@ class BoundReport:
     run was bounded. origin : the file it was saved to, or read from, last.
     """
 
-    t: np.ndarray
-    position_bound: dict[str, np.ndarray]
-    velocity_bound: dict[str, np.ndarray]
     outputs: dict[str, OutputReport]
-    scope: dict[str, str]
-    scope_reason: str
-    reasons: dict[str, str]
-    plan: Plan
-    messages: list[str]
-    time: str
-    total_mass: float | None
-    nodes: Callable[[], dict] | dict | None = None
-    made: dict[str, str] = field(default_factory=dict)
-    origin: str = ""
-
-    @property
-    def node_bound(self) -> dict[str, np.ndarray]:
-        """Bound of the displacement's error at every mesh node (nodes,), by every estimator, at its worst instant.
-
-        Computed when first asked for, one solve with K for every coordinate; saved if it was asked for before.
-
-        Raises
-        ------
-        InputError
-            A body without node positions, or a loaded report that was saved without.
-        """
-        if callable(self.nodes):
-            self.nodes = self.nodes()
-        if self.nodes is None:
-            raise InputError("node_bound was not saved with this report; ask for it before save() or pickling")
-        return self.nodes
-
-    def __getstate__(self) -> dict:
-        """Leave out what would compute node_bound: it holds the whole run, and cannot be pickled."""
-        return {**self.__dict__, "nodes": None if callable(self.nodes) else self.nodes}
 
     def output(self, name: str) -> OutputReport:
         """Return the output of that name; InputError lists the known ones."""
-        check_choice("output", name, self.outputs)
-        return self.outputs[name]
+        return super().output(name)
 
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""

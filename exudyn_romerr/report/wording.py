@@ -10,9 +10,7 @@ import numpy as np
 from .scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from .report import BoundReport, OutputReport
+    from .data import OutputData, ReportData
 
 CAUSES = {
     "basis": "basis: add modes",
@@ -59,12 +57,12 @@ def instant(time: str, t: float) -> str:
     return f"load factor {t:.4g}" if time == "static" else f"t = {t:.4g} s"
 
 
-def is_uncertified(report: BoundReport) -> bool:
+def is_uncertified(report: ReportData) -> bool:
     """Return whether the balance of the run speaks against all of its bounds."""
     return report.scope_reason.endswith(NOT_CERTIFIED)
 
 
-def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -> str:
+def row_verdict(out: OutputData, row: int, time: str, scope: dict[str, str]) -> str:
     """Return one line of the summary: largest value, bound at the worst instant, the estimator that gave it."""
     best = best_estimator(out, row, scope)
     by = f"by '{best}'{under(scope, best)}"
@@ -76,12 +74,12 @@ def row_verdict(out: OutputReport, row: int, time: str, scope: dict[str, str]) -
     return f"{text} at most {_wrong_by(out, row)}, {by}"
 
 
-def advises(report: BoundReport) -> bool:
+def advises(report: ReportData) -> bool:
     """Return whether the report gives advice: not if no bound is certified, or of a run's first instant only."""
     return not is_uncertified(report) and (report.time == "static" or len(report.t) > 1)
 
 
-def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
+def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
     """Return the verdict on one row of an output as a sentence that can stand alone, with advice or without."""
     todo = advice(out, row) if advised else ""
     text = f"{out.row_names[row]} is up to {_largest(out.value, row):.4g} {out.unit}"
@@ -94,17 +92,17 @@ def sentence(out: OutputReport, row: int, time: str, scope: dict[str, str], advi
     return f"{text}, wrong by at most {_wrong_by(out, row)}{only}{todo and f', {todo}'}."
 
 
-def best_estimator(out: OutputReport, row: int, scope: dict[str, str]) -> str:
+def best_estimator(out: OutputData, row: int, scope: dict[str, str]) -> str:
     """Return the estimator with the smallest bound, of those whose scope covers most."""
     return min(widest(scope), key=lambda e: _largest(out.bound[e], row))
 
 
-def at_round_off(out: OutputReport) -> np.ndarray:
+def at_round_off(out: OutputData) -> np.ndarray:
     """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
     return np.max(out.bound["best"], axis=0, initial=0.0) < 2 * np.max(out.round_off, axis=0, initial=0.0)
 
 
-def advice(out: OutputReport, row: int | None = None) -> str:
+def advice(out: OutputData, row: int | None = None) -> str:
     """Return the cause that dominates the bound at its worst instant, and what to do; of all rows, or of one."""
     rows = slice(None) if row is None else slice(row, row + 1)
     bound, causes = out.bound["best"][:, rows], {cause: x[:, rows] for cause, x in out.causes.items()}
@@ -121,7 +119,7 @@ def advice(out: OutputReport, row: int | None = None) -> str:
     return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}{left}"
 
 
-def outside(out: OutputReport, row: int) -> str:
+def outside(out: OutputData, row: int) -> str:
     """Return in words that the truth compared is farther away than bound and rounding allow; empty if it is not."""
     allowed = out.bound["best"][:, row] + out.round_off[:, row]
     count = np.count_nonzero(np.abs(out.error[:, row]) > allowed)
@@ -129,17 +127,11 @@ def outside(out: OutputReport, row: int) -> str:
     return f"{where}: that truth is not the full model's, or the bound fails" if count else ""
 
 
-def row_names(name: str, labels: Iterable[str], count: int) -> list[str]:
-    """Return the names of an output's rows: its own if it has only one."""
-    labels = labels or [f"row {row + 1}" for row in range(count)]
-    return [name] if count == 1 else [f"{name} {label}" for label in labels]
-
-
 def _largest(x: np.ndarray, row: int) -> float:
     return np.max(np.abs(x[:, row]), initial=0.0)
 
 
-def _where_finite(out: OutputReport, row: int) -> str:
+def _where_finite(out: OutputData, row: int) -> str:
     """What is known where an infinite bound is still finite."""
     bound = out.bound["best"][:, row]
     known = bound[np.isfinite(bound)]
@@ -148,7 +140,7 @@ def _where_finite(out: OutputReport, row: int) -> str:
     return f" at {len(bound) - len(known)} instants; at the others at most {rounded_up(known.max())} {out.unit}"
 
 
-def _wrong_by(out: OutputReport, row: int) -> str:
+def _wrong_by(out: OutputData, row: int) -> str:
     largest, bound = _largest(out.value, row), _largest(out.bound["best"], row)
     share = _percent(bound / largest) if largest > 0 and np.isfinite(bound) else ""
     vain = ", not informative: more than the output itself" if bound > largest > 0 else ""
@@ -160,5 +152,5 @@ def _percent(share: float) -> str:
     return f" ({float(f'{100 * share:.2g}'):g} %)" if share <= 10 else ""
 
 
-def _floor(out: OutputReport, row: int) -> str:
+def _floor(out: OutputData, row: int) -> str:
     return f"{rounded_up(_largest(out.bound['best'], row) + _largest(out.round_off, row), 1)} {out.unit}"

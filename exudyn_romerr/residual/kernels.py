@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import AssumptionError, check_choice
+from ..checks import check_choice
+from ..errors import AssumptionError
 from ..linalg import oscillator
 
 if TYPE_CHECKING:

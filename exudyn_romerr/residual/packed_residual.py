@@ -7,15 +7,16 @@ y = [P^T R / omega, T z], where |R|_{K^-1} is the 2-norm.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import scipy.linalg as la
 
 from ..linalg.blocked_products import row_norms, rows_times
-from .modal_split import Split, without
+from ..linalg.orthogonalise import orthonormal, without
+from .dual_norms import OutputNorms
+from .modal_split import Split
 from .problem import Problem
 
 if TYPE_CHECKING:
@@ -24,22 +25,6 @@ if TYPE_CHECKING:
     from .residual import Coordinates
 
 ONE = 1.0
-RANK = 1e-14  # of the largest scaled column: what is dropped is rounding
-
-
-class Cut(NamedTuple):
-    """What is cut off R in each segment of a block: bounds of its size and variation in the K^-1 norm, (S,)."""
-
-    size: np.ndarray
-    variation: np.ndarray
-
-    @classmethod
-    def between(cls, rows: np.ndarray) -> Cut | None:
-        """Return what lies between consecutive samples of the cut columns' coordinates, scaled, (S + 1, c)."""
-        if not rows.shape[1]:
-            return None
-        size = np.abs(rows).sum(axis=1)
-        return cls(np.maximum(size[:-1], size[1:]), np.abs(np.diff(rows, axis=0)).sum(axis=1))
 
 
 @dataclass(frozen=True)
@@ -102,23 +87,43 @@ class ScaledNorm:
         return row_norms(kept if self.factor is ONE else kept * self.factor)
 
 
+@dataclass(frozen=True)
+class PackedNorms:
+    """Stands for DualNorms: y (k,) are combinations of orthonormal columns Y_K where |.|_{K^-1} is the 2-norm."""
+
+    Y_K: np.ndarray
+    norm_static: ScaledNorm
+    norm_K: ScaledNorm = field(default_factory=ScaledNorm)
+    start_norms: None = None
+
+    @property
+    def k(self) -> int:
+        """Number of entries of y."""
+        return self.Y_K.shape[1]
+
+
 class PackedSplit(Split):
     """The split of a packed problem: the modes' entries of y come first."""
 
     @cached_property
     def PL(self) -> np.ndarray:
         """P^T R = omega y on the modes' entries (m, k)."""
-        return np.eye(len(self.omega), self._problem.map.coordinates.k) * self.omega[:, None]
+        return np.eye(len(self.modes.omega), self._dual.k) * self.modes.omega[:, None]
+
+    @cached_property
+    def start_norms(self) -> None:
+        """None: the run starts in the span of V."""
+        return None
 
     @cached_property
     def norm_K(self) -> Callable:
         """Return y -> |R_rest|_{K^-1}."""
-        return ScaledNorm(ONE, len(self.omega))
+        return ScaledNorm(ONE, len(self.modes.omega))
 
     @cached_property
     def norm_static(self) -> Callable:
         """Return y -> a bound of |K^-1 R_rest|_M."""
-        return ScaledNorm(1 / self.cut, len(self.omega))
+        return ScaledNorm(1 / self.modes.cut, len(self.modes.omega))
 
 
 class PackedProblem(Problem):
@@ -129,9 +134,10 @@ class PackedProblem(Problem):
 
     def __init__(self, *args: Any, cut: slice, with_modes: bool, **options: Any):
         super().__init__(*args, **options)
-        self.terms, plain = self.map, self.map.coordinates
-        modes = self.split.modes_K if with_modes else np.zeros((len(self.V), 0))
-        columns, states = super().Y_K, plain.k - plain.p
+        plain, columns = self.map.coordinates, self.dual.Y_K
+        auxiliary = self._auxiliary_modes() if with_modes else None
+        modes = np.zeros((len(self.V), 0)) if auxiliary is None else auxiliary.Y_K
+        states = plain.k - plain.p
         frame = np.arange(states, plain.k)[cut]
         rest = without(modes, columns)
         basis = orthonormal(np.delete(rest, frame, axis=1))
@@ -139,25 +145,9 @@ class PackedProblem(Problem):
         left = np.linalg.norm(without(basis, rest[:, frame]), axis=0)
         self.packing = Packing(T[:, states:], cut, left)
         self.map = PackedMap(PackedCoordinates(replace(plain, p=0), T[:, :states]))
-        self._Y = np.hstack([modes, basis])
-        omega = np.full(len(T), self.split.cut if with_modes else self.body.modes(1).omega[0])
-        omega[: modes.shape[1]] = self.split.omega if with_modes else []
-        self.norm_K, self.norm_static = ScaledNorm(), ScaledNorm(1 / omega)
-
-    @property
-    def Y_K(self) -> np.ndarray:
-        """Orthonormal columns whose combinations y are R where |.|_{K^-1} is the 2-norm."""
-        return self._Y
-
-    @cached_property
-    def split(self) -> PackedSplit:
-        """Auxiliary modes and what is left above them."""
-        return PackedSplit(self, self.auxiliary_modes)
-
-
-def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Return a basis of the range; columns scaled first, those that rounding alone tells apart dropped."""
-    length = np.linalg.norm(columns, axis=0)
-    Q, triangle, _ = la.qr(columns / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(triangle))
-    return Q[:, diagonal > RANK * diagonal[0]]
+        omega = np.full(len(T), self.body.modes(1).omega[0] if auxiliary is None else auxiliary.cut)
+        omega[: modes.shape[1]] = [] if auxiliary is None else auxiliary.omega
+        self.dual = PackedNorms(np.hstack([modes, basis]), ScaledNorm(1 / omega))
+        self.rows = OutputNorms(self.body, self.rows.C, self.rows.velocity_rows, self.dual)
+        if auxiliary is not None:
+            self.split = PackedSplit(auxiliary, self.dual)

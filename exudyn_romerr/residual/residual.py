@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import check_array, check_choice
+from ..checks import check_array, check_choice
 from ..linalg.blocked_products import row_norms, rows_times
 
 if TYPE_CHECKING:

@@ -43,7 +43,7 @@ class RoundOff:
     """
 
     def __init__(self, problem: Problem, eps: dict[str, Any]):
-        self.velocity_rows, self.per_mass = problem.velocity_rows, 1 / problem.body.modes(1).omega[0]
+        self.velocity_rows, self.per_mass = problem.rows.velocity_rows, 1 / problem.body.modes(1).omega[0]
         self.eps_K, self.eps_M, self.eps_D, self.eps_B = (
             eps[name] for name in ("stiffness", "mass", "damping", "inputs")
         )
@@ -53,8 +53,8 @@ class RoundOff:
         self.of_M = np.linalg.norm(norm(abs(body.M) @ V), axis=0) if self.eps_M > DOUBLE else None
         self.of_D = np.linalg.norm(norm(abs(body.D) @ V), axis=0) if self.eps_D > DOUBLE else None
         self.of_B = np.linalg.norm(norm(B), axis=0) if self.eps_B > DOUBLE else None
-        self.constants = np.where(problem.velocity_rows, problem.C2, problem.C_K)
-        self.value_rows = (eps["samples"] + eps["outputs"])[:, None] * np.abs(problem.C @ problem.V)
+        self.constants = np.where(problem.rows.velocity_rows, problem.rows.C_M, problem.rows.C_K)
+        self.value_rows = (eps["samples"] + eps["outputs"])[:, None] * np.abs(problem.rows.C @ problem.V)
 
     def __call__(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> Rounded:
         """Return it at samples q, q_t, q_tt (S, n), u (S, p)."""

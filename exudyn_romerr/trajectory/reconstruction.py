@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..estimators.mass_norm import Block
 from ..linalg.bezier import AT_CHECKS, CHECKS, FROM_NODES, NODES, hermite_controls, subdivided
 from ..linalg.blocked_products import row_norms, rows_times
 from .samples import by_steps, piece_ends, without_empty
+from .segments import Block
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

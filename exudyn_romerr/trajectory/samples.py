@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..estimators.mass_norm import Block
+from .segments import Block
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError, check_numbers
+from ...checks import check_numbers
+from ...errors import InputError
 from ...model.admissible_space import mean_motion, rigid_modes
 
 

@@ -7,8 +7,7 @@ each time, and states, accelerations and time have to be restored after it).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError
-from ..floating.scope_decision import coordinates_kept, loads_by_motion, loads_with_functions
+from .state_guard import coordinates_kept, loads_by_motion, loads_with_functions, states_kept
 
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing changes
@@ -28,7 +27,6 @@ PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are 
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
 KEPT = 3  # readings of the block before: a spline through them goes on smoothly
 TINY = np.finfo(float).tiny
-CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
 
 
 FAILED = "the mechanism's tangent could not be computed"
@@ -65,7 +63,7 @@ class Tangents:
         settings.solution.file.write = settings.solution.sensors.active = False
         settings.staticSolver.verboseMode = 0
         self._solver = exu.MainSolverStatic()
-        with _states_kept(mbs.systemData):
+        with states_kept(mbs.systemData):
             if not self._solver.InitializeSolver(mbs, settings):
                 raise AssumptionError(f"the mechanism has no tangent: {self._solver.GetErrorString()}")
         self.size = self._solver.GetODE2size()
@@ -206,19 +204,3 @@ def _independent(G: np.ndarray, active: np.ndarray) -> np.ndarray:
     _, triangle, order = la.qr(G[rows].T, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
     return np.sort(rows[order[: int(np.sum(size > RANK * size[0]))]])
-
-
-@contextmanager
-def _states_kept(system: Any) -> Iterator[None]:
-    """Put back what the initialisation of a solver changes: states, accelerations and times."""
-    kept = [
-        (system.GetSystemState(where), system.GetODE2Coordinates_tt(where), system.GetTime(where), where)
-        for where in CONFIGURATIONS
-    ]
-    try:
-        yield
-    finally:
-        for state, q_tt, t, where in kept:
-            system.SetSystemState(state, where)
-            system.SetODE2Coordinates_tt(q_tt, where)
-            system.SetTime(t, where)

@@ -9,7 +9,8 @@ import numpy as np
 from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 
 from ...basis.basis import Basis
-from ...errors import InputError, check_array, check_type
+from ...checks import check_array, check_type
+from ...errors import InputError
 from ...model.body import ElasticBody
 from ...model.matrix_input import checked_inputs
 from ...residual.residual import initial_coordinates

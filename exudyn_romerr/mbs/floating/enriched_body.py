@@ -9,7 +9,8 @@ import numpy as np
 
 from ...basis.basis import Basis
 from ...basis.enrichment import Enrichment
-from ...errors import AssumptionError, check_count
+from ...checks import check_count
+from ...errors import AssumptionError
 from ...model.floating_frame import skew, unit_inertia
 from ...offline.prepare import prepare
 from ...residual.residual import ResidualMap

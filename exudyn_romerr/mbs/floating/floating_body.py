@@ -10,7 +10,8 @@ import exudyn as exu
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import AssumptionError, InputError, check_array, check_choice
+from ...checks import check_array, check_choice
+from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MassOrthogonal, MeanMotion
 from ...model.floating_frame import require_isotropic_mass
 from .frame_node import FrameNode

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from ...errors import AssumptionError
 from ...report.scope import COMPLETE, COUPLED, FROZEN
+from ..access.state_guard import loads_by_motion, loads_with_functions
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -32,8 +32,6 @@ SWITCHING = (
 )
 SWITCHES = ("useLimitStops", "dynamicFrictionForce", "staticFrictionOffsetForce")  # parameters
 PASSIVE = ("stiffness", "damping")  # parameters that take energy away or keep it, if not negative
-LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
-MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
@@ -164,36 +162,6 @@ def _controlled(mbs: Any) -> Iterator[str]:
     controllers = loads_by_motion(mbs, loads_with_functions(mbs))
     if controllers:
         yield f"{', '.join(controllers)} depend on the motion: a controller may do work on the error"
-
-
-def loads_with_functions(mbs: Any) -> list[int]:
-    """Return the numbers of loads that have a user function."""
-    return [i for i in range(mbs.systemData.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
-
-
-def loads_by_motion(mbs: Any, numbers: list[int]) -> list[str]:
-    """Names of those loads that are something else in another state at the same time."""
-    if not numbers:
-        return []
-    system = mbs.systemData
-    values = [np.asarray(mbs.GetLoadValues(i)) for i in numbers]
-    with coordinates_kept(system) as (q, q_t):
-        system.SetODE2Coordinates(q + MOVED * (1 + np.sin(np.arange(len(q)))))
-        system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
-        moved = [np.asarray(mbs.GetLoadValues(i)) for i in numbers]
-    changed = [not np.array_equal(*pair, equal_nan=True) for pair in zip(values, moved, strict=True)]
-    return [f"load {i} ({mbs.GetLoad(i)['name']})" for i, has in zip(numbers, changed, strict=True) if has]
-
-
-@contextmanager
-def coordinates_kept(system: Any) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Give q and q_t of the current state, and set them back."""
-    q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
-    try:
-        yield q, q_t
-    finally:
-        system.SetODE2Coordinates(q)
-        system.SetODE2Coordinates_t(q_t)
 
 
 def _asked(options: dict[str, Any]) -> list[str]:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ...estimators.mass_norm import Added
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.mechanism_feedback import Feedback, Tangent
 from ...online.run import Run
+from ...trajectory.segments import Added
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

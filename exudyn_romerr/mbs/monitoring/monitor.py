@@ -5,7 +5,8 @@ from __future__ import annotations
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
-from ...errors import InputError, RunError, check_choice
+from ...checks import check_choice
+from ...errors import InputError, RunError
 from ..floating.scope_decision import ASKABLE
 from .body_monitor import Watch
 from .live_output import sensor_of

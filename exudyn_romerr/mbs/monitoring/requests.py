@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
-from ...errors import InputError, check_choice
+from ...checks import check_choice
+from ...errors import InputError
 from ...offline.prepare import TIMES, checked_names
 from ...residual.kernels import KERNELS
 from ...residual.problem import checked_outputs

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, check_count
+from ...checks import check_count
+from ...errors import InputError
 from ...mode_selection.modal_forecast import TINY, Ladder, fewest_modes, forecasts
 from ...mode_selection.mode_choice import SECOND_ORDER, STEP, ModeChoice, TriedRun, outputs_of, smallest_basis
 from ...progress import progress

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from exudyn.processing import ParameterVariation
 
-from ...errors import InputError, RunError, check_choice
+from ...checks import check_choice
+from ...errors import InputError, RunError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, check_count
+from ...checks import check_count
+from ...errors import InputError
 from ...mode_selection.mode_choice import outputs_of
 from ...report.wording import rounded_up
 from .scene_run import build_trial, same_times

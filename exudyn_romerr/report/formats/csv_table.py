@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from ..report import BoundReport, OutputReport
+    from ..data import OutputData, ReportData
 
 
-def columns(report: BoundReport) -> dict[str, np.ndarray]:
+def columns(report: ReportData) -> dict[str, np.ndarray]:
     """Return everything over time, so that pandas.DataFrame(columns(report)) is a table.
 
     Parameters
@@ -45,7 +45,7 @@ def columns(report: BoundReport) -> dict[str, np.ndarray]:
     return found
 
 
-def write_csv(report: BoundReport, path: str | os.PathLike) -> None:
+def write_csv(report: ReportData, path: str | os.PathLike) -> None:
     """Write columns(report) as CSV (RFC 4180, a header, decimal points, all digits; inf for no finite bound).
 
     UTF-8; with a byte order mark if a name has other letters than English ones, for Excel would misread them.
@@ -58,7 +58,7 @@ def write_csv(report: BoundReport, path: str | os.PathLike) -> None:
     write_whole(path, lambda stream: _write(report, stream))
 
 
-def _named(report: BoundReport) -> Iterator[tuple[str, np.ndarray]]:
+def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
     yield "load factor" if report.time == "static" else "t [s]", report.t
     for out in report.outputs.values():
         for row, name in enumerate(out.row_names):
@@ -68,7 +68,7 @@ def _named(report: BoundReport) -> Iterator[tuple[str, np.ndarray]]:
         yield from ((f"{kind} bound {e}", x) for e, x in bounds.items())
 
 
-def _series(out: OutputReport) -> Iterator[tuple[str, np.ndarray]]:
+def _series(out: OutputData) -> Iterator[tuple[str, np.ndarray]]:
     yield "", out.value
     yield "bound", out.bound["best"]
     yield from ((f"bound {e}", x) for e, x in out.bound.items() if e != "best")
@@ -84,7 +84,7 @@ def _another(name: str, found: dict) -> str:
     return next(other for i in count(2) if (other := f"{name} ({i})") not in found)
 
 
-def _write(report: BoundReport, stream: BinaryIO) -> None:
+def _write(report: ReportData, stream: BinaryIO) -> None:
     table = columns(report)
     encoding = "utf-8" if all(map(str.isascii, table)) else "utf-8-sig"
     text = io.TextIOWrapper(stream, encoding=encoding, newline="")

@@ -21,7 +21,7 @@ from .html_elements import CSS, items, numbers, paragraph, section, table, words
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..report import BoundReport, OutputReport
+    from ..data import OutputData, ReportData
 
 MEANINGS = {
     COMPLETE: "loads and supports do not depend on how the body deforms: the bound is that of the full body",
@@ -38,7 +38,7 @@ NEVER = "Never covered: the finite-element model itself, its mesh, material and 
 MANY = 3000  # samples: as vectors, curves of more would make the page large and slow
 
 
-def write_page(report: BoundReport, path: str | os.PathLike) -> None:
+def write_page(report: ReportData, path: str | os.PathLike) -> None:
     """Write the page of a report.
 
     Parameters
@@ -56,7 +56,7 @@ def write_page(report: BoundReport, path: str | os.PathLike) -> None:
     write_whole(path, lambda stream: stream.write(text))
 
 
-def page(report: BoundReport) -> str:
+def page(report: ReportData) -> str:
     """Return the page as text: verdicts, messages, scope, figures, tables, plan, versions, how to make it again."""
     title = f"Error bounds of {os.path.basename(report.origin) or 'a run'}"
     safe = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -80,18 +80,18 @@ def page(report: BoundReport) -> str:
     return "\n".join(parts)
 
 
-def _extent(report: BoundReport) -> str:
+def _extent(report: ReportData) -> str:
     axis, unit = ("load factor", "") if report.time == "static" else ("t", " s")
     made = f", computed {report.made['date']} by {report.made['script']}" if report.made else ""
     return f"{len(report.t)} instants, {axis} = {report.t[0]:g} ... {report.t[-1]:g}{unit}{made}"
 
 
-def _rows(report: BoundReport) -> Iterator[tuple[OutputReport, int, str]]:
+def _rows(report: ReportData) -> Iterator[tuple[OutputData, int, str]]:
     for out in report.outputs.values():
         yield from ((out, row, name) for row, name in enumerate(out.row_names))
 
 
-def _verdicts(report: BoundReport) -> Iterator[str]:
+def _verdicts(report: ReportData) -> Iterator[str]:
     if not report.outputs:
         yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
     for out, row, name in _rows(report):
@@ -100,7 +100,7 @@ def _verdicts(report: BoundReport) -> Iterator[str]:
         yield f'<div class="verdict">\n<p><b>{escape(name)}</b>{words(said)}</p>\n{notes}</div>'
 
 
-def _notes(report: BoundReport, out: OutputReport, row: int) -> Iterator[str]:
+def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
     best = best_estimator(out, row, report.scope)
     certain = f", {NOT_CERTIFIED}: see the messages" if is_uncertified(report) else ""
     yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
@@ -116,7 +116,7 @@ def _notes(report: BoundReport, out: OutputReport, row: int) -> Iterator[str]:
             yield f"{words_of}."
 
 
-def _scope(report: BoundReport) -> Iterator[str]:
+def _scope(report: ReportData) -> Iterator[str]:
     rows = [(f"'{e}'", scope, MEANINGS[scope], report.reasons[e]) for e, scope in report.scope.items()]
     yield table("", ("estimator", "scope", "which means", "assumptions"), rows)
     if report.scope_reason:
@@ -124,7 +124,7 @@ def _scope(report: BoundReport) -> Iterator[str]:
     yield paragraph(f"{TIMES[report.time]} {NEVER}")
 
 
-def _figures(report: BoundReport) -> Iterator[str]:
+def _figures(report: ReportData) -> Iterator[str]:
     for out, row, name in _rows(report):
         text = f"{name}: signal with its error bound; bounds over time; where the bound comes from"
         source = _picture(report, out.name, row)
@@ -132,7 +132,7 @@ def _figures(report: BoundReport) -> Iterator[str]:
 
 
 @of_one_size
-def _picture(report: BoundReport, name: str, row: int) -> str:
+def _picture(report: ReportData, name: str, row: int) -> str:
     """Three pairs of axes as a data address."""
     figure = new_figure(1.25 * SIZE[0], 3 * SIZE[1])
     axes = figure.subplots(3, 1, sharex=True)
@@ -145,7 +145,7 @@ def _picture(report: BoundReport, name: str, row: int) -> str:
     return f"data:image/{mime};base64,{base64.b64encode(stream.getvalue()).decode()}"
 
 
-def _tables(report: BoundReport) -> Iterator[str]:
+def _tables(report: ReportData) -> Iterator[str]:
     estimators = list(report.scope)
     if report.outputs:
         head = ("output", "largest value", *(f"bound '{e}'" for e in estimators), "corrected within", "round-off")
@@ -164,7 +164,7 @@ def _tables(report: BoundReport) -> Iterator[str]:
     yield numbers(f"The whole body, {what}, in the units of the model", head, rows)
 
 
-def _output_row(report: BoundReport, out: OutputReport, row: int, name: str, estimators: list[str]) -> list[str]:
+def _output_row(report: ReportData, out: OutputData, row: int, name: str, estimators: list[str]) -> list[str]:
     bounds = []
     for e in estimators:
         truth = f"\n/ true error: {out.effectivity[e][row]:.3g}" if out.effectivity else ""
@@ -174,26 +174,26 @@ def _output_row(report: BoundReport, out: OutputReport, row: int, name: str, est
     return [name, values, *bounds, corrected, floor]
 
 
-def _largest(report: BoundReport, bound: np.ndarray, unit: str = "") -> str:
+def _largest(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
     when = instant(report.time, report.t[np.argmax(bound)])
     if not np.isfinite(np.max(bound)):
         return f"infinite\nfrom {when}"
     return f"{rounded_up(np.max(bound))} {unit}".strip() + f"\nat {when}"
 
 
-def _plan(report: BoundReport) -> Iterator[str]:
+def _plan(report: ReportData) -> Iterator[str]:
     yield items(report.plan.computed)
     if report.plan.left_out:
         yield table("Left out, and why", ("what", "why"), report.plan.left_out)
 
 
-def _versions(report: BoundReport) -> str:
+def _versions(report: ReportData) -> str:
     run, here = report.made, made_here()
     rows = [(name, run.get(name, "not recorded"), here.get(name, "not loaded")) for name in {**run, **here}]
     return table("", ("", "bounds", "this page"), rows)
 
 
-def _again(report: BoundReport) -> Iterator[Any]:
+def _again(report: ReportData) -> Iterator[Any]:
     if not report.origin:
         yield paragraph('This report was not saved: report.save("run.npz") keeps its numbers.')
         return

@@ -12,20 +12,20 @@ from .atomic_write import write_whole
 if TYPE_CHECKING:
     import os
 
-    from ..report import BoundReport
+    from ..data import ReportData
 
 DICTS = ("bound", "reduction_bound", "causes", "effectivity")  # fields of an output that are dicts of arrays
 OPTIONAL = ("corrected", "corrected_bound", "error")  # fields that may be None
 FORMAT = 2  # of the saved file; a file of another format is refused
 
 
-def write_npz(report: BoundReport, path: str | os.PathLike) -> None:
+def write_npz(report: ReportData, path: str | os.PathLike) -> None:
     """Write everything to one .npz file; InputError if it cannot be written."""
     arrays, meta = _arrays(report), np.array(json.dumps(_meta(report)))
     write_whole(path, lambda stream: np.savez_compressed(stream, meta=meta, **arrays))
 
 
-def _arrays(report: BoundReport) -> dict[str, np.ndarray]:
+def _arrays(report: ReportData) -> dict[str, np.ndarray]:
     arrays = {"t": report.t}
     arrays.update({f"position/{e}": x for e, x in report.position_bound.items()})
     arrays.update({f"velocity/{e}": x for e, x in report.velocity_bound.items()})
@@ -41,7 +41,7 @@ def _arrays(report: BoundReport) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _meta(report: BoundReport) -> dict:
+def _meta(report: ReportData) -> dict:
     return {
         "format": FORMAT,
         "outputs": [(out.name, out.unit, out.of) for out in report.outputs.values()],

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, check_array, check_choice, check_nodes
+from ...checks import check_array, check_choice, check_nodes
+from ...errors import InputError
 from ..wording import error_kind, instant, rounded_up, under, widest
 from .style import COLOURS, THIN, WIDE, picture
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Callable
 
-    from ..report import BoundReport
+    from ..data import ReportData
 
 SHOWN = 0.05  # of the body's size: how large the largest displacement is drawn
 TICKS = 5  # along the longest edge
@@ -28,14 +29,14 @@ FINE = 20_000  # faces: of more one would see their edges only
 MAP = "viridis"  # even in lightness: as good in grey print and for the colour-blind
 
 
-def plot_body(report: BoundReport, mesh: Any, path: str | os.PathLike | None = None, **options: Any) -> Any:
+def plot_body(report: ReportData, mesh: Any, path: str | os.PathLike | None = None, **options: Any) -> Any:
     """Draw draw_body's picture with its options; save it to path if given, return the figure."""
     return picture(draw_body, path, report, mesh, projection="3d", **options)
 
 
 def draw_body(
     ax: Any,
-    report: BoundReport,
+    report: ReportData,
     mesh: Any,
     displacement: Callable[[int], Any] | None = None,
     estimator: str | None = None,
@@ -85,7 +86,7 @@ def draw_body(
     ax.set_title(_title(report, bound, at, scale, unit))
 
 
-def _sharpest(report: BoundReport) -> str:
+def _sharpest(report: ReportData) -> str:
     known = (e for e in widest(report.scope) if e in report.node_bound)
     return min(known, key=lambda e: np.max(report.node_bound[e]))
 
@@ -177,7 +178,7 @@ def _frame(ax: Any, places: np.ndarray, unit: str) -> None:
     ax.set_box_aspect(half, zoom=ZOOM)
 
 
-def _title(report: BoundReport, bound: np.ndarray, at: int, scale: float | None, unit: str) -> str:
+def _title(report: ReportData, bound: np.ndarray, at: int, scale: float | None, unit: str) -> str:
     when = instant(report.time, report.t[at])
     worst = int(np.argmax(bound))
     drawn = "not deformed" if scale is None else f"displacements × {scale:g}"

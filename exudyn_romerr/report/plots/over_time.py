@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import InputError, check_count
-from ..wording import error_kind, rounded_up, under
+from ...checks import check_count
+from ...errors import InputError
+from ..wording import at_round_off, error_kind, rounded_up, under
 from .style import (
     CAUSES,
     COLOURS,
@@ -29,7 +30,7 @@ from .style import (
 if TYPE_CHECKING:
     import os
 
-    from ..report import BoundReport, OutputReport
+    from ..data import OutputData, ReportData
 
 COLUMNS = 2  # of outputs side by side: what fits a page
 MANY = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
@@ -37,7 +38,7 @@ BAR = 12  # points: how wide a band is at a single instant
 
 
 @of_one_size
-def plot_report(report: BoundReport, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+def plot_report(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw for every output row: the signal with its band on top, bound and true error (semilog) below.
 
     Returns
@@ -71,7 +72,7 @@ def plot_report(report: BoundReport, path: str | os.PathLike | None = None, outp
 
 
 @of_one_size
-def plot_causes(report: BoundReport, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw draw_causes' picture of every output row, one below the other; otherwise as plot_report."""
     rows = _rows(report, outputs)
     figure = new_figure(height=SIZE[1] * len(rows))
@@ -82,7 +83,7 @@ def plot_causes(report: BoundReport, path: str | os.PathLike | None = None, outp
     return figure
 
 
-def draw_signal(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
+def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     """Draw one row of an output with its band, value ± bound, and the corrected output with its own if there is one.
 
     Parameters
@@ -116,7 +117,7 @@ def draw_signal(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     finish(ax)
 
 
-def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
+def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     """Draw the bounds of one row of an output by all estimators, and |true error| if one was compared, semilog.
 
     Parameters and errors as in draw_signal.
@@ -129,7 +130,7 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     if out.error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, np.abs(out.error[:, row]), label="|true error|", **style)
-    if out.at_round_off()[row]:
+    if at_round_off(out)[row]:
         label = "rounding of the input: nothing below is known"
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
@@ -139,7 +140,7 @@ def draw_bounds(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     finish(ax)
 
 
-def draw_causes(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
+def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     """Draw what the best bound of one row of an output comes from, in % of it, stacked over time.
 
     The legend has the shares at the worst instant, of causes that are not zero throughout. Where the bound is zero or
@@ -171,7 +172,7 @@ def draw_causes(ax: Any, report: BoundReport, name: str, row: int = 0) -> None:
     finish(ax)
 
 
-def _rows(report: BoundReport, outputs: list[str] | None) -> list[tuple[str, int]]:
+def _rows(report: ReportData, outputs: list[str] | None) -> list[tuple[str, int]]:
     """All rows of the outputs asked for."""
     names = [outputs] if isinstance(outputs, str) else outputs or list(report.outputs)
     rows = [(name, i) for name in names for i in range(report.output(name).value.shape[1])]
@@ -180,7 +181,7 @@ def _rows(report: BoundReport, outputs: list[str] | None) -> list[tuple[str, int
     return rows
 
 
-def _row_of(report: BoundReport, name: str, row: int) -> OutputReport:
+def _row_of(report: ReportData, name: str, row: int) -> OutputData:
     out = report.output(name)
     check_count(f"row of output {name!r}", row, out.value.shape[1] - 1, "its rows, from 0", least=0)
     return out
@@ -215,7 +216,7 @@ def _dots(t: np.ndarray) -> str | None:
     return "o" if len(t) == 1 else None
 
 
-def _time(report: BoundReport) -> str:
+def _time(report: ReportData) -> str:
     return "load factor" if report.time == "static" else "t / s"
 
 
@@ -225,7 +226,7 @@ def _percent(share: float) -> str:
     return "> 99 %" if 99.5 <= share < 100 else f"{share:.0f} %"
 
 
-def _worst(report: BoundReport, out: OutputReport, row: int, at: int) -> str:
+def _worst(report: ReportData, out: OutputData, row: int, at: int) -> str:
     axis = "load factor" if report.time == "static" else "t"
     unit = "" if report.time == "static" else " s"
     return f"worst instant, {axis} = {report.t[at]:.4g}{unit}: {rounded_up(out.bound['best'][at, row])} {out.unit}"
