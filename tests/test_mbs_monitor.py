@@ -76,7 +76,7 @@ def test_initial_state_of_the_body_is_the_monitors_unless_another_is_given(monke
         given.append(initial)
         raise InputError("seen")
 
-    monkeypatch.setattr("exudyn_romerr.mbs.monitoring.linear_adapter.prepare", prepare)
+    monkeypatch.setattr("exudyn_romerr.mbs.access.linear_adapter.prepare", prepare)
     state, other = (np.ones(N), np.zeros(N)), (np.zeros(N), np.ones(N))
     for initial in (None, other):
         with pytest.raises(InputError, match="seen"):

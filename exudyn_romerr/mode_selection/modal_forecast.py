@@ -89,10 +89,11 @@ def forecasts(
     report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, modes: Sequence[int]
 ) -> dict[str, Forecast]:
     """Return output -> Forecast from a run with onlookers."""
-    found = {name: out.corrected for name, out in onlooker_reports(run).items()}
+    record = run.record()
+    found = {name: out.corrected for name, out in onlooker_reports(record).items()}
     if found[CONTENT] is None:
         raise InputError("build attaches without estimator 'auxiliary', which alone tells what modes are missing")
-    frames, modes_y = run.samples()[3], body.space.coordinates("modes", ladder.modes[:, ladder.always :])
+    frames, modes_y = record.frames, body.space.coordinates("modes", ladder.modes[:, ladder.always :])
     forecast = {}
     for asked, view in zip(run.offline.outputs, run.offline.views, strict=True):
         if (out := report.outputs.get(asked.name)) is None:

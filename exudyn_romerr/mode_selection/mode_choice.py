@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..report.report import SAMPLED
 from ..report.wording import rounded_up
+from .modal_forecast import TINY, fewest_modes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -190,3 +191,25 @@ def outputs_of(reports: Iterable[BoundReport]) -> dict[str, OutputReport]:
                 )
             found[name] = out
     return found
+
+
+def slack_between(runs: Sequence[TriedRun], n: int) -> dict[str, float]:
+    """Slack of every output with n modes, between those of the runs on a straight line in the logarithm."""
+    known = sorted(runs, key=lambda run: run.n)
+    sizes = {name: [np.log(run.forecast[name].largest_slack + TINY) for run in known] for name in runs[0].tolerance}
+    return {name: float(np.exp(np.interp(n, [run.n for run in known], size))) for name, size in sizes.items()}
+
+
+def stricter_tolerances(latest: TriedRun, runs: Sequence[TriedRun]) -> dict[str, float]:
+    """Tolerances for forecasts of a run, less by what they were too low by for runs that failed."""
+    tolerance = dict(latest.tolerance)
+    for run in runs:
+        for name, x in latest.expected(run.modes).items() if not run.met else ():
+            tolerance[name] = min(tolerance[name], latest.tolerance[name] * x / max(run.bound[name], TINY))
+    return tolerance
+
+
+def fewest_without_slack(run: TriedRun) -> tuple[int, ...] | None:
+    """Fewest modes forecast to be enough, whichever they are, if auxiliary vectors left nothing."""
+    bare = {name: replace(forecast, slack=0 * forecast.slack) for name, forecast in run.forecast.items()}
+    return fewest_modes(bare, run.tolerance)

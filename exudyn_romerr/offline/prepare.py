@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,76 +14,26 @@ from ..estimators.node_bounds import node_bounds
 from ..estimators.rotating_frame import Turning
 from ..estimators.static import StaticError
 from ..model.matrix_input import DOUBLE
-from ..report.data import Plan
 from ..report.scope import COUPLED, Scene
-from ..residual.packed_residual import PackedCoordinates, PackedProblem, Packing
+from ..residual.packed_residual import PackedProblem
 from ..residual.problem import Problem
 from ..residual.round_off import RoundOff, of_input
 from ..trajectory.input_signal import InputSignal
 from .planning import make_plan
+from .prepared import Balance, Offline
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ..basis.basis import Basis
     from ..model.body import ElasticBody
-    from ..model.global_axes import View
     from ..model.outputs import Output
-    from ..residual.residual import Coordinates
 
 TIMES = ("reconstructed", "sampled")
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
 
 ALONE = Scene()  # of a body without a frame
-
-
-class Balance(NamedTuple):
-    """Galerkin's balance W^T R = rows z (n, k) of all terms, for checks and for wrenches that follow from it."""
-
-    coordinates: Coordinates
-    rows: np.ndarray
-
-
-@dataclass(frozen=True)
-class Offline:
-    """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
-
-    estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
-    frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
-    jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z) that knots of the reconstruction are
-    chosen by. rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single:
-    names of what has fewer. initial: None, "equilibrium" or "state". nodes: bounds at every node, on demand. static,
-    from_static: made when a static solve, or a run from its end, begins.
-    """
-
-    coordinates: Coordinates | PackedCoordinates
-    signal: InputSignal | None
-    estimators: dict[str, Any]
-    outputs: tuple[Output, ...]
-    slices: tuple[slice, ...]
-    velocity_rows: np.ndarray
-    value_rows: np.ndarray
-    balance: Balance
-    packing: Packing | None
-    jump_response: np.ndarray
-    mass_root: np.ndarray
-    rounding: RoundOff
-    input_rounding: RoundOff | None
-    single: tuple[str, ...]
-    samples_precision: float
-    measure: Callable
-    omega_1: float
-    jumps: tuple[float, ...]
-    initial: str | None
-    time: str
-    total_mass: float | None
-    plan: Plan
-    views: tuple[View | None, ...]
-    scene: Scene
-    nodes: Callable[[dict], dict]
-    static: Callable[[], StaticError]
-    from_static: Callable[[], Offline]
 
 
 def prepare(

@@ -78,3 +78,12 @@ def best_output(bounds: Sequence[Bounds], part: slice, view: View | None, frame:
     """Return the smallest bound (r,) of the output that has some of the rows, at one instant."""
     seen = [b.of_rows(part) for b in bounds]
     return np.min([(b if view is None else seen_in(view, b, frame)).outputs[0] for b in seen], axis=0)
+
+
+def exceeded(best: dict[str, np.ndarray], tolerance: dict[str, float]) -> list[str]:
+    """Return in words which of the bounds (r,), by output, are above their tolerance."""
+    return [
+        f"tolerance on {name!r} exceeded, {np.max(best[name]):.3g} > {limit:g}"
+        for name, limit in tolerance.items()
+        if not np.all(best[name] <= limit)
+    ]

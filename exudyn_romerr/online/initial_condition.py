@@ -11,9 +11,8 @@ from ..trajectory.segments import Start
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..offline.prepare import Offline
+    from ..offline.prepared import Offline
     from ..trajectory.samples import Jump, Samples
-    from .run import Opening, Run
 
 IN_THE_SPAN = (
     "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
@@ -54,11 +53,11 @@ def _before_the_first_jump(layout, first: Samples, jumps: Sequence[Jump], z) -> 
     return u, z
 
 
-def loads_jump(opening: Opening, run: Run) -> bool:
-    """Whether known loads differ from those that the full body is in equilibrium with."""
-    scene = run.offline.scene
-    if opening.rest is None or scene.minor is None:
+def loads_jump(offline: Offline, first: Samples, rest: np.ndarray | None) -> bool:
+    """Whether known loads at the start differ from those, `rest` (p,), that the full body is in equilibrium with."""
+    scene = offline.scene
+    if rest is None or scene.minor is None:
         return False
-    known = slice(scene.minor.stop, run.inputs - scene.unknown)
-    before, now = opening.rest[known], opening.first.u[0][known]
+    known = slice(scene.minor.stop, len(rest) - scene.unknown)
+    before, now = rest[known], first.u[0][known]
     return bool(np.any(np.abs(now - before) > JUMP * np.max(np.abs([before, now]), initial=0.0)))

@@ -7,29 +7,29 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..checks import check_finite
-from ..errors import InputError, RunError
-from ..linalg.blocked_products import row_norms
-from ..model.floating_frame import FrameRows, Turn
-from ..trajectory.growing_array import Rows
+from ..errors import RunError
 from ..trajectory.reconstruction import Linear, Quintic
-from ..trajectory.samples import Samples, make_jumps
-from ..trajectory.segments import Cut
+from ..trajectory.samples import Samples, checked_states, make_jumps
+from ..trajectory.segments import Cut, turn_of
 from .bound_stream import Stream, best_output
 from .galerkin_defect import Defect
 from .initial_condition import IN_THE_SPAN, start_of
+from .run_record import RecordedSamples, RunRecord, SolverFacts
 from .summary import assemble
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from ..offline.prepare import Offline
+    from ..offline.prepared import Offline
     from ..report.report import BoundReport
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
     from ..trajectory.segments import Block, Start
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
+
+
+UNKNOWN = SolverFacts()
 
 
 class Opening(NamedTuple):
@@ -55,21 +55,16 @@ class Run:
     """The bounds along one dynamic solve.
 
     companion : in a mechanism, the run of the trajectory with auxiliary vectors, whose bounds are this body's too.
-    source : what the offline part was read as; another one before a static solve.
     """
 
     companion: Run | None = None
-    source: Offline | None = None
     is_static = False
 
-    def __init__(self, offline: Offline):
-        self.offline = offline
+    def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN):
+        self.offline, self.solver = offline, solver
         self.messages: list[str] = []
         self._defect = Defect()
-        self.end_time: float | None = None  # where the solver was to go, if known
-        self.newton_tolerance = 0.0  # of the solver, relative
-        self.floor = 0.0  # size of terms of W^T R that cancelled before they came here
-        self._t, self._values, self._round_off, self._frames = (Rows() for _ in range(4))
+        self._recorded = RecordedSamples(offline)
         self._last: Samples | None = None
         self._settled = slice(None)
         layout = offline.coordinates
@@ -110,7 +105,7 @@ class Run:
     def open(self, opening: Opening) -> None:
         """Begin the run."""
         first, before, start, _ = opening
-        rounded = self._rounding(first)
+        rounded = self.offline.rounded(first)
         if start is not None:
             for name in self._segmenters:
                 self._streams[name].start(start, rounded)
@@ -137,15 +132,19 @@ class Run:
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
         cut = Cut.between(samples.cut)
         for block, _ in segments.values():
-            block.turn, block.cut = self._turn(samples, block), cut
+            block.turn, block.cut = turn_of(block, samples.frame) if self.offline.scene.turns else None, cut
         return Extension(new, segments)
 
     def advance(self, extension: Extension) -> None:
         """Go on by checked samples."""
         new, segments = extension
-        rounded = self._rounding(new)
+        rounded = self.offline.rounded(new)
         for name, (block, step_end) in segments.items():
-            skipped = [] if block.skipped is None else [self._off_the_samples(block.skipped[step_end])]
+            skipped = (
+                []
+                if block.skipped is None
+                else [self.offline.distance_of(*np.moveaxis(block.skipped[step_end], 1, 0))]
+            )
             self._streams[name].advance(block, step_end, rounded, *skipped)
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
@@ -165,16 +164,6 @@ class Run:
         return self._streams[stream].estimators
 
     @property
-    def defect(self) -> float:
-        """Galerkin defect: the largest W^T R, but for rounding, over the largest of its terms, so far."""
-        return self._defect.share(self.floor)
-
-    @property
-    def worst_mode(self) -> int:
-        """Row of W^T R that the defect is found in."""
-        return self._defect.worst_mode
-
-    @property
     def inputs(self) -> int:
         """Number of inputs."""
         return self._inputs_given.shape[1]
@@ -182,16 +171,11 @@ class Run:
     @property
     def last_time(self) -> float:
         """Time of the last sample."""
-        return float(self._t.read()[self._settled][-1])
+        return float(self._recorded.t.read()[self._settled][-1])
 
     def settle(self) -> None:
         """Let only the samples so far count: later ones may be bounded in part when something fails."""
-        self._settled = slice(len(self._t))
-
-    @property
-    def quintic(self) -> Quintic | None:
-        """The reconstruction between samples; None if the residual is sampled."""
-        return self._segmenters.get("total")
+        self._settled = slice(len(self._recorded.t))
 
     @property
     def time(self) -> str:
@@ -202,7 +186,29 @@ class Run:
         """Return what was bounded so far; RunError before the first sample."""
         if self._last is None:
             raise RunError("report was asked before the first sample of the run")
-        return assemble(self)
+        return assemble(self.record())
+
+    def record(self) -> RunRecord:
+        """Return what was found so far."""
+        t, values, round_off, frames = self._recorded.read(self._settled)
+        quintic = self._segmenters.get("total")
+        return RunRecord(
+            offline=self.offline,
+            solver=self.solver,
+            time=self.time,
+            t=t,
+            values=values,
+            round_off=round_off,
+            frames=frames,
+            streams=self.streams(),
+            assumptions=self.assumptions(),
+            nodes=self.node_bounds,
+            messages=tuple(self.messages),
+            defect=self._defect.share(self.solver.floor),
+            worst_mode=self._defect.worst_mode,
+            rounding_share=None if quintic is None else quintic.rounding_share,
+            largest_miss=None if quintic is None else quintic.largest_miss,
+        )
 
     def streams(self) -> dict[str, dict[str, Bounds]]:
         """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
@@ -211,11 +217,6 @@ class Run:
             found[name].update(self.companion._streams[name].bounds())
         found = {name: {e: b.at(self._settled) for e, b in bounds.items()} for name, bounds in found.items()}
         return {"total": found["reduction"], **found}
-
-    def samples(self) -> tuple[np.ndarray, ...]:
-        """Return t (T,), output rows of the reduced body (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
-        kept = self._t, self._values, self._round_off, self._frames
-        return tuple(rows.read()[self._settled] for rows in kept)
 
     def node_bounds(self) -> dict[str, np.ndarray]:
         """Return the bounds at every node at the worst instant, by every estimator; full-size work."""
@@ -227,27 +228,11 @@ class Run:
         own = {name: e.assumes for name, e in self._total.estimators.items()}
         return own if self.companion is None else {**own, **self.companion.assumptions()}
 
-    def _turn(self, samples: Samples, block: Block) -> Turn | None:
-        if not self.offline.scene.turns:
-            return None
-        rows = FrameRows.of(samples.frame)
-        turn = Turn.between(rows.w, rows.al)
-        return turn if turn is None or block.bent is None else turn.of_curve(block.bent, block.moved, rows)
-
     def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame=None) -> Samples:
-        n = self.offline.coordinates.n
-        states = [np.asarray(x, dtype=float) for x in (q, q_t, q_tt)]
-        if t.ndim != 1 or any(x.shape != (len(t), n) for x in states):
-            raise InputError(f"trajectory arrays have shapes {[x.shape for x in states]}; needed: ({len(t)}, {n})")
-        for name, x in zip(("t", "q", "q_t", "q_tt"), (t, *states), strict=True):
-            check_finite(name, x)
-        before = -np.inf if self._last is None else self._last.t[-1]
-        steps = np.diff(t, prepend=before)
-        if np.any(steps <= 0):
-            at = int(np.argmax(steps <= 0))
-            raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([before, *t])[at]:.9g} s")
+        last = -np.inf if self._last is None else float(self._last.t[-1])
+        states = checked_states(t, (q, q_t, q_tt), self.offline.coordinates.n, last)
         frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
-        u, cut = self._inputs(t, u), np.zeros((len(t), 0))
+        u, cut = self.offline.checked_inputs(t, u), np.zeros((len(t), 0))
         if not self.offline.scene.corrected:  # what its balance lacks is in its bounds
             layout, rows = self.offline.balance
             self._defect.measure(rows, layout(*states, u), self.offline.rounding.in_balance(states[0]))
@@ -256,34 +241,6 @@ class Run:
             u, cut = self.offline.packing(u)
         return Samples(t, *states, u, frame, cut)
 
-    def _inputs(self, t: np.ndarray, u) -> np.ndarray:
-        if self.offline.signal is not None and u is None:
-            return self.offline.signal(t)
-        p = self.offline.balance.coordinates.p
-        u = np.zeros((len(t), 0)) if u is None else np.asarray(u, dtype=float).reshape(len(t), -1)
-        if u.shape != (len(t), p):
-            raise InputError(f"u has shape {u.shape}; needed: ({len(t)}, {p})")
-        check_finite("u", u)
-        return u
-
-    def _rounding(self, new: Samples) -> Rounded:
-        return self.offline.rounding(new.q, new.q_t, new.q_tt, new.u)
-
-    def _off_the_samples(self, skipped: np.ndarray) -> tuple:
-        """Distance of samples from the trajectory that is bounded: position, velocity, outputs."""
-        dq, dq_t = skipped[:, 0], skipped[:, 1]
-        position, velocity = (row_norms(x @ self.offline.mass_root.T) for x in (dq, dq_t))
-        return position, velocity, np.abs(self._outputs_of(dq, dq_t))
-
-    def _outputs_of(self, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
-        rows = self.offline.value_rows.T
-        return np.where(self.offline.velocity_rows, q_t @ rows, q @ rows)
-
     def _record(self, new: Samples, rounded: Rounded) -> None:
-        self._t.append(new.t)
-        self._values.append(self._outputs_of(new.q, new.q_t))
-        of_input = self.offline.input_rounding
-        self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u) if of_input else rounded).outputs)
-        if any(self.offline.views):  # outputs in global axes
-            self._frames.append(new.frame)
+        self._recorded.append(new, rounded)
         self._last = new.part(slice(-1, None))

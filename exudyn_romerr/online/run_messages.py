@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..trajectory.reconstruction import ROUNDING
 
 if TYPE_CHECKING:
-    from .run import Run
+    from .run_record import RunRecord
 
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
 TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
@@ -24,7 +24,7 @@ NO_OUTPUTS = (
 )
 
 
-def run_messages(run: Run) -> list[str]:
+def run_messages(run: RunRecord) -> list[str]:
     """Return the messages of a run, the gravest first."""
     return [
         *_first_only(run),
@@ -37,20 +37,20 @@ def run_messages(run: Run) -> list[str]:
     ]
 
 
-def is_balanced(run: Run) -> bool:
+def is_balanced(run: RunRecord) -> bool:
     """Whether the Galerkin defect could be measured, and is what the solver's tolerance leaves."""
     return run.offline.scene.checked and run.defect <= _limit(run)
 
 
-def _limit(run: Run) -> float:
-    return GALERKIN_DEFECT + TOLERANCES * (run.newton_tolerance + run.offline.samples_precision)
+def _limit(run: RunRecord) -> float:
+    return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
 
 
-def _first_only(run: Run) -> list[str]:
-    return [] if run.time == "static" or len(run.samples()[0]) > 1 else ["only the first instant was bounded"]
+def _first_only(run: RunRecord) -> list[str]:
+    return [] if run.time == "static" or len(run.t) > 1 else ["only the first instant was bounded"]
 
 
-def _defect(run: Run) -> list[str]:
+def _defect(run: RunRecord) -> list[str]:
     if not run.offline.scene.checked:
         return [UNCHECKED]
     if is_balanced(run):
@@ -63,11 +63,11 @@ def _defect(run: Run) -> list[str]:
     ]
 
 
-def _no_outputs(run: Run) -> list[str]:
+def _no_outputs(run: RunRecord) -> list[str]:
     return [] if any(out.decides for out in run.offline.outputs) else [NO_OUTPUTS]
 
 
-def _single(run: Run) -> list[str]:
+def _single(run: RunRecord) -> list[str]:
     names = run.offline.single
     if not names:
         return []
@@ -77,28 +77,29 @@ def _single(run: Run) -> list[str]:
     ]
 
 
-def _end(run: Run) -> list[str]:
-    if run.end_time is None or run.last_time >= run.end_time * (1 - 1e-9):
+def _end(run: RunRecord) -> list[str]:
+    last, end = float(run.t[-1]), run.solver.end_time
+    if end is None or last >= end * (1 - 1e-9):
         return []
-    return [f"the run ends at t = {run.last_time:g} s; the solver was to go to {run.end_time:g} s"]
+    return [f"the run ends at t = {last:g} s; the solver was to go to {end:g} s"]
 
 
-def _between_samples(run: Run) -> list[str]:
-    offline, quintic = run.offline, run.quintic
+def _between_samples(run: RunRecord) -> list[str]:
+    offline = run.offline
     if run.time == "static":
         return []
     if offline.scene.pose is not None and offline.signal is None:
         return [FROM_SAMPLES]
-    if quintic is None:
+    if run.rounding_share is None:
         return []
-    if quintic.rounding_share > ROUNDING:
-        share = f"{min(100 * quintic.rounding_share, 100):.0f} %"
+    if run.rounding_share > ROUNDING:
+        share = f"{min(100 * run.rounding_share, 100):.0f} %"
         return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
     if offline.signal is None and offline.coordinates.p:
         return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
-    if quintic.largest_miss > RESOLVED:
+    if run.largest_miss > RESOLVED:
         return [
-            f"the inputs change within single steps: up to {quintic.largest_miss:.1e} of their largest value is "
+            f"the inputs change within single steps: up to {run.largest_miss:.1e} of their largest value is "
             "not followed by the reconstruction (estimated, and added to the bounds): give jump times as jumps=, "
             "or take smaller steps"
         ]

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .bound_stream import Stream
-from .run import Extension, Opening, Run
+from .run import UNKNOWN, Extension, Opening, Run
 
 if TYPE_CHECKING:
-    from ..offline.prepare import Offline
+    from ..offline.prepared import Offline
     from ..trajectory.samples import Samples
+    from .run_record import SolverFacts
 
 
 class StaticRun(Run):
@@ -23,8 +24,8 @@ class StaticRun(Run):
     time = "static"
     is_static = True
 
-    def __init__(self, offline: Offline):
-        super().__init__(offline)
+    def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN):
+        super().__init__(offline, solver)
         self._segmenters = {}
         self._streams = {"reduction": Stream({"static": offline.static()})}
 
@@ -59,6 +60,6 @@ class StaticRun(Run):
 
     def _take(self, new: Samples) -> None:
         z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
-        rounded = self._rounding(new)
+        rounded = self.offline.rounded(new)
         self._streams["reduction"].load_steps(z, rounded)
         self._record(new, rounded)

@@ -15,46 +15,44 @@ from .run_messages import is_balanced, run_messages
 if TYPE_CHECKING:
     from ..model.global_axes import View
     from ..model.outputs import Output
-    from ..offline.prepare import Offline
+    from ..offline.prepared import Offline
     from ..trajectory.bounds import Bounds
-    from .run import Run
+    from .run_record import RunRecord
 
 
-def assemble(run: Run) -> BoundReport:
+def assemble(run: RunRecord) -> BoundReport:
     """Return the report of what the run has bounded so far."""
-    offline, streams, samples = run.offline, run.streams(), run.samples()
-    t = samples[0]
-    total, scene = streams["total"], offline.scene
+    offline, t, total, scene = run.offline, run.t, run.streams["total"], run.offline.scene
     return BoundReport(
         t=t,
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
-        outputs=_output_reports(offline, streams, samples, decides=True),
+        outputs=_output_reports(run, decides=True),
         scope={name: scene.scope_of(name) for name in total},
         scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else NOT_CERTIFIED])),
-        reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions().items()},
+        reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
         plan=offline.plan,
         messages=run_messages(run),
         time=run.time,
         total_mass=offline.total_mass,
-        nodes=run.node_bounds,
+        nodes=run.nodes,
         made=made_here(),
     )
 
 
-def onlooker_reports(run: Run) -> dict[str, OutputReport]:
+def onlooker_reports(run: RunRecord) -> dict[str, OutputReport]:
     """Return the outputs beside those that were asked for."""
-    return _output_reports(run.offline, run.streams(), run.samples(), decides=False)
+    return _output_reports(run, decides=False)
 
 
-def _output_reports(offline: Offline, streams: dict, samples: tuple, decides: bool) -> dict[str, OutputReport]:
+def _output_reports(run: RunRecord, decides: bool) -> dict[str, OutputReport]:
     """Return the outputs that were asked for, or (decides=False) the onlookers beside them."""
-    _, values, round_off, frames = samples
+    offline, streams = run.offline, run.streams
     widest, found = offline.scene.widest(streams["total"]), {}
     for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
         if out.decides == decides:
-            rows = (values[:, part], round_off[:, part], _rows_of(streams, part))
-            seen = rows if view is None else _seen(view, rows, frames, offline)
+            rows = (run.values[:, part], run.round_off[:, part], _rows_of(streams, part))
+            seen = rows if view is None else _seen(view, rows, run.frames, offline)
             found[out.name] = _output_report(out, *seen, widest)
     return found
 

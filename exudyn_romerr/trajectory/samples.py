@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..checks import check_finite
+from ..errors import InputError
 from .segments import Block
 
 if TYPE_CHECKING:
@@ -100,3 +102,17 @@ def without_empty(edges: np.ndarray, c: np.ndarray, p: int, *missed: np.ndarray)
     kept = h > 0
     missed = [x[kept] for x in missed] or np.zeros((2, int(kept.sum()), p))
     return Block(edges[1:][kept], h[kept], c[kept], *missed)
+
+
+def checked_states(t: np.ndarray, states: Sequence, n: int, last: float) -> list[np.ndarray]:
+    """Return q, q_t, q_tt (S, n) at t (S,) as arrays; InputError if they do not fit, or t is not after `last`."""
+    states = [np.asarray(x, dtype=float) for x in states]
+    if t.ndim != 1 or any(x.shape != (len(t), n) for x in states):
+        raise InputError(f"trajectory arrays have shapes {[x.shape for x in states]}; needed: ({len(t)}, {n})")
+    for name, x in zip(("t", "q", "q_t", "q_tt"), (t, *states), strict=True):
+        check_finite(name, x)
+    steps = np.diff(t, prepend=last)
+    if np.any(steps <= 0):
+        at = int(np.argmax(steps <= 0))
+        raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([last, *t])[at]:.9g} s")
+    return states

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..model.floating_frame import FrameRows, Turn
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from ..model.floating_frame import Turn
 
 
 class Cut(NamedTuple):
@@ -129,3 +129,10 @@ class Block:
         """Norms (p,) of the columns of B."""
         p = self.unresolved.shape[1]
         return norm(np.eye(self.c.shape[2])[self.c.shape[2] - p :])
+
+
+def turn_of(block: Block, frame: np.ndarray) -> Turn | None:
+    """Return how the frame turns in every segment of a block; frame: its rows (S + 1, 21) at the samples."""
+    rows = FrameRows.of(frame)
+    turn = Turn.between(rows.w, rows.al)
+    return turn if turn is None or block.bent is None else turn.of_curve(block.bent, block.moved, rows)

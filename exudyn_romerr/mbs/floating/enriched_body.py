@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ...model.body import ElasticBody
-    from ...offline.prepare import Offline
+    from ...offline.prepared import Offline
     from ...report.scope import Scene
+    from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
     from .frame_support import Support
-    from .loads_and_joints import Actions
 
 STEP = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
 AUTO = 20  # vectors a body: responses to the inertia of 14 modes and of the frame are 26, of unequal weight

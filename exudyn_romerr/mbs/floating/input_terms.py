@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...model.floating_frame import inertia_columns, inertia_coordinates, translations
-from .loads_and_joints import over_time
+from .actions import over_time
 
 if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
+    from .actions import Actions
     from .floating_body import FloatingBody
     from .frame_support import Support
-    from .loads_and_joints import Actions
 
 
 class InputTerms:

@@ -11,10 +11,10 @@ from ...errors import AssumptionError
 
 if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
-    from ...offline.prepare import Offline
+    from ...offline.prepared import Offline
+    from .actions import Actions
     from .frame_node import FrameNode
     from .input_terms import InputTerms
-    from .loads_and_joints import Actions
 
 TOLD_APART = 1e-8  # smallest singular value of the wrenches in V^T R = 0, of the largest, that still tells them
 

@@ -15,9 +15,9 @@ from ..access.state_guard import loads_by_motion, loads_with_functions
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from .actions import Actions
     from .floating_body import ReducedMatrices
     from .frame_support import Support
-    from .loads_and_joints import Actions
 
 AUTO = "auto"
 ASKABLE = (AUTO, COUPLED, FROZEN)

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from ...model.outputs import Output
-    from ...offline.prepare import Offline
+    from ...offline.prepared import Offline
+    from ..floating.actions import Actions
     from ..floating.floating_body import FloatingBody, ReducedMatrices
     from ..floating.frame_support import Support
-    from ..floating.loads_and_joints import Actions
     from ..floating.reference_search import Reference
     from ..floating.scope_decision import Found
 

@@ -10,11 +10,10 @@ from exudyn.itemInterface import SensorUserFunction
 from ...report.wording import rounded_up
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from ...model.outputs import Output
     from .body_monitor import Watch
-    from .step_hook import StepHook
 
 
 def bounds_at(watch: Watch, t: float) -> dict[str, np.ndarray]:
@@ -35,8 +34,8 @@ def live_line(watches: Sequence[Watch], t: float) -> str:
     return f"error bounds at t = {t:g}: {', '.join(found) or 'none'}\n"
 
 
-def sensor_of(hook: StepHook, watch: Watch, out: Output, options: dict[str, Any]) -> SensorUserFunction:
-    """Return a sensor that evaluates what the hook has stored, and shows the bound of an output of a watch.
+def sensor_of(look: Callable[[], None], watch: Watch, out: Output, options: dict[str, Any]) -> SensorUserFunction:
+    """Return a sensor that shows the bound of an output of a watch; look() evaluates the rows stored so far.
 
     Exudyn writes sensors after PostStep, so that this step's row is among those stored.
     """
@@ -44,7 +43,7 @@ def sensor_of(hook: StepHook, watch: Watch, out: Output, options: dict[str, Any]
 
     def bound(mbs: Any, t: float, sensorNumbers: Any, factors: Any, configuration: Any) -> list[float]:
         nonlocal rows
-        hook.look()
+        look()
         found = bounds_at(watch, t).get(name)
         if found is None:  # before the first step, which is how Exudyn asks for the size, or bounds have ended
             return [np.inf] * rows

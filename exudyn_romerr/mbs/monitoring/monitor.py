@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from ...online.run import Run
     from ...online.static_run import StaticRun
     from ...report.report import BoundReport
+    from ..access.linear_adapter import LinearSubject
     from ..access.reduced_body import ReducedBody
     from ..floating.floating_body import FloatingBody
     from .floating_adapter import MovingSubject
-    from .linear_adapter import LinearSubject
 
 
 class Monitor:
@@ -98,7 +98,7 @@ class Monitor:
         if not outputs:
             raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
         check_choice("output", output, outputs)
-        return sensor_of(self._hook, self._watch, outputs[output], options)
+        return sensor_of(self._hook.look, self._watch, outputs[output], options)
 
     def report(self, i: int = -1) -> BoundReport:
         """Return the bounds of run i (default: the last), also while it is running.

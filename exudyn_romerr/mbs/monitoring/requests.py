@@ -14,11 +14,11 @@ from ...offline.prepare import TIMES, checked_names
 from ...residual.kernels import KERNELS
 from ...residual.problem import checked_outputs
 from ...residual.residual import RESIDUALS
+from ..access.linear_adapter import LinearSubject
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.sensor_outputs import sensor_output
 from .floating_adapter import MovingSubject
-from .linear_adapter import LinearSubject
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

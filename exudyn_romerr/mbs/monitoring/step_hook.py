@@ -22,7 +22,7 @@ from .step_recorder import gatherer
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from ...offline.prepare import Offline
+    from ...offline.prepared import Offline
     from .body_monitor import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
@@ -95,11 +95,13 @@ class StepHook:
 
     def read(self, mbs: Any, watch: Watch) -> Offline:
         """Return what a watch would make bounds with if a solve began now."""
-        offline = watch.read(mbs, attached=self.attached)
+        offline = watch.subject.read(mbs, attached=self.attached)
         if not offline.scene.coupled:
             return offline
-        others = [other for other in self.watches if other.read(mbs, attached=self.attached).scene.scope == FROZEN]
-        return watch.read(mbs, attached=self.attached, others=_frozen(others))
+        others = [
+            other for other in self.watches if other.subject.read(mbs, attached=self.attached).scene.scope == FROZEN
+        ]
+        return watch.subject.read(mbs, attached=self.attached, others=_frozen(others))
 
     @property
     def attached(self) -> set[int]:

@@ -3,17 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import exudyn as exu
-
-if TYPE_CHECKING:
-    from .step_hook import StepHook
+import numpy as np
 
 START_OF_STEP = exu.ConfigurationType.StartOfStep
 
 
-def gatherer(mbs: Any, hook: StepHook) -> tuple[Callable, Callable, Callable]:
+class StepReceiver(Protocol):
+    """Who is told of steps. user: the user's own PostStep function; has_tangents: whether tangents are to be read."""
+
+    user: Callable | None
+    has_tangents: bool
+
+    def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
+        """A solve begins; return the arrays for its rows of t, q, q_t, q_tt."""
+
+    def read_tangent(self, mbs: Any, t: float) -> int:
+        """Read the tangent now; return after how many steps it is to be read again."""
+
+    def goes_on(self, t: float) -> bool:
+        """Take the rows stored so far, up to t; False if the solve is to be stopped."""
+
+    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
+
+
+def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable]:
     """Return step(mbs, t), the PostStep function; drain() -> (t, q, q_t, q_tt), the rows it stored since; hurry().
 
     After hurry() the next step ends the block. Closures: as a method, with its look-ups of attributes, step would add

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...checks import check_count
 from ...errors import InputError
-from ...mode_selection.modal_forecast import TINY, Ladder, fewest_modes, forecasts
-from ...mode_selection.mode_choice import SECOND_ORDER, STEP, ModeChoice, TriedRun, outputs_of, smallest_basis
+from ...mode_selection.modal_forecast import Ladder, fewest_modes, forecasts
+from ...mode_selection.mode_choice import (
+    SECOND_ORDER,
+    STEP,
+    ModeChoice,
+    TriedRun,
+    fewest_without_slack,
+    outputs_of,
+    slack_between,
+    smallest_basis,
+    stricter_tolerances,
+)
 from ...progress import progress
 from ..monitoring.requests import checked_tolerance
 from .scene_run import Trial, build_trial, same_times
@@ -173,14 +182,14 @@ class _Search:
         met = smallest_basis(runs)
         latest = met or runs[-1]
         if self._pick:
-            enough = fewest_modes(latest.forecast, _stricter(latest, runs))
-            return _without_slack(latest) if enough is None and len(runs) == 1 else enough
+            enough = fewest_modes(latest.forecast, stricter_tolerances(latest, runs))
+            return fewest_without_slack(latest) if enough is None and len(runs) == 1 else enough
         below = len(self._all) + 1 if met is None else met.n
         above = max((run.n for run in runs if not run.met and run.n < below), default=self._least(kind) - 1)
         if met is not None and not runs[-1].met:  # a forecast was wrong: halve what is left
             above = max(above, (above + below) // 2 - 1)
         first = [self._all[:n] for n in range(above + 1, below)]
-        known = next((modes for modes in first if latest.would_meet(modes, _slack(runs, len(modes)))), None)
+        known = next((modes for modes in first if latest.would_meet(modes, slack_between(runs, len(modes)))), None)
         if known is None and len(runs) == 1:
             none = dict.fromkeys(latest.tolerance, 0.0)
             known = next((modes for modes in first if latest.would_meet(modes, none)), None)
@@ -218,28 +227,6 @@ class _Search:
             name: SECOND_ORDER * float(np.max(np.abs(fine[name].value[::2] - coarse[name].value)))
             for name in chosen.tolerance
         }
-
-
-def _slack(runs: Sequence[TriedRun], n: int) -> dict[str, float]:
-    """Slack of every output with n modes, between those of the runs on a straight line in the logarithm."""
-    known = sorted(runs, key=lambda run: run.n)
-    sizes = {name: [np.log(run.forecast[name].largest_slack + TINY) for run in known] for name in runs[0].tolerance}
-    return {name: float(np.exp(np.interp(n, [run.n for run in known], size))) for name, size in sizes.items()}
-
-
-def _stricter(latest: TriedRun, runs: Sequence[TriedRun]) -> dict[str, float]:
-    """Tolerances for forecasts of a run, less by what they were too low by for runs that failed."""
-    tolerance = dict(latest.tolerance)
-    for run in runs:
-        for name, x in latest.expected(run.modes).items() if not run.met else ():
-            tolerance[name] = min(tolerance[name], latest.tolerance[name] * x / max(run.bound[name], TINY))
-    return tolerance
-
-
-def _without_slack(run: TriedRun) -> tuple[int, ...] | None:
-    """Fewest modes forecast to be enough, whichever they are, if auxiliary vectors left nothing."""
-    bare = {name: replace(forecast, slack=0 * forecast.slack) for name, forecast in run.forecast.items()}
-    return fewest_modes(bare, run.tolerance)
 
 
 def _check_trial(trial: Trial, monitor: Monitor, ladder: Ladder, n: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ...offline.prepare import prepare
-from ..access.mbs_items import require_inputs_only
+from .mbs_items import require_inputs_only
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -13,15 +13,17 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ...model.outputs import Output
-    from ...offline.prepare import Offline
-    from ..access.reduced_body import ReducedBody
+    from ...offline.prepared import Offline
+    from .reduced_body import ReducedBody
 
 
 class LinearSubject:
     """Its offline work is done when it is attached; the mbs is read for what it must not contain.
 
-    body : the full body.
+    body : the full body. enriched : None, auxiliary vectors of its own need a frame.
     """
+
+    enriched = None
 
     def __init__(self, flex: ReducedBody, options: dict[str, Any]):
         self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))

@@ -1,0 +1,81 @@
+"""RunRecord: what a run has found, frozen; reports and messages are made from it. SolverFacts: what it was told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from ..trajectory.growing_array import Rows
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+
+    from ..offline.prepared import Offline
+    from ..residual.round_off import Rounded
+    from ..trajectory.bounds import Bounds
+    from ..trajectory.samples import Samples
+
+
+class SolverFacts(NamedTuple):
+    """What the solver of a run tells about itself.
+
+    end_time : where it was to go, None if not known. newton_tolerance : relative. floor : size of terms of W^T R that
+    cancelled before they came here.
+    """
+
+    end_time: float | None = None
+    newton_tolerance: float = 0.0
+    floor: float = 0.0
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """A run up to some instant.
+
+    time : what the bounds cover of time, "reconstructed", "sampled", or "static".
+    t (T,), values (T, R), round_off (T, R), frames (T, 21) or (0,) : samples, output rows of the reduced body, what
+    rounding of the input may move these by, motion of the frame if outputs need it.
+    streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
+    nodes : bounds at every node, on demand. messages : what was noted along the run.
+    defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
+    rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
+    """
+
+    offline: Offline
+    solver: SolverFacts
+    time: str
+    t: np.ndarray
+    values: np.ndarray
+    round_off: np.ndarray
+    frames: np.ndarray
+    streams: dict[str, dict[str, Bounds]]
+    assumptions: dict[str, str]
+    nodes: Callable[[], dict[str, np.ndarray]]
+    messages: tuple[str, ...]
+    defect: float
+    worst_mode: int
+    rounding_share: float | None
+    largest_miss: float | None
+
+
+class RecordedSamples:
+    """What is kept of samples along a run: t, output rows, their round-off, and frames if outputs need them."""
+
+    def __init__(self, offline: Offline):
+        self._offline = offline
+        self.t, self._values, self._round_off, self._frames = (Rows() for _ in range(4))
+
+    def append(self, new: Samples, rounded: Rounded) -> None:
+        """Keep further samples; rounded: what rounding of the computation may move there."""
+        self.t.append(new.t)
+        self._values.append(self._offline.outputs_of(new.q, new.q_t))
+        of_input = self._offline.input_rounding
+        self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u) if of_input else rounded).outputs)
+        if any(self._offline.views):  # outputs in global axes
+            self._frames.append(new.frame)
+
+    def read(self, index: slice) -> tuple[np.ndarray, ...]:
+        """Return t (T,), output rows (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
+        return tuple(rows.read()[index] for rows in (self.t, self._values, self._round_off, self._frames))
