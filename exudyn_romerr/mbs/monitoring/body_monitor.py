@@ -32,7 +32,7 @@ class Watch:
     It holds neither the mbs nor anything that does: the mbs holds the hook, the hook holds this, and Python
     cannot collect a circle that runs through C++.
 
-    subject : the body. runs, run : those so far, the one that is under way. error, failure : what went wrong in the last
+    subject : the body. runs, run : those so far, the one under way. error, failure : what went wrong in the last
     solve, an exception, and in words, with what is left. stopped : whether a tolerance was exceeded in it.
     """
 
