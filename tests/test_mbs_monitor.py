@@ -72,8 +72,8 @@ def test_what_attach_refuses():
 def test_initial_state_of_the_body_is_the_monitors_unless_another_is_given(monkeypatch):
     given = []
 
-    def prepare(*args, initial, **options):
-        given.append(initial)
+    def prepare(body, basis, options):
+        given.append(options.initial)
         raise InputError("seen")
 
     monkeypatch.setattr("exudyn_romerr.mbs.access.linear_adapter.prepare", prepare)

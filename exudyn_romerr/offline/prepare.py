@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from ..residual.packed_residual import PackedProblem
 from ..residual.problem import Problem
 from ..residual.round_off import RoundOff, of_input
 from ..trajectory.input_signal import InputSignal
+from .options import TIMES, BoundOptions
 from .planning import make_plan
 from .prepared import Balance, Offline
 
@@ -27,9 +29,8 @@ if TYPE_CHECKING:
 
     from ..basis.basis import Basis
     from ..model.body import ElasticBody
-    from ..model.outputs import Output
 
-TIMES = ("reconstructed", "sampled")
+OF_PROBLEM = ("inputs", "outputs", "initial", "residual", "kernels", "auxiliary_modes")
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
 
@@ -39,48 +40,31 @@ ALONE = Scene()  # of a body without a frame
 def prepare(
     body: ElasticBody,
     basis: Basis,
+    options: BoundOptions,
     *,
-    inputs: Any = None,
-    input_function: Callable | None = None,
-    outputs: Sequence[Output] = (),
-    initial: Any = None,
-    jumps: Sequence[float] = (),
-    estimators: Any = "auto",
-    residual: str = "orthonormal",
-    kernels: str = "certified",
-    time: str = "reconstructed",
-    auxiliary_modes: int | str = "auto",
     sampled_inputs: bool = False,
     samples_precision: float = DOUBLE,
     scene: Scene = ALONE,
-    live: bool = False,
 ) -> Offline:
-    """Do the offline work of evaluate and attach; their docstrings describe the arguments.
+    """Do the offline work of evaluate and attach.
 
     sampled_inputs: the inputs come as samples with the trajectory, input_function may be missing. samples_precision:
-    relative spacing of the trajectory's numbers. live: bounds are looked at every step, which the plan says.
+    relative spacing of the trajectory's numbers.
 
     Raises
     ------
     InputError, AssumptionError
     """
-    check_choice("time", time, TIMES)
-    time = "sampled" if scene.coupled else time  # joints and other bodies have integration errors that no R shows
-    of_problem = {
-        "inputs": inputs,
-        "outputs": outputs,
-        "residual": residual,
-        "kernels": kernels,
-        "auxiliary_modes": auxiliary_modes,
-    }
-    of_run = {"input_function": input_function, "jumps": jumps, "estimators": estimators, "time": time, "live": live}
-    asked = _checked_estimators(estimators, body, scene)
+    check_choice("time", options.time, TIMES)
+    # joints and other bodies have integration errors that no R shows
+    time, initial = "sampled" if scene.coupled else options.time, options.initial
+    asked = _checked_estimators(options.estimators, body, scene)
     names = tuple(name for name in asked if not (scene.has_companion and name == "auxiliary"))
     with_modes = "auxiliary" in names and not scene.corrected
-    problem = _made_problem(body, basis, names, scene, with_modes, initial=initial, **of_problem)
-    _check_frame(problem, names, jumps, scene)
+    problem = _made_problem(body, basis, options, names, scene, with_modes)
+    _check_frame(problem, names, options.jumps, scene)
     measure = _sharpest_norm(problem, names, scene, with_modes)  # first, for it takes most modes: none made twice
-    signal = _made_signal(input_function, problem.B.shape[1], sampled_inputs)
+    signal = _made_signal(options.input_function, problem.B.shape[1], sampled_inputs)
     V, W, B = problem.V, problem.W, problem.B
     eps, single = of_input(problem, samples_precision)
     return Offline(
@@ -101,15 +85,15 @@ def prepare(
         samples_precision=samples_precision,
         measure=measure,
         omega_1=float(body.modes(1).omega[0]),
-        jumps=_checked_jumps(jumps, signal),
+        jumps=_checked_jumps(options.jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
         total_mass=body.total_mass,
-        plan=make_plan(problem, asked, time, estimators, scene, live),
+        plan=make_plan(problem, asked, time, options.estimators, scene, options.live),
         views=problem.views,
         scene=scene,
         from_static=lambda: prepare(
-            body, basis, initial="equilibrium", sampled_inputs=sampled_inputs, scene=scene, **of_problem, **of_run
+            body, basis, replace(options, initial="equilibrium"), sampled_inputs=sampled_inputs, scene=scene
         ),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
         static=lambda: StaticError(problem),
@@ -143,12 +127,15 @@ def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> Inp
     return None if sampled and f is None else InputSignal(f, p)
 
 
-def _made_problem(body, basis, names: tuple[str, ...], scene: Scene, with_modes: bool, **options: Any) -> Problem:
+def _made_problem(
+    body, basis, options: BoundOptions, names: tuple[str, ...], scene: Scene, with_modes: bool
+) -> Problem:
     """Packed where the estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
+    given = {name: getattr(options, name) for name in OF_PROBLEM}
     packed = scene.minor is not None and set(names) <= {"energy", "auxiliary"}
-    if not packed or options["initial"] is not None or options["residual"] != "orthonormal":
-        return Problem(body, basis, **options)
-    return PackedProblem(body, basis, cut=scene.minor, with_modes=with_modes, **options)
+    if not packed or options.initial is not None or options.residual != "orthonormal":
+        return Problem(body, basis, **given)
+    return PackedProblem(body, basis, cut=scene.minor, with_modes=with_modes, **given)
 
 
 def _made(name: str, problem: Problem, scene: Scene) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 from ..checks import check_array, check_type, real_array
 from ..errors import InputError
 from ..model.matrix_input import precision
+from ..offline.options import BoundOptions
 from ..offline.prepare import prepare
 from .run import BLOCK, Run
 
@@ -116,9 +117,7 @@ def evaluate(
     Source: docs/theory.md; paper (11), (25)-(30). Does not cover: loads that are not in inputs.
     """
     check_type("traj", traj, Trajectory)
-    offline = prepare(
-        body,
-        basis,
+    options = BoundOptions(
         inputs=inputs,
         input_function=input_function,
         outputs=outputs,
@@ -129,9 +128,8 @@ def evaluate(
         kernels=kernels,
         time=time,
         auxiliary_modes=auxiliary_modes,
-        sampled_inputs=True,
-        samples_precision=traj.precision,
     )
+    offline = prepare(body, basis, options, sampled_inputs=True, samples_precision=traj.precision)
     run = Run(offline)
     u = [traj.u] if offline.signal is None else [None]
     run.start(traj.t[0], traj.q[0], traj.q_t[0], traj.q_tt[0], *(x if x is None else x[0] for x in u))

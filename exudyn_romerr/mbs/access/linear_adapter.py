@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...offline.prepare import prepare
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ...model.outputs import Output
+    from ...offline.options import BoundOptions
     from ...offline.prepared import Offline
     from .reduced_body import ReducedBody
 
@@ -25,11 +27,11 @@ class LinearSubject:
 
     enriched = None
 
-    def __init__(self, flex: ReducedBody, options: dict[str, Any]):
+    def __init__(self, flex: ReducedBody, options: BoundOptions):
         self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
         self._model, self.body, self._basis = flex.model, flex.body, flex.basis  # not flex, which holds the mbs
-        self._options = {"inputs": flex.inputs, "input_function": flex.input_function, **options}
-        self._offline = prepare(self.body, self._basis, **self._options)
+        self._options = replace(options, inputs=flex.inputs, input_function=flex.input_function)
+        self._offline = prepare(self.body, self._basis, self._options)
         self.columns, self.floor = slice(0, 0), 0.0
 
     @property
@@ -43,8 +45,8 @@ class LinearSubject:
 
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs."""
-        self._options = {**self._options, "outputs": [*self._options["outputs"], *outputs]}
-        self._offline = prepare(self.body, self._basis, **self._options)
+        self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
+        self._offline = prepare(self.body, self._basis, self._options)
 
     def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
         """Find the body's coordinates in the mbs; AssumptionError if something else acts on it."""

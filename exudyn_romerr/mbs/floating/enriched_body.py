@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ...basis.enrichment import Enrichment
 from ...checks import check_count
 from ...errors import AssumptionError
 from ...model.floating_frame import skew, unit_inertia
+from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...residual.residual import ResidualMap
 from .input_terms import InputTerms
@@ -60,7 +61,7 @@ class EnrichedBody:
         scene: Scene,
         columns: np.ndarray,
         terms: InputTerms,
-        options: dict[str, Any],
+        options: BoundOptions,
     ):
         self._actions, self._terms = actions, terms
         self._frame, self.frame_size = model.frame, model.frame.size
@@ -74,7 +75,7 @@ class EnrichedBody:
                 _side_by_side([place.columns for place in actions.wrenches], body.N),
             )
         )
-        asked = AUTO if options["auxiliary_modes"] == "auto" else options["auxiliary_modes"]
+        asked = AUTO if options.auxiliary_modes == "auto" else options.auxiliary_modes
         V_y = Z.coordinates("V", V)
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
@@ -112,15 +113,13 @@ class EnrichedBody:
 
     def _prepare(self, flex, body, V: np.ndarray, actions: Actions, support: Support, scene: Scene, options) -> None:
         terms = InputTerms(actions, support, flex, V)
-        names = {name: options[name] for name in ("outputs", "residual", "kernels", "time")}
+        kept = {name: getattr(options, name) for name in ("outputs", "residual", "kernels", "time")}
         self.offline: Offline = prepare(
             body,
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
-            inputs=terms.columns,
+            BoundOptions(inputs=terms.columns, estimators="auxiliary", **kept),
             sampled_inputs=True,
             scene=replace(scene, corrected=True, minor=terms.minor),
-            estimators="auxiliary",
-            **names,
         )
         self.sampler = Sampler.of(self._frame, actions, terms, self.offline)
 

@@ -15,6 +15,7 @@ from ..access.state_guard import loads_by_motion, loads_with_functions
 if TYPE_CHECKING:
     from collections.abc import Collection
 
+    from ...offline.options import BoundOptions
     from .actions import Actions
     from .floating_body import ReducedMatrices
     from .frame_support import Support
@@ -45,7 +46,7 @@ class Wanted:
     """What was asked for: scope, and the options of attach."""
 
     scope: str
-    options: dict[str, Any]
+    options: BoundOptions
 
 
 @dataclass(frozen=True)
@@ -105,13 +106,13 @@ def _refusals(
         yield f"scope={FROZEN!r} was asked for"
     if static:
         yield "a static solve"
-    outputs = [out.name for out in options["outputs"] if out.frame == "global"]
+    outputs = [out.name for out in options.outputs if out.frame == "global"]
     if outputs:
         yield (
             f"outputs {', '.join(map(repr, outputs))} see the motion of the frame, whose error has no bound; pass "
             "node_displacement(...) with frame='body', or a sensor of DisplacementLocal"
         )
-    if options["initial"] is not None or len(options["jumps"]):
+    if options.initial is not None or len(options.jumps):
         yield "initial= and jumps= are covered with frozen inputs only"
     names = _asked(options)
     if "energy" not in names and (without or "auxiliary" not in names):
@@ -164,9 +165,9 @@ def _controlled(mbs: Any) -> Iterator[str]:
         yield f"{', '.join(controllers)} depend on the motion: a controller may do work on the error"
 
 
-def _asked(options: dict[str, Any]) -> list[str]:
+def _asked(options: BoundOptions) -> list[str]:
     """Estimators that were asked for, of those that a coupled bound is known of if that was left open."""
-    asked = options["estimators"]
+    asked = options.estimators
     if asked == AUTO:
         return ["energy", "auxiliary"]
     return [asked] if isinstance(asked, str) else list(asked)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from ...model.outputs import Output
+    from ...offline.options import BoundOptions
     from ...offline.prepared import Offline
     from ..floating.actions import Actions
     from ..floating.floating_body import FloatingBody, ReducedMatrices
@@ -45,11 +46,11 @@ UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loade
 class MovingSubject:
     """Reads the mbs when a solve begins, and turns rows of its coordinates into samples of a run."""
 
-    def __init__(self, flex: FloatingBody, options: dict[str, Any], scope: str):
+    def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str):
         self.item, self._flex, self._options = flex.number, flex, options
-        self._by_sensors, self._sensors = options["outputs"] is None, BodySensors((), ())
+        self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
-        self._use(options["outputs"] or ())
+        self._use(options.outputs or ())
         self.enriched: EnrichedBody | None = None
         self.columns = np.zeros(0, dtype=int)
         self._signature: tuple = ()
@@ -94,7 +95,7 @@ class MovingSubject:
     @property
     def outputs(self) -> tuple[Output, ...]:
         """What is bounded."""
-        return tuple(self._options["outputs"])
+        return tuple(self._options.outputs)
 
     def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
         """Return V (N, n) and the full K (N, N)."""
@@ -102,7 +103,7 @@ class MovingSubject:
 
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""
-        self._use([*self._options["outputs"], *outputs])
+        self._use([*self._options.outputs, *outputs])
 
     def _find_scope(self, mbs: Any, *scene: Any) -> Found:
         """Return the scope; where no outputs were asked for, choose those that the sensors show."""
@@ -114,16 +115,16 @@ class MovingSubject:
         sensors = seen if scope.name == COMPLETE else framed
         if sensors != self._sensors:
             options, self._sensors = self._options_with(sensors), sensors
-            self._use(options["outputs"])
+            self._use(options.outputs)
         return scope
 
-    def _options_with(self, sensors: BodySensors) -> dict[str, Any]:
+    def _options_with(self, sensors: BodySensors) -> BoundOptions:
         """Return the options with other sensors as outputs; those that were added stay."""
-        added = self._options["outputs"][len(self._sensors.measured) :]
-        return {**self._options, "outputs": (*(item.output() for item in sensors.measured), *added)}
+        added = self._options.outputs[len(self._sensors.measured) :]
+        return replace(self._options, outputs=(*(item.output() for item in sensors.measured), *added))
 
     def _use(self, outputs: Sequence[Output]) -> None:
-        self._options = {**self._options, "outputs": outputs}
+        self._options = replace(self._options, outputs=outputs)
         self._wanted = replace(self._wanted, options=self._options)
         self._signature = ()
 
@@ -174,11 +175,9 @@ class MovingSubject:
         return prepare(
             body,
             Basis(model.V, note=f"{model.V.shape[1]} modes of object {self.item}"),
-            inputs=terms.columns,
-            input_function=known,
+            replace(self._options, inputs=terms.columns, input_function=known),
             sampled_inputs=not terms.by_function,
             scene=scene,
-            **self._options,
         )
 
     def _known_inputs(self, t: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
 from ...errors import InputError, RunError
+from ...offline.options import BoundOptions
 from ..floating.scope_decision import ASKABLE
 from .body_monitor import Watch
 from .live_output import sensor_of
@@ -196,17 +197,18 @@ def attach(
     """
     if hook is not None and not callable(hook):
         raise InputError(f"hook={hook!r}; needed: a function (mbs, t) -> bool")
-    options = {
-        "outputs": outputs,
-        "jumps": jumps,
-        "estimators": estimators,
-        "residual": residual,
-        "kernels": kernels,
-        "time": time,
-        "auxiliary_modes": auxiliary_modes,
-    }
+    options = BoundOptions(
+        outputs=outputs,
+        initial=initial,
+        jumps=jumps,
+        estimators=estimators,
+        residual=residual,
+        kernels=kernels,
+        time=time,
+        auxiliary_modes=auxiliary_modes,
+        live=tolerance is not None,
+    )
     check_choice("scope", scope, ASKABLE)
-    options["live"] = tolerance is not None
-    subject = make_subject(mbs, flex, initial, options, scope)
+    subject = make_subject(mbs, flex, options, scope)
     watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in subject.outputs]))
     return Monitor(mbs, shared_hook(mbs, hook, watch), watch)

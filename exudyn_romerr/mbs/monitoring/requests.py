@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,8 @@ import numpy as np
 
 from ...checks import check_choice
 from ...errors import InputError
-from ...offline.prepare import TIMES, checked_names
+from ...offline.options import TIMES, BoundOptions
+from ...offline.prepare import checked_names
 from ...residual.kernels import KERNELS
 from ...residual.problem import checked_outputs
 from ...residual.residual import RESIDUALS
@@ -27,41 +29,42 @@ UNNAMED = "there are no outputs, or they are not known before a solve begins; pa
 
 
 def make_subject(
-    mbs: Any, flex: ReducedBody | FloatingBody, initial: Any, options: dict[str, Any], scope: str
+    mbs: Any, flex: ReducedBody | FloatingBody, options: BoundOptions, scope: str
 ) -> LinearSubject | MovingSubject:
-    """Return the body as a watch sees it; sensors among options["outputs"] are replaced by outputs."""
+    """Return the body as a watch sees it; sensors among the outputs are replaced by outputs."""
     if isinstance(flex, FloatingBody):
-        return _floating(mbs, flex, initial, options, scope)
+        return _floating(mbs, flex, options, scope)
     _check_body(mbs, flex)
-    return _linear(flex, initial, options)
+    return _linear(flex, options)
 
 
-def _linear(flex: ReducedBody, initial: Any, options: dict[str, Any]) -> LinearSubject:
+def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:
     """Everything is known already: the offline work is done now."""
-    _refuse_sensors(options["outputs"])
-    if options["outputs"] is None:
+    _refuse_sensors(options.outputs)
+    if options.outputs is None:
         raise InputError(
             "outputs is missing: sensors cannot tell what to bound of a body made by add_reduced_body; pass "
             "outputs=[romerr.node_displacement('tip', node=..., component='z')], romerr.Output(name, rows), or []"
         )
-    return LinearSubject(flex, {"initial": flex.initial if initial is None else initial, **options})
+    initial = flex.initial if options.initial is None else options.initial
+    return LinearSubject(flex, replace(options, initial=initial))
 
 
-def _floating(mbs: Any, flex: FloatingBody, initial: Any, options: dict[str, Any], scope: str) -> MovingSubject:
+def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str) -> MovingSubject:
     """Joints and loads may still be added: what is known now is checked now."""
     read_object(mbs, flex)
-    outputs = options["outputs"]
+    outputs = options.outputs
     if isinstance(outputs, str | list | tuple):
         _refuse_texts(mbs, outputs)
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
         outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
-    options["outputs"] = outputs if outputs is None else checked_outputs(outputs)
+    outputs = outputs if outputs is None else checked_outputs(outputs)
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
-        check_choice(name, options[name], known)
-    asked = options["estimators"]
+        check_choice(name, getattr(options, name), known)
+    asked = options.estimators
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
-    return MovingSubject(flex, {"initial": initial, **options}, scope)
+    return MovingSubject(flex, replace(options, outputs=outputs), scope)
 
 
 def _refuse_texts(mbs: Any, outputs: Any) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from exudyn.utilities import LoadSolutionFile
 
 from ...errors import InputError, RunError
+from ...offline.options import BoundOptions
 from ..floating.scope_decision import OF_A_FILE
 from .body_monitor import Watch
 from .joint_evaluation import Mechanism
@@ -71,18 +72,19 @@ def evaluate_file(
     -----
     Does not cover: steps that were not written. A file of every second step is a trajectory of twice the step size.
     """
-    options = {
-        "outputs": outputs,
-        "jumps": jumps,
-        "estimators": estimators,
-        "residual": residual,
-        "kernels": kernels,
-        "time": time,
-        "auxiliary_modes": auxiliary_modes,
-    }
+    options = BoundOptions(
+        outputs=outputs,
+        initial=initial,
+        jumps=jumps,
+        estimators=estimators,
+        residual=residual,
+        kernels=kernels,
+        time=time,
+        auxiliary_modes=auxiliary_modes,
+    )
     if not getattr(mbs, "systemIsConsistent", True):
         raise RunError("evaluate_file was called before mbs.Assemble(); call it first")
-    watch = Watch(make_subject(mbs, flex, initial, options, OF_A_FILE), {})
+    watch = Watch(make_subject(mbs, flex, options, OF_A_FILE), {})
     rows = read_solution(path, mbs.systemData.ODE2Size())
     watch.begin(mbs, static=False)
     alone = Mechanism([watch])
