@@ -14,9 +14,7 @@ from ..model.body import ElasticBody
 if TYPE_CHECKING:
     pass
 
-RANK = 1e-10  # columns of unit length closer than this to the others' span carry mostly rounding
-PER_INTERVAL = 16  # quadrature nodes from the middle between two resonances to one of them
-RESONANCES = 60  # at most so many are looked for in a band; higher ones are narrow for the nodes between them
+DEPENDENT = 1e-10  # columns of unit length closer than this to the others' span carry mostly rounding
 
 
 class Basis:
@@ -47,7 +45,7 @@ class Basis:
             self.W = check_array("W", W, self.V.shape)
             _check_rank("W", self.W)
             product = (self.W / np.linalg.norm(self.W, axis=0)).T @ (self.V / np.linalg.norm(self.V, axis=0))
-            if np.linalg.svd(product, compute_uv=False)[-1] < RANK:
+            if np.linalg.svd(product, compute_uv=False)[-1] < DEPENDENT:
                 raise InputError("W^T V is singular: some column of W sees nothing of V; choose another W")
 
     @property
@@ -84,6 +82,6 @@ def _check_rank(name: str, matrix: np.ndarray) -> None:
     if np.any(length == 0):
         raise InputError(f"{name} has a zero column ({int(np.argmin(length))}); remove it")
     triangle = np.abs(np.diag(la.qr(matrix / length, mode="r", pivoting=True)[0]))
-    if triangle[-1] < RANK * triangle[0]:
-        rank = int(np.sum(triangle >= RANK * triangle[0]))
+    if triangle[-1] < DEPENDENT * triangle[0]:
+        rank = int(np.sum(triangle >= DEPENDENT * triangle[0]))
         raise InputError(f"{name} has rank {rank}, but {matrix.shape[1]} columns; remove the dependent ones")

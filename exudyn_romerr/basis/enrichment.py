@@ -17,9 +17,10 @@ from ..linalg.orthogonalise import orthonormal, without
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
 
-RANK = 1e-8  # of the largest response: what is smaller is rounding of what V and P hold already
+NEW_SHARE = 1e-8  # of the largest response: what is smaller is rounding of what V and P hold already
 MISSED = 1e-6  # of a static mode: less is rounding of what V holds of it already
-HELD = 1e-5  # smallest cosine of static modes and V that take motion of interfaces out of P; at 3e-6 P grew 200 times
+# smallest cosine of static modes and V that take motion of interfaces out of P; at 3e-6 P grew 200 times
+INDEPENDENT = 1e-5
 
 
 class Enrichment:
@@ -63,7 +64,7 @@ class Enrichment:
         P = P - V @ self._moved(wrenches, P)
         P = P @ _independent(self._factor.half_multiply(P))
         squares, turn = la.eigh(P.T @ (body.M @ P))  # 1/omega^2
-        kept = np.flatnonzero(squares > RANK**2 * squares.max(initial=0.0))[::-1]
+        kept = np.flatnonzero(squares > NEW_SHARE**2 * squares.max(initial=0.0))[::-1]
         self.P, self.omega = P @ (turn[:, kept] / np.sqrt(squares[kept])), 1 / np.sqrt(squares[kept])
 
     def _of_unit_energy(self, forces: np.ndarray) -> np.ndarray:
@@ -85,7 +86,7 @@ class Enrichment:
         """The m largest responses K^-1 columns, in energy, of what V and P leave of them."""
         energies = self._factor.half_solve(columns)
         _, size, combined = la.svd(without(self._held(P), energies), full_matrices=False)
-        m = min(m, int(np.sum(size > RANK * np.linalg.norm(energies, axis=0).max())))
+        m = min(m, int(np.sum(size > NEW_SHARE * np.linalg.norm(energies, axis=0).max())))
         return self._left_of(columns @ (combined[:m].T / size[:m]), P)
 
     def _held(self, P: np.ndarray) -> np.ndarray:
@@ -109,7 +110,7 @@ class Enrichment:
         size = np.linalg.norm(self._factor.half_multiply(self._V), axis=0)
         of_V = wrenches.T @ (self._V / size)  # cosines between static modes and V
         values = la.svd(of_V, compute_uv=False)
-        if len(values) < len(of_V) or values[-1] < HELD:
+        if len(values) < len(of_V) or values[-1] < INDEPENDENT:
             raise AssumptionError(
                 "the modes cannot move every interface in every direction: joints need interfaces with static modes "
                 "(Craig-Bampton)"
@@ -123,5 +124,5 @@ def _independent(columns: np.ndarray) -> np.ndarray:
         return np.eye(0)
     length = np.linalg.norm(columns, axis=0)
     _, size, turn = la.svd(columns / length, full_matrices=False)
-    kept = size > RANK * size[0]
+    kept = size > NEW_SHARE * size[0]
     return turn[kept].T / size[kept] / length[:, None]

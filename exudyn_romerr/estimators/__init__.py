@@ -1,4 +1,4 @@
-"""Estimators: offline constants in, blocks of steps in, bounds out (contract: base.py)."""
+"""Estimators: offline constants in, blocks of steps in, bounds out (contract: estimator.py)."""
 
 from .auxiliary_modes import Auxiliary
 from .energy import Energy

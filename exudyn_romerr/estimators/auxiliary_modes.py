@@ -30,6 +30,7 @@ class Auxiliary:
 
     name = "auxiliary"
     assumes = "Rayleigh damping (or none)"
+    inside: tuple[np.ndarray, np.ndarray] | None = None
 
     def __init__(self, problem: Problem):
         split = problem.split

@@ -33,6 +33,7 @@ class MechanismEnergy:
 
     name = "energy"
     assumes = "ideal joints, dissipative springs and dampers, the mechanism linearised about its motion"
+    inside = None
 
     def __init__(self, problem: Problem, unknown: int = 0):
         self.start_norms = problem.dual.start_norms

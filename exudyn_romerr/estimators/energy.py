@@ -28,6 +28,7 @@ class Energy:
 
     name = "energy"
     assumes = "dissipative damping"
+    inside: tuple[np.ndarray, np.ndarray] | None = None
 
     def __init__(self, problem: Problem):
         self.rates = body_rates(problem.body)

@@ -40,6 +40,7 @@ class MassNormEstimator:
     """Shared part of the estimators that bound |e|_M by the integral of |R|_{M^-1} (paper, section 4)."""
 
     name: str
+    inside = None
 
     def __init__(self, problem: Problem):
         self.norm = problem.dual.norm_M

@@ -14,10 +14,9 @@ from ..trajectory.segments import Block, Start
 from .energy import output_share, smallest
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from ..residual.decay_rates import Forgetting
     from ..residual.problem import Problem
+    from .estimator import Estimator
 
 LARGEST = 700.0  # growth of a step whose exponential is still a number; more is no bound anyway
 
@@ -35,7 +34,9 @@ class Turning:
     and e_b is bounded by g / (1 - |w|^2 / kappa_r)^(1/2) as d is by g in estimator "energy".
     """
 
-    def __init__(self, estimator: Any, problem: Problem):
+    inside = None  # not asked for twice
+
+    def __init__(self, estimator: Estimator, problem: Problem):
         self.estimator = estimator
         self.assumes = estimator.assumes
         self.rates = body_rates(problem.body)
@@ -88,7 +89,7 @@ class Turning:
         """|F|_{M^-1} (S,), its largest value in every segment."""
         if block.turn is None:
             return np.zeros(len(block.h))
-        inside = getattr(self.estimator, "inside", None)
+        inside = self.estimator.inside
         if inside is None:  # the others' bounds of |e_a'| only grow, and |e_a| grows by at most its integral
             inside = np.append(before.position, bounds.position[:-1]) + block.h * bounds.velocity, bounds.velocity
         position, velocity = inside

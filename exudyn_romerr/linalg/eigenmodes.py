@@ -17,7 +17,7 @@ RETRIES = 5
 GAP = 1e-9  # relative distance of the inertia count from an eigenvalue: above the solvers' rounding
 WIDE = 1e-10  # smallest over largest 1/omega^2: below, what LAPACK finds of the highest modes is mostly rounding
 STEPS = 3  # of refinement: each squares the error
-CLOSE = 1e-7  # change of a mode by a step: the square of it is what is left
+CONVERGED = 1e-7  # change of a mode by a step: the square of it is what is left
 MIXED = 1e-4  # share of another mode in a mode above which a step is not taken
 
 
@@ -143,7 +143,7 @@ def _refined(M: sp.csc_matrix, factor: SymmetricFactor, X: np.ndarray) -> tuple[
         turn = np.where(near, 0.0, mixed / np.where(near, 1.0, gap))  # antisymmetric: its exponential is orthogonal
         E = R / 2 + turn + turn @ (turn + turn @ turn / 3) / 2
         X = X + X @ E
-        if np.abs(E).max() < CLOSE:
+        if np.abs(E).max() < CONVERGED:
             break
     order = np.argsort(squares)
     return np.sqrt(squares[order]), X[:, order]

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 from ..errors import InputError
 
-ROUNDING = 1e-14  # of the largest scaled column: what is dropped is rounding
+ROUNDED_AWAY = 1e-14  # of the largest scaled column: what is dropped is rounding
 DEFLATION = 1e-10  # share of a Krylov vector that must be new; less is rounding of what is already spanned
 
 
@@ -17,7 +17,7 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(columns, axis=0)
     Q, triangle, _ = la.qr(columns / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(triangle))
-    return Q[:, diagonal > ROUNDING * diagonal[0]]
+    return Q[:, diagonal > ROUNDED_AWAY * diagonal[0]]
 
 
 def without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:

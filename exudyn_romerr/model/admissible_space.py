@@ -13,7 +13,7 @@ from ..checks import check_array, check_nodes
 from ..errors import AssumptionError, InputError
 
 RIGID_MODES = 6
-RANK = 1e-10  # of scaled reference rows; below, some rigid motion is not held
+NOT_HELD = 1e-10  # of scaled reference rows; below, some rigid motion is not held
 FULL_ROWS = 1000  # nodes; a dense matrix of three times that is what a laptop factorises in seconds
 HELD = 1e-8  # |C_0 v| relative to |C_0| |v|: what Exudyn's own modes keep of the conditions they were made with
 
@@ -38,7 +38,7 @@ class MeanMotion:
         """Return the mean displacement and the mean rotation (about the mean position) as rows (6, 3 nodes)."""
         C = self.rows(positions)
         turns = C[3:] @ rigid_modes(positions)[:, 3:]
-        if np.linalg.cond(turns) > 1 / RANK:
+        if np.linalg.cond(turns) > 1 / NOT_HELD:
             raise InputError(f"nodes {self.nodes[:8].tolist()} lie on a line: they have no mean rotation")
         return np.vstack([C[:3], np.linalg.solve(turns, C[3:])])
 
@@ -173,7 +173,7 @@ def _followers(coordinates: np.ndarray, motions: np.ndarray) -> tuple[np.ndarray
     """Coordinates of a rigid part that follow from six of its own, those six, and how."""
     motions = motions / np.linalg.norm(motions, axis=0)
     _, triangle, order = la.qr(motions.T, mode="economic", pivoting=True)
-    if np.abs(triangle[RIGID_MODES - 1, RIGID_MODES - 1]) <= RANK:
+    if np.abs(triangle[RIGID_MODES - 1, RIGID_MODES - 1]) <= NOT_HELD:
         raise InputError("nodes of a rigid interface lie on a line: they do not tell its rotation")
     six, rest = np.sort(order[:RIGID_MODES]), np.sort(order[RIGID_MODES:])
     return coordinates[rest], coordinates[six], np.linalg.solve(motions[six].T, motions[rest].T).T
@@ -184,6 +184,6 @@ def _eliminated(conditions: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(conditions, axis=1)[:, None]
     _, triangle, order = la.qr(conditions / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(triangle))
-    if diagonal[-1] <= RANK * diagonal[0]:
+    if diagonal[-1] <= NOT_HELD * diagonal[0]:
         raise AssumptionError("reference conditions do not hold all six rigid motions: nodes on one line?")
     return np.sort(order[:RIGID_MODES])

@@ -13,6 +13,9 @@ import scipy.sparse as sp
 
 from ..errors import AssumptionError
 
+ROWS = {"r": 3, "r_t": 3, "A": 9, "w": 3, "al": 3}  # what a sample carries of its frame, and how many numbers
+CUTS = tuple(np.cumsum([*ROWS.values()])[:-1].tolist())
+RIGID_INERTIA = 12  # columns M e_j and M E_ij x; the 9 n columns M E_ij V follow
 ISOTROPY = 1e-9  # of the largest entry of M: solid elements meet it to rounding
 SERIES = 1e-3  # rad; below, two terms of a Taylor series are exact to 1e-14, the quotients are not
 
@@ -58,7 +61,7 @@ class FrameRows(NamedTuple):
     @classmethod
     def of(cls, rows: np.ndarray) -> FrameRows:
         """Cut rows (S, 21) into r, r_t, A, w, al."""
-        r, r_t, A, w, al = np.split(rows, (3, 6, 15, 18), axis=1)
+        r, r_t, A, w, al = np.split(rows, CUTS, axis=1)
         return cls(r, r_t, A.reshape(-1, 3, 3), w, al)
 
 
@@ -128,6 +131,11 @@ def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -
     """Return M e_j (3), M E_ij x (9), M E_ij V (9 n): what inertia_coordinates multiply, (N, 12 + 9 n)."""
     x = positions.reshape(-1, 1)
     return np.hstack([translations(mass), mass @ _unit_products(x), mass @ _unit_products(V)])
+
+
+def modal_inertia(n: int) -> slice:
+    """Return which of the columns are M E_ij V, V of n columns."""
+    return slice(RIGID_INERTIA, RIGID_INERTIA + 9 * n)
 
 
 def inertia_coordinates(b: np.ndarray, motion: FrameMotion, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from ..linalg.blocked_products import row_norms
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ..estimators.estimator import Estimator
     from ..estimators.static import StaticError
     from ..model.global_axes import View
     from ..model.outputs import Output
@@ -47,7 +48,7 @@ class Offline:
 
     coordinates: Coordinates | PackedCoordinates
     signal: InputSignal | None
-    estimators: dict[str, Any]
+    estimators: dict[str, Estimator]
     outputs: tuple[Output, ...]
     slices: tuple[slice, ...]
     velocity_rows: np.ndarray

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
     from typing import Any
 
+    from ..estimators.estimator import Estimator
     from ..model.global_axes import View
 
 
@@ -23,7 +24,7 @@ class Stream:
     only_outputs: nothing else of the bounds is remembered.
     """
 
-    def __init__(self, estimators: Mapping[str, Any], only_outputs: bool = False):
+    def __init__(self, estimators: Mapping[str, Estimator], only_outputs: bool = False):
         self._only_outputs = only_outputs
         self.estimators = {name: copy.copy(e) for name, e in estimators.items()}
         self._kept = {name: KeptBounds() for name in estimators}

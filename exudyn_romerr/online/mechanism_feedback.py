@@ -17,16 +17,17 @@ import numpy as np
 
 from ..errors import AssumptionError
 
-CLOSE = (
+INVERSE_ERROR = (
     1e-3  # of a solution: what interpolated inverses may miss at first; they are used twice, so its square is left
 )
-SAME = 1e-9  # of a step size: solvers add up their steps
+SAME_STEP = 1e-9  # of a step size: solvers add up their steps
 GROWN = 1e60  # its square, times masses, is still a number
 TOO_SENSITIVE = (
     "the error of the linearised mechanism has grown beyond all numbers: its motion is too sensitive to be "
     "linearised for so long. Ask for estimators='energy', for scope='inputs frozen', or solve for a shorter time"
 )
-MANY = 4  # steps between two tangents: fewer are solved one by one, more with inverses interpolated in time
+# steps between two tangents: fewer are solved one by one, more with inverses interpolated in time
+INTERPOLATED_FROM = 4
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ class _Interval:
         A, B = (tangent.stacked(mass, damping, scale) for tangent in self._ends)
         W, U = (_wide(tangent, scale) for tangent in self._ends)
         self._A, self._W = np.vstack([A, B - A]), np.vstack([W, U - W])
-        self._inverses = None if steps < MANY else self._inverted()
+        self._inverses = None if steps < INTERPOLATED_FROM else self._inverted()
 
     def _inverted(self) -> np.ndarray | None:
         """A^-1 as a polynomial of second degree in time, from three instants; None if that is not exact enough."""
@@ -139,11 +140,11 @@ class _Interval:
         inverses = np.vstack([start, 4 * half - 3 * start - end, 2 * (start + end) - 4 * half])
         x = np.ones(len(start))
         off = _squared(inverses @ _linear(self._A @ x, 0.25), 0.25) - x
-        return inverses if np.abs(off).max() <= CLOSE else None
+        return inverses if np.abs(off).max() <= INVERSE_ERROR else None
 
     def holds(self, first: Tangent, last: Tangent, h: float) -> bool:
         """Whether this is the interval of a step."""
-        return self._ends[0] is first and self._ends[1] is last and abs(h - self._h) <= SAME * self._h
+        return self._ends[0] is first and self._ends[1] is last and abs(h - self._h) <= SAME_STEP * self._h
 
     def step(self, now: float, force: np.ndarray, moving: np.ndarray) -> np.ndarray:
         """Return e, e', e'' and the algorithmic a (4, k) after a step."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..trajectory.reconstruction import ROUNDING
+from ..trajectory.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
     from .run_record import RunRecord
@@ -92,7 +92,7 @@ def _between_samples(run: RunRecord) -> list[str]:
         return [FROM_SAMPLES]
     if run.rounding_share is None:
         return []
-    if run.rounding_share > ROUNDING:
+    if run.rounding_share > ROUNDING_SHARE:
         share = f"{min(100 * run.rounding_share, 100):.0f} %"
         return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
     if offline.signal is None and offline.coordinates.p:

@@ -12,7 +12,7 @@ from .scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
 
-CAUSES = {
+CURES_OF_CAUSES = {
     "basis": "basis: add modes",
     "time step": "step size, not the basis: halve it",
     "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
@@ -116,7 +116,7 @@ def advice(out: OutputData, row: int | None = None) -> str:
     cause = max(shares, key=shares.get)
     rest = np.max(bound - causes[cause])
     left = f"; the rest alone bounds it by {rounded_up(rest)} {out.unit}" if rest > 0 else ""
-    return f"{100 * shares[cause] / total:.0f} % of it from the {CAUSES[cause]}{left}"
+    return f"{100 * shares[cause] / total:.0f} % of it from the {CURES_OF_CAUSES[cause]}{left}"
 
 
 def outside(out: OutputData, row: int) -> str:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 SAFETY = 6.0  # what lies between the checks may be larger: a single kink at its worst place 2.6 times
 SHORT = 0.02  # rad of the first mode per step: below, rounding of q'' from differences of q is looked at
 LONG = 0.2  # rad of the first mode per knot interval: longer ones are not tried
-ROUNDING = 0.1  # of the variation of R: above, fewer samples are taken as knots, and the report speaks of it
+ROUNDING_SHARE = 0.1  # of the variation of R: above, fewer samples are taken as knots, and the report speaks of it
 
 
 class Linear:
@@ -68,7 +68,7 @@ class _Choice:
     @property
     def rounds(self) -> bool:
         """Whether rounding matters."""
-        return self.rounding > ROUNDING * self.size
+        return self.rounding > ROUNDING_SHARE * self.size
 
 
 class Quintic:

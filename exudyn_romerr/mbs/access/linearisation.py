@@ -21,8 +21,8 @@ from .state_guard import coordinates_kept, loads_by_motion, loads_with_functions
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing changes
 SMALL = 0.1  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
-STEP = 1e-7  # of coordinates, to differentiate by
-RANK = 1e-10  # of the largest singular value: constraints below are redundant
+DIFFERENCE = 1e-7  # of coordinates, to differentiate by
+REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
 PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
 KEPT = 3  # readings of the block before: a spline through them goes on smoothly
@@ -126,7 +126,7 @@ class Tangents:
             )
         G = G[self._rows]
         values = la.svd(G, compute_uv=False) if len(G) else np.ones(1)
-        if values[-1] <= RANK * values[0]:
+        if values[-1] <= REDUNDANT * values[0]:
             raise AssumptionError(
                 f"constraints have become redundant before t = {t:g} s (a singular position), where the linearised "
                 "mechanism has no solution: pass scope='inputs frozen'"
@@ -161,8 +161,8 @@ class Tangents:
         before, carried = force(q), np.zeros((self.size, self.size))
         for j in self._coordinates:
             moved = q.copy()
-            moved[j] += STEP
-            carried[:, j] = (force(moved) - before) / STEP
+            moved[j] += DIFFERENCE
+            carried[:, j] = (force(moved) - before) / DIFFERENCE
         return carried
 
 
@@ -203,4 +203,4 @@ def _independent(G: np.ndarray, active: np.ndarray) -> np.ndarray:
         return rows
     _, triangle, order = la.qr(G[rows].T, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
-    return np.sort(rows[order[: int(np.sum(size > RANK * size[0]))]])
+    return np.sort(rows[order[: int(np.sum(size > REDUNDANT * size[0]))]])

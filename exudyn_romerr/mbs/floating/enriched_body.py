@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from .floating_body import FloatingBody, ReducedMatrices
     from .frame_support import Support
 
-STEP = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
-AUTO = 20  # vectors a body: responses to the inertia of 14 modes and of the frame are 26, of unequal weight
+DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
+AUTO_VECTORS = 20  # vectors a body: responses to the inertia of 14 modes and of the frame are 26, of unequal weight
 
 
 class Couplings(NamedTuple):
@@ -75,7 +75,7 @@ class EnrichedBody:
                 _side_by_side([place.columns for place in actions.wrenches], body.N),
             )
         )
-        asked = AUTO if options.auxiliary_modes == "auto" else options.auxiliary_modes
+        asked = AUTO_VECTORS if options.auxiliary_modes == "auto" else options.auxiliary_modes
         V_y = Z.coordinates("V", V)
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
@@ -183,14 +183,14 @@ class EnrichedBody:
     def _by_the_frame(self, t: np.ndarray, states: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """D and K (T, m, size) of P by the frame's coordinates: how inertia forces and loads on P turn with it."""
         size = self._frame.size
-        step = STEP * np.eye(size, states[0].shape[1])
+        step = DIFFERENCE * np.eye(size, states[0].shape[1])
         moved, still = np.concatenate([step, -step]), np.zeros((2 * size, states[0].shape[1]))
         changes = np.concatenate([still, moved]), np.concatenate([moved, still]), np.concatenate([still, still])
         q, q_t, q_tt = ((x[:, None] + dx).reshape(-1, x.shape[1]) for x, dx in zip(states, changes, strict=True))
         motion = self._frame.motion(*(x[:, :size] for x in (q, q_t, q_tt)))
         inputs = self._terms.values(self._actions, np.repeat(t, 4 * size), motion, q[:, size:], q_t[:, size:])
         found = (inputs @ self._forcing[:, self._layout.input_slot].T).reshape(len(t), 2, 2, size, self.m)
-        D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * STEP), 1, 0)
+        D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * DIFFERENCE), 1, 0)
         return D, K
 
 

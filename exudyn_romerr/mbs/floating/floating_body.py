@@ -19,7 +19,7 @@ from .frame_node import FrameNode
 ITEMS = ("nRigidBody", "nGenericODE2", "oFFRFreducedOrder")
 INTERFACES = ("free", "rigid")
 OLDEST = (1, 13)  # Exudyn whose markers tell their axes, localHT
-SAME = 1e-9  # relative; Exudyn rounds reduced matrices at 1e-13 of their largest entry
+SAME_MATRICES = 1e-9  # relative; Exudyn rounds reduced matrices at 1e-13 of their largest entry
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
     item = _object(mbs, flex)
     V = check_array("modeBasis of the body", item["modeBasis"], (flex.mass.shape[0], None))
     positions = np.asarray(item["referencePositions"]).reshape(-1, 3)
-    if np.max(np.abs(positions - flex.positions)) > SAME * np.max(np.abs(flex.positions)):
+    if np.max(np.abs(positions - flex.positions)) > SAME_MATRICES * np.max(np.abs(flex.positions)):
         raise InputError("fem has other node positions than the body: items belong to another fem")
     M, K, D = (_dense(item[f"{name}MatrixReduced"], V.shape[1]) for name in ("mass", "stiffness", "damping"))
     for name, full, reduced in (("mass", flex.mass, M), ("stiffness", flex.stiffness, K)):
@@ -193,7 +193,7 @@ def _dense(matrix: Any, n: int) -> np.ndarray:
 
 def _check_reduction(name: str, expected: np.ndarray, found: np.ndarray) -> None:
     off = np.max(np.abs(found - expected)) / np.max(np.abs(expected))
-    if off > SAME:
+    if off > SAME_MATRICES:
         raise InputError(
             f"{name}MatrixReduced of the body differs from V^T M V of the fem by {off:.1e} of its largest entry: "
             "another fem, a fem changed since, or reduced matrices that were edited".replace("M V", f"{name} V")
@@ -209,7 +209,7 @@ def _rayleigh_factors(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> tuple[floa
     columns = np.stack([M.ravel(), K.ravel()], axis=1) / scale
     factors = np.linalg.lstsq(columns, D.ravel() / size, rcond=None)[0]
     off = np.max(np.abs(columns @ factors - D.ravel() / size))
-    if off > SAME:
+    if off > SAME_MATRICES:
         raise AssumptionError(
             f"damping of the body is not alpha M + beta K (off by {off:.1e} of its largest entry); the full model's "
             "damping is then unknown: use massProportionalDamping and stiffnessProportionalDamping"

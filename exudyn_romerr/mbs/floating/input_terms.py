@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...model.floating_frame import inertia_columns, inertia_coordinates, translations
+from ...model.floating_frame import inertia_columns, inertia_coordinates, modal_inertia, translations
 from .actions import over_time
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class InputTerms:
         inertia = [-(translations(flex.mass) if self.at_rest else inertia_columns(flex.mass, flex.positions, V))]
         loads = [load.columns for load in actions.loads] + [place.columns for place in actions.wrenches]
         self.columns = np.hstack([*(inertia if self.weighs else []), np.zeros((len(V), 0)), *loads])
-        self.minor = None if self.at_rest else slice(12, 12 + 9 * V.shape[1])
+        self.minor = None if self.at_rest else modal_inertia(V.shape[1])
         self.first_load = 3 * self.weighs if self.minor is None else self.minor.stop
         self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 FIRST = 4  # modes
 RUNS = 4  # simulations at most; 4, 8, 16, 32 modes compared by eye take as many
-MOST = 1000  # modes of a basis
+MOST_MODES = 1000  # modes of a basis
 
 
 def choose_modes(
@@ -87,7 +87,7 @@ def choose_modes(
     not enough is a forecast, unless they were tried. Bounds of a mechanism leave out the error of the time steps: it
     is estimated by halving them, if one of the four simulations is left.
     """
-    most = check_count("most", most, MOST, "modes")
+    most = check_count("most", most, MOST_MODES, "modes")
     first = check_count("first", min(FIRST, most) if first is None else first, most, "modes, up to most", least=0)
     search = _Search(build, (tolerance, relative), pick, _checked_kinds(kinds), most)
     for kind in search.kinds:

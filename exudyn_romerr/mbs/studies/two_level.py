@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from ...report.report import BoundReport
 
-MOST = 1_000_000  # modes; the scene itself knows how many its body has
+NO_LIMIT = 1_000_000  # modes; the scene itself knows how many its body has
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
     -----
     Source: docs/theory.md, mechanisms. Does not cover: more than the scope of the fine run's bound says.
     """
-    n = check_count("n", n, MOST, "modes", least=0)
-    modes = n, n + check_count("m", m, MOST, "modes")
+    n = check_count("n", n, NO_LIMIT, "modes", least=0)
+    modes = n, n + check_count("m", m, NO_LIMIT, "modes")
     coarse, fine = (build_trial(build, count).solve() for count in modes)
     t = coarse[0].t
     if not all(same_times(report.t, t) for report in (*coarse, *fine)):

@@ -29,13 +29,13 @@ MEANINGS = {
     FROZEN: "the bound holds for the full body under the frame motion, loads and wrenches of this run; what the "
     "mechanism makes of the error is not covered",
 }
-TIMES = {
+TIME_WORDS = {
     "reconstructed": "The error of the time integration is included.",
     "sampled": "The error of the time integration is not covered, nor what the residual does between the samples.",
     "static": "A static solve: there is no time integration.",
 }
 NEVER = "Never covered: the finite-element model itself, its mesh, material and linearity."
-MANY = 3000  # samples: as vectors, curves of more would make the page large and slow
+RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
 
 
 def write_page(report: ReportData, path: str | os.PathLike) -> None:
@@ -121,7 +121,7 @@ def _scope(report: ReportData) -> Iterator[str]:
     yield table("", ("estimator", "scope", "which means", "assumptions"), rows)
     if report.scope_reason:
         yield paragraph(f"Why: {report.scope_reason}.")
-    yield paragraph(f"{TIMES[report.time]} {NEVER}")
+    yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}")
 
 
 def _figures(report: ReportData) -> Iterator[str]:
@@ -139,7 +139,7 @@ def _picture(report: ReportData, name: str, row: int) -> str:
     for ax, draw in zip(axes, (draw_signal, draw_bounds, draw_causes), strict=True):
         draw(ax, report, name, row)
         ax.tick_params(labelbottom=True)
-    kind, mime = ("svg", "svg+xml") if len(report.t) <= MANY else ("png", "png")
+    kind, mime = ("svg", "svg+xml") if len(report.t) <= RASTER_FROM else ("png", "png")
     stream = io.BytesIO()
     figure.savefig(stream, format=kind, dpi=DPI)
     return f"data:image/{mime};base64,{base64.b64encode(stream.getvalue()).decode()}"

@@ -10,7 +10,7 @@ from ...checks import check_count
 from ...errors import InputError
 from ..wording import at_round_off, error_kind, rounded_up, under
 from .style import (
-    CAUSES,
+    CAUSE_STYLES,
     COLOURS,
     MARKERS,
     SIZE,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from ..data import OutputData, ReportData
 
 COLUMNS = 2  # of outputs side by side: what fits a page
-MANY = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
+RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 BAR = 12  # points: how wide a band is at a single instant
 
 
@@ -150,7 +150,7 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     best, worst = out.bound["best"][:, row], int(np.argmax(out.bound["best"][:, row]))
     known = (best > 0) & np.isfinite(best)
     below = np.zeros(len(t))
-    for cause, (words, colour, hatch) in CAUSES.items():
+    for cause, (words, colour, hatch) in CAUSE_STYLES.items():
         share = np.divide(100 * out.causes[cause][:, row], best, out=np.zeros(len(t)), where=known)
         if cause == "time step" and report.time == "sampled":
             label = f"{words}: not covered"
@@ -204,7 +204,7 @@ def at_most(bound: np.ndarray, unit: str) -> str:
 
 def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.ndarray, **style: Any) -> None:
     """An area over the runs of instants that are known; a bar where such a run is a single instant."""
-    ax.fill_between(t, low, high, where=known, rasterized=len(t) > MANY, **style)
+    ax.fill_between(t, low, high, where=known, rasterized=len(t) > RASTER_FROM, **style)
     alone = isolated(known)
     if alone.size:
         opaque = {"colors": style["facecolor"], "alpha": style.get("alpha")}

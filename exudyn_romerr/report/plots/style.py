@@ -45,7 +45,7 @@ MARKERS = {
     "auxiliary": "o",
     "static": "o",
 }
-CAUSES = {  # name in words, colour, hatch
+CAUSE_STYLES = {  # name in words, colour, hatch
     "basis": ("basis", "#0072B2", ""),
     "time step": ("time step", "#E69F00", "//"),
     "initial": ("initial error", "#CC79A7", ".."),
