@@ -91,7 +91,7 @@ def forecasts_from(build, n, most):
     mbs, monitor, _ = build(most)
     ladder = Ladder(*monitor.subject.modes(mbs), most)
     mbs, monitor, settings = build(n)
-    monitor.subject.add(ladder.onlookers(monitor.subject.outputs))
+    monitor.subject.add(ladder.internal_outputs(monitor.subject.outputs))
     report = solved((mbs, monitor, settings))
     return forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, range(n)), report
 

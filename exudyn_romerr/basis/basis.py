@@ -1,4 +1,4 @@
-"""Projection bases: the user's own V and W, and makers by modes, moment matching and Gramian."""
+"""Basis: matrices V and W of a projection, the user's own or of modes."""
 
 from __future__ import annotations
 

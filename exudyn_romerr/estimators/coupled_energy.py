@@ -28,7 +28,8 @@ class MechanismEnergy:
         g = (sum_b |R_b(0)|^2)^(1/2) + total variation of (sum_b |R_b|^2)^(1/2),   |.| in the K_b^-1 norm
 
     K_b^-1 on the free body is K^-1 where the reference conditions hold it and the first wrench balances it. Rigid
-    motion has no energy: outputs are those seen from the body's frame. Without forgetting: rigid motion is undamped.
+    motion has no energy: outputs are those seen from the body's frame. No decay rate is admissible, for rigid
+    motion is undamped.
     """
 
     name = "energy"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..linalg.linear_recurrence import decaying_sum
-from ..residual.decay_rates import Forgetting, body_rates
+from ..residual.decay_rates import DecayRate, body_rates
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Block, Start
 
@@ -22,7 +22,7 @@ class Energy:
 
         |C e| <= |C K^-1 R| + |C|_{K^-1} g ,   |C e'| <= |C|_{M^-1} g ,   |e|_M <= |K^-1 R|_M + g/omega_1
 
-    For a few admissible rates r, g forgets: g <- exp(-r h) g + variation (constants then change a little); the
+    For a few admissible decay rates r: g <- exp(-r h) g + variation (constants then change a little); the
     smallest result counts.
     """
 
@@ -82,7 +82,7 @@ class Growth:
     part of g that load jumps made.
     """
 
-    def __init__(self, norm: Callable, rates: Sequence[Forgetting]):
+    def __init__(self, norm: Callable, rates: Sequence[DecayRate]):
         self.norm, self.rates = norm, rates
         self.g = self.g_jump = [0.0] * len(rates)
         self._before: np.ndarray | None = None
@@ -148,7 +148,7 @@ def cut_size(block: Block) -> np.ndarray:
     return np.zeros(len(block.h)) if block.cut is None else block.cut.size
 
 
-def smallest(rates: Sequence[Forgetting], g: np.ndarray) -> np.ndarray:
+def smallest(rates: Sequence[DecayRate], g: np.ndarray) -> np.ndarray:
     """Return the bounds (3, S) of |d|_K, |d|_M and |e'|_M: the smallest over the rates of g (rates, S)."""
     if not rates:  # nothing is left to bound: all modes are auxiliary
         return np.zeros((3, g.shape[1]))
@@ -156,12 +156,12 @@ def smallest(rates: Sequence[Forgetting], g: np.ndarray) -> np.ndarray:
     return np.min(factors[:, :, None] * g[:, None, :], axis=0)
 
 
-def output_share(rates: Sequence[Forgetting], g: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
+def output_share(rates: Sequence[DecayRate], g: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
     """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R)."""
     d_K, _, v_M = smallest(rates, g)
     return np.where(velocity_rows, times(v_M, C_M), times(d_K, C_K))
 
 
-def jump_share(rates: Sequence[Forgetting], g_jump: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray | None:
+def jump_share(rates: Sequence[DecayRate], g_jump: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray | None:
     """Return output_share of what load jumps made; None: there were none."""
     return output_share(rates, g_jump, C_K, C_M, velocity_rows) if g_jump.any() else None

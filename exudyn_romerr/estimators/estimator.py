@@ -15,21 +15,21 @@ class Estimator(Protocol):
     """Bounds of the error of one trajectory, segment by segment.
 
     1. It is made from a Problem, once: full-size work is done there, small arrays are kept.
-    2. The one that was made never runs itself: each stream of a run starts a copy.copy of it. Hence what changes along
-       a run is replaced, not changed in place, or __copy__ says what else is to be copied.
+    2. The one that was made is never run: each stream of a run starts a copy.copy of it. Hence what changes along a run
+       is replaced, not changed in place, or __copy__ says what else is to be copied.
     3. start comes first, then advance with blocks that follow one another without a gap, the first from Start.t on. A
        run that goes on from another takes a copy of its estimator, and no start.
     4. Start and Block are complete when they come: turn, cut, joint and added are set where the scene has such. They
        belong to all estimators and are not changed.
     5. Bounds hold at the ends of segments, and are never nan: inf where there is no bound. They are those of exact
-       arithmetic; a run adds what rounding of its input may do. Rounding of an estimator's own sums is its own affair.
-    6. instant and outputs_at serve other outputs at one instant, as at every mesh node: the instant of one estimator is
-       given to another, made from the same problem with other displacements as outputs.
+       arithmetic; a run adds what rounding of its input may do. An estimator adds the rounding of its own sums.
+    6. instant and outputs_at serve other outputs at one instant, as at every mesh node: the instant of one estimator
+       is given to another, made from the same problem with other displacements as outputs.
 
     Attributes
     ----------
-    assumes : what must hold of body and mechanism, for reports. inside : the largest |e|_M and |e'|_M (2, S) within the
-    segments of the last block, if the estimator knows them, else None; asked for where the frame turns.
+    assumes : what must hold of body and mechanism, for reports. inside : the largest |e|_M and |e'|_M (2, S) within
+    the segments of the last block, if the estimator knows them, else None; asked for where the frame turns.
     """
 
     assumes: str

@@ -1,4 +1,4 @@
-"""Bounds at every mesh node, at the worst instant of a run: for a picture of the body."""
+"""Bounds of the displacement at every mesh node, at the worst instant of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Turning: what the turning of the frame adds to the bound of an estimator (theory.md 7)."""
+"""Turning: adds Coriolis, centrifugal and Euler terms of a rotating frame to an estimator's bound (theory.md 7)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..trajectory.segments import Block, Start
 from .energy import output_share, smallest
 
 if TYPE_CHECKING:
-    from ..residual.decay_rates import Forgetting
+    from ..residual.decay_rates import DecayRate
     from ..residual.problem import Problem
     from .estimator import Estimator
 
@@ -96,7 +96,7 @@ class Turning:
         return 2 * block.turn.w * velocity + block.turn.S * position + block.turn.missed
 
     @staticmethod
-    def _grown(rate: Forgetting, g: float, block: Block, force: np.ndarray) -> np.ndarray:
+    def _grown(rate: DecayRate, g: float, block: Block, force: np.ndarray) -> np.ndarray:
         left, too_fast = _left(rate, block)
         if block.turn is None:
             growth = -rate.r
@@ -107,7 +107,7 @@ class Turning:
         return decaying_sum(factor, np.where(too_fast, np.inf, force * block.h * np.maximum(factor, 1.0)), g)
 
 
-def _left(rate: Forgetting, block: Block) -> tuple[np.ndarray, np.ndarray]:
+def _left(rate: DecayRate, block: Block) -> tuple[np.ndarray, np.ndarray]:
     """1 - |w|^2 / kappa_r (S,), and where that is not positive: the frame turns too fast (1 there)."""
     if block.turn is None:
         return np.ones(len(block.h)), np.zeros(len(block.h), dtype=bool)

@@ -1,4 +1,4 @@
-"""Scalar recurrences over the steps of a block: sums that forget."""
+"""First-order linear recurrences over the steps of a block: x_i = a_i x_(i-1) + b_i."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ import numpy as np
 import scipy.linalg as la
 
 from ..errors import InputError
-from ..model.outputs import Onlooker, stacked_rows
-from ..online.summary import onlooker_reports
+from ..model.outputs import InternalOutput, stacked_rows
+from ..online.summary import internal_reports
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,10 +51,12 @@ class Ladder:
         self.always = V.shape[1] - n
         self._rows = np.ascontiguousarray((K @ self.modes).T)
 
-    def onlookers(self, outputs: Sequence[Output]) -> list[Output]:
+    def internal_outputs(self, outputs: Sequence[Output]) -> list[Output]:
         """Return outputs that tell a_j, and a_j' where outputs ask for velocities."""
-        rates = [Onlooker(RATE, self._rows, of="velocity")] if any(out.of == "velocity" for out in outputs) else []
-        return [Onlooker(CONTENT, self._rows), *rates]
+        rates = (
+            [InternalOutput(RATE, self._rows, of="velocity")] if any(out.of == "velocity" for out in outputs) else []
+        )
+        return [InternalOutput(CONTENT, self._rows), *rates]
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,9 @@ class Forecast:
 def forecasts(
     report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, modes: Sequence[int]
 ) -> dict[str, Forecast]:
-    """Return output -> Forecast from a run with onlookers."""
+    """Return output -> Forecast from a run with internal_outputs."""
     record = run.record()
-    found = {name: out.corrected for name, out in onlooker_reports(record).items()}
+    found = {name: out.corrected for name, out in internal_reports(record).items()}
     if found[CONTENT] is None:
         raise InputError("build attaches without estimator 'auxiliary', which alone tells what modes are missing")
     frames, modes_y = record.frames, body.space.coordinates("modes", ladder.modes[:, ladder.always :])

@@ -88,7 +88,7 @@ class TriedRun:
         return f"n = {self.n}{modes}{'' if self.kind is None else f', {self.kind}'}"
 
     def fewer(self) -> tuple[int, ...]:
-        """Return the modes less the last, or, if they may be any, less the one whose lack is felt least."""
+        """Return the modes less the last, or, if any may go, less the one whose removal raises the bound least."""
         drops = [tuple(k for k in self.modes if k != j) for j in self.modes] if self.picked else [self.modes[:-1]]
         return min(drops, key=lambda modes: max(self.expected(modes).values()))
 

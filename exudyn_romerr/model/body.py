@@ -21,7 +21,7 @@ from .matrix_input import checked_dofs, checked_matrix, checked_positions, check
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-ALL_MODES_LIMIT = 2000  # dense eigenproblem: above this the time and memory of the full spectrum are not sane
+ALL_MODES_LIMIT = 2000  # dense eigenproblem: above this the time and memory of the full spectrum are prohibitive
 
 
 @dataclass(frozen=True)

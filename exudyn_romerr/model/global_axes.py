@@ -1,4 +1,4 @@
-"""Views: outputs in global axes, made of rows in the axes of a moving frame."""
+"""View: an output in global axes, from rows in the axes of a moving frame."""
 
 from __future__ import annotations
 

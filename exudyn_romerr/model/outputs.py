@@ -1,4 +1,4 @@
-"""Outputs y = C q (or C q'): what the engineer asks about, and makers of the usual ones."""
+"""Outputs y = C q (or C q'), and makers of the usual ones: displacement, rotation, velocity at nodes."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Output:
     frame: str = "body"
     axes: str = AXES
     labels: tuple[str, ...] = ()
-    decides: ClassVar[bool] = True  # how many auxiliary modes "auto" takes
+    is_requested: ClassVar[bool] = True  # by the user: it is in reports, and decides on the number of auxiliary modes
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -92,10 +92,10 @@ class Output:
         return float(np.sqrt(np.linalg.eigvalsh(gram)[-1])) if joint else np.sqrt(np.diag(gram))
 
 
-class Onlooker(Output):
+class InternalOutput(Output):
     """An output beside those that were asked for: "auto" chooses auxiliary modes without it."""
 
-    decides: ClassVar[bool] = False
+    is_requested: ClassVar[bool] = False
 
 
 def node_displacement(

@@ -1,4 +1,4 @@
-"""Strain and stress at nodes of a solid as outputs, and the von Mises stress of a report with its bound."""
+"""Outputs of strain and stress at nodes of a solid."""
 
 from __future__ import annotations
 

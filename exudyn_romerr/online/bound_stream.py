@@ -1,4 +1,4 @@
-"""Stream: one way of looking at a trajectory (sampled, reconstructed, initial error alone) through all estimators."""
+"""Stream: all estimators on one trajectory, be it sampled, reconstructed, or the initial error alone."""
 
 from __future__ import annotations
 

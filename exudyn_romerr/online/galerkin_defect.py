@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Defect:
-    """What was left of W^T R = rows z, and how large its terms were, so far."""
+    """The largest Galerkin residual W^T R = rows z so far, and the largest of its terms."""
 
     def __init__(self) -> None:
         self._left = np.zeros(1)  # the largest, in every mode

@@ -1,4 +1,4 @@
-"""What the estimators start with: the first sample of a run, and the state that the full body starts in."""
+"""Initial condition of the estimators: the first sample of a run, and the state that the full body starts in."""
 
 from __future__ import annotations
 

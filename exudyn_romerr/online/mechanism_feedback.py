@@ -1,4 +1,4 @@
-"""Feedback: what auxiliary modes do to a mechanism, and it to them; its linearised equations over time (theory.md 7).
+"""Feedback between auxiliary modes and a mechanism: its linearised equations over time (theory.md 7).
 
     M e'' + D e' + K e + G^T l = f(t) ,   G e = 0 ,
 

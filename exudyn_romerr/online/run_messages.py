@@ -1,4 +1,4 @@
-"""What the reader of a report must know first, found along a run."""
+"""Messages at the head of a report: uncertified balance, early end, inputs that are not followed."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _defect(run: RunRecord) -> list[str]:
 
 
 def _no_outputs(run: RunRecord) -> list[str]:
-    return [] if any(out.decides for out in run.offline.outputs) else [NO_OUTPUTS]
+    return [] if any(out.is_requested for out in run.offline.outputs) else [NO_OUTPUTS]
 
 
 def _single(run: RunRecord) -> list[str]:

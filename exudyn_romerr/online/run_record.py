@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..trajectory.growing_array import Rows
+from ..trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -65,7 +65,7 @@ class RecordedSamples:
 
     def __init__(self, offline: Offline):
         self._offline = offline
-        self.t, self._values, self._round_off, self._frames = (Rows() for _ in range(4))
+        self.t, self._values, self._round_off, self._frames = (GrowingArray() for _ in range(4))
 
     def append(self, new: Samples, rounded: Rounded) -> None:
         """Keep further samples; rounded: what rounding of the computation may move there."""

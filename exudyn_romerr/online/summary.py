@@ -27,7 +27,7 @@ def assemble(run: RunRecord) -> BoundReport:
         t=t,
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
-        outputs=_output_reports(run, decides=True),
+        outputs=_output_reports(run, is_requested=True),
         scope={name: scene.scope_of(name) for name in total},
         scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else NOT_CERTIFIED])),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
@@ -40,17 +40,17 @@ def assemble(run: RunRecord) -> BoundReport:
     )
 
 
-def onlooker_reports(run: RunRecord) -> dict[str, OutputReport]:
+def internal_reports(run: RunRecord) -> dict[str, OutputReport]:
     """Return the outputs beside those that were asked for."""
-    return _output_reports(run, decides=False)
+    return _output_reports(run, is_requested=False)
 
 
-def _output_reports(run: RunRecord, decides: bool) -> dict[str, OutputReport]:
-    """Return the outputs that were asked for, or (decides=False) the onlookers beside them."""
+def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputReport]:
+    """Return the outputs that were asked for, or (is_requested=False) the internal ones beside them."""
     offline, streams = run.offline, run.streams
     widest, found = offline.scene.widest(streams["total"]), {}
     for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
-        if out.decides == decides:
+        if out.is_requested == is_requested:
             rows = (run.values[:, part], run.round_off[:, part], _rows_of(streams, part))
             seen = rows if view is None else _seen(view, rows, run.frames, offline)
             found[out.name] = _output_report(out, *seen, widest)

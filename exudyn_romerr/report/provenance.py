@@ -1,4 +1,4 @@
-"""When, by which script and with which versions something was made."""
+"""Date, script and versions that a report was made with."""
 
 import platform
 import sys

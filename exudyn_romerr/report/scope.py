@@ -1,4 +1,4 @@
-"""Scope: what bounds of a scene cover, and what else a scene adds to what is known of the body alone."""
+"""Scopes of bounds: complete, coupled, inputs frozen; and Scene, what a scene adds to the body alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Scene:
     bounds of the trajectory with auxiliary vectors. unknown : number of trailing inputs, wrenches of a mechanism.
     turns : the body is in a frame that may turn. checked : whether W^T R is a check, not used up by wrenches that
     follow from it. pose : of the frame in the reference configuration.
-    minor : inputs of a turning frame that are small, see packing.py. computed, left_out : lines for the plan.
+    minor : inputs of a turning frame that are small, see packed_residual.py. computed, left_out : lines for the plan.
     """
 
     scope: str = COMPLETE

@@ -1,4 +1,4 @@
-"""What a bound says in words: how large an output is, how wrong at most, from what cause, and what to do."""
+"""Verdicts and advice in words: how large an output is, how wrong at most, under what condition, what to do."""
 
 from __future__ import annotations
 

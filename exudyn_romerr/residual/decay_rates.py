@@ -1,4 +1,4 @@
-"""Decay rates at which the energy bound may forget (theory.md 3): r with D - 2 r M >= 0 and K - r D + r^2 M > 0."""
+"""Admissible decay rates r of the energy bound (theory.md 3): D - 2 r M >= 0 and K - r D + r^2 M > 0."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HALVINGS = 8  # tries to find an admissible rate of a general damping matrix
 
 
 @dataclass(frozen=True)
-class Forgetting:
+class DecayRate:
     """One admissible rate r (1/s) and what follows from |d|_{K_r} <= g.
 
     |d|_K <= c g, |d|_M <= per_mass g (s), |e'|_M <= velocity g.
@@ -32,30 +32,30 @@ class Forgetting:
     velocity: float
 
 
-def rayleigh_rates(omega: float, alpha: float, beta: float) -> list[Forgetting]:
+def rayleigh_rates(omega: float, alpha: float, beta: float) -> list[DecayRate]:
     """Return rates for all modes with angular frequency >= omega under D = alpha M + beta K."""
     limit, a = largest_decay_rate(omega, alpha, beta), (alpha + beta * omega**2) / 2
     rates = limit * np.array(SHARES if limit > 0 else SHARES[:1])
     return [_rayleigh_rate(r, omega, a, beta) for r in rates.tolist()]
 
 
-def _rayleigh_rate(r: float, omega: float, a: float, beta: float) -> Forgetting:
+def _rayleigh_rate(r: float, omega: float, a: float, beta: float) -> DecayRate:
     kappa = omega**2 - 2 * a * r + r**2
     c = np.sqrt(max(omega**2 / kappa, 1 / (1 - beta * r)))
-    return Forgetting(r, float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
+    return DecayRate(r, float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
 
 
-def body_rates(body: ElasticBody) -> list[Forgetting]:
+def body_rates(body: ElasticBody) -> list[DecayRate]:
     """Return rates for the whole body: closed form for Rayleigh damping, one tried rate for symmetric D > 0."""
     omega = float(body.modes(1).omega[0]) * (1 - GAP)
     if body.rayleigh is not None:
         return rayleigh_rates(omega, *body.rayleigh)
-    plain = Forgetting(0.0, 1.0, 1 / omega, 1.0)
+    plain = DecayRate(0.0, 1.0, 1 / omega, 1.0)
     found = _general_rate(body)
     return [plain] if found is None else [plain, found]
 
 
-def _general_rate(body: ElasticBody) -> Forgetting | None:
+def _general_rate(body: ElasticBody) -> DecayRate | None:
     """Half the smallest damping rate, halved until K_r > 0; None for unsymmetric or semidefinite D."""
     D, M, K = body.D, body.M, body.K
     if abs(D - D.T).max() > 1e-12 * abs(D).max():  # gyroscopic parts do not survive the shift
@@ -70,7 +70,7 @@ def _general_rate(body: ElasticBody) -> Forgetting | None:
         if factor.smallest_pivot > SINGULAR_PIVOT:
             kappa = (lowest_modes(M, K_r, 1, factor).omega[0] * (1 - GAP)) ** 2
             c = np.sqrt(_bound_of_ratio(K, K_r, _largest_ratio(K, K_r, factor)))
-            return Forgetting(float(r), float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
+            return DecayRate(float(r), float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
         r /= 2
     return None
 

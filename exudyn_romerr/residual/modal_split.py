@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import check_count
 from ..linalg.orthogonalise import without
-from .decay_rates import Forgetting, rayleigh_rates
+from .decay_rates import DecayRate, rayleigh_rates
 from .dual_norms import OutputNorms
 from .residual import StartNorms, make_norm
 
@@ -84,8 +84,8 @@ class Split:
         self.modes, self._dual = modes, dual
 
     @cached_property
-    def rates(self) -> list[Forgetting]:
-        """Rates at which the rest may be forgotten; none if nothing is left."""
+    def rates(self) -> list[DecayRate]:
+        """Admissible decay rates of the rest; none if nothing is left."""
         return rayleigh_rates(self.modes.cut, *self.modes.body.rayleigh) if np.isfinite(self.modes.cut) else []
 
     @cached_property

@@ -84,7 +84,7 @@ class Problem:
     def _auxiliary_modes(self) -> AuxiliaryModes:
         requested = np.zeros(len(self.rows.C), dtype=bool)
         for out, part in zip(self.outputs, self.slices, strict=True):
-            requested[part] = out.decides
+            requested[part] = out.is_requested
         return AuxiliaryModes(self.body, self.auxiliary_modes, self.rows, requested)
 
     def with_displacements(self, C: np.ndarray) -> Problem:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .growing_array import Rows
+from .growing_array import GrowingArray
 
 if TYPE_CHECKING:
     from ..model.global_axes import View
@@ -70,14 +70,14 @@ class KeptBounds:
     """The bounds of one estimator so far."""
 
     def __init__(self) -> None:
-        self._fields: dict[str, Rows] = {}
+        self._fields: dict[str, GrowingArray] = {}
         self._count = 0
 
     def append(self, bounds: Bounds) -> None:
         """Add bounds at further instants."""
         for name, x in vars(bounds).items():
             if x is not None and name not in self._fields:
-                self._fields[name] = Rows()
+                self._fields[name] = GrowingArray()
                 self._fields[name].append(np.zeros((self._count, *x.shape[1:])))  # no jumps before the first
             if name in self._fields:
                 self._fields[name].append(np.zeros_like(bounds.outputs) if x is None else x)

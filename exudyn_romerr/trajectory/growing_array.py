@@ -1,11 +1,11 @@
-"""Rows of numbers that a run goes on adding to."""
+"""GrowingArray: an array that rows are appended to along a run."""
 
 from __future__ import annotations
 
 import numpy as np
 
 
-class Rows:
+class GrowingArray:
     """An array that grows: rows are kept once, and read without a copy; its room doubles when it is full."""
 
     def __init__(self) -> None:

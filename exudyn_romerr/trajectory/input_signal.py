@@ -1,4 +1,4 @@
-"""InputSignal: the user's input function, evaluated at many times at once and checked."""
+"""InputSignal: the user's input function over time, vectorised and checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From samples to segments: the trajectory between samples as Bezier control points of z (theory.md 1, 5).
+"""Reconstruction of the trajectory between samples: Bezier control points of z (theory.md 1, 5).
 
 Sampled: z piecewise linear. Reconstructed: the quintic Hermite interpolant through (q, q', q'') at both ends of a
 step, a twice differentiable trajectory whose residual holds the error of the time integration too.

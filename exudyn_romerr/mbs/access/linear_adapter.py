@@ -1,4 +1,4 @@
-"""LinearSubject: a body made by add_reduced_body, as a watch sees it."""
+"""LinearSubject: adapts a body made by add_reduced_body to a monitor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tangent of a running mechanism: M, D, K and constraints G, read inside the hook without touching the run.
+"""Linearisation of a running mechanism: M, D, K and constraints G, read inside the hook without touching the run.
 
 A static solver of our own, initialised once, computes them from the current state and writes into itself only:
 results of the simulation stay equal bit for bit (measured with Exudyn 1.13.6; ComputeLinearizedSystem starts a solver
@@ -20,7 +20,7 @@ from .state_guard import coordinates_kept, loads_by_motion, loads_with_functions
 
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
 LONGEST = 64  # steps between tangents, also where nothing changes
-SMALL = 0.1  # of CHANGE: less, and tangents are taken less often. What comes and goes in between is not seen
+SMALL = 0.1  # of CHANGE: less, and less often; changes that revert in between are not detected
 DIFFERENCE = 1e-7  # of coordinates, to differentiate by
 REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
 PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others

@@ -1,4 +1,4 @@
-"""What is read from an mbs at the start of a solve: which solver runs, what acts on a reduced body."""
+"""Items of an mbs, read when a solve begins: the running solver, what acts on a reduced body."""
 
 from __future__ import annotations
 

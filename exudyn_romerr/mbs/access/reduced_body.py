@@ -1,4 +1,4 @@
-"""Reduced bodies put into an Exudyn mbs."""
+"""add_reduced_body: a reduced body as an object of an Exudyn mbs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What acts on a floating body: known loads, and places where unknown wrenches do (theory.md 7)."""
+"""Actions: known loads on a floating body, and places where unknown wrenches act (theory.md 7)."""
 
 from __future__ import annotations
 

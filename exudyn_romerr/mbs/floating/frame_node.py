@@ -1,4 +1,4 @@
-"""Motion of a floating frame from rows of its node's coordinates: Euler parameters, rotation vectors (Lie group)."""
+"""FrameNode: motion of a floating frame from its node's coordinates; one entry for each type of node."""
 
 from __future__ import annotations
 

@@ -24,8 +24,8 @@ class InputTerms:
     Attributes
     ----------
     unknown : number of trailing columns of wrenches. weighs : whether inertia or gravity comes first; the first three
-    values are b then. minor : inputs that are small, see packing.py. first_load : number of columns before the
-    loads. by_function : all inputs are functions of time alone.
+    values are b then. minor : inputs that are small, see packed_residual.py. first_load : number of columns before
+    the loads. by_function : all inputs are functions of time alone.
     """
 
     def __init__(self, actions: Actions, support: Support, flex: FloatingBody, V: np.ndarray):

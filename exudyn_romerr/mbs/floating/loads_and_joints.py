@@ -1,4 +1,4 @@
-"""What acts on a floating body: known loads, and wrenches of joints and connectors, which are not (theory.md 7)."""
+"""Reads what acts on a floating body: loads, which are known, wrenches of joints, which are not (theory.md 7)."""
 
 from __future__ import annotations
 

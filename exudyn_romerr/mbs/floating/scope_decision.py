@@ -1,4 +1,4 @@
-"""What the bounds of a floating body cover, from what acts on it and from the mechanism around (theory.md 7)."""
+"""Decides on the scope of a floating body's bounds: complete, coupled, or inputs frozen, and why (theory.md 7)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Existing sensors of a floating body as outputs."""
+"""Outputs made from existing sensors of a floating body."""
 
 from __future__ import annotations
 

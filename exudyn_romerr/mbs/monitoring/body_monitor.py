@@ -1,4 +1,4 @@
-"""Watch: the bounds of one body along the solves of its mbs, fed with blocks of accepted steps."""
+"""Watch: monitors one body along the solves of its mbs, fed with blocks of accepted steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""MovingSubject: a body in a floating frame, as a watch sees it (theory.md 7).
+"""MovingSubject: adapts a body in a floating frame to a monitor (theory.md 7).
 
 The frame's inertia terms, the loads and the wrenches of joints are inputs of a linear body: R = M V q'' + ... - B u.
 """

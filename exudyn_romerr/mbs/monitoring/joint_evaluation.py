@@ -1,4 +1,4 @@
-"""Mechanism: the watches of an mbs take their rows together, since bounds of one body need those of the others."""
+"""Mechanism: all monitored bodies of an mbs are evaluated together, since coupled bounds need one another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What attach was asked for: the body as a watch sees it, outputs and tolerances, checked."""
+"""Validated arguments of attach: the body as a monitor sees it, outputs, tolerances."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines
 
 
 class StepHook:
-    """What stands behind the PostStep function of an mbs; that slot is the register it is found in.
+    """Dispatcher installed as PostStep function of an mbs, and found there by every further monitor.
 
     Each call of `step` stores one accepted step. A full block, a new solve or a question (flush) hands the
     rows to the watches. The user's function is called after the step was stored, and its return value is

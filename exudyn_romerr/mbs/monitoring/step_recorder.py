@@ -1,4 +1,4 @@
-"""The part of the hook that runs at every step: as little Python as possible."""
+"""PostStep function that stores each accepted step: as little Python as possible."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class StepReceiver(Protocol):
 def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable]:
     """Return step(mbs, t), the PostStep function; drain() -> (t, q, q_t, q_tt), the rows it stored since; hurry().
 
-    After hurry() the next step ends the block. Closures: as a method, with its look-ups of attributes, step would add
+    hurry() ends the block at the next step. Closures: as a method, with its look-ups of attributes, step would add
     6 % to the step of a small body.
     """
     system = mbs.systemData

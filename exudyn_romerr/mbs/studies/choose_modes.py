@@ -149,7 +149,7 @@ class _Search:
         trial, ladders = self._trial(modes, kind), self._ladders[kind]
         for monitor, ladder in zip(trial.monitors, ladders, strict=True):
             _check_trial(trial, monitor, ladder, len(modes))
-            monitor.subject.add(ladder.onlookers(monitor.subject.outputs))
+            monitor.subject.add(ladder.internal_outputs(monitor.subject.outputs))
         reports, forecast = trial.solve(), {}
         for monitor, report, ladder in zip(trial.monitors, reports, ladders, strict=True):
             forecast |= forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, modes)

@@ -1,4 +1,4 @@
-"""What a saved report consists of: plain arrays, and one JSON text beside them; load.py reads it again."""
+"""Saves a report as npz: plain arrays, and one JSON text beside them; report/load.py reads it again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bands of bounds on axes of somebody else's plot, such as Exudyn's PlotSensor."""
+"""Bands of bounds on existing axes, such as those of Exudyn's PlotSensor."""
 
 from __future__ import annotations
 
