@@ -15,8 +15,8 @@ class Estimator(Protocol):
     """Bounds of the error of one trajectory, segment by segment.
 
     1. It is made from a Problem, once: full-size work is done there, small arrays are kept.
-    2. The one that was made is never run: each stream of a run starts a copy.copy of it. Hence what changes along a run
-       is replaced, not changed in place, or __copy__ says what else is to be copied.
+    2. The one that was made is never run: each stream of a run starts a copy.copy of it. What changes along a run is
+       hence replaced, not changed in place, or __copy__ says what else is to be copied.
     3. start comes first, then advance with blocks that follow one another without a gap, the first from Start.t on. A
        run that goes on from another takes a copy of its estimator, and no start.
     4. Start and Block are complete when they come: turn, cut, joint and added are set where the scene has such. They

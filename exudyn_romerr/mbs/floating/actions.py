@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -124,3 +125,14 @@ def over_time(vector: Callable[[float], Any], t: np.ndarray) -> np.ndarray:
     """Return what a user's function gives at times t (S,), called once for times that repeat: (S, 3)."""
     times, again = np.unique(t, return_inverse=True)
     return np.array([vector(x) for x in times.tolist()], dtype=float).reshape(-1, 3)[again]
+
+
+def load_vector(mbs: Any, load: dict, load_factor: Callable | None) -> Callable[[float], Any]:
+    """Return a load's vector as a function of time; a user function is called again, after the steps were made."""
+    vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
+    if not user:
+        return (lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t))
+    f = user["function"]
+    f = f if callable(f) else f.Evaluate  # a symbolic function
+    owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
+    return lambda t: f(owner(), t, vector)

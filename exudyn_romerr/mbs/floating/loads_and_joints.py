@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import mean_motion
 from ..access.mbs_items import numbers
-from .actions import Actions, Load, Place
+from .actions import Actions, Load, Place, load_vector
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -112,9 +111,9 @@ def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions, load_factor: Cal
         load = mbs.GetLoad(i)
         number = int(load["markerNumber"])
         if number in actions.places:
-            actions.loads.append(_load(i, load, actions.places[number], _vector(mbs, load, load_factor)))
+            actions.loads.append(_load(i, load, actions.places[number], load_vector(mbs, load, load_factor)))
         elif load["loadType"] == "MassProportional" and flex.number in numbers(mbs.GetMarker(number), "bodyNumber"):
-            actions.gravity.append(_vector(mbs, load, load_factor))
+            actions.gravity.append(load_vector(mbs, load, load_factor))
 
 
 def _load(i: int, load: dict, place: Place, vector: Callable[[float], Any]) -> Load:
@@ -123,17 +122,6 @@ def _load(i: int, load: dict, place: Place, vector: Callable[[float], Any]) -> L
     if made.follows and place.turns:
         raise AssumptionError(f"{name} turns with {place.name}, which has {place.turns}: leave that option as it is")
     return made
-
-
-def _vector(mbs: Any, load: dict, load_factor: Callable | None) -> Callable[[float], Any]:
-    """Load vector as a function of time; a user function is called again, after the steps were made."""
-    vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
-    if not user:
-        return (lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t))
-    f = user["function"]
-    f = f if callable(f) else f.Evaluate  # a symbolic function
-    owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
-    return lambda t: f(owner(), t, vector)
 
 
 def _read_objects(mbs: Any, flex: FloatingBody, actions: Actions) -> None:
