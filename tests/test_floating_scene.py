@@ -24,8 +24,8 @@ from exudyn_romerr import (
     node_displacement,
 )
 from exudyn_romerr.mbs.floating import actions
+from exudyn_romerr.mbs.floating import floating_body as floating_module
 from exudyn_romerr.mbs.floating import loads_and_joints as actions_module
-from exudyn_romerr.mbs.floating.floating_body import floating_body as floating_module
 from exudyn_romerr.mbs.monitoring import floating_adapter as moving
 from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating

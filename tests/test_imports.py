@@ -1,67 +1,14 @@
-"""The folders of the package: their order, their size, and who may import what. docs/architecture.md shows them."""
+"""The folders of the package: their order, their size, and who may import what; docs/architecture.md shows them."""
 
-import ast
 import subprocess
 import sys
-from functools import cache
-from pathlib import Path
 
-import exudyn_romerr
+from docs.make_architecture import ORDER, PACKAGE, PATHS, imported, own_imports, room
 
-# A folder imports from itself and from what stands above it, annotations and imports inside functions included.
-ORDER = (
-    "_version errors checks progress linalg model basis residual trajectory estimators report offline online "
-    "mode_selection mbs.access mbs.floating mbs.monitoring mbs.studies mbs __init__ __main__"
-).split()
 FILES_AT_THE_TOP = 6
 FILES_IN_A_FOLDER = 12
 LINES_OF_A_FILE = 250
 ONLY_INSIDE_FUNCTIONS = {"matplotlib", "tqdm"}
-NAME = exudyn_romerr.__name__
-PACKAGE = Path(exudyn_romerr.__file__).parent
-PATHS = {
-    path.relative_to(PACKAGE).with_suffix("").as_posix().replace("/", "."): path for path in PACKAGE.rglob("*.py")
-}
-
-
-class Imports(ast.NodeVisitor):
-    """(absolute name, is inside a function) of everything that a file imports."""
-
-    def __init__(self, path):
-        self.package, self.found, self.depth = path.relative_to(PACKAGE.parent).parent.parts, [], 0
-        self.visit(ast.parse(path.read_text(encoding="utf-8")))
-
-    def visit_FunctionDef(self, node):
-        self.depth += 1
-        self.generic_visit(node)
-        self.depth -= 1
-
-    def visit_Import(self, node):
-        self.found += [(alias.name, self.depth > 0) for alias in node.names]
-
-    def visit_ImportFrom(self, node):
-        parent = self.package[: len(self.package) - node.level + 1] if node.level else ()
-        base = ".".join([*parent, *([node.module] if node.module else [])])
-        # `from ..linalg import oscillator` imports a module, `from .body import ElasticBody` does not
-        self.found += [(f"{base}.{alias.name}", self.depth > 0) for alias in node.names]
-
-
-@cache
-def imported(name):
-    return Imports(PATHS[name]).found
-
-
-def own_imports(name):
-    """Modules of the package that a module imports."""
-    found = [full.removeprefix(f"{NAME}.") for full, _ in imported(name) if full.startswith(f"{NAME}.")]
-    candidates = [(x, x.rpartition(".")[0], f"{x.rpartition('.')[0]}.__init__".lstrip(".")) for x in found]
-    return {next(module for module in names if module in PATHS) for names in candidates}
-
-
-def room(name):
-    """The entry of ORDER that a module belongs to; mbs/__init__.py is above all rooms of mbs."""
-    module = name.removesuffix(".__init__")
-    return max((x for x in ORDER if module == x or module.startswith(f"{x}.")), key=len, default=None)
 
 
 def test_every_folder_has_its_place():

@@ -164,6 +164,11 @@ class Run:
         return self._streams[stream].estimators
 
     @property
+    def defect(self) -> float:
+        """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
+        return self._defect.share(self.solver.floor)
+
+    @property
     def inputs(self) -> int:
         """Number of inputs."""
         return self._inputs_given.shape[1]
@@ -190,21 +195,17 @@ class Run:
 
     def record(self) -> RunRecord:
         """Return what was found so far."""
-        t, values, round_off, frames = self._recorded.read(self._settled)
         quintic = self._segmenters.get("total")
         return RunRecord(
             offline=self.offline,
             solver=self.solver,
             time=self.time,
-            t=t,
-            values=values,
-            round_off=round_off,
-            frames=frames,
+            **self._recorded.read(self._settled),
             streams=self.streams(),
             assumptions=self.assumptions(),
             nodes=self.node_bounds,
             messages=tuple(self.messages),
-            defect=self._defect.share(self.solver.floor),
+            defect=self.defect,
             worst_mode=self._defect.worst_mode,
             rounding_share=None if quintic is None else quintic.rounding_share,
             largest_miss=None if quintic is None else quintic.largest_miss,

@@ -76,6 +76,7 @@ class RecordedSamples:
         if any(self._offline.views):  # outputs in global axes
             self._frames.append(new.frame)
 
-    def read(self, index: slice) -> tuple[np.ndarray, ...]:
-        """Return t (T,), output rows (T, R), their round-off (T, R), frames (T, 21) or (0,)."""
-        return tuple(rows.read()[index] for rows in (self.t, self._values, self._round_off, self._frames))
+    def read(self, index: slice) -> dict[str, np.ndarray]:
+        """Return the fields t, values, round_off, frames of a RunRecord."""
+        kept = {"t": self.t, "values": self._values, "round_off": self._round_off, "frames": self._frames}
+        return {name: rows.read()[index] for name, rows in kept.items()}
