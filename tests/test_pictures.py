@@ -18,7 +18,7 @@ from exudyn_romerr.report.data import Plan
 from exudyn_romerr.report.plots.body_surface import draw_body, plot_body, surface_triangles
 from exudyn_romerr.report.plots.over_time import (
     BAR,
-    MANY,
+    RASTER_FROM,
     draw_bounds,
     draw_causes,
     draw_signal,
@@ -269,7 +269,7 @@ def test_best_band_is_that_of_the_widest_scope():
 
 def test_large_areas_are_pixels_in_vector_pictures():
     """As a polygon of all samples they have tens of MB."""
-    for instants, expected in ((100, False), (MANY + 1, True)):
+    for instants, expected in ((100, False), (RASTER_FROM + 1, True)):
         ax = axes_of(draw_causes, made_up(np.ones(instants)), "tip")
         assert {area.get_rasterized() for area in ax.collections} == {expected}
 

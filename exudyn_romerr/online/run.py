@@ -140,11 +140,7 @@ class Run:
         new, segments = extension
         rounded = self.offline.rounded(new)
         for name, (block, step_end) in segments.items():
-            skipped = (
-                []
-                if block.skipped is None
-                else [self.offline.distance_of(*np.moveaxis(block.skipped[step_end], 1, 0))]
-            )
+            skipped = [] if block.skipped is None else [self.offline.distance_of(block.skipped[step_end])]
             self._streams[name].advance(block, step_end, rounded, *skipped)
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
