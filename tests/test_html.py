@@ -221,7 +221,7 @@ def test_a_clean_run_refers_to_no_messages(report):
 @pytest.mark.parametrize("time", ["static", "reconstructed"])
 def test_other_times(report, time):
     text = read(replace(report, time=time)).words
-    assert page.TIMES[time] in text
+    assert page.TIME_WORDS[time] in text
     assert ("load factor" in text) == (time == "static")
 
 
