@@ -126,7 +126,7 @@ def test_interpolated_inverses_are_solves(constraints, changing, monkeypatch):
     """As long as they are close; where matrices change much there are none."""
     made, results = tangents(6, 5, constraints, changing), {}
     for many in (0, 10**9):
-        monkeypatch.setattr(module, "MANY", many)
+        monkeypatch.setattr(module, "INTERPOLATED_FROM", many)
         results[many] = solved(made, grid(400))[0]
     assert off(results[0], results[10**9]) < tol.INTERPOLATED
     assert np.array_equal(results[0], results[10**9]) == (changing == 300.0)

@@ -129,7 +129,7 @@ def test_the_style_asks_for_nothing_and_for_print(report, quick):
 
 def test_long_runs_have_pictures_of_pixels(report, monkeypatch):
     """As vectors they would make the page large and slow."""
-    monkeypatch.setattr(page, "MANY", len(report.t) - 1)
+    monkeypatch.setattr(page, "RASTER_FROM", len(report.t) - 1)
     del report.outputs["corner"]
     (image,) = read(report).images
     kind, _, data = image.partition(",")
