@@ -13,7 +13,7 @@ from exudyn_romerr.report.plots.style import COLOURS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from benchmarks.question import Answer, Table
+    from benchmarks.question_scenes import Answer, Table
 
 WAYS = {
     "with bounds": (COLOURS["auxiliary"], "o"),
