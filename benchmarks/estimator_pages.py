@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from exudyn_romerr.style import COLOURS, STYLES
+from exudyn_romerr.report.plots.style import COLOURS, STYLES
 
 COVERS = {
     "state-space": "initial error; grows with the run",

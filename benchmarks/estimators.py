@@ -28,9 +28,9 @@ import numpy as np
 import exudyn_romerr as romerr
 from benchmarks.estimator_pages import Measured, Refined, draw, page
 from exudyn_romerr.estimators import ESTIMATORS
-from exudyn_romerr.evaluate import BLOCK
-from exudyn_romerr.offline import prepare
-from exudyn_romerr.online import Run
+from exudyn_romerr.offline.options import BoundOptions
+from exudyn_romerr.offline.prepare import prepare
+from exudyn_romerr.online.run import BLOCK, Run
 from models import exact, linkage, solid_bar
 from models.solid_exact import full_outputs, reduced_motion
 
@@ -61,7 +61,7 @@ class Scene:
     steps: np.ndarray
 
     def options(self, e: str, m: int, time: str) -> dict:
-        """Return the keyword arguments of evaluate and prepare."""
+        """Return the keyword arguments of evaluate and BoundOptions."""
         return {
             "inputs": self.inputs,
             "input_function": self.load,
@@ -177,13 +177,13 @@ def offline_seconds(scene: Scene, e: str, m: int) -> float:
     """Return the CPU time of the offline part on a body that knows no modes yet."""
     body = scene.make_body()
     before = process_time()
-    prepare(body, scene.basis, **scene.options(e, m, "reconstructed"))
+    prepare(body, scene.basis, BoundOptions(**scene.options(e, m, "reconstructed")))
     return process_time() - before
 
 
 def online_seconds(scene: Scene, body, traj: romerr.Trajectory, e: str, m: int, time: str, repeats: int) -> float:
     """Return the CPU time per step of the online part, median."""
-    offline = prepare(body, scene.basis, **scene.options(e, m, time))
+    offline = prepare(body, scene.basis, BoundOptions(**scene.options(e, m, time)))
     times = []
     for _ in range(2 * repeats + 1):
         before = process_time()

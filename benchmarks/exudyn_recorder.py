@@ -38,7 +38,7 @@ class Recorder:
         import scipy.sparse.linalg as sla
 
         import exudyn_romerr as romerr
-        from exudyn_romerr.mbs.hook import StepHook
+        from exudyn_romerr.mbs.monitoring.step_hook import StepHook
 
         for name in SOLVERS:
             setattr(exu.MainSystem, name, self.kept(getattr(exu.MainSystem, name)))

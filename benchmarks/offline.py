@@ -32,9 +32,9 @@ from exudyn.FEM import FEMinterface, HCBstaticModeSelection
 import exudyn_romerr as romerr
 from benchmarks import floating_cost
 from examples import wishbone_suspension
-from exudyn_romerr import modes
-from exudyn_romerr.body import ElasticBody
-from exudyn_romerr.factor import SymmetricFactor
+from exudyn_romerr.linalg import eigenmodes as modes
+from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
+from exudyn_romerr.model.body import ElasticBody
 from models import floating, wishbone
 
 PROMISED = 2.0  # offline time over that of Exudyn's Craig-Bampton modes, 45,000 coordinates and 20 modes

@@ -20,7 +20,6 @@ import subprocess
 import sys
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on a shared machine threads wait for one another
@@ -31,32 +30,12 @@ from exudyn.FEM import ObjectFFRFinterface
 
 from benchmarks import page
 from benchmarks.question_figure import draw
-from benchmarks.question_scenes import Question, Run, Setting, ball_joint, rod, tip
+from benchmarks.question_scenes import Answer, Question, Run, Setting, Table, ball_joint, rod, tip
 from models import floating, wishbone
 
 RESULTS = Path(__file__).resolve().parents[1] / "examples" / "results"
 LONG = 3.0  # s: such runs are not repeated
 PATIENCE = 100.0  # s, for one step of the full-order arm
-
-
-class Answer(NamedTuple):
-    """One way's answer: wall and CPU time in s, claimed and true error in m; None: no claim, or no better truth."""
-
-    way: str
-    settings: str
-    seconds: float
-    cpu: float
-    claim: float | None
-    error: float | None
-
-
-class Table(NamedTuple):
-    """All answers of a question; within: the error asked for, largest: the displacement, in m."""
-
-    question: Question
-    within: float
-    largest: float
-    answers: list[Answer]
 
 
 def timed(question: Question, setting: Setting, bounds: bool) -> tuple[np.ndarray, Run]:

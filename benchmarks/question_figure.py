@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from exudyn_romerr.plot import COLOURS
+from exudyn_romerr.report.plots.style import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from benchmarks.question import Answer, Table
+    from benchmarks.question_scenes import Answer, Table
 
 WAYS = {
     "with bounds": (COLOURS["auxiliary"], "o"),

@@ -42,6 +42,26 @@ class Question(NamedTuple):
     repeats: int = 1
 
 
+class Answer(NamedTuple):
+    """One way's answer: wall and CPU time in s, claimed and true error in m; None: no claim, or no better truth."""
+
+    way: str
+    settings: str
+    seconds: float
+    cpu: float
+    claim: float | None
+    error: float | None
+
+
+class Table(NamedTuple):
+    """All answers of a question; within: the error asked for, largest: the displacement, in m."""
+
+    question: Question
+    within: float
+    largest: float
+    answers: list[Answer]
+
+
 def tip(end: float) -> Question:
     """Return the linkage: total error of the tip's displacement."""
     truth = exact.full_solution(*linkage.build()[:2], linkage.AMPLITUDE, 2 * np.pi * linkage.FREQUENCY)

@@ -8,7 +8,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from benchmarks import growth
 from benchmarks.pairs import Ratio
-from exudyn_romerr.plot import COLOURS
+from exudyn_romerr.report.plots.style import COLOURS
 
 KIND_COLOURS = (COLOURS["convolution"], COLOURS["auxiliary"])
 

@@ -14,7 +14,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import exudyn_romerr as romerr
-from exudyn_romerr import mbs, study
+from exudyn_romerr import mbs
+from exudyn_romerr.mbs.studies import parameter_sweep as study
 
 PAGE = ROOT / "docs" / "api.md"
 HEAD = """# API reference
@@ -77,7 +78,10 @@ def _flush(text: str) -> str:
 def members(cls: type) -> list[str]:
     """Return a line for every public method and property: its first sentence."""
     lines = []
-    for name, member in vars(cls).items():
+    found = {
+        name: member for base in reversed(cls.__mro__) if base is not object for name, member in vars(base).items()
+    }
+    for name, member in found.items():
         if name.startswith("_") or not isinstance(member, property | classmethod | FunctionType):
             continue
         # bound, so that self and cls are gone

@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 import exudyn_romerr as romerr
-from exudyn_romerr.plot import COLOURS
+from exudyn_romerr.report.plots.style import COLOURS
 from models import exact, linkage
 
 STIFF = (30, 36, 84)  # Krylov vectors with rates of 4e5 to 1.5e6 1/s: DOPRI5 needs 260 000 steps and more

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
-from exudyn_romerr.plot import COLOURS
+from exudyn_romerr.report.plots.style import COLOURS
 from models import floating
 
 STEP = 1e-4  # s: a quarter of a radian of the first elastic mode; with 1 ms the bound is 240 times as large

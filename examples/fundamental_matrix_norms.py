@@ -18,11 +18,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
-from exudyn_romerr import oscillator
-from exudyn_romerr.kernels import CertifiedKernel, EnvelopeKernel, Kernel, SpectrumKernel
-from exudyn_romerr.matrix_exponential import fundamental_matrix_norms
-from exudyn_romerr.plot import COLOURS
+from exudyn_romerr.linalg import oscillator
+from exudyn_romerr.report.plots.style import COLOURS
+from exudyn_romerr.residual.kernels import CertifiedKernel, EnvelopeKernel, Kernel, SpectrumKernel
 from models import linkage
+from models.matrix_exponential import fundamental_matrix_norms
 
 TIMES = np.linspace(0, 2, 201)  # s, where the paper takes the exponential
 DRAWN = np.linspace(0, 0.5, 2001)  # s

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
-from exudyn_romerr.plot import COLOURS, WIDE
+from exudyn_romerr.report.plots.style import COLOURS, WIDE
 from models import mechanisms
 
 NAME = "middle of the rod"

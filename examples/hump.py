@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 from matplotlib.figure import Figure
 
-from exudyn_romerr import oscillator as closed_form
+from exudyn_romerr.linalg import oscillator as closed_form
 from models import oscillator
 
 MASSES = (10.0, 1.0, 0.1, 0.01, 0.001, 0.0001)  # kg; the last one is overdamped

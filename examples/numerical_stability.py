@@ -24,7 +24,7 @@ from examples.numerical_stability_plots import (
     draw_residuals,
     draw_units,
 )
-from exudyn_romerr.study import Failure, Sweep, sweep
+from exudyn_romerr.mbs.studies.parameter_sweep import Failure, Sweep, sweep
 from models import sensitivity
 from models.sensitivity import BINARY, DECIMAL, LEVELS, MOVED, TOLERANCES, UNITS, Level
 

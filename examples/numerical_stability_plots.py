@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from exudyn_romerr.plot import COLOURS
-from exudyn_romerr.study import Failure
+from exudyn_romerr.mbs.studies.parameter_sweep import Failure
+from exudyn_romerr.report.plots.style import COLOURS
 from models import sensitivity
 from models.sensitivity import DECIMAL, UNITS, Level
 

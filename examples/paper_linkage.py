@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from scipy.interpolate import CubicSpline
 
 import exudyn_romerr as romerr
-from exudyn_romerr.plot import COLOURS
+from exudyn_romerr.report.plots.style import COLOURS
 
 PUBLISHED = {"C1": "4.3492e+04", "C11": "1.0000", "C12": "0.0196", "C2": "6.9151"}
 N = 12

@@ -19,8 +19,8 @@ from exudyn import itemInterface
 
 import exudyn_romerr as romerr
 from examples import suspension_linkage
-from exudyn_romerr.plot import draw_bounds, draw_signal
-from exudyn_romerr.style import picture
+from exudyn_romerr.report.plots.over_time import draw_bounds, draw_signal
+from exudyn_romerr.report.plots.style import picture
 from models import exact, floating, linkage
 
 RESULTS = Path(__file__).resolve().parent / "results"

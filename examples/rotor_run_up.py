@@ -17,7 +17,7 @@ from exudyn import itemInterface
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
-from exudyn_romerr.plot import COLOURS
+from exudyn_romerr.report.plots.style import COLOURS
 from models import floating
 
 STEP = 1e-4  # s

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs import TwoLevel
-from exudyn_romerr.plot import COLOURS, WIDE
+from exudyn_romerr.report.plots.style import COLOURS, WIDE
 from models import mechanisms
 
 COARSE, MORE = 0, 4  # eigenmodes of the coarse run, and how many more the fine one has

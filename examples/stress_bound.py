@@ -16,8 +16,8 @@ from exudyn.FEM import KirchhoffMaterial
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
-from exudyn_romerr.oscillator import impulse_response, step_release
-from exudyn_romerr.plot import COLOURS, WIDE
+from exudyn_romerr.linalg.oscillator import impulse_response, step_release
+from exudyn_romerr.report.plots.style import COLOURS, WIDE
 from models import floating
 from models.beam3d import STEEL
 

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import exudyn_romerr as romerr
-from exudyn_romerr.style import COLOURS, WIDE, save
+from exudyn_romerr.report.plots.style import COLOURS, WIDE, save
 from models import floating, wishbone
 from models.wishbone import INTERFACES
 

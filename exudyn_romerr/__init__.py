@@ -6,14 +6,15 @@ Public names; those that need Exudyn are loaded when first used.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .band import add_bands
-from .basis import Basis, gramian_basis, krylov_basis, modal_basis
-from .body import Constants, ElasticBody
-from .choice import ModeChoice
+from ._version import __version__ as __version__
+from .basis.basis import Basis, modal_basis
+from .basis.gramian import gramian_basis
+from .basis.krylov import krylov_basis
 from .errors import AssumptionError, InputError, RomErrError, RunError
-from .evaluate import Trajectory, evaluate
-from .load import load_report
-from .outputs import (
+from .mode_selection.mode_choice import ModeChoice
+from .model.admissible_space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
+from .model.body import Constants, ElasticBody
+from .model.outputs import (
     Output,
     mean_displacement,
     mean_rotation,
@@ -22,11 +23,14 @@ from .outputs import (
     node_velocity,
     relative_displacement,
 )
-from .pictures import plot_convergence, plot_run_time
-from .report import BoundReport, OutputReport
-from .residual import initial_coordinates, initial_error
-from .space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
-from .stress import VonMises, node_strain, node_stress, von_mises
+from .model.stress_outputs import node_strain, node_stress
+from .online.evaluate import Trajectory, evaluate
+from .report.load import load_report
+from .report.plots.overlay import add_bands
+from .report.plots.run_comparison import plot_convergence, plot_run_time
+from .report.report import BoundReport, OutputReport
+from .report.von_mises import VonMises, von_mises
+from .residual.residual import initial_coordinates, initial_error
 
 if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .mbs import (
@@ -39,9 +43,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
         keep_modes,
         two_level,
     )
-    from .study import sweep
-
-__version__ = "0.1.0"
+    from .mbs.studies.parameter_sweep import sweep
 
 _NEEDS_EXUDYN = dict.fromkeys(
     (
@@ -55,7 +57,7 @@ _NEEDS_EXUDYN = dict.fromkeys(
         "two_level",
     ),
     "mbs",
-) | {"sweep": "study"}
+) | {"sweep": "mbs.studies.parameter_sweep"}
 
 __all__ = [
     "AssumptionError",

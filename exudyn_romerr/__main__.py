@@ -13,7 +13,7 @@ from .errors import InputError, RomErrError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from .report import BoundReport
+    from .report.report import BoundReport
 
 ABOUT = "Error bounds of a reduced simulation, from the file that report.save(...) wrote."
 ENDINGS = {"html": (".html", ".htm"), "csv": (".csv", ".txt")}  # a script of another ending is not written over

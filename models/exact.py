@@ -1,7 +1,7 @@
 """Closed-form motion of M q'' + D q' + K q = B a sin(W t), Rayleigh damping: the truth of examples and tests.
 
 No time integration. In the undamped modes the equations are scalar: the forced motion is a sine and a cosine, the
-rest is free motion, for which exudyn_romerr.oscillator has closed forms at any damping ratio.
+rest is free motion, for which exudyn_romerr.linalg.oscillator has closed forms at any damping ratio.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from scipy import linalg
 
 import exudyn_romerr as romerr
-from exudyn_romerr import oscillator
+from exudyn_romerr.linalg import oscillator
 
 # 80 bits on x86, where rounding of V^T K V would otherwise shift the low frequencies by 1e-11 of themselves and hide
 # reduction errors below 1e-10 of the signal; elsewhere it may be no more than double

@@ -11,7 +11,7 @@ from scipy import linalg
 from scipy.integrate import solve_ivp
 
 import exudyn_romerr as romerr
-from exudyn_romerr import oscillator
+from exudyn_romerr.linalg import oscillator
 from models import exact
 
 

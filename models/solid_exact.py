@@ -13,7 +13,7 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
 import exudyn_romerr as romerr
-from exudyn_romerr import oscillator
+from exudyn_romerr.linalg import oscillator
 from models.exact import ForcedModes
 
 

@@ -7,7 +7,8 @@ import pytest
 from bodies import model
 
 from exudyn_romerr import Basis, ElasticBody, RomErrError, Trajectory, evaluate
-from exudyn_romerr.offline import prepare
+from exudyn_romerr.offline.options import BoundOptions
+from exudyn_romerr.offline.prepare import prepare
 
 N = 10
 FULL = model("chain", "under", 0)
@@ -46,7 +47,8 @@ def run(body=BODY, basis=None, **options):
 
 
 def offline():
-    return prepare(BODY, Basis(V), inputs=B, input_function=np.sin, estimators="fast", time="sampled")
+    options = BoundOptions(inputs=B, input_function=np.sin, estimators="fast", time="sampled")
+    return prepare(BODY, Basis(V), options)
 
 
 def check_error(action, kind, message):

@@ -18,8 +18,8 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
-from exudyn_romerr.matrix_exponential import fundamental_matrix_norms
-from exudyn_romerr.online import Run
+from exudyn_romerr.online.run import Run
+from models.matrix_exponential import fundamental_matrix_norms
 
 OUTPUTS = {
     "rows too short": (

@@ -7,7 +7,7 @@ import tolerances as tol
 from bodies import model
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, InputError, gramian_basis, krylov_basis, modal_basis
-from exudyn_romerr.basis import m_orthonormal
+from exudyn_romerr.linalg.orthogonalise import m_orthonormal
 
 
 def inputs_of(full, p=1, seed=0):

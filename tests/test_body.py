@@ -8,7 +8,7 @@ import tolerances as tol
 from bodies import DAMPINGS, chain, model
 
 from exudyn_romerr import AssumptionError, ElasticBody, InputError
-from exudyn_romerr.modes import Modes, check_no_mode_missed
+from exudyn_romerr.linalg.eigenmodes import Modes, check_no_mode_missed
 from models.beam3d import STEEL, RoundSection, assemble
 
 
@@ -151,6 +151,6 @@ def test_matrix_too_large_to_factorise_is_said_so(monkeypatch, kind):
     def failing(*_, **__):
         raise kind("gstrf was called with invalid arguments")
 
-    monkeypatch.setattr("exudyn_romerr.factor.splu", failing)
+    monkeypatch.setattr("exudyn_romerr.linalg.symmetric_factor.splu", failing)
     with pytest.raises(AssumptionError, match="4 coordinates and 4 entries is too large to factorise"):
         ElasticBody(np.eye(4), np.eye(4))

@@ -8,9 +8,9 @@ import pytest
 import tolerances as tol
 
 import exudyn_romerr as romerr
-from exudyn_romerr.choice import BASIS, SLACK, STEP
-from exudyn_romerr.forecast import Ladder, forecasts
-from exudyn_romerr.mbs.trial import build_trial
+from exudyn_romerr.mbs.studies.scene_run import build_trial
+from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
+from exudyn_romerr.mode_selection.mode_choice import BASIS, SLACK, STEP
 from models import exact, floating, linkage, mechanisms
 
 # A run's auxiliary vectors hold its error to about 1 %, and what they leave shrinks with more modes. In the slider
@@ -91,7 +91,7 @@ def forecasts_from(build, n, most):
     mbs, monitor, _ = build(most)
     ladder = Ladder(*monitor.subject.modes(mbs), most)
     mbs, monitor, settings = build(n)
-    monitor.subject.add(ladder.onlookers(monitor.subject.outputs))
+    monitor.subject.add(ladder.internal_outputs(monitor.subject.outputs))
     report = solved((mbs, monitor, settings))
     return forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, range(n)), report
 

@@ -8,7 +8,7 @@ from bodies import model
 from truth import impulse
 
 from exudyn_romerr import Output
-from exudyn_romerr.kernels import CertifiedKernel, SpectrumKernel
+from exudyn_romerr.residual.kernels import CertifiedKernel, SpectrumKernel
 from models import linkage
 
 

@@ -5,10 +5,11 @@ import pytest
 import scipy.linalg as la
 
 import exudyn_romerr as romerr
-from exudyn_romerr.kernels import CertifiedKernel, SpectrumKernel
-from exudyn_romerr.offline import prepare
-from exudyn_romerr.online import Run
-from exudyn_romerr.propagate import ModalOscillators
+from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
+from exudyn_romerr.offline.options import BoundOptions
+from exudyn_romerr.offline.prepare import prepare
+from exudyn_romerr.online.run import Run
+from exudyn_romerr.residual.kernels import CertifiedKernel, SpectrumKernel
 
 ALL = ("fast", "convolution", "output-kernel", "energy", "auxiliary")
 ROUNDING = 1e-9  # of the largest value: matrix exponentials of these small, well conditioned systems reach 1e-12
@@ -201,7 +202,8 @@ def test_rounding_of_times_far_from_zero_does_not_add_up(block):
     omega, t = 1e3, np.cumsum(np.r_[2047.9, np.full(3000, 1e-4)])
     body = romerr.ElasticBody(np.eye(2), np.diag([1.0, omega**2]))
     options = {"outputs": [romerr.Output("x", np.eye(2)[1])], "estimators": ("auxiliary",), "auxiliary_modes": 2}
-    run = Run(prepare(body, romerr.Basis(np.eye(2)[:, :1]), initial=(np.array([0, 1e-3]), np.zeros(2)), **options))
+    options = BoundOptions(initial=(np.array([0, 1e-3]), np.zeros(2)), **options)
+    run = Run(prepare(body, romerr.Basis(np.eye(2)[:, :1]), options))
     zero = np.zeros((len(t), 1))
     run.start(t[0], *zero[:3])
     for first in range(1, len(t), block):

@@ -9,8 +9,8 @@ import pytest
 import tolerances as tol
 
 import exudyn_romerr as romerr
-from exudyn_romerr import prescribed
-from exudyn_romerr.prescribed import resolved
+from exudyn_romerr.trajectory import prescribed
+from exudyn_romerr.trajectory.prescribed import resolved
 from models import driven_bar, floating
 from models.driven_truth import END, FORCE, SENSORS, STEP, WEIGHT, computed, fourth, offsets, stored
 

@@ -10,12 +10,13 @@ import scipy.linalg as la
 import tolerances as tol
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output
-from exudyn_romerr.enrichment import Enrichment
-from exudyn_romerr.frame import unit_inertia
-from exudyn_romerr.offline import prepare
-from exudyn_romerr.online import Run
-from exudyn_romerr.scope import COUPLED, Scene
-from exudyn_romerr.space import mass_orthogonal, mean_motion, rigid_modes
+from exudyn_romerr.basis.enrichment import Enrichment
+from exudyn_romerr.model.admissible_space import mass_orthogonal, mean_motion, rigid_modes
+from exudyn_romerr.model.floating_frame import unit_inertia
+from exudyn_romerr.offline.options import BoundOptions
+from exudyn_romerr.offline.prepare import prepare
+from exudyn_romerr.online.run import Run
+from exudyn_romerr.report.scope import COUPLED, Scene
 from models import floating
 
 NODES = 8
@@ -48,9 +49,9 @@ class Part:
         """A run whose inputs are a'', a' of the frame, loads, and wrenches at both interfaces."""
         inputs = np.hstack([-self.matrices[0] @ self.Rg, -self.matrices[1] @ self.Rg, self.B, self.faces.T])
         scene = Scene(COUPLED, feedback=corrected, corrected=corrected)
-        common = {"inputs": inputs, "sampled_inputs": True, "estimators": ("energy", "auxiliary")[corrected]}
         outputs = Output("y", self.C), Output("v", self.C, of="velocity")
-        return Run(prepare(self.body, Basis(V), scene=scene, outputs=outputs, **common))
+        options = BoundOptions(inputs=inputs, outputs=outputs, estimators=("energy", "auxiliary")[corrected])
+        return Run(prepare(self.body, Basis(V), options, scene=scene, sampled_inputs=True))
 
     def reduced(self, rng, static, n):
         """The same on static modes of its interfaces, or without, and n eigenmodes or random columns."""

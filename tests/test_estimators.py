@@ -12,11 +12,12 @@ from numpy.polynomial import polynomial as poly
 from total_truth import Exact, bezier_curve, oscillator_step, piecewise_linear, signal
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output, Trajectory, evaluate, load_report, modal_basis
-from exudyn_romerr.bezier import DEGREE, hermite_controls, subdivided
-from exudyn_romerr.forgetting import body_rates, rayleigh_rates
-from exudyn_romerr.modes import check_no_mode_missed
-from exudyn_romerr.problem import Problem
-from exudyn_romerr.propagate import ModalOscillators
+from exudyn_romerr.linalg.bezier import DEGREE, hermite_controls, subdivided
+from exudyn_romerr.linalg.eigenmodes import check_no_mode_missed
+from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
+from exudyn_romerr.residual.decay_rates import body_rates, rayleigh_rates
+from exudyn_romerr.residual.modal_split import NormsAbove
+from exudyn_romerr.residual.problem import Problem
 
 MODAL = [d for d in DAMPINGS if d not in ("matrix", "gyroscopic")]
 RNG = np.random.default_rng(4)
@@ -131,15 +132,18 @@ def test_split_leaves_the_modes_above(m):
     C, B, V = RNG.standard_normal((2, full.N)), RNG.standard_normal((full.N, 1)), RNG.standard_normal((full.N, 3))
     problem = Problem(full.body, Basis(V), inputs=B, outputs=[Output("y", C)], auxiliary_modes=m)
     split, above = problem.split, slice(m, None)
-    size = problem.C_K.max()
-    assert np.max(np.abs(split.C_K - la.norm(C @ shapes[:, above] / omega[above], axis=1))) < 1e-12 * size
-    assert np.max(np.abs(split.C_M - la.norm(C @ shapes[:, above], axis=1))) < 1e-11 * problem.C2.max()
+    rows = NormsAbove(problem.rows, split.modes)
+    size = problem.rows.C_K.max()
+    assert np.max(np.abs(rows.C_K - la.norm(C @ shapes[:, above] / omega[above], axis=1))) < 1e-12 * size
+    assert np.max(np.abs(rows.C_M - la.norm(C @ shapes[:, above], axis=1))) < 1e-11 * problem.rows.C_M.max()
     z = RNG.standard_normal((5, problem.map.coordinates.k))
     rest = z @ problem.map.L.T @ shapes[:, above]
     for norm, weight in ((split.norm_K, omega[above]), (split.norm_static, omega[above] ** 2), (split.norm_M, 1.0)):
-        assert np.max(np.abs(norm(z) - la.norm(rest / weight, axis=1))) < 1e-11 * np.max(norm(z) + problem.norm_M(z))
+        assert np.max(np.abs(norm(z) - la.norm(rest / weight, axis=1))) < 1e-11 * np.max(
+            norm(z) + problem.dual.norm_M(z)
+        )
     static = z @ problem.map.L.T @ shapes[:, above] / omega[above] ** 2 @ shapes[:, above].T @ C.T
-    assert np.max(np.abs(z @ split.static_rows.T - static)) < 1e-11 * np.max(np.abs(z @ problem.static_rows.T))
+    assert np.max(np.abs(z @ rows.static_rows.T - static)) < 1e-11 * np.max(np.abs(z @ problem.rows.static_rows.T))
 
 
 @pytest.mark.parametrize("gone", [0, 3, 7])
@@ -181,7 +185,7 @@ def test_auto_takes_the_fewest_modes_that_leave_5_percent_of_every_output():
     split = Problem(full.body, modal_basis(full.body, 2), outputs=[Output("y", C)]).split
     share = [la.norm(C @ shapes[:, m:] / omega[m:], axis=1) / la.norm(C @ shapes / omega, axis=1) for m in range(13)]
     enough = [m for m in range(1, 13) if np.all(share[m] <= 0.05)]
-    assert split.omega.size == enough[0]
+    assert split.modes.omega.size == enough[0]
 
 
 def _evaluate(full, u=None, steps=60, h=None, initial=None, **options):

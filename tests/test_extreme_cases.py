@@ -8,8 +8,8 @@ import pytest
 import scipy.sparse as sp
 
 import exudyn_romerr as romerr
-from exudyn_romerr.factor import idle_motion
-from exudyn_romerr.propagate import SEPARATE, phi_functions
+from exudyn_romerr.linalg.modal_oscillators import SEPARATE, phi_functions
+from exudyn_romerr.linalg.symmetric_factor import idle_motion
 from models import extreme
 from models import extreme_bodies as bodies
 from models.precise import DIGITS, PreciseModes

@@ -18,10 +18,10 @@ import exudyn_romerr as romerr
 from examples import bound_sensor
 from exudyn_romerr import progress as bars
 from exudyn_romerr.errors import InputError
-from exudyn_romerr.mbs import hook as hooks
-from exudyn_romerr.online import Run
-from exudyn_romerr.scope import FROZEN
-from exudyn_romerr.verdict import rounded_up
+from exudyn_romerr.mbs.monitoring import step_hook as hooks
+from exudyn_romerr.online.run import Run
+from exudyn_romerr.report.scope import FROZEN
+from exudyn_romerr.report.wording import rounded_up
 from models import floating
 from tests import mechanism_runs
 from tests.mbs_scenes import INPUTS, SOLVERS, TIP, N, add_reduced_body, chain_body, force, new_mbs, random_basis

@@ -14,9 +14,10 @@ import tolerances as tol
 from mechanism_runs import BOTH, STEP, add_load, pendulum, raised, solve, steps_of, watch
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs import hook, moving
-from exudyn_romerr.mbs.tangent import Tangents
-from exudyn_romerr.online import Run
+from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.monitoring import floating_adapter as moving
+from exudyn_romerr.mbs.monitoring import step_hook as hook
+from exudyn_romerr.online.run import Run
 from models import floating
 
 STEPS, FAULT = 40, 25  # of every run, and the step at which something fails
@@ -407,7 +408,7 @@ def test_attach_that_fails_leaves_the_mbs_as_it_was(monkeypatch, error):
         raise error
 
     with monkeypatch.context() as patch:
-        patch.setattr("exudyn_romerr.mbs.linear.prepare", fail)
+        patch.setattr("exudyn_romerr.mbs.access.linear_adapter.prepare", fail)
         with pytest.raises(error):
             mbs_scenes.scene(mbs=mbs)
     assert mbs.GetPostStepUserFunction()["function"] is mine

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from test_mechanism_energy import Reduced, norms, scenario, violations
 
 from exudyn_romerr import AssumptionError
-from exudyn_romerr import feedback as module
-from exudyn_romerr.enrichment import Enrichment
-from exudyn_romerr.estimators.mechanism import LINEARISED
-from exudyn_romerr.feedback import Feedback, Scheme, Tangent
+from exudyn_romerr.basis.enrichment import Enrichment
+from exudyn_romerr.estimators.coupled_energy import LINEARISED
+from exudyn_romerr.online import mechanism_feedback as module
+from exudyn_romerr.online.mechanism_feedback import Feedback, Scheme, Tangent
 
 SIZE, END = 6, 4.0
 
@@ -126,7 +126,7 @@ def test_interpolated_inverses_are_solves(constraints, changing, monkeypatch):
     """As long as they are close; where matrices change much there are none."""
     made, results = tangents(6, 5, constraints, changing), {}
     for many in (0, 10**9):
-        monkeypatch.setattr(module, "MANY", many)
+        monkeypatch.setattr(module, "INTERPOLATED_FROM", many)
         results[many] = solved(made, grid(400))[0]
     assert off(results[0], results[10**9]) < tol.INTERPOLATED
     assert np.array_equal(results[0], results[10**9]) == (changing == 300.0)

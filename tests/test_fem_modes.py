@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.space import rigid_modes
+from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating
 
 OFF = 1e-5  # of the modes; Exudyn leaves 1.3e-6 in a block of steel, 1e-4 in the arm of models/wishbone.py

@@ -15,8 +15,8 @@ import tolerances as tol
 from total_truth import Exact, signal
 
 import exudyn_romerr as romerr
-from exudyn_romerr import split
-from exudyn_romerr.mbs.moving import MovingSubject
+from exudyn_romerr.mbs.monitoring.floating_adapter import MovingSubject
+from exudyn_romerr.residual import modal_split as split
 from models import floating
 from models.floating import GRAVITY, RAYLEIGH
 

@@ -29,8 +29,8 @@ from test_floating_scene import (
 )
 
 from exudyn_romerr import AssumptionError, mean_rotation, node_displacement
-from exudyn_romerr.estimators.base import Bounds
-from exudyn_romerr.frame import (
+from exudyn_romerr.mbs.floating.frame_node import FrameNode
+from exudyn_romerr.model.floating_frame import (
     FrameMotion,
     FramePose,
     FrameRows,
@@ -39,8 +39,8 @@ from exudyn_romerr.frame import (
     left_jacobian,
     skew,
 )
-from exudyn_romerr.mbs.frames import FrameNode
-from exudyn_romerr.views import View
+from exudyn_romerr.model.global_axes import View
+from exudyn_romerr.trajectory.bounds import Bounds, seen_in
 
 ELSEWHERE = np.array([1.0, -2.0, 0.5]), TURNED  # where an undeformed body may be
 NODES, SAMPLES, MODES = 7, 5, 3
@@ -238,7 +238,7 @@ def bounds_of(outputs, **more):
 @pytest.mark.parametrize("of", ["displacement", "velocity"])
 def test_bound_of_a_view_is_attained_by_the_worst_error_within_the_bounds_of_its_rows(of, rng):
     view, motion, base = vectors_at(rng, of)
-    bound = view.bounds(bounds_of(np.abs(base)), motion.rows()).outputs
+    bound = seen_in(view, bounds_of(np.abs(base)), motion.rows()).outputs
     H = view.matrices(motion.rows())
     worst = np.einsum("srk,srk->sr", H, np.sign(H) * np.abs(base)[:, None])
     np.testing.assert_allclose(bound, worst, rtol=tol.SUMS)
@@ -248,7 +248,7 @@ def test_infinite_bound_counts_only_where_it_is_seen(rng):
     view, motion, base = vectors_at(rng, "displacement")
     rows = np.abs(base)
     rows[:, 0] = np.inf
-    bound = view.bounds(bounds_of(rows), motion.rows()).outputs
+    bound = seen_in(view, bounds_of(rows), motion.rows()).outputs
     assert np.isinf(bound[:, :3]).all()
     assert np.isfinite(bound[:, 3:]).all()
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from exudyn_romerr.space import HELD, mean_motion
+from exudyn_romerr.model.admissible_space import HELD, mean_motion
 from models import floating
 from models.beam3d import STEEL
 

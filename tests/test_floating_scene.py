@@ -23,10 +23,11 @@ from exudyn_romerr import (
     mean_motion,
     node_displacement,
 )
-from exudyn_romerr.mbs import actions as actions_module
-from exudyn_romerr.mbs import floating as floating_module
-from exudyn_romerr.mbs import moving
-from exudyn_romerr.space import rigid_modes
+from exudyn_romerr.mbs.floating import actions
+from exudyn_romerr.mbs.floating import floating_body as floating_module
+from exudyn_romerr.mbs.floating import loads_and_joints as actions_module
+from exudyn_romerr.mbs.monitoring import floating_adapter as moving
+from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating
 
 EULER, LIE = "NodeType.RotationEulerParameters", "NodeType.LieGroupWithDirectUpdate"
@@ -517,7 +518,7 @@ def test_swapped_nodes_of_an_interface_are_caught(name, monkeypatch):
 def test_torque_taken_without_the_turn_of_its_interface_is_caught(name, monkeypatch):
     flat = SimpleNamespace(from_rotvec=lambda theta: Rotation.identity())
     fakes = {"left_jacobian": lambda theta: np.tile(np.eye(3), (len(theta), 1, 1)), "Rotation": flat}
-    monkeypatch.setattr(actions_module, name, fakes[name])
+    monkeypatch.setattr(actions, name, fakes[name])
     scene = supported(soft=SOFT)
     add_load(scene, scene.right, TORQUE, torque=True, bodyFixed=True)
     assert accused(run(scene))

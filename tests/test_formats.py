@@ -27,8 +27,8 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
-from exudyn_romerr.made import made_here
-from exudyn_romerr.scope import COUPLED, FROZEN
+from exudyn_romerr.report.provenance import made_here
+from exudyn_romerr.report.scope import COUPLED, FROZEN
 from models import floating
 
 ESTIMATORS = ("fast", "energy")

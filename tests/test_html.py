@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from theorem import random_case
 
-from exudyn_romerr import Output, load_report, page
-from exudyn_romerr.scope import NOT_CERTIFIED
-from exudyn_romerr.verdict import rounded_up, sentence
+from exudyn_romerr import Output, load_report
+from exudyn_romerr.report.formats import html_page as page
+from exudyn_romerr.report.scope import NOT_CERTIFIED
+from exudyn_romerr.report.wording import rounded_up, sentence
 
 VOID = {"meta", "link", "img", "br", "hr"}
 KNOWN = VOID | set(
@@ -128,7 +129,7 @@ def test_the_style_asks_for_nothing_and_for_print(report, quick):
 
 def test_long_runs_have_pictures_of_pixels(report, monkeypatch):
     """As vectors they would make the page large and slow."""
-    monkeypatch.setattr(page, "MANY", len(report.t) - 1)
+    monkeypatch.setattr(page, "RASTER_FROM", len(report.t) - 1)
     del report.outputs["corner"]
     (image,) = read(report).images
     kind, _, data = image.partition(",")
@@ -220,7 +221,7 @@ def test_a_clean_run_refers_to_no_messages(report):
 @pytest.mark.parametrize("time", ["static", "reconstructed"])
 def test_other_times(report, time):
     text = read(replace(report, time=time)).words
-    assert page.TIMES[time] in text
+    assert page.TIME_WORDS[time] in text
     assert ("load factor" in text) == (time == "static")
 
 

@@ -1,106 +1,74 @@
-"""A module imports only from modules above it in this list; Exudyn only below the line (design.md, Layout)."""
+"""The folders of the package: their order, their size, and who may import what; docs/architecture.md shows them."""
 
-ORDER = """
-errors writing progress factor matrices oscillator modes space frame views definite body outputs solid stress
-basis kernels lagtable products residual recurrence inputs propagate forgetting split problem round_off
-packing matrix_exponential estimators.base estimators.paper estimators.energy estimators.auxiliary
-estimators.output_kernel estimators.static estimators.turning estimators.mechanism estimators nodes enrichment
-feedback scope plan samples bezier prescribed driven_inputs
-reconstruct rows stream made verdict saving formats style plot band
-pictures surface page_parts page report load choice messages assemble offline starts defect online static_run
-mechanism evaluate forecast mbs.scene mbs.scope mbs.gather mbs.tangent mbs.late mbs.watch mbs.reaction mbs.mechanism
-mbs.live mbs.hook mbs.bodies mbs.linear mbs.frames mbs.floating mbs.reference mbs.actions mbs.sensors
-mbs.support mbs.driven mbs.terms mbs.sampling mbs.enriched mbs.moving mbs.asked mbs.monitor mbs.solution mbs.trial
-mbs.two_level mbs.choose mbs.fem_modes mbs study __main__
-""".split()
-MAY_IMPORT_EXUDYN = ("mbs", "study", "__main__")
-ONLY_INSIDE_FUNCTIONS = ("matplotlib", "tqdm")
+import subprocess
+import sys
 
-import ast  # noqa: E402
-import subprocess  # noqa: E402
-import sys  # noqa: E402
-from pathlib import Path  # noqa: E402
+from docs.make_architecture import ORDER, PACKAGE, PATHS, imported, own_imports, room
 
-import pytest  # noqa: E402
-
-import exudyn_romerr  # noqa: E402
-
-PACKAGE = Path(exudyn_romerr.__file__).parent
+FILES_AT_THE_TOP = 6
+FILES_IN_A_FOLDER = 12
+LINES_OF_A_FILE = 250
+ONLY_INSIDE_FUNCTIONS = {"matplotlib", "tqdm"}
 
 
-def module_name(path):
-    """`body`, `estimators.base`, `estimators`; empty for the package itself."""
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+def test_every_folder_has_its_place():
+    assert [name for name in PATHS if room(name) is None] == []
+    assert {room(name) for name in PATHS} == set(ORDER)
 
 
-FILES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+def test_imports_point_upwards():
+    wrong = {
+        f"{name} imports {other}"
+        for name in PATHS
+        for other in own_imports(name)
+        if ORDER.index(room(other)) > ORDER.index(room(name))
+    }
+    assert wrong == set()
 
 
-class Imports(ast.NodeVisitor):
-    """(absolute name, is inside a function) of everything a file imports when it runs."""
-
-    def __init__(self, path):
-        package = path.relative_to(PACKAGE.parent).parent.parts
-        self.package, self.found, self.depth = package, [], 0
-        self.visit(ast.parse(path.read_text(encoding="utf-8")))
-
-    def visit_If(self, node):
-        if "TYPE_CHECKING" not in ast.unparse(node.test):
-            self.generic_visit(node)
-
-    def visit_FunctionDef(self, node):
-        self.depth += 1
-        self.generic_visit(node)
-        self.depth -= 1
-
-    def visit_Import(self, node):
-        self.found += [(alias.name, self.depth > 0) for alias in node.names]
-
-    def visit_ImportFrom(self, node):
-        parent = list(self.package[: len(self.package) - node.level + 1]) if node.level else []
-        base = ".".join(parent + ([node.module] if node.module else []))
-        # `from . import oscillator` imports a module, `from .body import ElasticBody` does not
-        inner = [f"{base}.{alias.name}" for alias in node.names]
-        modules = [name for name in inner if name.removeprefix("exudyn_romerr.") in FILES and base]
-        self.found += [(name, self.depth > 0) for name in (modules or [base])]
+def circle_through(graph):
+    """One circle of a graph {name: names}, or (): names that lead nowhere are taken out until all lead on."""
+    left = {name: set(others) for name, others in graph.items()}
+    while ends := {name for name, others in left.items() if not others}:
+        left = {name: others - ends for name, others in left.items() if name not in ends}
+    walk = list(left)[:1]
+    while walk and len(walk) == len(set(walk)):
+        walk.append(sorted(left[walk[-1]])[0])
+    return tuple(walk[walk.index(walk[-1]) :]) if walk else ()
 
 
-def own_imports(name):
-    """Modules of the package that a module imports."""
-    prefix = "exudyn_romerr."
-    return {m.removeprefix(prefix) for m, _ in Imports(FILES[name]).found if m.startswith(prefix)}
+def test_no_circle():
+    assert circle_through({name: own_imports(name) for name in PATHS}) == ()
+    assert circle_through({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": set()}) == ("b", "c", "b")
 
 
-def test_every_module_is_listed():
-    """A new module takes its place in ORDER, once."""
-    assert set(FILES) - {""} - set(ORDER) == set()
-    assert len(ORDER) == len(set(ORDER))
+def test_folders_and_files_are_small():
+    folders = {path.parent for path in PATHS.values()}
+    many = {
+        folder.name: count
+        for folder in folders
+        if (count := len(list(folder.glob("*.py")))) > (FILES_AT_THE_TOP if folder == PACKAGE else FILES_IN_A_FOLDER)
+    }
+    assert many == {}
+    lines = {name: path.read_text(encoding="utf-8").count("\n") for name, path in PATHS.items()}
+    assert {name: count for name, count in lines.items() if count > LINES_OF_A_FILE} == {}
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name])
-def test_imports_point_upwards(name):
-    """Only modules above; a subpackage's own modules come before it."""
-    above = set(ORDER[: ORDER.index(name)]) if name in ORDER else set(FILES)  # not listed: the test above says so
-    assert own_imports(name) - above == set()
+def test_only_mbs_imports_exudyn():
+    """Not even inside a function; matplotlib inside functions only."""
+    for name in PATHS:
+        roots = {(full.split(".")[0], inside) for full, inside in imported(name)}
+        assert name.startswith("mbs.") or "exudyn" not in dict(roots), name
+        assert not {root for root, inside in roots if not inside} & ONLY_INSIDE_FUNCTIONS, name
 
 
 def test_the_reader_of_imports_sees_them():
-    """Otherwise the test above would pass on nothing."""
-    assert {"errors", "factor", "modes", "oscillator", "matrices"} <= own_imports("body")
-    assert "estimators.base" in own_imports("estimators.paper")
-    assert "plot" in own_imports("report")  # inside a function, still an import
-    assert "body" not in own_imports("kernels")  # TYPE_CHECKING only
-    assert any(name.split(".")[0] == "exudyn" for name, _ in Imports(FILES["mbs.hook"]).found)
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_exudyn_is_imported_by_mbs_only(name):
-    """Nothing above mbs/ imports exudyn, not even inside a function; matplotlib inside functions only."""
-    for module, inside in Imports(FILES[name]).found:
-        root = module.split(".")[0]
-        assert root != "exudyn" or name.split(".")[0] in MAY_IMPORT_EXUDYN
-        assert root not in ONLY_INSIDE_FUNCTIONS or inside
+    """Otherwise the tests above would pass on nothing."""
+    assert {"errors", "linalg.symmetric_factor", "linalg.oscillator"} <= own_imports("model.body")
+    assert "estimators.mass_norm" in own_imports("estimators.paper")
+    assert "report.plots.over_time" in own_imports("report.report")  # inside a function
+    assert "model.body" in own_imports("residual.kernels")  # an annotation
+    assert "exudyn" in {full.split(".")[0] for full, _ in imported("mbs.monitoring.step_hook")}
 
 
 def test_importing_the_package_loads_neither_exudyn_nor_matplotlib():

@@ -8,10 +8,11 @@ import scipy.linalg as la
 import tolerances as tol
 from bodies import model
 
-from exudyn_romerr import AssumptionError, ElasticBody, oscillator
-from exudyn_romerr.kernels import CertifiedKernel, EnvelopeKernel, SpectrumKernel, make_kernel
-from exudyn_romerr.lagtable import LagTable
-from exudyn_romerr.matrix_exponential import fundamental_matrix_norms
+from exudyn_romerr import AssumptionError, ElasticBody
+from exudyn_romerr.linalg import oscillator
+from exudyn_romerr.residual.kernels import CertifiedKernel, EnvelopeKernel, SpectrumKernel, make_kernel
+from exudyn_romerr.residual.lag_table import LagTable
+from models.matrix_exponential import fundamental_matrix_norms
 
 KINDS = ("undamped", "under", "critical", "overdamped", "mixed", "mass", "stiffness")
 SPECTRA_PER_KIND = 300

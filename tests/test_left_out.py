@@ -13,14 +13,17 @@ from exudyn import itemInterface
 from mechanism_runs import FROZEN, pendulum, solve, watch
 
 import exudyn_romerr as romerr
-from exudyn_romerr import body as body_module
-from exudyn_romerr import forgetting, modes, offline
-from exudyn_romerr.factor import SymmetricFactor
-from exudyn_romerr.load import load_report
-from exudyn_romerr.mbs.reaction import Reaction
-from exudyn_romerr.mbs.tangent import Tangents
-from exudyn_romerr.online import BLOCK, Run
-from exudyn_romerr.problem import Problem
+from exudyn_romerr.linalg import eigenmodes as modes
+from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
+from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
+from exudyn_romerr.model import body as body_module
+from exudyn_romerr.offline import prepare as offline
+from exudyn_romerr.offline.options import BoundOptions
+from exudyn_romerr.online.run import BLOCK, Run
+from exudyn_romerr.report.load import load_report
+from exudyn_romerr.residual import decay_rates as forgetting
+from exudyn_romerr.residual.problem import Problem
 from models import floating, linkage
 
 ROOT = Path(__file__).parent.parent
@@ -44,7 +47,8 @@ class Watched:
     @property
     def problem(self):
         """What the last problem has made, by name of the attribute."""
-        return set(vars(self.problems[-1]))
+        problem = self.problems[-1]
+        return {*vars(problem), *vars(problem.dual), *vars(problem.rows)}
 
     def count(self, monkeypatch, owner, name, label=None):
         """Count calls of a function."""
@@ -84,7 +88,7 @@ def watched(monkeypatch):
 def prepared(body=None, **options):
     """The offline part of the linkage."""
     options = {"inputs": B, "input_function": linkage.force, "outputs": [TIP], **options}
-    return offline.prepare(body or fresh_body(), BASIS, **options)
+    return offline.prepare(body or fresh_body(), BASIS, BoundOptions(**options))
 
 
 def left_out(plan):
@@ -141,7 +145,9 @@ def test_large_body_is_factorised_no_more_than_its_modes_need(watched):
     K = sp.diags([np.full(n, 2.0), np.full(n - 1, -1.0), np.full(n - 1, -1.0)], [0, 1, -1])
     body = romerr.ElasticBody(sp.identity(n), K, rayleigh=(0.1, 0.0))
     assert watched.made["factor"] == 2
-    offline.prepare(body, romerr.Basis(np.eye(n)[:, :3]), outputs=[], sampled_inputs=True, auxiliary_modes=4)
+    offline.prepare(
+        body, romerr.Basis(np.eye(n)[:, :3]), BoundOptions(outputs=[], auxiliary_modes=4), sampled_inputs=True
+    )
     assert watched.made["factor"] == 3
     assert watched.modes == [4]
 

@@ -6,9 +6,9 @@ import pytest
 from mbs_scenes import INPUTS, SOLVERS, TIP, N, Recorder, chain_body, force, new_mbs, random_basis, scene, settings
 
 from exudyn_romerr import Trajectory, evaluate
-from exudyn_romerr.basis import Basis
+from exudyn_romerr.basis.basis import Basis
 from exudyn_romerr.mbs import add_reduced_body
-from exudyn_romerr.outputs import Output
+from exudyn_romerr.model.outputs import Output
 
 ROUNDING = 1e-9  # relative: other block boundaries sum in another order, and reconstruction multiplies by h^-2
 SPEED = Output("speed", np.eye(N)[2], unit="m/s", of="velocity")

@@ -17,8 +17,9 @@ from mbs_scenes import (
 )
 
 from exudyn_romerr.errors import InputError, RunError
-from exudyn_romerr.mbs import add_reduced_body, attach, watch
-from exudyn_romerr.online import BLOCK
+from exudyn_romerr.mbs import add_reduced_body, attach
+from exudyn_romerr.mbs.monitoring import body_monitor as watch
+from exudyn_romerr.online.run import BLOCK
 
 
 @pytest.fixture

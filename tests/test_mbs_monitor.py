@@ -23,11 +23,12 @@ from mbs_scenes import (
 )
 
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
-from exudyn_romerr.mbs import add_reduced_body, attach, watch
-from exudyn_romerr.mbs.mechanism import Mechanism
-from exudyn_romerr.online import BLOCK, Run
-from exudyn_romerr.outputs import Output
-from exudyn_romerr.static_run import StaticRun
+from exudyn_romerr.mbs import add_reduced_body, attach
+from exudyn_romerr.mbs.monitoring import body_monitor as watch
+from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
+from exudyn_romerr.model.outputs import Output
+from exudyn_romerr.online.run import BLOCK, Run
+from exudyn_romerr.online.static_run import StaticRun
 
 
 def solve(mbs, steps=20, end=0.1, start=0.0, solver=None, **options):
@@ -72,11 +73,11 @@ def test_what_attach_refuses():
 def test_initial_state_of_the_body_is_the_monitors_unless_another_is_given(monkeypatch):
     given = []
 
-    def prepare(*args, initial, **options):
-        given.append(initial)
+    def prepare(body, basis, options):
+        given.append(options.initial)
         raise InputError("seen")
 
-    monkeypatch.setattr("exudyn_romerr.mbs.linear.prepare", prepare)
+    monkeypatch.setattr("exudyn_romerr.mbs.access.linear_adapter.prepare", prepare)
     state, other = (np.ones(N), np.zeros(N)), (np.zeros(N), np.ones(N))
     for initial in (None, other):
         with pytest.raises(InputError, match="seen"):

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks import sweep_mechanisms
 from benchmarks.mechanism_builder import built
 from benchmarks.random_mechanisms import MATERIALS, Bar, Link, Load, Mechanism, Shape
-from exudyn_romerr.mbs.tangent import Tangents
+from exudyn_romerr.mbs.access.linearisation import Tangents
 
 FORCE = np.array([0.0, 250.0, 150.0])  # N: the interface turns by 7 mrad
 STEPS = 40

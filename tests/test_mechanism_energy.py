@@ -15,10 +15,10 @@ import scipy.linalg as la
 import tolerances as tol
 from test_enrichment import DAMPINGS, KINDS, N, Part, lattice
 
-from exudyn_romerr import mechanism
-from exudyn_romerr.estimators.base import Added
-from exudyn_romerr.estimators.mechanism import MechanismEnergy
-from exudyn_romerr.mechanism import join_extensions, joined_openings
+from exudyn_romerr.estimators.coupled_energy import MechanismEnergy
+from exudyn_romerr.online import coupled_runs as mechanism
+from exudyn_romerr.online.coupled_runs import join_extensions, joined_openings
+from exudyn_romerr.trajectory.segments import Added
 
 STEPS, SEEDS = 200, range(42)
 SHAPES = ("alone", "tree", "loop", "weld", "springs", "floating")

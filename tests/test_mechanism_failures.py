@@ -22,10 +22,10 @@ from mechanism_runs import (
 )
 
 from exudyn_romerr import AssumptionError
-from exudyn_romerr.feedback import Feedback
-from exudyn_romerr.mbs import hook
-from exudyn_romerr.mbs.tangent import Tangents
-from exudyn_romerr.online import Run
+from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.monitoring import step_hook as hook
+from exudyn_romerr.online.mechanism_feedback import Feedback
+from exudyn_romerr.online.run import Run
 from models import floating, mechanisms
 
 # --- solvers ----------------------------------------------------------------

@@ -20,7 +20,7 @@ from mechanism_runs import (
     watch,
 )
 
-from exudyn_romerr.mbs import tangent
+from exudyn_romerr.mbs.access import linearisation as tangent
 
 NEWTON = 1e-6  # of energy bounds: what iterations of relative tolerance 1e-10 leave, and modes that start at random
 RESTART = 1e-3  # of the largest bound: accelerations made anew, to Newton's tolerance, are a small jump of R

@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from exudyn_romerr.mbs import tangent
-from exudyn_romerr.mbs.tangent import Tangents
+from exudyn_romerr.mbs.access import linearisation as tangent
+from exudyn_romerr.mbs.access.linearisation import Tangents
 from models import mechanisms, wishbone
 
 STEP = 1e-6  # central: rounding 1e-16 of forces of 1e4 N, over 2e-6; the second derivatives' share is 1e-12

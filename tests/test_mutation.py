@@ -9,12 +9,12 @@ from cases import Case
 from loads import Load
 from theorem import ViolationError, check_theorem, first_mode_case, random_case
 
-import exudyn_romerr.problem as problem_module
 from exudyn_romerr import Basis
-from exudyn_romerr.estimators.base import MassNormEstimator
+from exudyn_romerr.estimators.mass_norm import MassNormEstimator
 from exudyn_romerr.estimators.paper import Convolution, Fast
-from exudyn_romerr.kernels import CertifiedKernel
-from exudyn_romerr.lagtable import LagTable
+from exudyn_romerr.residual.dual_norms import OutputNorms
+from exudyn_romerr.residual.kernels import CertifiedKernel
+from exudyn_romerr.residual.lag_table import LagTable
 
 PAPER = ("fast", "convolution")
 RANDOM = [random_case(seed, steps=120) for seed in range(40)]
@@ -129,8 +129,8 @@ def test_halving_C11(e, monkeypatch):
 
 def test_halving_C2(monkeypatch):
     """C2 is attained by the first mode's own coordinate as output."""
-    C2 = problem_module.Problem.C2.func
-    monkeypatch.setattr(problem_module.Problem, "C2", property(lambda self: C2(self) / 2))
+    C2 = OutputNorms.C_M.func
+    monkeypatch.setattr(OutputNorms, "C_M", property(lambda self: C2(self) / 2))
     assert violated([PULSE]) == 1
 
 

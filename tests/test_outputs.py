@@ -14,8 +14,8 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
-from exudyn_romerr.outputs import stacked_rows
-from exudyn_romerr.problem import checked_outputs
+from exudyn_romerr.model.outputs import stacked_rows
+from exudyn_romerr.residual.problem import checked_outputs
 
 NODES = 4
 

@@ -14,13 +14,32 @@ from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
 from examples import pictures as example
-from exudyn_romerr.pictures import draw_convergence, draw_run_time, front
-from exudyn_romerr.plan import Plan
-from exudyn_romerr.plot import BAR, MANY, draw_bounds, draw_causes, draw_signal, plot_causes, plot_report
-from exudyn_romerr.report import BoundReport, OutputReport
-from exudyn_romerr.scope import FROZEN
-from exudyn_romerr.style import COLOURS, LETTERS, MARKERS, STYLES, ends, isolated, log_line, picture, save, spread
-from exudyn_romerr.surface import draw_body, plot_body, surface_triangles
+from exudyn_romerr.report.data import Plan
+from exudyn_romerr.report.plots.body_surface import draw_body, plot_body, surface_triangles
+from exudyn_romerr.report.plots.over_time import (
+    BAR,
+    RASTER_FROM,
+    draw_bounds,
+    draw_causes,
+    draw_signal,
+    plot_causes,
+    plot_report,
+)
+from exudyn_romerr.report.plots.run_comparison import draw_convergence, draw_run_time, front
+from exudyn_romerr.report.plots.style import (
+    COLOURS,
+    LETTERS,
+    MARKERS,
+    STYLES,
+    ends,
+    isolated,
+    log_line,
+    picture,
+    save,
+    spread,
+)
+from exudyn_romerr.report.report import BoundReport, OutputReport
+from exudyn_romerr.report.scope import FROZEN
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "pictures.md").read_text(encoding="utf-8")
@@ -250,7 +269,7 @@ def test_best_band_is_that_of_the_widest_scope():
 
 def test_large_areas_are_pixels_in_vector_pictures():
     """As a polygon of all samples they have tens of MB."""
-    for instants, expected in ((100, False), (MANY + 1, True)):
+    for instants, expected in ((100, False), (RASTER_FROM + 1, True)):
         ax = axes_of(draw_causes, made_up(np.ones(instants)), "tip")
         assert {area.get_rasterized() for area in ax.collections} == {expected}
 
@@ -503,7 +522,7 @@ QUIET = """
 import sys, json
 import numpy as np
 import exudyn_romerr as romerr
-from exudyn_romerr import pictures, plot, style, surface
+from exudyn_romerr.report.plots import run_comparison as pictures, over_time as plot, style, body_surface as surface
 before = "matplotlib" in sys.modules
 romerr.plot_convergence([(2, 1.0)], "tip", "mm")
 print(json.dumps([before, "matplotlib" in sys.modules, "matplotlib.pyplot" in sys.modules]))

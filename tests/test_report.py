@@ -12,8 +12,8 @@ import tolerances as tol
 from theorem import random_case
 
 from exudyn_romerr import InputError, load_report
-from exudyn_romerr.scope import NOT_CERTIFIED
-from exudyn_romerr.verdict import rounded_up
+from exudyn_romerr.report.scope import NOT_CERTIFIED
+from exudyn_romerr.report.wording import rounded_up
 
 ROOT = Path(__file__).parent.parent
 PAPER = ("fast", "convolution")

@@ -9,8 +9,8 @@ import tolerances as tol
 from bodies import model
 
 from exudyn_romerr import Basis, initial_coordinates, initial_error
-from exudyn_romerr.problem import Problem
-from exudyn_romerr.residual import RESIDUALS, ResidualMap
+from exudyn_romerr.residual.problem import Problem
+from exudyn_romerr.residual.residual import RESIDUALS, ResidualMap
 
 SIZES = [10.0**-k for k in range(0, 15, 2)]
 
@@ -46,7 +46,7 @@ class NearlyComplete:
         z, problem = self.coordinates(size)[name], self.problems[name]
         exact = exact_product(problem.map.L, z.tolist())
         columns = np.sqrt(np.einsum("ij,ij->j", problem.map.L, la.solve(self.full.M, problem.map.L)))
-        found = float(problem.norm_M(z[None])[0])
+        found = float(problem.dual.norm_M(z[None])[0])
         return found, np.sqrt(exact @ la.solve(self.full.M, exact)), columns @ np.abs(z)
 
 
@@ -81,7 +81,9 @@ def test_three_ways_agree_on_moderate_residuals(damping, seed):
     wanted = np.sqrt(np.einsum("ij,ij->j", R, la.solve(full.M, R)))
     for name in RESIDUALS:
         problem = Problem(full.body, Basis(V), inputs=B, residual=name)
-        assert problem.norm_M(problem.map.coordinates(q, q_t, q_tt, u)) == pytest.approx(wanted, rel=tol.CANCELLED)
+        assert problem.dual.norm_M(problem.map.coordinates(q, q_t, q_tt, u)) == pytest.approx(
+            wanted, rel=tol.CANCELLED
+        )
 
 
 def test_rayleigh_damping_is_merged():

@@ -16,7 +16,7 @@ from pages import BLOCK
 
 import exudyn_romerr as romerr
 from examples import stress_bound
-from exudyn_romerr import solid
+from exudyn_romerr.model import solid_elements as solid
 from models import floating, mechanisms, solid_bar
 from models.beam3d import STEEL
 from models.solid_exact import full_outputs, reduced_motion

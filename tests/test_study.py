@@ -7,7 +7,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from examples import numerical_stability
-from exudyn_romerr.study import OPTIONS, Failure
+from exudyn_romerr.mbs.studies.parameter_sweep import OPTIONS, Failure
 from models import exact, sensitivity
 from models.sensitivity import BINARY, DECIMAL, MOVED, UNITS
 
@@ -73,7 +73,8 @@ def test_every_option_is_passed_through_unchanged(monkeypatch):
     given = dict.fromkeys(OPTIONS, True)
     seen = {}
     monkeypatch.setattr(
-        "exudyn_romerr.study.ParameterVariation", lambda f, p, **options: (seen.update(options), [p, [f({})]])[1]
+        "exudyn_romerr.mbs.studies.parameter_sweep.ParameterVariation",
+        lambda f, p, **options: (seen.update(options), [p, [f({})]])[1],
     )
     assert romerr.sweep(what_it_got, {"a": [1]}, **given).values == [{}]
     assert seen == given
@@ -81,7 +82,9 @@ def test_every_option_is_passed_through_unchanged(monkeypatch):
 
 def test_dispy_gets_the_function_itself_and_a_missing_result_is_a_failure(monkeypatch):
     """It sends source code, which a wrapped function does not have, and returns None for an exception."""
-    monkeypatch.setattr("exudyn_romerr.study.ParameterVariation", lambda f, p, **options: [p, [f, None]])
+    monkeypatch.setattr(
+        "exudyn_romerr.mbs.studies.parameter_sweep.ParameterVariation", lambda f, p, **options: [p, [f, None]]
+    )
     cluster = {"clusterHostNames": ["127.0.0.1"], "useMultiProcessing": True}
     result = romerr.sweep(what_it_got, {"a": [1, 2]}, **cluster)
     assert result.values[0] is what_it_got

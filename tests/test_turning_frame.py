@@ -20,10 +20,12 @@ from loads import uneven_grid
 from scipy.integrate import solve_ivp
 
 from exudyn_romerr import Basis, ElasticBody, Output
-from exudyn_romerr.estimators.turning import Turning
-from exudyn_romerr.frame import FrameMotion, Turn, inertia_columns, inertia_coordinates, skew
-from exudyn_romerr.offline import Scene, prepare
-from exudyn_romerr.online import Run
+from exudyn_romerr.estimators.rotating_frame import Turning
+from exudyn_romerr.model.floating_frame import FrameMotion, Turn, inertia_columns, inertia_coordinates, skew
+from exudyn_romerr.offline.options import BoundOptions
+from exudyn_romerr.offline.prepare import prepare
+from exudyn_romerr.online.run import Run
+from exudyn_romerr.report.scope import Scene
 
 NODES, FIXED, STEPS = 8, 6, 160
 FREE = 3 * NODES - FIXED
@@ -220,10 +222,10 @@ class Scenario:
     def offline(self, turns=True, packed=False, **options):
         outputs = Output("y", self.C), Output("v", self.C, of="velocity")
         minor = slice(12, 12 + 9 * self.V.shape[1]) if packed else None
-        common = {"inputs": self.columns, "outputs": outputs, "sampled_inputs": True}
         initial = tuple(self.start) if self.start.any() else None
         scene = Scene(turns=turns, minor=minor)
-        return prepare(self.body, Basis(self.V), scene=scene, initial=initial, **common, **options)
+        options = BoundOptions(initial=initial, inputs=self.columns, outputs=outputs, **options)
+        return prepare(self.body, Basis(self.V), options, scene=scene, sampled_inputs=True)
 
     def run(self, k, offline, parts=(1, 50, 51)):
         """Report in frame k, samples given in several parts."""

@@ -5,7 +5,7 @@ import pytest
 from exudyn import itemInterface
 from mechanism_runs import FROZEN, STEP, add_load, pendulum, reports, solve, watch
 
-from exudyn_romerr.mbs.state_guard import memory_kept
+from exudyn_romerr.mbs.access.user_memory import memory_kept
 
 
 def integral_of_the_mbs(scene):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from exudyn_romerr.report import OutputReport
-from exudyn_romerr.scope import COMPLETE, COUPLED, FROZEN
-from exudyn_romerr.verdict import corrected_within, rounded_up, sentence, under
+from exudyn_romerr.report.report import OutputReport
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
+from exudyn_romerr.report.wording import corrected_within, rounded_up, sentence, under
 
 
 def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0)):

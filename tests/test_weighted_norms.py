@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.matrix_exponential import residual_norm
 from models import linkage
+from models.matrix_exponential import residual_norm
 
 
 def weights(body, name):

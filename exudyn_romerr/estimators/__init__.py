@@ -1,6 +1,6 @@
-"""Estimators: offline constants in, blocks of steps in, bounds out (contract: base.py)."""
+"""Estimators: offline constants in, blocks of steps in, bounds out (contract: estimator.py)."""
 
-from .auxiliary import Auxiliary
+from .auxiliary_modes import Auxiliary
 from .energy import Energy
 from .output_kernel import OutputConvolution
 from .paper import Convolution, Fast, StateSpace

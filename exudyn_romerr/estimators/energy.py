@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..forgetting import Forgetting, body_rates
-from ..recurrence import decaying_sum
-from .base import Block, Bounds, Start, times
+from ..linalg.linear_recurrence import decaying_sum
+from ..residual.decay_rates import DecayRate, body_rates
+from ..trajectory.bounds import Bounds, times
+from ..trajectory.segments import Block, Start
 
 if TYPE_CHECKING:
-    from ..problem import Problem
-    from ..residual import StartNorms
+    from ..residual.problem import Problem
+    from ..residual.residual import StartNorms
 
 
 class Energy:
@@ -21,21 +22,22 @@ class Energy:
 
         |C e| <= |C K^-1 R| + |C|_{K^-1} g ,   |C e'| <= |C|_{M^-1} g ,   |e|_M <= |K^-1 R|_M + g/omega_1
 
-    For a few admissible rates r, g forgets: g <- exp(-r h) g + variation (constants then change a little); the
+    For a few admissible decay rates r: g <- exp(-r h) g + variation (constants then change a little); the
     smallest result counts.
     """
 
     name = "energy"
     assumes = "dissipative damping"
+    inside: tuple[np.ndarray, np.ndarray] | None = None
 
     def __init__(self, problem: Problem):
         self.rates = body_rates(problem.body)
-        self.growth = Growth(problem.norm_K, self.rates)
-        self.norm_static = problem.norm_static
-        self.start_norms = problem.start_norms
-        self.static_rows = problem.static_rows
-        self.C_K, self.C_M = problem.C_K, problem.C2
-        self.velocity_rows = problem.velocity_rows
+        self.growth = Growth(problem.dual.norm_K, self.rates)
+        self.norm_static = problem.dual.norm_static
+        self.start_norms = problem.dual.start_norms
+        self.static_rows = problem.rows.static_rows
+        self.C_K, self.C_M = problem.rows.C_K, problem.rows.C_M
+        self.velocity_rows = problem.rows.velocity_rows
         self.static_cut = np.where(self.velocity_rows, 0.0, self.C_K)
         self.per_mass = self.rates[0].per_mass
 
@@ -80,7 +82,7 @@ class Growth:
     part of g that load jumps made.
     """
 
-    def __init__(self, norm: Callable, rates: Sequence[Forgetting]):
+    def __init__(self, norm: Callable, rates: Sequence[DecayRate]):
         self.norm, self.rates = norm, rates
         self.g = self.g_jump = [0.0] * len(rates)
         self._before: np.ndarray | None = None
@@ -146,7 +148,7 @@ def cut_size(block: Block) -> np.ndarray:
     return np.zeros(len(block.h)) if block.cut is None else block.cut.size
 
 
-def smallest(rates: Sequence[Forgetting], g: np.ndarray) -> np.ndarray:
+def smallest(rates: Sequence[DecayRate], g: np.ndarray) -> np.ndarray:
     """Return the bounds (3, S) of |d|_K, |d|_M and |e'|_M: the smallest over the rates of g (rates, S)."""
     if not rates:  # nothing is left to bound: all modes are auxiliary
         return np.zeros((3, g.shape[1]))
@@ -154,12 +156,12 @@ def smallest(rates: Sequence[Forgetting], g: np.ndarray) -> np.ndarray:
     return np.min(factors[:, :, None] * g[:, None, :], axis=0)
 
 
-def output_share(rates: Sequence[Forgetting], g: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
+def output_share(rates: Sequence[DecayRate], g: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
     """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R)."""
     d_K, _, v_M = smallest(rates, g)
     return np.where(velocity_rows, times(v_M, C_M), times(d_K, C_K))
 
 
-def jump_share(rates: Sequence[Forgetting], g_jump: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray | None:
+def jump_share(rates: Sequence[DecayRate], g_jump: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray | None:
     """Return output_share of what load jumps made; None: there were none."""
     return output_share(rates, g_jump, C_K, C_M, velocity_rows) if g_jump.any() else None

@@ -6,14 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import oscillator
-from ..lagtable import LagTable
-from .base import Block, Bounds
+from ..linalg import oscillator
+from ..residual.lag_table import LagTable
+from ..residual.modal_split import NormsAbove
+from ..trajectory.bounds import Bounds
+from ..trajectory.segments import Block
 from .paper import Convolution
 
 if TYPE_CHECKING:
-    from ..problem import Problem
-    from ..split import Split
+    from ..residual.dual_norms import OutputNorms
+    from ..residual.modal_split import AuxiliaryModes
+    from ..residual.problem import Problem
 
 
 class OutputKernel:
@@ -25,10 +28,10 @@ class OutputKernel:
     above the modes, hence rest <= C exp(-r t) |c|_rest in the K^-1 norm.
     """
 
-    def __init__(self, split: Split, zeta: np.ndarray, row: int, rates: list[tuple[float, float]]):
-        self.omega, self.zeta, self.omega_1 = split.omega, zeta, split.omega[0]
-        self.weights = split.CP[row] ** 2
-        self.rest = [(constant * split.C_K[row], rate) for rate, constant in rates]
+    def __init__(self, modes: AuxiliaryModes, above: OutputNorms, row: int, rates: list[tuple[float, float]]):
+        self.omega, self.zeta, self.omega_1 = modes.omega, modes.body.damping_ratios(modes.omega), modes.omega[0]
+        self.weights = (above.C[row] @ modes.P) ** 2
+        self.rest = [(constant * above.C_K[row], rate) for rate, constant in rates]
 
     def phi12_on(self, lo, hi):
         """Return the bound over each lag interval [lo, hi]."""
@@ -53,10 +56,10 @@ class OutputConvolution(Convolution):
     def __init__(self, problem: Problem):
         split = problem.split  # before the kernel, which would ask for the first mode alone
         super().__init__(problem)
-        zeta = problem.body.damping_ratios(split.omega)
+        above = NormsAbove(problem.rows, split.modes)
         pairs = [(rate.r, rate.c) for rate in split.rates]
         rows = np.flatnonzero(~self.velocity_rows)
-        self.tables = {int(row): LagTable(OutputKernel(split, zeta, int(row), pairs)) for row in rows}
+        self.tables = {int(row): LagTable(OutputKernel(split.modes, above, int(row), pairs)) for row in rows}
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import oscillator
-from ..lagtable import LagTable
-from ..recurrence import decaying_sum
-from .base import Block, MassNormEstimator
+from ..linalg import oscillator
+from ..linalg.linear_recurrence import decaying_sum
+from ..residual.lag_table import LagTable
+from ..trajectory.segments import Block
+from .mass_norm import MassNormEstimator
 
 if TYPE_CHECKING:
-    from ..problem import Problem
+    from ..residual.problem import Problem
 
 
 class StateSpace(MassNormEstimator):

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .base import Bounds
+from ..trajectory.bounds import Bounds
 
 if TYPE_CHECKING:
-    from ..problem import Problem
+    from ..residual.problem import Problem
 
 
 class StaticError:
@@ -18,8 +18,8 @@ class StaticError:
     assumes = "static equilibrium at every load step (exact, no estimate)"
 
     def __init__(self, problem: Problem):
-        self.norm = problem.norm_static
-        self.rows = problem.static_rows
+        self.norm = problem.dual.norm_static
+        self.rows = problem.rows.static_rows
 
     def __call__(self, z: np.ndarray) -> Bounds:
         """Return the errors at load steps z (S, k)."""

@@ -1,12 +1,12 @@
 """All that touches Exudyn: reduced bodies in an mbs, and monitors beside its solves."""
 
-from .bodies import ReducedBody, add_reduced_body
-from .choose import choose_modes
-from .fem_modes import hold_modes, keep_modes
-from .floating import FloatingBody, floating_body
-from .monitor import Monitor, attach
-from .solution import evaluate_file
-from .two_level import LevelOutput, TwoLevel, two_level
+from .access.fem_modes import hold_modes, keep_modes
+from .access.reduced_body import ReducedBody, add_reduced_body
+from .floating.floating_body import FloatingBody, floating_body
+from .monitoring.monitor import Monitor, attach
+from .monitoring.solution_file import evaluate_file
+from .studies.choose_modes import choose_modes
+from .studies.two_level import LevelOutput, TwoLevel, two_level
 
 __all__ = [
     "FloatingBody",

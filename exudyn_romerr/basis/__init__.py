@@ -1,0 +1,1 @@
+"""Bases V and W of reduced bodies, and auxiliary vectors beside them."""

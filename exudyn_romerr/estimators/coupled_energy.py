@@ -1,0 +1,191 @@
+"""Estimator "energy" of a mechanism: all its bodies together, the feedback of joints included (theory.md 7)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..linalg.blocked_products import row_norms
+from ..linalg.symmetric_factor import SymmetricFactor
+from ..model.admissible_space import mean_motion, rigid_modes
+from ..residual.decay_rates import body_rates
+from ..trajectory.bounds import Bounds, times
+from ..trajectory.segments import Added, Block, Start
+from .energy import cut_size
+
+if TYPE_CHECKING:
+    from ..model.body import ElasticBody
+    from ..residual.problem import Problem
+
+
+LINEARISED = 0.01  # of what auxiliary vectors add; measured: up to 0.007 right after a static solve, else up to 0.002
+
+
+class MechanismEnergy:
+    """|e + K^-1 R|_K <= g and |e'|_M <= g, sums over all bodies b of the mechanism, however they are joined.
+
+        g = (sum_b |R_b(0)|^2)^(1/2) + total variation of (sum_b |R_b|^2)^(1/2),   |.| in the K_b^-1 norm
+
+    K_b^-1 on the free body is K^-1 where the reference conditions hold it and the first wrench balances it. Rigid
+    motion has no energy: outputs are those seen from the body's frame. No decay rate is admissible, for rigid
+    motion is undamped.
+    """
+
+    name = "energy"
+    assumes = "ideal joints, dissipative springs and dampers, the mechanism linearised about its motion"
+    inside = None
+
+    def __init__(self, problem: Problem, unknown: int = 0):
+        self.start_norms = problem.dual.start_norms
+        self._interfaces = _interface_rows(problem, unknown) if problem.has_initial_error else None
+        self.norm, self.norm_static = problem.dual.norm_K, problem.dual.norm_static
+        self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
+        self.factors = problem.rows.C_K
+        if self.velocity_rows.any():
+            seen = _free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
+            self.factors = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
+            self.factors[self.velocity_rows] = seen
+        self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
+        self.per_mass = body_rates(problem.body)[0].per_mass
+        self.g = 0.0
+
+    def energy_at(self, start: Start) -> float:
+        """Return |R(0)| of this body, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error.
+
+        In static equilibrium -e0 is K^-1 R(0) as far as joints let it: what moves interfaces is counted whole.
+        """
+        if start.y0 is None:
+            return float(self.norm(start.z)) + start.cut
+        w = start.y0.copy()
+        w[: len(start.z)] += start.z
+        held = np.linalg.norm(self._interfaces @ start.z)
+        return float(np.hypot(self.start_norms.K(w), self.start_norms.M(start.y0_t)) + held)
+
+    def variations(self, block: Block) -> np.ndarray:
+        """Return what R of this body varies by (S, d + 1): the pieces of its polygon, and what that does not hold."""
+        missed = block.unresolved_variation @ block.input_norms(self.norm)
+        missed = missed if block.cut is None else missed + block.cut.variation
+        missed = missed if block.turn is None else missed + block.h * block.turn.missed
+        return np.column_stack([block.pieces(self.norm), missed])
+
+    def start(self, start: Start) -> Bounds:
+        """Begin a run; return the bounds at its first instant."""
+        self.g = self.energy_at(start) if start.joint is None else start.joint
+        return self._bounds(start.z[None], np.array([self.g]), np.array([start.cut]))
+
+    def advance(self, block: Block) -> Bounds:
+        """Go on by one block; return the bounds at the ends of its segments."""
+        varied = self.variations(block).sum(axis=1) if block.joint is None else block.joint
+        g = self.g + np.cumsum(varied)
+        self.g = float(g[-1])
+        return self._bounds(block.c[:, -1], g, cut_size(block))
+
+    def instant(self, i: int) -> tuple:
+        """Return what bounds the outputs at entry i of the bounds returned last."""
+        return tuple(x[i : i + 1] for x in self._given)
+
+    def outputs_at(self, instant: tuple) -> np.ndarray:
+        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant).outputs[0]
+
+    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
+        self._given = z, g, cut
+        known = -(z @ self.static_rows.T)
+        slack = times(g, self.factors) + times(cut, self.static_cut)
+        position = self.norm_static(z) + (cut + g) * self.per_mass
+        return Bounds(position, g, np.abs(known) + slack, None, known, slack)
+
+
+class CorrectedEnergy(MechanismEnergy):
+    """Bounds by way of the trajectory u + du that auxiliary vectors add up to: du is known, the rest is bounded.
+
+        |C e| <= |C du - C K^-1 R| + |C|_{K^-1} g ,   R and g of u + du
+
+    du solves linearised equations, whose matrices are interpolated between tangents. What that misses of du is in no
+    residual of a body. Inertia forces of second order in du, of which a body's own R holds only what its wrenches
+    balance, go into g as the force that they are: |F|_{M^-1} of every step. For the rest LINEARISED of the largest du
+    so far is added.
+    """
+
+    name = "auxiliary"
+
+    def __init__(self, problem: Problem, unknown: int = 0):
+        super().__init__(problem, unknown)
+        self.value_rows = problem.rows.C @ problem.V
+        self.root = np.linalg.qr(problem.body.mass_factor.half_multiply(problem.V), mode="r")
+        body, x = problem.body, problem.body.positions.ravel()
+        self.arm, self.mass = float(np.sqrt(x @ (body.mass @ x))), body.total_mass
+        self._force = 0.0  # of second order, at the end of the last block
+        self._largest = np.zeros(len(self.value_rows) + 1)  # of du so far: every output, and its mass norm
+
+    def start(self, start: Start) -> Bounds:
+        """Begin a run; return the bounds at its first instant."""
+        self._added, self._force = start.added or self._nothing(1), 0.0
+        return super().start(start)
+
+    def advance(self, block: Block) -> Bounds:
+        """Go on by one block; return the bounds at the ends of its segments."""
+        self._added = block.added or self._nothing(len(block.h))
+        self._force = float(self._unbalanced(block)[-1])
+        return super().advance(block)
+
+    def variations(self, block: Block) -> np.ndarray:
+        """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
+        pieces, force = super().variations(block), self._unbalanced(block)
+        pieces[:, -1] += block.h * np.maximum(force, np.append(self._force, force[:-1]))
+        return pieces
+
+    def _unbalanced(self, block: Block) -> np.ndarray:
+        """Inertia forces (S,) of second order in du at the ends of the segments, |.|_{M^-1}."""
+        if block.added is None or block.added.veer is None:
+            return np.zeros(len(block.h))
+        du, du_t = (row_norms(x @ self.root.T) for x in (block.added.q, block.added.q_t))
+        return block.added.veer.unbalanced(du, du_t, self.arm, self.mass)
+
+    def _nothing(self, count: int) -> Added:
+        none = np.zeros((count, self.value_rows.shape[1]))
+        return Added(none, none, np.zeros(count))
+
+    def instant(self, i: int) -> tuple:
+        """Return what bounds the outputs at entry i of the bounds returned last."""
+        return super().instant(i), Added(*(x[i : i + 1] for x in self._added[:3]))
+
+    def outputs_at(self, instant: tuple) -> np.ndarray:
+        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+        rest, self._added = instant
+        return super().outputs_at(rest)
+
+    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
+        rest, (q, q_t, speed, _) = super()._bounds(z, g, cut), self._added
+        rows = self.value_rows.T
+        known = rest.correction + np.where(self.velocity_rows, q_t @ rows, q @ rows)
+        size = row_norms(q @ self.root.T)
+        largest = np.maximum.accumulate(np.vstack([self._largest, np.column_stack([np.abs(known), size])]))[1:]
+        self._largest = largest[-1]
+        slack = rest.correction_bound + LINEARISED * largest[:, :-1]
+        position = rest.position + size + LINEARISED * largest[:, -1]
+        return Bounds(position, rest.velocity + speed, np.abs(known) + slack, None, known, slack)
+
+
+def joint_variation(columns: list[np.ndarray]) -> np.ndarray:
+    """Variation (S,) of the bodies together from their variations (S, d): |.| of all is the root of the squares."""
+    return np.sqrt(sum(x**2 for x in columns)).sum(axis=1)
+
+
+def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
+    """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
+    wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
+    return np.linalg.qr(wrenches)[0].T @ problem.dual.Y_K[:, : problem.dual.k]
+
+
+def _free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
+    """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
+    space, positions = body.space, body.positions
+    held = space.conditions
+    if held is None:
+        held = mean_motion(np.unique(space.fixed // 3)).rows(positions)
+    rows, Rg = np.zeros((len(C), body.N)), rigid_modes(positions)
+    rows[:, space.free] = C
+    rows -= (rows @ Rg) @ np.linalg.solve(held @ Rg, held)
+    return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)

@@ -1,0 +1,1 @@
+"""Linear algebra and closed forms: nothing here knows a body."""

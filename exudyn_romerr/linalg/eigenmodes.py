@@ -1,0 +1,155 @@
+"""Undamped modes of a positive definite pencil (K, M), with the proof that none was missed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from ..errors import AssumptionError
+from .symmetric_factor import SymmetricFactor
+
+DENSE_LIMIT = 600  # below: LAPACK is faster than Lanczos and finds all modes by construction
+RETRIES = 5
+GAP = 1e-9  # relative distance of the inertia count from an eigenvalue: above the solvers' rounding
+WIDE = 1e-10  # smallest over largest 1/omega^2: below, what LAPACK finds of the highest modes is mostly rounding
+STEPS = 3  # of refinement: each squares the error
+CONVERGED = 1e-7  # change of a mode by a step: the square of it is what is left
+MIXED = 1e-4  # share of another mode in a mode above which a step is not taken
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The lowest modes: omega (m,) in rad/s ascending, M-orthonormal shapes (n, m).
+
+    cut (rad/s): every mode that is not listed has omega >= cut.
+    """
+
+    omega: np.ndarray
+    shapes: np.ndarray
+    cut: float
+
+    def first(self, m: int) -> Modes:
+        """Return the m lowest of these modes."""
+        if m == self.omega.size:
+            return self
+        return Modes(self.omega[:m], self.shapes[:, :m], float(self.omega[m]) * (1 - GAP))
+
+
+def lowest_modes(M: sp.csc_matrix, K: sp.csc_matrix, m: int, factor: SymmetricFactor) -> Modes:
+    """Return the m lowest modes of K phi = omega^2 M phi; `factor` is K's."""
+    n = M.shape[0]
+    if n <= DENSE_LIMIT or m > n // 4:
+        omega, shapes = _refined(M, factor, _dense_shapes(M.toarray(), K.toarray(), min(m + 1, n)))
+        cut = np.inf if m == n else float(omega[m]) * (1 - GAP)
+        return Modes(omega[:m], shapes[:, :m], cut)
+    omega, shapes = _refined(M, factor, _lanczos_shapes(M, K, m, factor))
+    modes = Modes(omega, shapes, float(omega[-1]) * (1 - GAP))
+    check_no_mode_missed(M, K, modes)
+    return modes
+
+
+def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes) -> None:
+    """Compare the modes below `cut` with the negative pivots of K - cut^2 M (Sylvester's law of inertia).
+
+    Raises
+    ------
+    AssumptionError
+        Modes are missing; the message names the narrowest interval between computed modes that lacks one.
+    """
+    if _missing_below(M, K, modes.omega, modes.cut) == 0:
+        return
+    lo, hi = -1, modes.omega.size  # bisection over the gaps: missing below omega[hi], none below omega[lo]
+    while hi - lo > 1:
+        middle = (lo + hi) // 2
+        missing = _missing_below(M, K, modes.omega, modes.omega[middle] * (1 - GAP))
+        lo, hi = (lo, middle) if missing else (middle, hi)
+    upper = modes.omega[hi] if hi < modes.omega.size else modes.cut
+    lower = modes.omega[lo] if lo >= 0 else 0.0
+    raise AssumptionError(
+        f"a mode is missing between {lower:.6g} and {upper:.6g} rad/s: the eigenvalue solver did not find it; "
+        "ask for a few modes more or fewer, or check the body for nearly equal frequencies there"
+    )
+
+
+def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float) -> int:
+    """Return the number of modes with omega < limit (rad/s), by Sylvester's law of inertia.
+
+    Raises
+    ------
+    AssumptionError
+        No factorisation of K - limit^2 M without pivoting, nor of neighbours of it.
+    """
+    for retry in range(RETRIES):  # a shift that meets an eigenvalue of a leading block: the next one does not
+        factor = SymmetricFactor(K - (limit * (1 - 0.1 * GAP * retry)) ** 2 * M)
+        if factor.complete:
+            return factor.negative_pivots
+    raise AssumptionError(f"the modes below {limit:.6g} rad/s cannot be counted: K - sigma M has no L D L^T there")
+
+
+def _missing_below(M, K, omega, limit) -> int:
+    return count_below(M, K, limit) - int(np.sum(omega < limit))
+
+
+def _dense_shapes(M: np.ndarray, K: np.ndarray, m: int) -> np.ndarray:
+    """Shapes (n, m) of the lowest modes, omega ascending."""
+    # (M, K), not (K, M): LAPACK's error is relative to the largest eigenvalue, so 1/omega^2 as the eigenvalue
+    # keeps the digits of the low modes, which carry the response
+    n = len(M)
+    wanted = [n - m, n - 1] if m < n // 4 else None  # few modes: twice as fast as all
+    compliance, shapes = la.eigh(M, K, subset_by_index=wanted)
+    compliance, shapes = compliance[::-1][:m], shapes[:, ::-1][:, :m]
+    if compliance[-1] > WIDE * compliance[0]:
+        return shapes
+    squares, high = (x[..., :m] for x in la.eigh(K, M))
+    low = _low_count(compliance, squares)
+    return np.hstack([shapes[:, :low], high[:, low:]])
+
+
+def _low_count(compliance: np.ndarray, squares: np.ndarray) -> int:
+    """Number of modes to take from 1/omega^2 (m,), the rest from omega^2 (m,), both in the order of omega."""
+    middle = np.sqrt(compliance[0] / squares[-1])
+    known = np.where(compliance > middle, 1 / np.maximum(compliance, middle), squares)
+    lost = np.maximum(known[:-1] * compliance[0], squares[-1] / known[1:])  # rounding of either, over 1e-16
+    gap = np.maximum(1 - known[:-1] / known[1:], GAP)  # a cluster that is cut would be found twice, or half
+    return 1 + int(np.argmin(lost / gap))
+
+
+def _lanczos_shapes(M, K, m, factor) -> np.ndarray:
+    """Shapes (n, m) of the lowest modes, omega ascending."""
+    n = M.shape[0]
+    inverse = LinearOperator((n, n), matvec=factor.solve, dtype=float)
+    start = np.random.default_rng(0).standard_normal(n)  # ARPACK's own start differs from run to run
+    squares, shapes = eigsh(K, m, M, sigma=0.0, OPinv=inverse, v0=start)
+    return shapes[:, np.argsort(squares)]
+
+
+def _refined(M: sp.csc_matrix, factor: SymmetricFactor, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return omega (m,) ascending and M-orthonormal shapes, right to rounding: steps of Ogita and Aishima (2018).
+
+    Eigenvalue solvers leave (omega_m/omega_1)^2 times the rounding in the highest of them. `factor` is K's: products
+    in its coordinates do not cancel.
+    """
+    X = X / np.sqrt(np.einsum("ij,ij->j", X, M @ X))
+    for _ in range(STEPS):
+        Y, R = factor.half_multiply(X), _missing(M, X)
+        S = Y.T @ Y
+        squares = np.diag(S) / (1 - np.diag(R))
+        gap, mixed = squares - squares[:, None], S + (squares + squares[:, None]) / 2 * R
+        near = np.abs(mixed) >= MIXED * np.abs(gap)  # equal but for rounding: any vectors of their common space do
+        turn = np.where(near, 0.0, mixed / np.where(near, 1.0, gap))  # antisymmetric: its exponential is orthogonal
+        E = R / 2 + turn + turn @ (turn + turn @ turn / 3) / 2
+        X = X + X @ E
+        if np.abs(E).max() < CONVERGED:
+            break
+    order = np.argsort(squares)
+    return np.sqrt(squares[order]), X[:, order]
+
+
+def _missing(M, X: np.ndarray) -> np.ndarray:
+    """What X^T M X lacks of the identity, symmetric to the last bit."""
+    product = X.T @ (M @ X)
+    return np.eye(X.shape[1]) - (product + product.T) / 2

@@ -1,0 +1,1 @@
+"""What is read of an mbs, and reduced bodies put into one."""

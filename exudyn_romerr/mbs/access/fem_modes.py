@@ -1,0 +1,83 @@
+"""Modes of a FEMinterface: some of them (keep_modes), and without what moves the frame (hold_modes)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...checks import check_numbers
+from ...errors import InputError
+from ...model.admissible_space import mean_motion, rigid_modes
+
+
+def keep_modes(fem: Any, modes: Iterable[int]) -> None:
+    """Drop all eigenmodes of fem.modeBasis but some; static modes stay. To keep others, compute all modes again.
+
+    Parameters
+    ----------
+    fem : exudyn.FEM.FEMinterface
+        With modes of ComputeHurtyCraigBamptonModes or ComputeEigenmodes: static modes first, if any, then the
+        eigenmodes that fem.eigenValues belong to.
+    modes : sequence of int
+        Numbers of the eigenmodes to keep, from 0, as choose_modes(..., pick=True) passes them to build.
+
+    Raises
+    ------
+    InputError
+        No modes yet, numbers that are not there, or stress modes that would no longer fit.
+    """
+    V, values = _modes(fem, "keep_modes"), np.asarray(fem.eigenValues, dtype=float)
+    if len(values) > V.shape[1]:
+        raise InputError(
+            f"fem.eigenValues has {len(values)} entries, the basis {V.shape[1]} modes; cut it to those of the modes"
+        )
+    kept = np.unique(check_numbers("modes", list(modes)))
+    wrong = kept[~np.isin(kept, np.arange(len(values)))]
+    if wrong.size:
+        raise InputError(f"modes lists {wrong[0]:g}; allowed: 0..{len(values) - 1}, the eigenmodes that fem has now")
+    kept, always = kept.astype(int), V.shape[1] - len(values)
+    fem.modeBasis = {**fem.modeBasis, "matrix": V[:, [*range(always), *(always + kept)]]}
+    fem.eigenValues = values[kept]
+
+
+def hold_modes(fem: Any, nodes: Sequence[int], weights: Sequence[float] | None = None) -> None:
+    """Take from every mode of fem.modeBasis the rigid motion that leaves the mean motion of some nodes zero.
+
+        V <- V - Rg (C_0 Rg)^-1 C_0 V ,   C_0: weighted mean displacement and rotation, Rg: rigid motions
+
+    Exudyn solves for RBE3 modes with stiffness and weights in one matrix; in N/m these differ so much that the modes
+    move the first interface, which they are to hold, by up to 1e-4 of their size. Strain and stress do not change.
+
+    Parameters
+    ----------
+    fem : exudyn.FEM.FEMinterface
+        With modes, before ObjectFFRFreducedOrderInterface(fem).
+    nodes, weights
+        The interface that holds the frame: the first of ComputeHurtyCraigBamptonModes, and its weights.
+
+    Raises
+    ------
+    InputError
+        No modes yet; nodes or weights as in mean_motion; stress modes, which would no longer fit.
+
+    Notes
+    -----
+    Source: docs/theory.md, section 7.
+    """
+    V, positions = _modes(fem, "hold_modes"), np.asarray(fem.GetNodePositionsAsArray(), dtype=float)
+    C = mean_motion(nodes, weights).rows(positions)
+    Rg = rigid_modes(positions - positions.mean(axis=0))
+    for _ in range(2):  # twice: what rounding leaves of the first pass
+        V = V - Rg @ np.linalg.solve(C @ Rg, C @ V)
+    fem.modeBasis = {**fem.modeBasis, "matrix": V}
+
+
+def _modes(fem: Any, caller: str) -> np.ndarray:
+    """Return fem.modeBasis["matrix"]; InputError if it is missing, or other modes depend on it."""
+    if not isinstance(getattr(fem, "modeBasis", None), dict) or "matrix" not in fem.modeBasis:
+        raise InputError(f"fem has no modes; compute them before {caller}")
+    if np.size(getattr(fem, "postProcessingModes", {}).get("matrix", ())):
+        raise InputError(f"fem has post-processing modes of the modes as they are; compute them after {caller}")
+    return fem.modeBasis["matrix"]

@@ -1,0 +1,65 @@
+"""LinearSubject: adapts a body made by add_reduced_body to a monitor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ...offline.prepare import prepare
+from .mbs_items import require_inputs_only
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    import numpy as np
+
+    from ...model.outputs import Output
+    from ...offline.options import BoundOptions
+    from ...offline.prepared import Offline
+    from .reduced_body import ReducedBody
+
+
+class LinearSubject:
+    """Its offline work is done when it is attached; the mbs is read for what it must not contain.
+
+    body : the full body. enriched : None, auxiliary vectors of its own need a frame.
+    """
+
+    enriched = None
+
+    def __init__(self, flex: ReducedBody, options: BoundOptions):
+        self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
+        self._model, self.body, self._basis = flex.model, flex.body, flex.basis  # not flex, which holds the mbs
+        self._options = replace(options, inputs=flex.inputs, input_function=flex.input_function)
+        self._offline = prepare(self.body, self._basis, self._options)
+        self.columns, self.floor = slice(0, 0), 0.0
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What is bounded."""
+        return self._offline.outputs
+
+    def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
+        """Return V (N, n) and the full K (N, N)."""
+        return self._basis.V, self.body.stiffness
+
+    def add(self, outputs: Sequence[Output]) -> None:
+        """Bound further outputs."""
+        self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
+        self._offline = prepare(self.body, self._basis, self._options)
+
+    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
+        """Find the body's coordinates in the mbs; AssumptionError if something else acts on it."""
+        require_inputs_only(mbs, self._node, self.item)
+        first = mbs.GetNodeODE2Index(self._node)
+        self.columns = slice(first, first + len(self._model.M))
+        return self._offline
+
+    def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, **_: bool) -> tuple:
+        """Return q, q_t, q_tt of a run's first sample, each (n,)."""
+        # explicit solvers leave the initial accelerations unset until their first step is done
+        return q, q_t, self._model.acceleration(t, q, q_t)
+
+    def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
+        """Return q, q_t, q_tt of accepted steps, each (S, n)."""
+        return states

@@ -1,0 +1,250 @@
+"""Linearisation of a running mechanism: M, D, K and constraints G, read inside the hook without touching the run.
+
+A static solver of our own, initialised once, computes them from the current state and writes into itself only:
+results of the simulation stay equal bit for bit (measured with Exudyn 1.13.6; ComputeLinearizedSystem starts a solver
+each time, and states, accelerations and time have to be restored after it). So do they where the current state is a
+stored one for that time (late_readings.py), and what is read there equals, bit for bit, what would have been read in passing.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect, bisect_left
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+
+from ...errors import AssumptionError
+from .load_functions import controllers, loads_with_functions
+from .state_guard import coordinates_kept, current_state, own_solver, set_state, state_kept, state_set
+from .tangent_reading import (
+    INCREMENTS,
+    PARAMETERS,
+    REDUNDANT,
+    TINY,
+    Carried,
+    Reading,
+    change_of,
+    hashed,
+    independent_rows,
+    masses_of,
+    rotations_of,
+    turned_share,
+)
+
+CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
+LONGEST = 64  # steps between tangents, also where nothing changes
+SMALL = 0.4  # of CHANGE: less, and less often
+DIFFERENCE = 1e-7  # of coordinates, to differentiate by
+WIDE = 1e-4  # the same at both sides, to differentiate twice: constraints are of low degree
+TURNED = 0.2  # share of G: more, and how it changes with the coordinates is another one
+KEPT = 3  # readings of the block before: a spline through them goes on smoothly
+FAILED = "the mechanism's tangent could not be computed"
+
+
+class Tangents:
+    """Reads the tangent every few steps of a solve; more often where the mechanism turns fast, or its forces change.
+
+    Attributes
+    ----------
+    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. readings : list of
+    Reading, in the order of time. carried : list of Carried, where G has turned since. redundant : number of
+    constraints that follow from others. threads : of the running solver.
+    """
+
+    def __init__(self, mbs: Any, threads: int = 1):
+        self._solver = own_solver(mbs, threads)
+        self.size = self._solver.GetODE2size()
+        self._no_jacobian = np.zeros((self.size + self._solver.GetODE1size() + self._solver.GetAEsize(),) * 2)
+        self._first_constraint = self.size + self._solver.GetODE1size()
+        increments = {j for rotation in rotations_of(mbs, INCREMENTS) for j in rotation}
+        self.differentiable = np.array([j not in increments for j in range(self.size)])
+        self._rotations, self._loads = rotations_of(mbs, PARAMETERS), loads_with_functions(mbs)
+        self.readings: list[Reading] = []
+        self.carried: list[Carried] = []
+        self._stride, self._active, self._rows = 1, None, None
+        self.redundant = 0
+
+    def read(self, mbs: Any, t: float) -> int:
+        """Read the tangent now; return after how many steps it is to be read again."""
+        change = self.readings[self.add(self._read(mbs, t))].change
+        if len(self.readings) > 1:
+            self._stride = max(self._stride // 2, 1) if change > 1 else self._stride
+            self._stride = min(2 * self._stride, LONGEST) if change < SMALL else self._stride
+        return self._stride
+
+    def read_stored(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> None:
+        """Read the tangent of a stored state: q, q_t, q_tt and multipliers at time t."""
+        with state_set(mbs.systemData, t, state):
+            self.add(self._read(mbs, t))
+
+    def add(self, reading: Reading) -> int:
+        """Put a reading where its time belongs; return its number."""
+        j = bisect(self.readings, reading.t, key=lambda other: other.t)
+        self.readings.insert(j, reading)
+        for i in (j, j + 1):
+            if 0 < i < len(self.readings):
+                change = change_of(self.readings[i - 1], self.readings[i]) / CHANGE
+                self.readings[i] = replace(self.readings[i], change=change)
+        return j
+
+    def reads_the_same(self, mbs: Any, reading: Reading) -> bool:
+        """Whether Exudyn gives now, in the state of a reading, what it gave then: nothing else has changed."""
+        with state_set(mbs.systemData, reading.t, reading.state):
+            own = self._mass(mbs), self._constraints(mbs, reading.t), *self._jacobians(mbs)
+        return hashed(*own) == reading.own
+
+    def end_before(self, t: float) -> None:
+        """Drop readings from a time on."""
+        del self.readings[bisect_left(self.readings, t, key=lambda reading: reading.t) :]
+
+    def forget(self) -> None:
+        """Keep the last readings, which what follows is interpolated with."""
+        del self.readings[:-KEPT]
+        self.carried = [self.carried_near(self.readings[-1].t)]
+
+    def differences(self, mbs: Any, dq: np.ndarray) -> np.ndarray:
+        """K dq in the current state: all forces at both sides of it, over twice the distance."""
+        system = mbs.systemData
+        q_tt, multipliers = system.GetODE2Coordinates_tt(), system.GetAECoordinates()
+        step = DIFFERENCE / np.abs(dq).max()
+
+        def force(at: np.ndarray) -> np.ndarray:
+            system.SetODE2Coordinates(at)
+            self._solver.ComputeODE2RHS(mbs)
+            forces = self._solver.GetSystemResidual()[: self.size].copy()
+            return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers - forces
+
+        with coordinates_kept(system) as (q, _):
+            return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
+
+    def _read(self, mbs: Any, t: float) -> Reading:
+        state = current_state(mbs.systemData)
+        M, G = self._mass(mbs), self._constraints(mbs, t)
+        self._check_loads(mbs)
+        D, own, carried, C, C_t = self._forces(mbs, G)
+        K = own + carried
+        springs = np.abs(np.diag(K))
+        springs[[j for rotation in self._rotations for j in rotation]] = 0.0
+        masses = masses_of(M, self._rotations)
+        return Reading(t, state, M, D, K, G, C, C_t, masses, springs, hashed(M, G, D, own))
+
+    def _check_loads(self, mbs: Any) -> None:
+        try:
+            found = controllers(mbs, self._loads)
+        except Exception as error:
+            raise AssumptionError(f"{FAILED}: {error}") from error
+        if found:
+            raise AssumptionError(
+                f"{', '.join(found.values())} depend on the motion or on earlier calls: pass scope='inputs frozen'"
+            )
+
+    def _mass(self, mbs: Any) -> np.ndarray:
+        self._solver.ComputeMassMatrix(mbs)
+        return self._solver.GetSystemMassMatrix()[: self.size, : self.size]
+
+    def _all_constraints(self, mbs: Any) -> np.ndarray:
+        self._solver.SetSystemJacobian(self._no_jacobian)
+        if self._solver.GetAEsize():
+            self._solver.ComputeJacobianAE(mbs, 1.0, 0.0, 0.0, False)
+        return self._solver.GetSystemJacobian()[self._first_constraint :, : self.size]
+
+    def _constraints(self, mbs: Any, t: float) -> np.ndarray:
+        """G; AssumptionError if other constraints are active than at the first reading."""
+        G = self._all_constraints(mbs)
+        active = G.any(axis=1)
+        if self._active is None:
+            self._active, self._rows = active, independent_rows(G, active)
+            self.redundant = int(active.sum()) - len(self._rows)
+        if not np.array_equal(active, self._active):
+            raise AssumptionError(
+                f"constraints were switched on or off before t = {t:g} s; the linearised mechanism is another one "
+                "from there on: pass scope='inputs frozen', or solve up to there and go on with a second solve"
+            )
+        G = G[self._rows]
+        values = la.svd(G, compute_uv=False) if len(G) else np.ones(1)
+        if values[-1] <= REDUNDANT * values[0]:
+            raise AssumptionError(
+                f"constraints have become redundant before t = {t:g} s (a singular position), where the linearised "
+                "mechanism has no solution: pass scope='inputs frozen'"
+            )
+        return G
+
+    def _forces(self, mbs: Any, G: np.ndarray) -> tuple[np.ndarray, ...]:
+        """D, K in two parts, C, C_t by numerical differentiation; what user functions leave half done is set back."""
+        try:
+            with state_kept(mbs.systemData) as (q, *_):
+                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), *self._kept(mbs)
+        except Exception as error:
+            raise AssumptionError(f"{FAILED}: {error}") from error
+
+    def _jacobians(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+        return self._jacobian(mbs, 0.0, -1.0, 0), self._jacobian(mbs, -1.0, 0.0, 1)
+
+    def _jacobian(self, mbs: Any, positions: float, rates: float, with_loads: int) -> np.ndarray:
+        self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
+        return self._solver.GetSystemJacobian()[: self.size, : self.size]
+
+    def _carried_forces(self, mbs: Any, q: np.ndarray, G: np.ndarray) -> np.ndarray:
+        """d(M q'' + G^T l)/dq (n, n), which Exudyn's Jacobians leave out.
+
+        By rotations and by modal coordinates: arms of joints' forces follow the deformation.
+        """
+        system = mbs.systemData
+        moving = np.concatenate([system.GetODE2Coordinates_tt(), system.GetAECoordinates()])
+        n, t = self.size, system.GetTime()
+
+        def by_moving(at: np.ndarray) -> np.ndarray:
+            system.SetODE2Coordinates(at)
+            return np.hstack([self._mass(mbs), self._all_constraints(mbs).T])
+
+        before, carried = by_moving(q), np.zeros((n, n))
+        changes = np.zeros((n, *before.shape), np.float32) if self._is_due(t, G) else None
+        for j in np.flatnonzero(self.differentiable):
+            moved = q.copy()
+            moved[j] += DIFFERENCE
+            change = (by_moving(moved) - before) / DIFFERENCE
+            carried[:, j] = change @ moving
+            if changes is not None:
+                changes[j] = change
+        if changes is not None:
+            j, i = np.nonzero(changes.any(axis=2))
+            turning = np.linalg.norm(changes[:, :, n:], axis=(1, 2)) / max(np.linalg.norm(before[:, n:]), TINY)
+            self.carried.append(Carried(t, G, j, i, changes[j, i], turning))
+        return carried
+
+    def _kept(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+        """C and C_t, along the motion and over time; Exudyn's G by coordinates that are increments."""
+        system = mbs.systemData
+        t, (q, q_t, *rest) = system.GetTime(), current_state(system)
+        dt = WIDE / max(1.0, np.abs(q_t).max())
+        after, before = (self._differences(mbs, t + dt, (q + dt * q_t, q_t, *rest)) for dt in (dt, -dt))
+        return (after + before) / 2, (after - before) / (2 * dt)
+
+    def _differences(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
+        """C at another time and state."""
+        system = mbs.systemData
+        set_state(system, t, state)
+        C = self._all_constraints(mbs)[self._rows]
+        for j in np.flatnonzero(self.differentiable) if len(C) else ():
+            left = []
+            for step in (WIDE, -WIDE):
+                moved = state[0].copy()
+                moved[j] += step
+                system.SetODE2Coordinates(moved)
+                self._solver.ComputeAlgebraicEquations(mbs, False)
+                left.append(self._solver.GetSystemResidual()[self._first_constraint :][self._rows])
+            C[:, j] = (left[0] - left[1]) / (2 * WIDE)
+        return C
+
+    def _is_due(self, t: float, G: np.ndarray) -> bool:
+        """Whether changes of M and G are kept: where steps are read one by one, nothing is interpolated."""
+        if not self.carried:
+            return True
+        return self._stride > 1 and turned_share(self.carried_near(t).G, G) > TURNED
+
+    def carried_near(self, t: float) -> Carried:
+        """Return that of the nearest time."""
+        return min(self.carried, key=lambda one: abs(one.t - t))

@@ -1,0 +1,53 @@
+"""User functions of loads: which of them are functions of time alone, and may be called away from the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from .state_guard import coordinates_kept
+from .user_memory import memory_kept
+
+LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
+MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
+LATER = 1e-9  # of the time, or of 1 s: a memory that looks at the clock shows
+
+
+def loads_with_functions(mbs: Any) -> list[int]:
+    """Return the numbers of loads that have a user function."""
+    return [i for i in range(mbs.systemData.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
+
+
+def controllers(mbs: Any, numbers: list[int]) -> dict[int, str]:
+    """Number -> name of those loads that are not functions of time alone: they see the motion, or keep something.
+
+    They are called in this state twice, in another one and a little later; what they keep is put back.
+    """
+    return {i: f"load {i} ({mbs.GetLoad(i)['name']})" for i in numbers if not _by_time_alone(mbs, i)}
+
+
+def _by_time_alone(mbs: Any, number: int) -> bool:
+    system, functions = mbs.systemData, load_functions(mbs, number)
+    with memory_kept(mbs, functions) as memory:
+        values = [mbs.GetLoadValues(number)]
+        with coordinates_kept(system) as (q, q_t):
+            system.SetODE2Coordinates(q + MOVED * (1 + np.sin(np.arange(len(q)))))
+            system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
+            values.append(mbs.GetLoadValues(number))
+        load, t = mbs.GetLoad(number), system.GetTime()
+        for f in functions:
+            with suppress(Exception):  # a table that ends here
+                f(mbs, t + LATER * max(abs(t), 1.0), load.get("loadVector", load.get("load")))
+        values.append(mbs.GetLoadValues(number))
+        same = all(np.array_equal(values[0], value, equal_nan=True) for value in values)
+        return same and not memory.changed
+
+
+def load_functions(mbs: Any, number: int) -> list[Callable]:
+    """Return the user functions of a load; symbolic ones keep nothing."""
+    load = mbs.GetLoad(number)
+    found = (load[key]["function"] for key in LOAD_FUNCTIONS if load.get(key))
+    return [f for f in found if callable(f)]

@@ -1,0 +1,95 @@
+"""Save and restore the state of an mbs, so that what is tried on it leaves the simulation as it is, bit for bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+
+from ...errors import AssumptionError
+
+CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
+
+
+@contextmanager
+def states_kept(system: Any) -> Iterator[None]:
+    """Put back what the initialisation of a solver changes: states, accelerations and times."""
+    kept = [
+        (system.GetSystemState(where), system.GetODE2Coordinates_tt(where), system.GetTime(where), where)
+        for where in CONFIGURATIONS
+    ]
+    try:
+        yield
+    finally:
+        for state, q_tt, t, where in kept:
+            system.SetSystemState(state, where)
+            system.SetODE2Coordinates_tt(q_tt, where)
+            system.SetTime(t, where)
+
+
+@contextmanager
+def coordinates_kept(system: Any) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Give q and q_t of the current state, and set them back."""
+    q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
+    try:
+        yield q, q_t
+    finally:
+        system.SetODE2Coordinates(q)
+        system.SetODE2Coordinates_t(q_t)
+
+
+def current_state(system: Any) -> tuple[np.ndarray, ...]:
+    """Return q, q_t, q_tt and multipliers."""
+    rates = system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()
+    return system.GetODE2Coordinates(), *rates, system.GetAECoordinates()
+
+
+def set_state(system: Any, t: float, state: Sequence[np.ndarray]) -> None:
+    """Set time, q, q_t, q_tt and multipliers."""
+    q, q_t, q_tt, multipliers = state
+    system.SetTime(t)
+    system.SetODE2Coordinates(q)
+    system.SetODE2Coordinates_t(q_t)
+    system.SetODE2Coordinates_tt(q_tt)
+    system.SetAECoordinates(multipliers)
+
+
+@contextmanager
+def state_kept(system: Any) -> Iterator[tuple[np.ndarray, ...]]:
+    """Give the current state, and set it back: time, q, q_t, q_tt and multipliers."""
+    t, state = system.GetTime(), current_state(system)
+    try:
+        yield state
+    finally:
+        set_state(system, t, state)
+
+
+@contextmanager
+def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[None]:
+    """Set the current state for a while."""
+    with state_kept(system):
+        set_state(system, t, state)
+        yield
+
+
+def own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:
+    """Return a static solver of our own, initialised beside a run with so many threads, which goes on as it was.
+
+    Exudyn's one task manager starts anew with as many threads as the solver initialised last asks for, and says so.
+    """
+    settings, solver = exu.SimulationSettings(), exu.MainSolverStatic()
+    settings.solution.file.write = settings.solution.sensors.active = False
+    settings.staticSolver.verboseMode = 0
+    settings.parallel.numberOfThreads = threads
+    warnings_off = exu.config.suppressWarnings
+    try:
+        exu.config.suppressWarnings = True
+        with states_kept(mbs.systemData):
+            if not solver.InitializeSolver(mbs, settings):
+                raise AssumptionError(f"the mechanism has no tangent: {solver.GetErrorString()}")
+    finally:
+        exu.config.suppressWarnings = warnings_off
+    return solver

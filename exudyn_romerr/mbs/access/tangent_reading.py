@@ -1,0 +1,112 @@
+"""Readings of a mechanism's tangent, and how much it has changed from one to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+
+PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
+INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
+REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
+TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Read at time t: M, D, K (n, n), G, C, C_t (c, n) of independent constraints. state : q, q_t, q_tt, multipliers.
+
+    K holds loads too, and how inertia and the forces of constraints change with the coordinates. Constraints have
+    forces G^T l; C is the derivative of what they keep zero, C_t its rate. Exudyn's G is not C: where an interface
+    turns with the deformation, its rows of rotations are off by as much as it has turned.
+    masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. own : hash of what Exudyn
+    gives by itself. change : of G and K since the reading before, over CHANGE.
+    """
+
+    t: float
+    state: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    G: np.ndarray
+    C: np.ndarray
+    C_t: np.ndarray
+    masses: np.ndarray
+    springs: np.ndarray
+    own: int
+    change: float = 0.0
+
+    def scale(self, dt: float) -> np.ndarray:
+        """Return (K + M/dt^2)^-1/2 (n,), coordinate by coordinate; of rotations M/dt^2 alone."""
+        return 1 / np.sqrt(self.springs + self.masses / dt**2)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """How M and G change with the coordinates, at time t: what d(M q'' + G^T l)/dq of other q'' and l follows from.
+
+    G : of the reading. j, i (p,) : columns and rows of entries of K that are not always zero. by (p, n + c) : change
+    of each by q'' and l. turning (n,) : share of G that changes, by coordinates.
+    """
+
+    t: float
+    G: np.ndarray
+    j: np.ndarray
+    i: np.ndarray
+    by: np.ndarray
+    turning: np.ndarray
+
+
+def rotations_of(mbs: Any, types: Sequence[str]) -> list[list[int]]:
+    """Coordinates of the rotation of every node of some types."""
+    found = []
+    for node in range(mbs.systemData.NumberOfNodes()):
+        item = mbs.GetNode(node)
+        if item["nodeType"] in types:
+            first = mbs.GetNodeODE2Index(node)
+            found.append([*range(first + 3, first + len(item["referenceCoordinates"]))])
+    return found
+
+
+def change_of(before: Reading, now: Reading) -> float:
+    """Return how much G and K have changed: of G its share, of K that of K + M/dt^2, dt the time since.
+
+    Where K is soft, its change accelerates masses for that time.
+    """
+    scale = now.scale(now.t - before.t)
+    change = scale[:, None] * np.abs(now.K - before.K) * scale
+    return max(turned_share(before.G, now.G), float(np.max(change)))
+
+
+def masses_of(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:
+    """Return the diagonal (n,) of M; of a rotation's parameters the lightest axis, about which a slim body spins.
+
+    It is the third largest inertia, for of four parameters one direction has none.
+    """
+    found = np.diag(M).copy()
+    for parameters in rotations:
+        found[parameters] = np.linalg.eigvalsh(M[np.ix_(parameters, parameters)])[-3]
+    return np.maximum(found, TINY)
+
+
+def turned_share(before: np.ndarray, G: np.ndarray) -> float:
+    """Share of G that has changed; it holds the rotation parameters themselves, too."""
+    return float(np.linalg.norm(G - before) / max(np.linalg.norm(G), TINY))
+
+
+def independent_rows(G: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """Rows of active constraints that none of the others imply."""
+    rows = np.flatnonzero(active)
+    if not rows.size:
+        return rows
+    _, triangle, order = la.qr(G[rows].T, mode="economic", pivoting=True)
+    size = np.abs(np.diag(triangle))
+    return np.sort(rows[order[: int(np.sum(size > REDUNDANT * size[0]))]])
+
+
+def hashed(*matrices: np.ndarray) -> int:
+    """Return a hash of what matrices hold."""
+    return hash(tuple(matrix.tobytes() for matrix in matrices))

@@ -1,0 +1,1 @@
+"""A body in a floating frame: loads, joints, sensors, scope, samples."""

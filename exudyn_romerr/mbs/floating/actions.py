@@ -1,0 +1,138 @@
+"""Actions: known loads on a floating body, and places where unknown wrenches act (theory.md 7)."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...model.admissible_space import MeanMotion
+from ...model.floating_frame import left_jacobian
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ...model.body import ElasticBody
+    from ...model.floating_frame import FrameMotion
+
+NO_WORK = 1e-9  # of a column: what rounding leaves where the reference conditions hold a marker's motion at zero
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a marker acts: columns (N, 3 or 6) of unit forces and torques, the mean motion it takes, its axes (3, 3).
+
+    turns : how Exudyn lets the marker turn, other than by the exponential map of its mean rotation; None: so.
+    """
+
+    name: str
+    columns: np.ndarray
+    mean: MeanMotion | None = None
+    axes: np.ndarray = field(default_factory=lambda: np.eye(3))
+    turns: str | None = None
+
+    @property
+    def turn_rows(self) -> np.ndarray:
+        """Rows (3, N) of the mean rotation."""
+        return self.columns[:, 3:].T
+
+    def without_torques(self) -> Place:
+        """Return the place for what acts by forces only."""
+        return replace(self, columns=self.columns[:, :3])
+
+    def works(self, body: ElasticBody) -> bool:
+        """Whether anything that acts here moves the body in its space of admissible displacements."""
+        left = np.linalg.norm(body.space.loads(self.columns), axis=0)
+        return bool(np.any(left > NO_WORK * np.linalg.norm(self.columns, axis=0)))
+
+
+@dataclass(frozen=True)
+class Load:
+    """A known force or torque (`torque`) over time, in global axes or in those of its marker (`body_fixed`)."""
+
+    name: str
+    place: Place
+    vector: Callable[[float], Any]
+    torque: bool
+    body_fixed: bool
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Unit forces or torques in body axes (N, 3)."""
+        return self.place.columns[:, 3:] if self.torque else self.place.columns[:, :3]
+
+    @property
+    def follows(self) -> bool:
+        """Whether it turns with the mean rotation of its interface, which the deformation makes."""
+        return self.torque or self.body_fixed
+
+    def local(self, t: np.ndarray, motion: FrameMotion, theta: np.ndarray | None) -> np.ndarray:
+        """Return what acts in body axes (S, 3); theta (S, 3): mean rotation of its interface, if it follows that."""
+        vectors = over_time(self.vector, t)
+        if self.body_fixed:
+            vectors = Rotation.from_rotvec(theta).apply(vectors @ self.place.axes.T)
+        else:
+            vectors = motion.local(vectors)
+        # the work of a torque goes over the rates of theta
+        return np.einsum("sij,sj->si", left_jacobian(theta), vectors) if self.torque else vectors
+
+
+@dataclass
+class Actions:
+    """All that acts on one floating body.
+
+    loads : known ones. wrenches : places where joints and connectors act. gravity : functions t -> (3,). places : all
+    markers on mesh nodes, by number. idle : names of those that act but do no work.
+    """
+
+    loads: list[Load] = field(default_factory=list)
+    wrenches: list[Place] = field(default_factory=list)
+    gravity: list[Callable[[float], Any]] = field(default_factory=list)
+    places: dict[int, Place] = field(default_factory=dict)
+    idle: list[str] = field(default_factory=list)
+
+    def interfaces(self) -> dict[str, MeanMotion]:
+        """Nodes and weights of every marker that has a mean rotation."""
+        return {place.name: place.mean for place in self.places.values() if place.mean is not None}
+
+    def drop_idle(self, body: ElasticBody) -> set[int]:
+        """Drop what acts where the reference conditions allow no motion; return the markers there."""
+        idle = {number for number, place in self.places.items() if not place.works(body)}
+        still = {self.places[number].name for number in idle}
+        self.idle = sorted(still & self._acting())
+        self.wrenches = [place for place in self.wrenches if place.name not in still]
+        self.loads = [load for load in self.loads if load.place.name not in still]
+        return idle
+
+    @property
+    def free(self) -> list[str]:
+        """Names of markers that nothing acts at."""
+        return [place.name for place in self.places.values() if place.name not in {*self._acting(), *self.idle}]
+
+    def _acting(self) -> set[str]:
+        return {place.name for place in self.wrenches} | {load.place.name for load in self.loads}
+
+    def signature(self) -> tuple:
+        """Return all of it that offline work depends on."""
+        loads = [(x.name, x.columns.tobytes(), x.torque, x.body_fixed, x.place.axes.tobytes()) for x in self.loads]
+        return bool(self.gravity), *loads, *((place.name, place.columns.tobytes()) for place in self.wrenches)
+
+
+def over_time(vector: Callable[[float], Any], t: np.ndarray) -> np.ndarray:
+    """Return what a user's function gives at times t (S,), called once for times that repeat: (S, 3)."""
+    times, again = np.unique(t, return_inverse=True)
+    return np.array([vector(x) for x in times.tolist()], dtype=float).reshape(-1, 3)[again]
+
+
+def load_vector(mbs: Any, load: dict, load_factor: Callable | None) -> Callable[[float], Any]:
+    """Return a load's vector as a function of time; a user function is called again, after the steps were made."""
+    vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
+    if not user:
+        return (lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t))
+    f = user["function"]
+    f = f if callable(f) else f.Evaluate  # a symbolic function
+    owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
+    return lambda t: f(owner(), t, vector)

@@ -1,0 +1,212 @@
+"""Floating bodies: what is read of an ObjectFFRFreducedOrder, and checked against its FE model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+import scipy.sparse as sp
+
+from ...checks import check_array, check_choice
+from ...errors import AssumptionError, InputError
+from ...model.admissible_space import MassOrthogonal, MeanMotion
+from ...model.floating_frame import require_isotropic_mass
+from .frame_node import FrameNode
+
+ITEMS = ("nRigidBody", "nGenericODE2", "oFFRFreducedOrder")
+INTERFACES = ("free", "rigid")
+OLDEST = (1, 13)  # Exudyn whose markers tell their axes, localHT
+SAME_MATRICES = 1e-9  # relative; Exudyn rounds reduced matrices at 1e-13 of their largest entry
+
+
+@dataclass(frozen=True, eq=False)
+class FloatingBody:
+    """A flexible body in a floating frame, as made by floating_body; to be passed to attach.
+
+    mass, stiffness (N, N) and positions (nodes, 3) are those that the fem had then.
+    """
+
+    fem: Any
+    items: dict[str, Any]
+    reference: MeanMotion | MassOrthogonal | None
+    interfaces: str
+    mass: sp.csc_matrix
+    stiffness: sp.csc_matrix
+    positions: np.ndarray
+
+    @property
+    def number(self) -> int:
+        """Exudyn's number of the object."""
+        return int(self.items["oFFRFreducedOrder"])
+
+
+def floating_body(
+    fem: Any,
+    items: dict[str, Any],
+    reference: MeanMotion | MassOrthogonal | None = None,
+    interfaces: str = "free",
+) -> FloatingBody:
+    """Name the FE model behind a body made with ObjectFFRFreducedOrder, so that attach can bound its error.
+
+    Modes, reduced matrices, damping, joints and loads are read from the mbs when a solve begins.
+
+    Parameters
+    ----------
+    fem : exudyn.FEM.FEMinterface
+        The FE model whose modes the body has: full mass and stiffness matrices, node positions. They are copied:
+        what is changed in the fem afterwards does not count.
+    items : dict
+        What cms.AddObjectFFRFreducedOrder(mbs, ...) or mbs.CreateFFRFReducedOrderObject(...) returned.
+    reference : mean_motion(nodes, weights) or mass_orthogonal(), optional
+        Conditions that every mode meets and that hold the body in its frame. Default: found by trying the modes
+        against the interfaces of the mbs, the node sets of the fem, zero rows and rigid motions.
+    interfaces : {"free", "rigid"}
+        Which full model is the truth. "free": joints and loads act on the weighted mean of an interface's nodes,
+        which may deform; with RBE2 modes the bound then covers what rigid interfaces stiffen. "rigid", RBE2 modes
+        only: the nodes of every interface move as a rigid body, those of the first not at all.
+
+    Returns
+    -------
+    FloatingBody
+
+    Raises
+    ------
+    InputError
+        A fem without matrices; items that are not those of a reduced flexible body; Exudyn older than 1.13.
+    AssumptionError
+        A mass matrix that is not the same in all directions (beams, shells).
+
+    Notes
+    -----
+    Source: docs/theory.md, floating frame. Does not cover: geometric stiffening.
+    """
+    _check_version(exu.__version__)
+    if not hasattr(fem, "GetMassMatrix"):
+        raise InputError(f"fem is a {type(fem).__name__}; needed: the FEMinterface that the modes were computed with")
+    for name in ("massMatrix", "stiffnessMatrix"):
+        matrix = getattr(fem, name)
+        if matrix is None or not np.size(matrix):
+            raise InputError(f"fem.{name} is empty; import or compute it before floating_body")
+    if isinstance(items, dict):
+        items = items.get("FFRFReducedOrderObjectDict", items)
+    if isinstance(items, dict) and "oFFRF" in items:
+        raise InputError(
+            "items are those of an ObjectFFRF, which has all coordinates of the fem: nothing is reduced, there is no "
+            "reduction error to bound"
+        )
+    missing = [key for key in ITEMS if not isinstance(items, dict) or key not in items]
+    if missing:
+        raise InputError(
+            f"items ({type(items).__name__}) lacks {', '.join(map(repr, missing))}; needed: the dict that "
+            "AddObjectFFRFreducedOrder or CreateFFRFReducedOrderObject returned"
+        )
+    if reference is not None and not isinstance(reference, MeanMotion | MassOrthogonal):
+        raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights), mass_orthogonal() or None")
+    check_choice("interfaces", interfaces, INTERFACES)
+    matrices = (sp.csc_matrix(of(sparse=True), copy=True) for of in (fem.GetMassMatrix, fem.GetStiffnessMatrix))
+    positions = np.array(fem.GetNodePositionsAsArray(), dtype=float)
+    flex = FloatingBody(fem, items, reference, interfaces, *matrices, positions)
+    if flex.mass.shape[0] != 3 * len(flex.positions):
+        raise AssumptionError(
+            f"fem has {flex.mass.shape[0]} coordinates at {len(flex.positions)} nodes; a moving frame needs 3 a node"
+        )
+    require_isotropic_mass(flex.mass)
+    return flex
+
+
+def _check_version(version: str) -> None:
+    if tuple(int(part) for part in version.split(".")[:2]) < OLDEST:
+        raise InputError(
+            f"Exudyn {version} is installed; floating bodies need 1.13 or newer: pip install --upgrade exudyn"
+        )
+
+
+@dataclass(frozen=True)
+class ReducedMatrices:
+    """What the object of the mbs holds: modes V (N, n), Rayleigh factors, its frame's node."""
+
+    V: np.ndarray
+    rayleigh: tuple[float, float]
+    frame: FrameNode
+    nodes: tuple[int, int]
+
+
+def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
+    """Read the body from the mbs and check that it is the reduction of the fem.
+
+    Raises
+    ------
+    InputError
+        The object is gone, or its modes or matrices are not those of the fem.
+    AssumptionError
+        Damping is not Rayleigh.
+    """
+    item = _object(mbs, flex)
+    V = check_array("modeBasis of the body", item["modeBasis"], (flex.mass.shape[0], None))
+    positions = np.asarray(item["referencePositions"]).reshape(-1, 3)
+    if np.max(np.abs(positions - flex.positions)) > SAME_MATRICES * np.max(np.abs(flex.positions)):
+        raise InputError("fem has other node positions than the body: items belong to another fem")
+    M, K, D = (_dense(item[f"{name}MatrixReduced"], V.shape[1]) for name in ("mass", "stiffness", "damping"))
+    for name, full, reduced in (("mass", flex.mass, M), ("stiffness", flex.stiffness, K)):
+        _check_reduction(name, V.T @ (full @ V), reduced)
+    if item["massMatrixUserFunction"] or item["forceUserFunction"]:
+        raise AssumptionError(
+            "the body has a user function for its mass or forces (AddObjectFFRFreducedOrderWithUserFunctions); what "
+            "it adds cannot be read: use AddObjectFFRFreducedOrder"
+        )
+    nodes = tuple(int(n) for n in item["nodeNumbers"])
+    return ReducedMatrices(V, _rayleigh_factors(M, K, D), FrameNode(mbs.GetNode(nodes[0])), nodes)
+
+
+def _object(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
+    if flex.number >= mbs.systemData.NumberOfObjects():
+        raise InputError(f"object {flex.number} of items is not in the mbs; was it deleted, or made in another mbs?")
+    item = mbs.GetObject(flex.number)
+    found = [int(number) for number in item.get("nodeNumbers", ())]
+    wanted = [int(flex.items[key]) for key in ITEMS[:2]]
+    if item["objectType"] != "FFRFreducedOrder" or found != wanted:
+        raise InputError(
+            f"object {flex.number} of items is a {item['objectType']} on nodes {found}; needed: an FFRFreducedOrder "
+            f"on nodes {wanted}. Was the body deleted, or made in another mbs?"
+        )
+    if len(item["referencePositions"]) != flex.mass.shape[0]:
+        raise InputError(
+            f"fem has {flex.mass.shape[0]} coordinates, the body {len(item['referencePositions'])}: items belong to "
+            "another fem"
+        )
+    return item
+
+
+def _dense(matrix: Any, n: int) -> np.ndarray:
+    dense = np.asarray(matrix.Convert2DenseMatrix(), dtype=float)
+    return dense if dense.size else np.zeros((n, n))
+
+
+def _check_reduction(name: str, expected: np.ndarray, found: np.ndarray) -> None:
+    off = np.max(np.abs(found - expected)) / np.max(np.abs(expected))
+    if off > SAME_MATRICES:
+        raise InputError(
+            f"{name}MatrixReduced of the body differs from V^T M V of the fem by {off:.1e} of its largest entry: "
+            "another fem, a fem changed since, or reduced matrices that were edited".replace("M V", f"{name} V")
+        )
+
+
+def _rayleigh_factors(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> tuple[float, float]:
+    """Return alpha, beta of D = alpha M + beta K by least squares."""
+    size = np.max(np.abs(D))
+    if size == 0:
+        return 0.0, 0.0
+    scale = np.array([np.max(np.abs(M)), np.max(np.abs(K))])
+    columns = np.stack([M.ravel(), K.ravel()], axis=1) / scale
+    factors = np.linalg.lstsq(columns, D.ravel() / size, rcond=None)[0]
+    off = np.max(np.abs(columns @ factors - D.ravel() / size))
+    if off > SAME_MATRICES:
+        raise AssumptionError(
+            f"damping of the body is not alpha M + beta K (off by {off:.1e} of its largest entry); the full model's "
+            "damping is then unknown: use massProportionalDamping and stiffnessProportionalDamping"
+        )
+    alpha, beta = factors * size / scale
+    # rounding of a factor that is zero, and nothing else, may come out negative
+    return tuple(0.0 if abs(x) * s <= 1e-12 * size else float(x) for x, s in zip((alpha, beta), scale, strict=True))

@@ -1,0 +1,72 @@
+"""FrameNode: motion of a floating frame from its node's coordinates; one entry for each type of node."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ...errors import AssumptionError
+from ...model.floating_frame import FrameMotion, skew
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+class FrameNode:
+    """A rigid body node: coordinates are displacements, then rotation parameters, without reference values.
+
+    Raises
+    ------
+    AssumptionError
+        A node type whose equations of motion are not those of the floating frame.
+    """
+
+    def __init__(self, node: dict[str, Any]):
+        if node["nodeType"] not in ROTATIONS:
+            raise AssumptionError(
+                f"the frame's node is of type {node['nodeType']!r}; supported: {', '.join(map(repr, ROTATIONS))}. "
+                "(For RotationRxyz Exudyn 1.13.6 leaves out a term of the angular acceleration.) "
+                "Make the body with rigidBodyNodeType='NodeType.RotationEulerParameters', the default"
+            )
+        self._rotation: Callable = ROTATIONS[node["nodeType"]]
+        self.reference = np.asarray(node["referenceCoordinates"], dtype=float)
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return len(self.reference)
+
+    def motion(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> FrameMotion:
+        """Return the motion of the frame at S samples of the node's coordinates, each (S, size)."""
+        A, w, al = self._rotation(self.reference[3:] + q[:, 3:], q_t[:, 3:], q_tt[:, 3:])
+        return FrameMotion(self.reference[:3] + q[:, :3], q_t[:, :3], q_tt[:, :3], A, w, al)
+
+    def rates(self, q: np.ndarray) -> np.ndarray:
+        """Return what gives w in body axes of the rates of the rotation parameters (S, 3, size - 3), q (S, size)."""
+        still = np.zeros_like(q)
+        rates = [self.motion(q, np.broadcast_to(unit, q.shape), still).w for unit in np.eye(self.size)[3:]]
+        return np.stack(rates, axis=2)
+
+    def reference_pose(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return r (3,) and A (3, 3) of the reference configuration."""
+        motion = self.motion(*np.zeros((3, 1, self.size)))
+        return motion.r[0], motion.A[0]
+
+
+def _euler_parameters(p, p_t, p_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A = (1 - 2 v.v) I + 2 v v^T + 2 s v~, w = G p', al = G p'': as the node has them, also off unit norm."""
+    s, v = p[:, 0, None, None], p[:, 1:]
+    diagonal = (1 - 2 * np.einsum("si,si->s", v, v))[:, None, None] * np.eye(3)
+    A = diagonal + 2 * v[:, :, None] * v[:, None, :] + 2 * s * skew(v)
+    G = np.concatenate([-2 * v[:, :, None], 2 * s * np.eye(3) - 2 * skew(v)], axis=2)
+    return A, np.einsum("sij,sj->si", G, p_t), np.einsum("sij,sj->si", G, p_tt)
+
+
+def _rotation_vector(v, v_t, v_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A = exp(v~); the node's velocities and accelerations are the angular ones in body axes."""
+    return Rotation.from_rotvec(v).as_matrix(), v_t, v_tt
+
+
+ROTATIONS = {"RigidBodyEP": _euler_parameters, "RigidBodyRotVecLG": _rotation_vector}

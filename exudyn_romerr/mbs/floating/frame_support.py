@@ -1,0 +1,77 @@
+"""How the frame of a floating body is held, and hence what a bound covers: its scope (theory.md 7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..access.mbs_items import numbers
+
+if TYPE_CHECKING:
+    from .floating_body import ReducedMatrices
+
+GROUND = ("Ground", "PointGround")
+
+
+@dataclass(frozen=True)
+class Support:
+    """at_rest: the frame does not move; driven: it moves as functions of time say; neither: it reacts to the body.
+
+    item, markers : of a driven frame, the joint that moves it, and those of its markers that are on the body. known :
+    the motion is taken from the function itself; otherwise unknown says why not.
+    """
+
+    at_rest: bool
+    driven: bool
+    text: str
+    item: int = -1
+    markers: tuple[int, ...] = ()
+    known: bool = False
+    unknown: str = ""
+
+
+def read_support(mbs: Any, model: ReducedMatrices, reference_markers: set[int]) -> Support:
+    """Return how the frame is held: by a weld of its reference interface to the ground, or of its own node."""
+    for i in range(mbs.systemData.NumberOfObjects()):
+        item = mbs.GetObject(i)
+        if item.get("activeConnector") is False or not _welds(mbs, item, reference_markers):
+            continue
+        if item["offsetUserFunction"]:
+            text = f"object {i} ({item['name']}) moves the reference interface by its function"
+            return Support(False, True, text, i, tuple(numbers(item, "markerNumbers") & reference_markers))
+        return Support(True, False, f"object {i} ({item['name']}) welds the reference interface to the ground")
+    held = _held_coordinates(mbs, model)
+    if len(held) >= model.frame.size - (model.frame.size == 7):  # Euler parameters: the last follows from the others
+        return Support(True, False, f"coordinate constraints hold the frame's node {model.nodes[0]}")
+    return Support(False, False, "the frame moves as joints, connectors and loads let it")
+
+
+def _welds(mbs: Any, item: dict, reference_markers: set[int]) -> bool:
+    """Whether the object locks all six axes between a marker of the reference interface and the ground."""
+    markers = numbers(item, "markerNumbers")
+    if item["objectType"] != "JointGeneric" or not all(item["constrainedAxes"]) or not markers & reference_markers:
+        return False
+    return all(_on_ground(mbs, number) for number in markers - reference_markers)
+
+
+def _on_ground(mbs: Any, number: int) -> bool:
+    marker = mbs.GetMarker(number)
+    bodies, nodes = numbers(marker, "bodyNumber"), numbers(marker, "nodeNumber")
+    return any(mbs.GetObject(b)["objectType"] in GROUND for b in bodies) or any(
+        mbs.GetNode(n)["nodeType"] in GROUND for n in nodes
+    )
+
+
+def _held_coordinates(mbs: Any, model: ReducedMatrices) -> set[int]:
+    """Coordinates of the frame's node that constraints tie to the ground."""
+    held = set()
+    for i in range(mbs.systemData.NumberOfObjects()):
+        item = mbs.GetObject(i)
+        if item["objectType"] != "ConnectorCoordinate" or item.get("activeConnector") is False:
+            continue
+        markers = numbers(item, "markerNumbers")
+        own = {n for n in markers if model.nodes[0] in numbers(mbs.GetMarker(n), "nodeNumber")}
+        moves = item["offsetUserFunction"] or item["velocityLevel"]
+        if len(own) == 1 and len(markers) == 2 and all(_on_ground(mbs, n) for n in markers - own) and not moves:
+            held |= {int(mbs.GetMarker(n)["coordinate"]) for n in own}
+    return held

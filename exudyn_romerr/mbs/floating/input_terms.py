@@ -1,0 +1,56 @@
+"""The inputs of a floating body seen as a linear one: inertia of its frame, known loads, wrenches of joints."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...model.floating_frame import inertia_columns, inertia_coordinates, modal_inertia, translations
+from .actions import over_time
+
+if TYPE_CHECKING:
+    from ...model.floating_frame import FrameMotion
+    from .actions import Actions
+    from .floating_body import FloatingBody
+    from .frame_support import Support
+
+
+class InputTerms:
+    """Columns B and values u(t) with R = M V q'' + D V q' + K V q - B u.
+
+    In this order: M e_j and, unless the frame is at rest, M E_ij x and M E_ij V; loads; wrenches, which are unknown.
+
+    Attributes
+    ----------
+    unknown : number of trailing columns of wrenches. weighs : whether inertia or gravity comes first; the first three
+    values are b then. minor : inputs that are small, see packed_residual.py. first_load : number of columns before
+    the loads. by_function : all inputs are functions of time alone.
+    """
+
+    def __init__(self, actions: Actions, support: Support, flex: FloatingBody, V: np.ndarray):
+        self.at_rest = support.at_rest
+        self.unknown = sum(place.columns.shape[1] for place in actions.wrenches)
+        self.by_function = self.at_rest and not self.unknown and not any(load.follows for load in actions.loads)
+        self.weighs = not self.at_rest or bool(actions.gravity)
+        inertia = [-(translations(flex.mass) if self.at_rest else inertia_columns(flex.mass, flex.positions, V))]
+        loads = [load.columns for load in actions.loads] + [place.columns for place in actions.wrenches]
+        self.columns = np.hstack([*(inertia if self.weighs else []), np.zeros((len(V), 0)), *loads])
+        self.minor = None if self.at_rest else modal_inertia(V.shape[1])
+        self.first_load = 3 * self.weighs if self.minor is None else self.minor.stop
+        self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
+
+    def values(self, actions: Actions, t: np.ndarray, motion: FrameMotion, q, q_t) -> np.ndarray:
+        """Return u (S, p) of times t (S,) and states q, q_t (S, n), with zeros for the wrenches."""
+        parts = self._inertia(actions, t, motion, q, q_t)
+        for load, turn in zip(actions.loads, self._turns, strict=True):
+            parts.append(load.local(t, motion, None if turn is None else q @ turn.T))
+        return np.hstack([*parts, np.zeros((len(t), self.unknown))])
+
+    def _inertia(self, actions: Actions, t, motion: FrameMotion, q, q_t) -> list[np.ndarray]:
+        if not self.weighs:
+            return []
+        gravity = sum((over_time(g, t) for g in actions.gravity), np.zeros(3))
+        if self.at_rest:
+            return [motion.local(np.broadcast_to(-gravity, motion.r.shape))]
+        return [inertia_coordinates(motion.local(motion.r_tt - gravity), motion, q, q_t)]

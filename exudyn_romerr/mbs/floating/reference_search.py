@@ -1,0 +1,193 @@
+"""Which reference conditions hold a floating body in its frame: candidates tried against its modes (theory.md 7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import AssumptionError, InputError, RomErrError
+from ...model.admissible_space import FULL_ROWS, HELD, MassOrthogonal, MeanMotion, mean_motion, rigid_modes
+
+if TYPE_CHECKING:
+    from .floating_body import FloatingBody
+
+CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
+NEARLY = (
+    "the smallest is what Exudyn's RBE3 modes are off in N/m: call romerr.hold_modes(fem, nodes, weights) with that "
+    "interface after ComputeHurtyCraigBamptonModes, before ObjectFFRFreducedOrderInterface(fem)"
+)
+NEAR = 1e-2
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Conditions found: `conditions` for ElasticBody, or coordinates `fixed` and parts `rigid`; their source."""
+
+    conditions: MeanMotion | MassOrthogonal | None
+    source: str
+    fixed: tuple[int, ...] = ()
+    rigid: tuple[tuple[int, ...], ...] = ()
+
+
+def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
+    """Return the conditions that every mode meets.
+
+    Parameters
+    ----------
+    interfaces : dict
+        Where markers act: name -> nodes and weights. They come first, since a wrench on the reference does no work.
+
+    Raises
+    ------
+    InputError
+        reference= was given and the modes do not meet it.
+    AssumptionError
+        No candidate fits, or several that differ.
+    """
+    if flex.interfaces == "rigid":
+        return _rigid_interfaces(flex, V, interfaces)
+    if flex.reference is not None:
+        off = _misfit(flex.reference, flex, V)
+        if off > HELD:
+            raise InputError(f"reference= does not fit the modes: they move it by {off:.1e}, allowed {HELD:g}")
+        return Reference(flex.reference, "reference= of floating_body")
+    tried = {}
+    for candidates in (interfaces, _node_sets(flex.fem), {"rigid motions, M-orthogonal": MassOrthogonal()}):
+        fits = {name: c for name, c in candidates.items() if _note(tried, name, _misfit(c, flex, V)) <= HELD}
+        if fits:
+            return _the_only(fits, flex)
+    still = _still_nodes(flex, V)
+    if _holds(still, flex.positions):
+        return Reference(None, f"{still.size} nodes that no mode moves", _coordinates(still))
+    raise AssumptionError(
+        "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest "
+        f"motion, allowed {HELD:g}): {_listed(tried)}{_too_many(flex)}; {NEARLY if _nearly(tried) else CURE}"
+    )
+
+
+def require_still_interface(flex: FloatingBody, V: np.ndarray) -> np.ndarray:
+    """Return the nodes that no mode moves; AssumptionError unless they hold the body, as RBE2 modes do."""
+    still = _still_nodes(flex, V)
+    if flex.reference is not None or not _holds(still, flex.positions):
+        raise AssumptionError(
+            f"interfaces='rigid' is for RBE2 modes, which leave the nodes of one interface still; found {still.size} "
+            "still nodes; use interfaces='free'"
+        )
+    return still
+
+
+def _rigid_interfaces(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
+    """The model of RBE2 modes: nodes that no mode moves are fixed, those of all other interfaces rigid."""
+    still = require_still_interface(flex, V)
+    moving = [set(motion.nodes.tolist()) for motion in interfaces.values() if not np.isin(motion.nodes, still).all()]
+    rigid = [part for part in _merged(moving) if _is_rigid(list(part), flex.positions, V)]
+    text = f"{still.size} nodes that no mode moves, {len(rigid)} rigid interfaces"
+    return Reference(None, text, _coordinates(still), tuple(rigid))
+
+
+def _merged(sets: list[set[int]]) -> list[tuple[int, ...]]:
+    """Node sets of interfaces; those that share nodes are one."""
+    merged: list[set[int]] = []
+    for nodes in sets:
+        touching = [other for other in merged if other & nodes]
+        merged = [other for other in merged if not other & nodes] + [nodes.union(*touching)]
+    return sorted(tuple(sorted(nodes)) for nodes in merged)
+
+
+def _still_nodes(flex: FloatingBody, V: np.ndarray) -> np.ndarray:
+    return np.flatnonzero(~V.reshape(len(flex.positions), -1).any(axis=1))
+
+
+def _coordinates(nodes: np.ndarray) -> tuple[int, ...]:
+    return tuple((3 * nodes[:, None] + np.arange(3)).ravel().tolist())
+
+
+def _is_rigid(nodes: list[int], positions: np.ndarray, V: np.ndarray) -> bool:
+    """Whether all modes move the nodes as one rigid body."""
+    motions = np.linalg.qr(rigid_modes(positions[nodes] - positions[nodes].mean(axis=0)))[0]
+    part = V.reshape(len(positions), 3, -1)[nodes].reshape(3 * len(nodes), -1)
+    return bool(np.max(np.abs(part - motions @ (motions.T @ part))) <= HELD * np.max(np.abs(V)))
+
+
+def _too_many(flex: FloatingBody) -> str:
+    """Why free eigenmodes of a large body are not known."""
+    if len(flex.positions) <= FULL_ROWS:
+        return ""
+    return f"; free eigenmodes are not known above {FULL_ROWS} nodes, use Craig-Bampton modes"
+
+
+def _nearly(tried: dict[str, float]) -> bool:
+    """Whether some conditions are missed by little: what Exudyn's solver leaves, not another choice of modes."""
+    return min(tried.values(), default=np.inf) < NEAR
+
+
+def _note(tried: dict[str, float], name: str, off: float) -> float:
+    tried[name] = off
+    return off
+
+
+def _misfit(candidate: Any, flex: FloatingBody, V: np.ndarray) -> float:
+    """|C V| over |C| |V|, largest over conditions and modes; inf if C leaves a rigid motion."""
+    try:
+        C = candidate.rows(flex.positions, flex.mass)
+    except RomErrError:
+        return np.inf
+    held = C @ rigid_modes(flex.positions - flex.positions.mean(axis=0))
+    length = np.linalg.norm(held, axis=1)
+    if (
+        not length.all()
+        or np.linalg.cond(held / length[:, None] / np.linalg.norm(held / length[:, None], axis=0)) > 1e10
+    ):
+        return np.inf
+    size = np.outer(np.linalg.norm(C, axis=1), np.linalg.norm(V, axis=0))
+    return float(np.max(np.abs(C @ V) / size))
+
+
+def _node_sets(fem: Any) -> dict[str, MeanMotion]:
+    """Node sets of the fem of at least three nodes, with their weights and with equal ones."""
+    found = {}
+    for entry in getattr(fem, "nodeSets", None) or []:
+        nodes, weights = entry.get("NodeNumbers", ()), entry.get("NodeWeights", ())
+        if len(nodes) < 3:
+            continue
+        found[f"node set {entry.get('Name', '')!r}"] = _checked(nodes, weights if len(weights) else None)
+    return {name: motion for name, motion in found.items() if motion is not None}
+
+
+def _checked(nodes: Any, weights: Any) -> MeanMotion | None:
+    try:
+        return mean_motion(nodes, weights)
+    except InputError:
+        return None
+
+
+def _the_only(fits: dict[str, Any], flex: FloatingBody) -> Reference:
+    """The one candidate that fits; several must be the same conditions."""
+    (name, first), *others = fits.items()
+    rows = first.rows(flex.positions, flex.mass)
+    differing = [other for other, c in others if not _same_space(rows, c.rows(flex.positions, flex.mass))]
+    if differing:
+        raise AssumptionError(
+            f"the modes fit several reference conditions that differ: {', '.join([name, *differing])}; {CURE}"
+        )
+    return Reference(first, name)
+
+
+def _same_space(C: np.ndarray, other: np.ndarray) -> bool:
+    Q = np.linalg.qr((C / np.linalg.norm(C, axis=1)[:, None]).T)[0]
+    other = other / np.linalg.norm(other, axis=1)[:, None]
+    return bool(np.max(np.abs(other - (other @ Q) @ Q.T)) < HELD)
+
+
+def _holds(nodes: np.ndarray, positions: np.ndarray) -> bool:
+    if nodes.size < 3:
+        return False
+    arms = positions[nodes] - positions[nodes].mean(axis=0)
+    lengths = np.linalg.svd(arms, compute_uv=False)
+    return bool(lengths[1] > HELD * lengths[0])
+
+
+def _listed(tried: dict[str, float]) -> str:
+    return ", ".join(f"{name} {off:.1e}" for name, off in tried.items())

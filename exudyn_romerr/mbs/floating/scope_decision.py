@@ -1,0 +1,204 @@
+"""Decides on the scope of a floating body's bounds: complete, coupled, or inputs frozen, and why (theory.md 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import AssumptionError
+from ...report.scope import COMPLETE, COUPLED, FROZEN
+from ..access.load_functions import controllers, loads_with_functions
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from ...offline.options import BoundOptions
+    from .actions import Actions
+    from .floating_body import ReducedMatrices
+    from .frame_support import Support
+
+AUTO = "auto"
+ASKABLE = (AUTO, COUPLED, FROZEN)
+OF_A_FILE = "of a file"
+SWITCHING = (
+    "ConnectorRollingDiscPenalty",
+    "ConnectorReevingSystemSprings",
+    "JointSliding",
+    "JointSliding2D",
+    "JointALEMoving2D",
+    "JointRollingDisc",
+)
+SWITCHES = ("useLimitStops", "dynamicFrictionForce", "staticFrictionOffsetForce")  # parameters
+PASSIVE = ("stiffness", "damping")  # parameters that take energy away or keep it, if not negative
+DRIVEN = (
+    "the bound holds for the full body under the motion of the frame that this simulation computed, at its samples "
+    "and linear between them; how far that is from the function, what time steps do to the frame's motion, is not "
+    "covered"
+)
+BY_FUNCTION = (
+    "which gives the frame's motion between time steps too; its derivatives are those of polynomials through it, and "
+    "what they miss is estimated and added"
+)
+TO_FIRST_ORDER = (
+    "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
+    "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
+    "them. Neglected, but for what auxiliary vectors carry: how directions of joints and internal forces turn with "
+    "the error, its centrifugal and gyroscopic terms"
+)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What was asked for: scope, and the options of attach."""
+
+    scope: str
+    options: BoundOptions
+
+
+@dataclass(frozen=True)
+class Found:
+    """Scope and its reason; of a coupled one, why other estimators are frozen, and whether auxiliary ones react."""
+
+    name: str
+    reason: str
+    frozen: str = ""
+    feedback: bool = False
+
+
+def find_scope(
+    mbs: Any,
+    wanted: Wanted,
+    model: ReducedMatrices,
+    actions: Actions,
+    support: Support,
+    static: bool,
+    attached: Collection[int],
+    others: str,
+) -> Found:
+    """Return the widest scope that the scene allows, or the one asked for; others: why other bodies do not.
+
+    Raises
+    ------
+    AssumptionError
+        The coupled scope was asked for and its assumptions do not hold.
+    """
+    reacting = [place.name for place in actions.wrenches] + [load.name for load in actions.loads if load.follows]
+    if not support.at_rest and not support.driven:
+        reacting.insert(0, "the frame")
+    if not reacting and support.driven and not static and not support.known:
+        why = f" ({support.unknown})" if support.unknown else ""
+        return Found(FROZEN, f"{support.text}; {DRIVEN}{why}; loads do not depend on the body's deformation")
+    if not reacting and support.known:
+        return Found(COMPLETE, f"{support.text}, {BY_FUNCTION}; loads do not depend on the body's deformation")
+    if not reacting:
+        return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
+    without = next(_no_feedback(mbs, wanted, model), "")
+    refusal = others or next(_refusals(mbs, wanted, actions, static, attached, without), "")
+    if refusal and wanted.scope == COUPLED and not static:
+        raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
+    frozen = (
+        f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the "
+        "motion of the frame, the loads and the wrenches of this simulation; their feedback is not covered and may "
+        "make the error of the whole mechanism several times larger"
+    )
+    if refusal:
+        return Found(FROZEN, f"no coupled bound: {refusal}; {frozen}")
+    return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
+
+
+def _refusals(
+    mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int], without: str
+) -> Iterator[str]:
+    """Why the bound cannot cover the feedback of the mechanism."""
+    options = wanted.options
+    if wanted.scope == OF_A_FILE:
+        yield "a file is evaluated for one body alone"
+    if wanted.scope == FROZEN:
+        yield f"scope={FROZEN!r} was asked for"
+    if static:
+        yield "a static solve"
+    outputs = [out.name for out in options.outputs if out.frame == "global"]
+    if outputs:
+        yield (
+            f"outputs {', '.join(map(repr, outputs))} see the motion of the frame, whose error has no bound; pass "
+            "node_displacement(...) with frame='body', or a sensor of DisplacementLocal"
+        )
+    if options.initial is not None or len(options.jumps):
+        yield "initial= and jumps= are covered with frozen inputs only"
+    names = _asked(options)
+    if "energy" not in names and (without or "auxiliary" not in names):
+        yield f"none of the estimators {', '.join(names)} has a coupled bound here" + (
+            f" ({without})" if without else ""
+        )
+    objects = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
+    yield from _unattached(objects, attached)
+    yield from _switching(objects)
+    yield from _controlled(mbs)
+
+
+def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
+    reduced = {i: item["name"] for i, item in enumerate(objects) if item["objectType"] == "FFRFreducedOrder"}
+    missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
+    if missing:
+        yield f"flexible bodies of this mbs are not attached, so their errors are not known: {', '.join(missing)}"
+
+
+def _switching(objects: list[dict]) -> Iterator[str]:
+    """Objects that are no ideal joints, linear springs or dampers."""
+    for i, item in enumerate(objects):
+        kind, name = item["objectType"], f"object {i} ({item['name']}, {item['objectType']})"
+        if "Contact" in kind or kind in SWITCHING or any(item.get(key) for key in SWITCHES):
+            yield f"{name} switches, slides, rolls or rubs: a linearised mechanism does not"
+        if item.get("velocityLevel"):
+            yield f"{name} constrains velocities, not positions"
+        functions = [key for key in item if _controls(key) and item[key]]
+        if functions:
+            yield f"{name} has {', '.join(functions)}: a controller may do work on the error"
+        if "markerNumbers" in item and any(np.any(np.asarray(item.get(key, 0.0)) < 0) for key in PASSIVE):
+            yield f"{name} has negative stiffness or damping: it may do work on the error"
+
+
+def _controlled(mbs: Any) -> Iterator[str]:
+    """What else than objects may switch, follow or control."""
+    system = mbs.systemData
+    if system.DataSize() or mbs.NumberOfGeneralContacts():
+        yield "data coordinates of the mbs (contact, friction, hysteresis) switch: a linearised mechanism does not"
+    if system.ODE1Size():
+        yield "the mbs has ODE1 coordinates (hydraulics, controllers), which may do work on the error"
+    if mbs.GetPreStepUserFunction():
+        yield "a PreStep user function may change the mechanism or its loads"
+    for i in range(system.NumberOfLoads()):
+        load = mbs.GetLoad(i)
+        if load.get("bodyFixed"):
+            yield f"load {i} ({load['name']}) turns with its body (bodyFixed)"
+    found = controllers(mbs, loads_with_functions(mbs))
+    if found:
+        names = ", ".join(found.values())
+        yield f"{names} depend on the motion or on earlier calls: a controller may do work on the error"
+
+
+def _asked(options: BoundOptions) -> list[str]:
+    """Estimators that were asked for, of those that a coupled bound is known of if that was left open."""
+    asked = options.estimators
+    if asked == AUTO:
+        return ["energy", "auxiliary"]
+    return [asked] if isinstance(asked, str) else list(asked)
+
+
+def _controls(key: str) -> bool:
+    """Whether a parameter is a user function that forces may come from; offsets are motion prescribed over time."""
+    return key.endswith("UserFunction") and "graphics" not in key and key != "offsetUserFunction"
+
+
+def _no_feedback(mbs: Any, wanted: Wanted, model: ReducedMatrices) -> Iterator[str]:
+    """Why auxiliary vectors cannot react with the mechanism."""
+    if model.frame.size != 7:
+        yield "auxiliary modes react with the mechanism only if frames have Euler parameters, the default"
+    solver = mbs.sys.get("dynamicSolver")
+    if solver is not None and not hasattr(solver, "newmarkBeta"):
+        yield "auxiliary modes react with the mechanism only under an implicit solver, which has accelerations"
+    if "auxiliary" not in _asked(wanted.options):
+        yield "estimator 'auxiliary' was not asked for"

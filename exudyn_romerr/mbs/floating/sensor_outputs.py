@@ -1,0 +1,146 @@
+"""Outputs made from existing sensors of a floating body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import exudyn as exu
+import numpy as np
+
+from ...errors import InputError
+from ...model.outputs import Output, nodes_output
+from .loads_and_joints import MESH_MARKERS
+
+if TYPE_CHECKING:
+    from .floating_body import FloatingBody
+
+UNITS = {"velocity": "m/s"}
+QUANTITIES = {
+    exu.OutputVariableType.Displacement: ("displacement", "global"),
+    exu.OutputVariableType.Position: ("position", "global"),
+    exu.OutputVariableType.Velocity: ("velocity", "global"),
+    exu.OutputVariableType.DisplacementLocal: ("displacement", "body"),
+    exu.OutputVariableType.VelocityLocal: ("velocity", "body"),
+}
+KNOWN = ", ".join(quantity.name for quantity in QUANTITIES)
+NO_SENSOR = (
+    f"no sensor of {KNOWN} on a mesh node of the body; add one, or pass "
+    "outputs=[romerr.node_displacement('tip', node=..., component='z')] to attach"
+)
+FRAMED = (
+    "the motion of the frame is in it, whose error has no bound; bounded is what the frame sees of the same nodes. "
+    "Pass the sensor's number in outputs= to bound the rest, with inputs frozen"
+)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a sensor measures: nodes with weights, displacement, position or velocity, in which axes."""
+
+    name: str
+    nodes: tuple[int, ...]
+    weights: tuple[float, ...] | None
+    of: str
+    frame: str
+
+    @property
+    def key(self) -> tuple:
+        """What it measures, whatever its name."""
+        return self.nodes, self.weights, self.of, self.frame
+
+    def in_the_frame(self) -> Measured:
+        """Return the displacement or velocity of the same nodes in the body's frame."""
+        of = "velocity" if self.of == "velocity" else "displacement"
+        return replace(self, name=f"{self.name} in the frame", of=of, frame="body")
+
+    def output(self) -> Output:
+        """Return the output that shows the same."""
+        return nodes_output(self.name, self.nodes, self.weights, "xyz", UNITS.get(self.of, "m"), self.of, self.frame)
+
+
+@dataclass(frozen=True)
+class BodySensors:
+    """Sensors on mesh nodes of a body: those that bounds are known for, and (sensor, why not) of the others."""
+
+    measured: tuple[Measured, ...]
+    left_out: tuple[tuple[str, str], ...]
+
+    def in_the_frame(self) -> BodySensors:
+        """Return the same nodes as the body's frame sees them, each once; the error of its motion has no bound."""
+        moving = [item for item in self.measured if item.frame == "global"]
+        seen = {item.key: item for item in self.measured if item not in moving}
+        for item in moving:
+            framed = item.in_the_frame()
+            seen.setdefault(framed.key, framed)
+        return BodySensors(
+            tuple(seen.values()), self.left_out + tuple((f"what {item.name!r} shows", FRAMED) for item in moving)
+        )
+
+
+def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
+    """Return what a sensor measures of the body, under the sensor's name.
+
+    Raises
+    ------
+    InputError
+        No such sensor; one on another body; a quantity that no bound is known for.
+    """
+    if not 0 <= number < mbs.systemData.NumberOfSensors():
+        raise InputError(f"outputs contains sensor {number}; the mbs has {mbs.systemData.NumberOfSensors()} sensors")
+    return _measured(mbs, flex, number).output()
+
+
+def body_sensors(mbs: Any, flex: FloatingBody) -> BodySensors:
+    """Return what the sensors on the body measure that the mbs has now."""
+    measured, left_out = [], []
+    for number in range(mbs.systemData.NumberOfSensors()):
+        if _is_on(mbs, flex, mbs.GetSensor(number)):
+            try:
+                measured.append(_measured(mbs, flex, number))
+            except InputError as error:
+                left_out.append(("output", str(error)))
+    return BodySensors(tuple(measured), tuple(left_out))
+
+
+def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
+    sensor = mbs.GetSensor(number)
+    nodes, weights = _nodes(mbs, flex, number, sensor)
+    kind = sensor["outputVariableType"]
+    if kind not in QUANTITIES:
+        raise InputError(
+            f"sensor {number} ({sensor['name']}) measures {kind.name}; bounds are known for {KNOWN}; for stress and "
+            "strain pass romerr.node_stress(name, node=..., fem=fem, material=...) or "
+            "romerr.node_strain(name, node=..., fem=fem)"
+        )
+    of, frame = QUANTITIES[kind]
+    return Measured(sensor["name"], nodes, weights, of, frame)
+
+
+def _is_on(mbs: Any, flex: FloatingBody, sensor: dict) -> bool:
+    """Whether it sees mesh nodes of the body."""
+    if sensor["sensorType"] == "Marker":
+        sensor = mbs.GetMarker(int(sensor["markerNumber"]))
+        if sensor["markerType"] not in MESH_MARKERS:
+            return False
+    elif sensor["sensorType"] != "SuperElement":
+        return False
+    return int(sensor["bodyNumber"]) == flex.number
+
+
+def _nodes(
+    mbs: Any, flex: FloatingBody, number: int, sensor: dict
+) -> tuple[tuple[int, ...], tuple[float, ...] | None]:
+    """Nodes and weights that the sensor sees."""
+    if not _is_on(mbs, flex, sensor):
+        on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
+        raise InputError(
+            f"sensor {number} ({sensor['name']}), of type {sensor['sensorType']!r}, is on {on}; allowed: "
+            f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}"
+        )
+    if sensor["sensorType"] == "SuperElement":
+        return (int(sensor["meshNodeNumber"]),), None
+    marker = mbs.GetMarker(int(sensor["markerNumber"]))
+    if np.any(marker.get("offset", 0.0)):
+        raise InputError(f"sensor {number} ({sensor['name']}) is on a marker with an offset; use one without")
+    return tuple(int(node) for node in marker["meshNodeNumbers"]), tuple(map(float, marker["weightingFactors"]))

@@ -1,0 +1,208 @@
+"""EnrichedBody: a floating body with auxiliary vectors beside its modes, as part of a linearised mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...basis.basis import Basis
+from ...basis.enrichment import Enrichment
+from ...checks import check_count
+from ...errors import AssumptionError
+from ...model.floating_frame import skew, unit_inertia
+from ...offline.options import BoundOptions
+from ...offline.prepare import prepare
+from ...residual.residual import ResidualMap
+from ..floating.input_terms import InputTerms
+from ..floating.sampler import Sampler
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ...model.body import ElasticBody
+    from ...offline.prepared import Offline
+    from ...report.scope import Scene
+    from ..floating.actions import Actions
+    from ..floating.floating_body import FloatingBody, ReducedMatrices
+    from ..floating.frame_support import Support
+
+DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
+AUTO_VECTORS = 20  # vectors a body: responses to the inertia of 14 modes and of the frame are 26, of unequal weight
+
+
+class Couplings(NamedTuple):
+    """Columns (T, k + m, m) of M, D, K that belong to P, and rows (T, m, k) of D and K; M is symmetric."""
+
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    D_rows: np.ndarray
+    K_rows: np.ndarray
+
+
+class EnrichedBody:
+    """Offline part of the feedback of one body: vectors P, their coupling to the mechanism, bounds of modes and P.
+
+    Attributes
+    ----------
+    m : number of vectors. columns, modal : coordinates of the body in the mbs, and those of its modes. offline,
+    sampler : of the body on modes and vectors. note : line for the plan.
+    """
+
+    def __init__(
+        self,
+        flex: FloatingBody,
+        body: ElasticBody,
+        model: ReducedMatrices,
+        actions: Actions,
+        support: Support,
+        scene: Scene,
+        columns: np.ndarray,
+        terms: InputTerms,
+        options: BoundOptions,
+    ):
+        self._actions, self._terms = actions, terms
+        self._frame, self.frame_size = model.frame, model.frame.size
+        self.columns, self.modal = columns, columns[model.frame.size :]
+        V, Z = model.V, body.space
+        inertia, loads, wrenches = (
+            Z.loads(part)
+            for part in (
+                unit_inertia(flex.mass, flex.positions),
+                _side_by_side([load.columns for load in actions.loads], body.N),
+                _side_by_side([place.columns for place in actions.wrenches], body.N),
+            )
+        )
+        asked = AUTO_VECTORS if options.auxiliary_modes == "auto" else options.auxiliary_modes
+        V_y = Z.coordinates("V", V)
+        asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
+        try:
+            found = Enrichment(body, V_y, inertia, loads, wrenches, asked)
+        except AssumptionError as error:
+            raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
+        P = Z.expand(found.P)
+        self.m = P.shape[1]
+        highest = found.omega.max(initial=0.0)
+        self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
+        self._couple(flex, V, P, model.rayleigh)
+        # where forces act: their motion by P (3, m); torques do not care
+        self._moved_loads = [
+            (0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads
+        ]
+        self._force(body, V_y, found.P)
+        self._prepare(flex, body, np.hstack([V, P]), actions, support, scene, options)
+
+    def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:
+        """Matrices between the body's coordinates and P, and of P (m, m)."""
+        MP, KP, nodes = flex.mass @ P, flex.stiffness @ P, len(flex.positions)
+        alpha, beta = rayleigh
+        self.M_PP, self.K_PP, self._M_VP, self.K_VP = P.T @ MP, P.T @ KP, V.T @ MP, V.T @ KP
+        self.D_PP, self.D_VP = (alpha * M + beta * K for M, K in ((self.M_PP, self.K_PP), (self._M_VP, self.K_VP)))
+        MP, V, P = (X.reshape(nodes, 3, -1) for X in (MP, V, P))
+        self._pull = MP.sum(axis=0)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
+        self._arms = np.einsum("ai,ajm->ijm", flex.positions, MP)
+        self._of_V = np.einsum("ain,ajm->ijnm", V, MP, optimize=True)
+        self._of_P = np.einsum("ain,ajm->ijnm", P, MP, optimize=True)
+
+    def _force(self, body: ElasticBody, V: np.ndarray, P: np.ndarray) -> None:
+        """-P^T R = -P^T L z of the modes alone."""
+        residual = ResidualMap(body, V, body.space.loads(self._terms.columns))
+        self._layout, self._forcing = residual.coordinates, -P.T @ residual.L
+
+    def _prepare(self, flex, body, V: np.ndarray, actions: Actions, support: Support, scene: Scene, options) -> None:
+        terms = InputTerms(actions, support, flex, V)
+        kept = {name: getattr(options, name) for name in ("outputs", "residual", "kernels", "time")}
+        self.offline: Offline = prepare(
+            body,
+            Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
+            BoundOptions(inputs=terms.columns, estimators="auxiliary", **kept),
+            sampled_inputs=True,
+            scene=replace(scene, corrected=True, minor=terms.minor),
+        )
+        self.sampler = Sampler.of(self._frame, actions, terms, self.offline)
+
+    def use(self, actions: Actions) -> None:
+        """Take loads whose functions of time may be other ones than before."""
+        self._actions, self.sampler = actions, replace(self.sampler, actions=actions)
+
+    def rest(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Inputs (p,) beside which modes and vectors q (n + m,) rest, from those of the modes alone."""
+        known, none = u.copy(), np.zeros((1, len(q)))
+        known[len(u) - self._terms.unknown :] = 0.0
+        first = self._terms.first_load  # after what turns with the frame, which is at rest
+        wider = np.concatenate([known[:first], np.zeros(self.sampler.terms.first_load - first), known[first:]])
+        return self.sampler.balanced(q[None], none, none, wider[None])[0]
+
+    def forces(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return -P^T R (S, m) of samples of the reduced body."""
+        return self._layout(q, q_t, q_tt, u) @ self._forcing.T
+
+    def couplings(self, t: np.ndarray, states: Sequence[np.ndarray]) -> Couplings:
+        """Return what couples P to the mechanism at times t (T,), states q, q_t, q_tt (T, k) of the body in the mbs.
+
+        Acceleration of a node by P in the frame: P y'' + 2 w~ P y' + S P y, velocities by the mbs:
+        A^T r' - (x + u)~ w + V q'.
+        """
+        size = self._frame.size
+        frame, modal = ([x[:, part] for x in states] for part in (slice(0, size), slice(size, None)))
+        motion, rates = self._frame.motion(*frame), self._frame.rates(frame[0])
+        arms = self._arms + np.einsum("tn,ijnm->tijm", modal[0], self._of_V)
+        w, S = 2 * skew(motion.w), motion.S
+        M, D, K = (self._columns(motion.A, rates, arms, turning) for turning in (np.eye(3)[None], w, S))
+        D += np.vstack([np.zeros((size, self.m)), self.D_VP, self.D_PP])
+        K += np.vstack([np.zeros((size, self.m)), self.K_VP, self.K_PP])
+        inputs = self._terms.values(self._actions, t, motion, *modal[:2])
+        K[:, 3:size] += rates.swapaxes(1, 2) @ self._moved_arms(inputs, w, S, arms, modal)
+        D_rows, K_rows = self._by_the_frame(t, states)
+        D_rows = np.concatenate([D_rows, self.D_VP.T - _contracted(w, self._of_V).swapaxes(1, 2)], axis=2)
+        K_rows = np.concatenate(
+            [K_rows, self.K_VP.T + _contracted(S.swapaxes(1, 2), self._of_V).swapaxes(1, 2)], axis=2
+        )
+        return Couplings(M, D, K, D_rows, K_rows)
+
+    def _columns(self, A: np.ndarray, rates: np.ndarray, arms: np.ndarray, turning: np.ndarray) -> np.ndarray:
+        """Work of M (turning P) on the coordinates of the body in the mbs and on P, (T, k + m, m)."""
+        moment = _moment(np.einsum("tjk,tikm->tijm", np.broadcast_to(turning, A.shape), arms))
+        of_modes, of_P = (_contracted(turning, of) for of in (self._of_V, self._of_P))
+        parts = [A @ turning @ self._pull, rates.swapaxes(1, 2) @ moment, of_modes, of_P]
+        return np.concatenate([np.broadcast_to(part, (len(A), *part.shape[1:])) for part in parts], axis=1)
+
+    def _moved_arms(self, inputs: np.ndarray, w: np.ndarray, S: np.ndarray, arms: np.ndarray, modal) -> np.ndarray:
+        """Moments (T, 3, m) of inertia forces and loads of the reduced motion on nodes that P moves."""
+        b = inputs[:, :3] if self._terms.weighs else np.zeros((len(inputs), 3))
+        products = self._pull[:, None] * b[:, None, :, None] + np.einsum("tkl,tljm->tjkm", S, arms)
+        rates = np.einsum("tn,ljnm->tljm", modal[1], self._of_V)
+        products += np.einsum("tkl,tljm->tjkm", w, rates) + np.einsum("tn,kjnm->tjkm", modal[2], self._of_V)
+        for i, moved in enumerate(self._moved_loads):
+            first = self._terms.first_load + 3 * i
+            products -= moved[:, None] * inputs[:, None, first : first + 3, None]
+        return _moment(products)
+
+    def _by_the_frame(self, t: np.ndarray, states: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """D and K (T, m, size) of P by the frame's coordinates: how inertia forces and loads on P turn with it."""
+        size = self._frame.size
+        step = DIFFERENCE * np.eye(size, states[0].shape[1])
+        moved, still = np.concatenate([step, -step]), np.zeros((2 * size, states[0].shape[1]))
+        changes = np.concatenate([still, moved]), np.concatenate([moved, still]), np.concatenate([still, still])
+        q, q_t, q_tt = ((x[:, None] + dx).reshape(-1, x.shape[1]) for x, dx in zip(states, changes, strict=True))
+        motion = self._frame.motion(*(x[:, :size] for x in (q, q_t, q_tt)))
+        inputs = self._terms.values(self._actions, np.repeat(t, 4 * size), motion, q[:, size:], q_t[:, size:])
+        found = (inputs @ self._forcing[:, self._layout.input_slot].T).reshape(len(t), 2, 2, size, self.m)
+        D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * DIFFERENCE), 1, 0)
+        return D, K
+
+
+def _moment(products: np.ndarray) -> np.ndarray:
+    """Moments (T, 3, m) of arms x force from the sums (T, 3, 3, m) of arm_i force_j."""
+    return np.stack([products[:, j, k] - products[:, k, j] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
+
+
+def _contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """Sum over i, j of turning_ij of_ij (T, k, m), of (3, 3, k, m)."""
+    return np.tensordot(turning, of, axes=2)
+
+
+def _side_by_side(parts: list[np.ndarray], N: int) -> np.ndarray:
+    return np.hstack([*parts, np.zeros((N, 0))])

@@ -1,0 +1,185 @@
+"""Late readings: tangents at stored steps, wherever those read in passing are too far apart.
+
+What is interpolated between two readings is compared, at every stored step between them, with what follows from the
+forces and positions there; at one step of each interval with forces that Exudyn differentiates. Where the two differ,
+the tangent is read in the stored state, until they do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
+
+from ..access.linearisation import Reading, Tangents
+from ..access.state_guard import state_set
+
+OFF = 0.05  # of K + M/dt^2, and of G: what an interpolated tangent may miss
+LONG = 4  # steps between readings, from which on one of them is tried
+SEED = 15
+
+
+class _Interval(NamedTuple):
+    """Two readings, numbers of the first and of the rows between them, a slice."""
+
+    j: int
+    first: Reading
+    last: Reading
+    rows: slice
+
+    @property
+    def middle(self) -> int:
+        return (self.rows.start + self.rows.stop) // 2
+
+    @property
+    def scale(self) -> np.ndarray:
+        return self.last.scale(self.last.t - self.first.t)
+
+    @property
+    def count(self) -> int:
+        return self.rows.stop - self.rows.start
+
+
+class LateReadings:
+    """Of stored rows t (S,) and states q, q_t, q_tt, multipliers (S, ...).
+
+    Attributes
+    ----------
+    failure : why a tangent could not be read; readings end before. note : why tangents were left as they are.
+    """
+
+    def __init__(self, tangents: Tangents, mbs: Any, t: np.ndarray, states: Sequence[np.ndarray]):
+        self._tangents, self._mbs, self._t, self._states = tangents, mbs, t, states
+        self._tried: set[float] = set()
+        self._can_read: bool | None = None
+        self.failure: Exception | None = None
+        self.note = ""
+
+    def read(self) -> None:
+        """Read what is missing: at the last row, then where tangents change or what is interpolated is off."""
+        if self._tangents.readings[-1].t < self._t[-1]:
+            self._read([len(self._t) - 1])
+        while self._interpolate() and any(
+            self._read(list(find())) for find in (self._changing, self._missed, self._untrue)
+        ):
+            pass
+
+    def _interpolate(self) -> bool:
+        """Compare q'' and multipliers of the rows with a spline through those of readings; K has one such."""
+        readings = self._tangents.readings
+        times, at = (
+            [*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True)
+        )
+        self._spline = CubicSpline(times, np.eye(len(times))) if len(times) > 1 else None
+        if self._spline is not None:
+            self._moving = np.hstack(self._states[2:]) - self._spline(self._t) @ np.array(at)
+        return self._spline is not None
+
+    def _read(self, rows: Sequence[int]) -> bool:
+        """Whether there was something to read."""
+        if not rows or not self._is_unchanged():
+            return False
+        for row in rows:
+            self._read_row(row)
+        return True
+
+    def _read_row(self, row: int) -> None:
+        t, end = self._t[row], self._tangents.readings[-1].t
+        if self.failure is not None and t > end:
+            return
+        try:
+            self._tangents.read_stored(self._mbs, t, [x[row] for x in self._states])
+        except Exception as error:
+            self.failure = error
+            self._tangents.end_before(t)
+
+    def _is_unchanged(self) -> bool:
+        """Whether the mbs gives in the states of readings what it gave when they were read."""
+        if self._can_read is None:
+            within = [r for r in self._tangents.readings if r.t <= self._t[-1]]
+            ends = (within[max(0, np.searchsorted([r.t for r in within], self._t[0], side="right") - 1)], within[-1])
+            try:
+                self._can_read = self._mbs is not None and all(
+                    self._tangents.reads_the_same(self._mbs, reading) for reading in ends
+                )
+            except Exception:  # another mbs than it was
+                self._can_read = False
+            if not self._can_read:
+                self.note = NOTE.format(self._t[0], self._t[-1])
+        return self._can_read
+
+    def _intervals(self) -> Iterator[_Interval]:
+        """Those with rows between their readings."""
+        for j, (first, last) in enumerate(pairwise(self._tangents.readings)):
+            start, stop = np.searchsorted(self._t, first.t, side="right"), np.searchsorted(self._t, last.t)
+            if start < stop:
+                yield _Interval(j, first, last, slice(int(start), int(stop)))
+
+    def _changing(self) -> Iterator[int]:
+        return (interval.middle for interval in self._intervals() if interval.last.change > 1)
+
+    def _missed(self) -> Iterator[int]:
+        """Rows whose forces or positions are not those that the tangents around them belong to."""
+        for interval in self._intervals():
+            off = np.abs(self._turned(interval)) @ self._tangents.carried_near(self._t[interval.middle]).turning
+            off = np.maximum(off, self._off(interval))
+            if off.max() > OFF:
+                yield interval.rows.start + int(off.argmax())
+
+    def _turned(self, interval: _Interval) -> np.ndarray:
+        """How far q (S, n) of the rows of an interval is from what its readings let expect."""
+        first, last, rows = interval.first, interval.last, interval.rows
+        dt, change = last.t - first.t, last.state[0] - first.state[0]
+        share = ((self._t[rows] - first.t) / dt)[:, None]
+        bend = (1 - share) * (dt * first.state[1] - change) - share * (dt * last.state[1] - change)
+        return self._states[0][rows] - first.state[0] - share * (change + (1 - share) * bend)
+
+    def _off(self, interval: _Interval) -> np.ndarray:
+        """How far K is off at the rows (S,) of an interval, by q'' and multipliers there.
+
+        What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
+        twice, if that is less.
+        """
+        carried, scale = self._tangents.carried_near(self._t[interval.middle]), interval.scale
+        x = self._moving[interval.rows]
+        both = scale[carried.i] * scale[carried.j]
+        matters = both * (np.abs(carried.by) @ np.abs(x).max(axis=0)) > OFF
+        changes = np.vstack([x[:1] * 0, x, x[:1] * 0]) @ carried.by[matters].T
+        t = np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]])
+        moved = cumulative_trapezoid(cumulative_trapezoid(changes, t, axis=0, initial=0), t, axis=0, initial=0)
+        light = 1 / np.sqrt(interval.last.masses)
+        moved = np.abs(moved).max(axis=0, initial=0.0) * light[carried.i[matters]] * light[carried.j[matters]]
+        found = np.abs(changes[1:-1]) * both[matters]
+        return found[:, moved > OFF].max(axis=1, initial=0.0)
+
+    def _untrue(self) -> Iterator[int]:
+        """Rows in whose state K differs for other reasons, in a direction that all coordinates take part in."""
+        signs = np.random.default_rng(SEED).choice([-1.0, 1.0], self._tangents.size) * self._tangents.differentiable
+        for interval in [i for i in self._intervals() if i.count >= LONG]:
+            row, scale = interval.middle, interval.scale
+            if self._t[row] in self._tried or not self._is_unchanged():
+                continue
+            self._tried.add(self._t[row])
+            if np.abs(scale * self._untried(row, scale * signs)).max() > OFF:
+                yield row
+
+    def _untried(self, row: int, dq: np.ndarray) -> np.ndarray:
+        """What K dq is off by in the state of a row, but for what q'' and multipliers are."""
+        t = self._t[row]
+        with state_set(self._mbs.systemData, t, [x[row] for x in self._states]):
+            off = self._tangents.differences(self._mbs, dq)
+        for weight, reading in zip(self._spline(t), self._tangents.readings, strict=True):
+            off -= weight * (reading.K @ dq)
+        carried = self._tangents.carried_near(t)
+        np.subtract.at(off, carried.i, carried.by @ self._moving[row] * dq[carried.j])
+        return off
+
+
+NOTE = (
+    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile "
+    "(by a PostStep function, or after the solve), and they cannot be read in stored states"
+)

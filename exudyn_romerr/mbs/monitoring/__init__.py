@@ -1,0 +1,1 @@
+"""Monitors beside the solves of an mbs."""

@@ -1,0 +1,180 @@
+"""Reaction: auxiliary vectors of all bodies of a mechanism react with it; runs of the trajectories they add up to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+
+from ...model.floating_frame import Veer
+from ...online.coupled_runs import join_extensions, joined_openings
+from ...online.mechanism_feedback import Feedback, Tangent
+from ...online.run import Run
+from ...trajectory.segments import Added
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from ..access.linearisation import Reading, Tangents
+    from ..mechanism.enriched_body import EnrichedBody
+    from .body_monitor import Watch
+
+PARTS = 16  # tangents to a reading, for inverses of second degree in between
+
+
+class Reaction:
+    """The linearised mechanism with the vectors of its bodies behind its own coordinates (theory.md 7).
+
+    Attributes
+    ----------
+    size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are among these.
+    """
+
+    def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents):
+        self._watches, self._feedback, self._tangents = watches, feedback, tangents
+        self.size = tangents.size
+        self.parts: list[tuple[EnrichedBody, slice]] = []
+        for body in (watch.enriched for watch in watches):
+            self.parts.append((body, slice(self.size, self.size + body.m)))
+            self.size += body.m
+
+    def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None) -> None:
+        """Open the companions of runs that have just opened, at the first of the rows of the mbs."""
+        first = [x[:1] for x in rows]
+        goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
+        if goes_on:
+            self._feedback = before._feedback
+        else:
+            t = float(first[0][0])
+            tangent = _Extended([reading for reading in self._tangents.readings if reading.t <= t][-1:], self)[0]
+            samples = [watch.sampled(*first) for watch in self._watches]
+            self._feedback.start(tangent, self._forces(samples)[0], self._forces_at_rest(), t)
+        e = self._feedback.state[:, None]
+        runs, openings = [], []
+        for watch, (body, own) in zip(self._watches, self.parts, strict=True):
+            rest = watch.opening.rest
+            after = watch.opening.before.companion if goes_on else None
+            states, offline = self._states(body, own, first[1:], e), body.offline if after is None else after.offline
+            runs.append(Run(offline if rest is None else offline.from_static()))
+            if rest is not None:
+                rest = body.rest(states[0][0, body.frame_size :], rest)
+            sample = (None if x is None else x[0] for x in body.sampler(first[0], *states))
+            opening = runs[-1].opening(first[0][0], *sample, after=after, rest=rest)
+            if rest is not None:
+                opening = opening._replace(start=replace(opening.start, added=self._added(body, own, e, np.zeros(1))))
+            openings.append(opening)
+        for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
+            run.open(opening)
+            watch.run.companion = run
+            if self._tangents.redundant:
+                watch.note(
+                    f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"
+                )
+
+    def advance(self, rows: tuple[np.ndarray, ...]) -> None:
+        """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates)."""
+        extended = _Extended(self._tangents.readings, self)
+        forces = self._forces([watch.rows[1:] for watch in self._watches])
+        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__)
+        self._tangents.forget()
+        runs, extensions = [watch.run.companion for watch in self._watches], []
+        for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
+            sample = body.sampler(rows[0], *self._states(body, own, rows[1:], e))
+            extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
+            veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
+            for block, _ in extension.segments.values():
+                block.added = self._added(body, own, e, speed)._replace(veer=veer)
+            extensions.append(extension)
+        join_extensions(runs, extensions)
+        for run, extension in zip(runs, extensions, strict=True):
+            run.advance(extension)
+
+    def _forces(self, samples: Sequence[tuple]) -> np.ndarray:
+        """-P^T R (S, all coordinates) of the reduced bodies, from samples q, q_t, q_tt, u, frame of each."""
+        forces = np.zeros((len(samples[0][0]), self.size))
+        for (body, own), sample in zip(self.parts, samples, strict=True):
+            forces[:, own] = body.forces(*sample[:4])
+        return forces
+
+    def _forces_at_rest(self) -> np.ndarray | None:
+        """The same in the equilibrium that the full bodies start in; None if they start as the reduced ones."""
+        if any(watch.opening.rest is None for watch in self._watches):
+            return None
+        samples = []
+        for opening in (watch.opening for watch in self._watches):
+            none = np.zeros_like(opening.first.q)
+            samples.append((opening.first.q, none, none, opening.rest[None]))
+        return self._forces(samples)[0]
+
+    @staticmethod
+    def _added(body: EnrichedBody, own: slice, e: np.ndarray, speed: np.ndarray) -> Added:
+        return Added(*(np.hstack([x[:, body.modal], x[:, own]]) for x in e[:2]), speed)
+
+    @staticmethod
+    def _states(body: EnrichedBody, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
+        """Coordinates of frame, modes and vectors with what is added, their rates and accelerations."""
+        pairs = zip(states, e, strict=True)
+        return [np.hstack([x[:, body.columns] + added[:, body.columns], added[:, own]]) for x, added in pairs]
+
+
+class _Extended:
+    """Tangents with the vectors behind the coordinates of the mechanism, on a spline in time through its readings.
+
+    Made when asked for, two kept. t : their times, those of the readings and up to PARTS - 1 between any two.
+    """
+
+    def __init__(self, readings: Sequence[Reading], reaction: Reaction):
+        self._size = reaction.size
+        times = np.array([reading.t for reading in readings])
+        states = [np.array([reading.state[k] for reading in readings]) for k in range(3)]
+        parts = [
+            (body.couplings(times, [x[:, body.columns] for x in states]), body, own) for body, own in reaction.parts
+        ]
+        whole = np.array([self._whole(j, reading, parts) for j, reading in enumerate(readings)])
+        between = [
+            np.linspace(first.t, last.t, int(np.ceil(PARTS * np.clip(last.change, 0, 1))) + 1)[1:-1]
+            for first, last in pairwise(readings)
+        ]
+        self.t = np.sort(np.concatenate([times, *between]))
+        self._spline, self._turning = _held(whole[0]), _held(readings[0].C)
+        if len(times) > 1:
+            self._spline = CubicSpline(times, whole)
+            # rates of the motion itself: where pieces of splines meet, C would have a kink
+            C, C_t = (np.array([getattr(reading, name) for reading in readings]) for name in ("C", "C_t"))
+            self._turning = CubicHermiteSpline(times, C, C_t)
+        self._made: dict[int, Tangent] = {}
+
+    def __getitem__(self, j: int) -> Tangent:
+        if j not in self._made:
+            self._made = {i: tangent for i, tangent in self._made.items() if i == j - 1}
+            self._made[j] = replace(self._tangent(j, 0), rate=self._tangent(j, 1))
+        return self._made[j]
+
+    def _tangent(self, j: int, order: int) -> Tangent:
+        """The tangent, or its rate."""
+        n, t = self._size, self.t[j]
+        turning, whole = self._turning(t, order), self._spline(t, order)
+        C = np.hstack([turning, np.zeros((len(turning), n - turning.shape[1]))])
+        return Tangent(t, *whole[: 3 * n].reshape(3, n, n), whole[3 * n :], C)
+
+    def _whole(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
+        """M, D, K and G of reading j with the vectors, one upon another."""
+        n = len(reading.M)
+        M, D, K = np.zeros((3, self._size, self._size))
+        M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, reading.D, reading.K
+        for of, body, own in parts:
+            rows = np.concatenate([body.columns, np.arange(own.start, own.stop)])
+            M[rows, own], D[rows, own], K[rows, own] = of.M[j], of.D[j], of.K[j]
+            M[own, body.columns] = of.M[j][: len(body.columns)].T
+            D[own, body.columns], K[own, body.columns] = of.D_rows[j], of.K_rows[j]
+        G = np.zeros((len(reading.G), self._size))
+        G[:, :n] = reading.G
+        return np.vstack([M, D, K, G])
+
+
+def _held(value: np.ndarray) -> Callable[[float, int], np.ndarray]:
+    """What does not change with time, and its rate."""
+    return lambda _, order: np.zeros_like(value) if order else value

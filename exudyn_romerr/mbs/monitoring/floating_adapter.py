@@ -1,0 +1,245 @@
+"""MovingSubject: adapts a body in a floating frame to a monitor (theory.md 7).
+
+The frame's inertia terms, the loads and the wrenches of joints are inputs of a linear body: R = M V q'' + ... - B u.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...basis.basis import Basis
+from ...model.body import ElasticBody
+from ...model.floating_frame import FramePose, Jitter, translations
+from ...offline.options import BoundOptions
+from ...offline.prepare import prepare
+from ...report.scope import COMPLETE, Scene
+from ...trajectory.input_signal import SampledSignal
+from ..access.mbs_items import load_factor
+from ..floating.driven_frame import PrescribedMotion
+from ..floating.floating_body import read_object
+from ..floating.frame_support import read_support
+from ..floating.input_terms import InputTerms
+from ..floating.loads_and_joints import read_actions
+from ..floating.reference_search import find_reference
+from ..floating.sampler import Sampler
+from ..floating.scope_decision import Wanted, find_scope
+from ..floating.sensor_outputs import NO_SENSOR, BodySensors, body_sensors
+from ..mechanism.enriched_body import EnrichedBody
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from ...model.outputs import Output
+    from ...offline.prepared import Offline
+    from ...trajectory.driven_inputs import Inputs
+    from ..floating.actions import Actions
+    from ..floating.floating_body import FloatingBody, ReducedMatrices
+    from ..floating.frame_support import Support
+    from ..floating.reference_search import Reference
+    from ..floating.scope_decision import Found
+
+TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
+UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
+
+
+class MovingSubject:
+    """Reads the mbs when a solve begins, and turns rows of its coordinates into samples of a run."""
+
+    def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str):
+        self.item, self._flex, self._options = flex.number, flex, options
+        self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
+        self._wanted = Wanted(scope, options)
+        self._use(options.outputs or ())
+        self.enriched: EnrichedBody | None = None
+        self.columns = np.zeros(0, dtype=int)
+        self._motion = PrescribedMotion()
+        self._signature: tuple = ()
+        self._body: ElasticBody | None = None
+
+    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
+        """Read body, joints and loads; do the offline work unless nothing of it changed since."""
+        model = read_object(mbs, self._flex)
+        actions = read_actions(mbs, self._flex, model, load_factor(mbs) if static else None)
+        reference = find_reference(self._flex, model.V, actions.interfaces())
+        body = self._made_body(model, reference)
+        idle = actions.drop_idle(body)
+        support = read_support(mbs, model, idle)
+        support = support if static else self._motion.taken(mbs, model, support, body, self._wanted)
+        columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
+        scope = self._find_scope(mbs, model, actions, support, static, attached, others)
+        signature = (model.V.tobytes(), id(body), support, scope, *actions.signature())
+        if signature != self._signature:
+            self._signature = ()  # until all of what follows was done
+            terms = InputTerms(actions, support, self._flex, model.V)
+            scene = self._scene(model, actions, terms, reference, support, scope)
+            self.enriched = None
+            if scene.feedback:
+                kept = (self._flex, body, model, actions, support, scene, columns, terms)
+                self.enriched = EnrichedBody(*kept, self._options)
+                scene = replace(scene, computed=(*scene.computed, self.enriched.note, TANGENT))
+            offline = self._prepare(body, model, terms, scene)
+            self._sampler, self._signature = Sampler.of(model.frame, actions, terms, offline), signature
+        else:  # functions of time may be other ones
+            self._sampler = replace(self._sampler, actions=actions)
+            if self.enriched is not None:
+                self.enriched.use(actions)
+        self.columns, self._model = columns, model
+        self._now = mbs.systemData.GetODE2Coordinates()[columns][: model.frame.size]
+        self.floor = self._weight(mbs)
+        return self._sampler.offline
+
+    @property
+    def body(self) -> ElasticBody:
+        """The full body, as the last solve saw it."""
+        return self._body
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What is bounded."""
+        return tuple(self._options.outputs)
+
+    def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
+        """Return V (N, n) and the full K (N, N)."""
+        return read_object(mbs, self._flex).V, self._flex.stiffness
+
+    def add(self, outputs: Sequence[Output]) -> None:
+        """Bound further outputs, from the next solve on."""
+        self._use([*self._options.outputs, *outputs])
+
+    def _find_scope(self, mbs: Any, *scene: Any) -> Found:
+        """Return the scope; where no outputs were asked for, choose those that the sensors show."""
+        if not self._by_sensors:
+            return find_scope(mbs, self._wanted, *scene)
+        seen = body_sensors(mbs, self._flex)
+        framed = seen.in_the_frame()
+        scope = find_scope(mbs, replace(self._wanted, options=self._options_with(framed)), *scene)
+        sensors = seen if scope.name == COMPLETE else framed
+        if sensors != self._sensors:
+            options, self._sensors = self._options_with(sensors), sensors
+            self._use(options.outputs)
+        return scope
+
+    def _options_with(self, sensors: BodySensors) -> BoundOptions:
+        """Return the options with other sensors as outputs; those that were added stay."""
+        added = self._options.outputs[len(self._sensors.measured) :]
+        return replace(self._options, outputs=(*(item.output() for item in sensors.measured), *added))
+
+    def _use(self, outputs: Sequence[Output]) -> None:
+        self._options = replace(self._options, outputs=outputs)
+        self._wanted = replace(self._wanted, options=self._options)
+        self._signature = ()
+
+    def _weight(self, mbs: Any) -> float:
+        """Largest entry of V^T M e_j times the size of gravity at the start: terms that may cancel in free fall."""
+        gravity = sum((np.abs(np.asarray(g(0.0), dtype=float)) for g in self._sampler.actions.gravity), np.zeros(3))
+        return float(np.max(np.abs(self._model.V.T @ translations(self._flex.mass)) @ gravity, initial=0.0))
+
+    def first(self, t: float, *states: np.ndarray, may_be_late: bool = False) -> tuple | None:
+        """Return q, q_t, q_tt, u and the frame of a run's first sample; None if its accelerations are not set.
+
+        Explicit solvers leave them at zero until their first step is done. may_be_late: they are of another solve.
+        """
+        rows = self.sampled(np.array([t]), *(state[None] for state in states))
+        if (may_be_late or not states[2].any()) and self._unbalanced(t, rows):
+            return None
+        return tuple(None if x is None else x[0] for x in rows)
+
+    def _unbalanced(self, t: float, rows: tuple) -> bool:
+        q, q_t, q_tt, u, _ = rows
+        offline = self._sampler.offline
+        u, balance = offline.signal(np.array([t])) if u is None else u, offline.balance
+        terms = balance.coordinates(q, q_t, q_tt, u)[0] * balance.rows
+        return bool(np.max(np.abs(terms.sum(axis=1))) > UNSET * np.max(np.abs(terms).sum(axis=1)))
+
+    def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
+        """Return q, q_t, q_tt (S, n), u (S, p) and the frame (S, 24) of accepted steps."""
+        self._motion.last_time = float(t[-1])
+        return self._sampler(t, *states)
+
+    def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
+        body, flex = self._body, self._flex
+        key = (model.rayleigh, reference.source, reference.fixed, reference.rigid)
+        if body is None or self._body_key != key:
+            self._body = ElasticBody(
+                flex.mass,
+                flex.stiffness,
+                rayleigh=model.rayleigh,
+                fixed=reference.fixed,
+                positions=flex.positions,
+                reference=reference.conditions,
+                rigid=reference.rigid,
+            )
+            self._body_key = key
+        return self._body
+
+    def _prepare(self, body: ElasticBody, model: ReducedMatrices, terms: InputTerms, scene: Scene) -> Offline:
+        known = SampledSignal(self._known_inputs, terms.columns.shape[1]) if terms.by_function else None
+        return prepare(
+            body,
+            Basis(model.V, note=f"{model.V.shape[1]} modes of object {self.item}"),
+            replace(self._options, inputs=terms.columns, input_function=known),
+            sampled_inputs=not terms.by_function,
+            scene=scene,
+        )
+
+    def _known_inputs(self, t: np.ndarray) -> np.ndarray:
+        """Inputs (T, p) of a frame at rest where it was when the solve began."""
+        pose, rest = np.tile(self._now, (len(t), 1)), np.zeros((len(t), len(self._now)))
+        q = np.zeros((len(t), self._model.V.shape[1]))
+        terms, actions = self._sampler.terms, self._sampler.actions
+        return terms.values(actions, t, self._model.frame.motion(pose, rest, rest), q, q)
+
+    def _driven_inputs(self, *of_curve: Any) -> Inputs:
+        """Inputs of a frame that moves as its function says, see DrivenFrame.inputs."""
+        return self._motion.driven.inputs(self._sampler.terms, self._sampler.actions, *of_curve)
+
+    def _scene(
+        self,
+        model: ReducedMatrices,
+        actions: Actions,
+        terms: InputTerms,
+        reference: Reference,
+        support: Support,
+        scope: Found,
+    ) -> Scene:
+        flex = self._flex
+        full = f"Full model: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
+        reason = f"{scope.reason}. {full}"
+        r, A = model.frame.reference_pose()
+        left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
+        left_out += [(f"wrench at {name}", "no load, joint or connector acts there") for name in actions.free]
+        if support.at_rest:
+            left_out.append(("terms of a turning frame", support.text))
+        if self._by_sensors:
+            left_out += self._sensors.left_out
+            left_out += [] if self._sensors.measured else [("outputs", NO_SENSOR)]
+        return Scene(
+            scope=scope.name,
+            reason=reason,
+            frozen=scope.frozen,
+            feedback=scope.feedback,
+            unknown=terms.unknown,
+            turns=not support.at_rest,
+            checked=terms.unknown < model.V.shape[1],
+            pose=FramePose(r, A),
+            driven=self._driven_inputs if support.known and scope.name == COMPLETE else None,
+            jitter=Jitter.of(flex.mass, flex.positions, model.V, FramePose(r, A)) if support.at_rest else None,
+            minor=terms.minor,
+            computed=(
+                f"floating body: held in its frame by {reference.source}",
+                f"damping: alpha = {model.rayleigh[0]:.6g} 1/s, beta = {model.rayleigh[1]:.6g} s",
+                f"frame: {support.text}",
+                *(f"known: {load.name}" for load in actions.loads),
+                *(f"wrench from V^T R = 0: {place.name}" for place in actions.wrenches),
+            ),
+            left_out=tuple(left_out),
+        )
+
+
+def _coordinates(mbs: Any, node: int) -> np.ndarray:
+    first = mbs.GetNodeODE2Index(node)
+    item = mbs.GetNode(node)
+    return np.arange(first, first + len(item["referenceCoordinates"]))

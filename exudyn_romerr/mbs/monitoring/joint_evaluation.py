@@ -1,0 +1,173 @@
+"""Mechanism: all monitored bodies of an mbs are evaluated together, since coupled bounds need one another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import AssumptionError, InputError, RunError
+from ...online.coupled_runs import join_extensions, joined_openings
+from ...online.mechanism_feedback import Feedback, Scheme
+from ..access.linearisation import Tangents
+from ..mechanism.late_readings import LateReadings
+from .feedback_runs import Reaction
+
+if TYPE_CHECKING:
+    from .body_monitor import Watch
+
+
+class Mechanism:
+    """All watches of one solve. Those of scope "coupled (linearised)" share one energy.
+
+    Attributes
+    ----------
+    tangents : what auxiliary vectors react through; None if no body has such.
+    """
+
+    tangents: Tangents | None = None
+
+    def __init__(self, watches: Sequence[Watch], before: Mechanism | None = None):
+        self._watches, self._before = watches, before and before._reaction
+        self._coupled: list[Watch] = []
+        self._reaction: Reaction | None = None
+        self._failure: Exception | None = None  # of the tangent
+
+    def begin(self, mbs: Any) -> None:
+        """A solve begins, and the watches have read the mbs."""
+        self._coupled = [watch for watch in self._watches if watch.is_coupled]
+        self._check_others(self._watches)
+        if self._coupled:
+            self._together(self._prepare, mbs)
+
+    def read_tangent(self, mbs: Any, t: float) -> int:
+        """Read the tangent now; return after how many steps it is to be read again, 0: not at all."""
+        if self._has_failed:
+            return 0
+        try:
+            return self.tangents.read(mbs, t)
+        except Exception as error:
+            self._failure = error
+            return 0
+
+    @property
+    def _has_failed(self) -> bool:
+        """Whether coupled bounds have ended in this solve."""
+        return self._failure is not None or any(watch.error for watch in self._coupled)
+
+    def read_late(self, mbs: Any, t: np.ndarray, *states: np.ndarray) -> None:
+        """Read the tangents that stored steps need: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
+        if self.tangents is None or not self.tangents.readings or self._has_failed:
+            return
+        late = LateReadings(self.tangents, mbs, t, states)
+        late.read()
+        self._failure = late.failure
+        for watch in self._coupled if late.note else ():
+            watch.note(late.note)
+
+    def take(self, *rows: np.ndarray) -> None:
+        """Evaluate accepted steps: t (S,) and q, q_t, q_tt (S, all coordinates of the mbs)."""
+        rows = self._before_failure(rows)
+        for watch in self._watches:
+            watch.receive(*rows)
+        self._wait_for_all()
+        self._together(self._join_openings)
+        for watch in self._watches:
+            watch.open()
+        self._together(self._open_reaction, rows)
+        for watch in self._watches:
+            watch.admit()
+        for watch in self._watches:
+            watch.segment()
+        self._together(self._join_extensions)
+        for watch in self._watches:
+            watch.advance()
+        self._together(self._advance_reaction, rows)
+        self._check_others(self._coupled)
+        for watch in self._watches:
+            watch.settle()
+        self._fail(self._failure)
+
+    def _before_failure(self, rows: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+        """Return the rows up to the last tangent that was read, if one could not be."""
+        if self._failure is None:
+            return rows
+        good = self.tangents.readings[-1].t if self.tangents.readings else -np.inf
+        return tuple(x[rows[0] <= good] for x in rows)
+
+    def _wait_for_all(self) -> None:
+        """Open the runs of all bodies together: solvers without accelerations may hold back some."""
+        opening = [watch for watch in self._coupled if watch.opening is not None]
+        if len(opening) < len(self._coupled) and not any(watch.error for watch in self._coupled):
+            for watch in opening:
+                watch.postpone()
+
+    def _prepare(self, mbs: Any) -> None:
+        kinds = {(watch.enriched is None, *watch.kind) for watch in self._coupled}
+        if len(kinds) > 1:
+            raise InputError(
+                "bodies of one mechanism were attached with different estimators or time; coupled bounds need the "
+                "same for all: 'energy' or 'auxiliary' or both, and one time"
+            )
+        if self._coupled[0].enriched is not None:
+            solver = mbs.sys.get("dynamicSolver")
+            if solver is None or solver.it.currentStepIndex > 0:  # of a solve before
+                raise AssumptionError(
+                    "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
+                )
+            scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
+            self.tangents = Tangents(mbs, mbs.sys["simulationSettings"].parallel.numberOfThreads)
+            self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents)
+
+    def _join_openings(self) -> None:
+        if self._opens:
+            pairs = [(watch.run, watch.opening) for watch in self._coupled if watch.shares_energy]
+            joined = joined_openings(*zip(*pairs, strict=True)) if pairs else []
+            for watch, opening in zip(self._coupled, joined, strict=False):
+                watch.opening = opening
+
+    @property
+    def _opens(self) -> bool:
+        return all(watch.opening is not None for watch in self._coupled)
+
+    def _open_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
+        if self._reaction is not None and self._opens:
+            if not self.tangents.readings:
+                raise RunError("the solve was interrupted before anything was bounded; solve again")
+            self._reaction.open(rows, self._before)
+            self._before = None
+
+    def _join_extensions(self) -> None:
+        pairs = [(watch.run, watch.extension) for watch in self._coupled if watch.shares_energy]
+        if pairs and all(extension is not None for _, extension in pairs):
+            join_extensions(*zip(*pairs, strict=True))
+
+    def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
+        first = int(self._opens)
+        if self._reaction is not None and all(watch.extension is not None for watch in self._coupled):
+            self._reaction.advance(tuple(x[first:].copy() for x in rows))
+
+    def _together(self, work: Callable, *arguments: Any) -> None:
+        """Do what concerns all coupled bodies; an error is one of all of them."""
+        self._check_others(self._coupled)
+        if not self._coupled or any(watch.error for watch in self._coupled):
+            return
+        try:
+            work(*arguments)
+        except Exception as error:
+            self._fail(error)
+
+    def _fail(self, error: Exception | None) -> None:
+        for watch in self._coupled if error is not None else ():
+            watch.error = watch.error or error
+
+    def _check_others(self, watches: Sequence[Watch]) -> None:
+        """Where one body has no bound, coupled bounds of the others have none either."""
+        failed = [watch for watch in watches if watch.error is not None]
+        for watch in self._coupled if failed else ():
+            if watch.error is None:
+                reason = f"{type(failed[0].error).__name__}: {failed[0].error}"
+                watch.error = RunError(
+                    f"coupled bounds need all bodies of the mechanism, and object {failed[0].item} has none: {reason}"
+                )

@@ -1,0 +1,140 @@
+"""Validated arguments of attach: the body as a monitor sees it, outputs, tolerances."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any
+
+import exudyn as exu
+import numpy as np
+
+from ...checks import check_choice
+from ...errors import InputError
+from ...offline.options import TIMES, BoundOptions
+from ...offline.prepare import checked_names
+from ...residual.kernels import KERNELS
+from ...residual.problem import checked_outputs
+from ...residual.residual import RESIDUALS
+from ..access.linear_adapter import LinearSubject
+from ..access.reduced_body import ReducedBody
+from ..floating.floating_body import FloatingBody, read_object
+from ..floating.reference_search import require_still_interface
+from ..floating.sensor_outputs import sensor_output
+from .floating_adapter import MovingSubject
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ...model.outputs import Output
+
+UNNAMED = "there are no outputs, or they are not known before a solve begins; pass outputs= to attach"
+
+
+def make_subject(
+    mbs: Any, flex: ReducedBody | FloatingBody, options: BoundOptions, scope: str
+) -> LinearSubject | MovingSubject:
+    """Return the body as a watch sees it; sensors among the outputs are replaced by outputs."""
+    if isinstance(flex, FloatingBody):
+        return _floating(mbs, flex, options, scope)
+    _check_body(mbs, flex)
+    return _linear(flex, options)
+
+
+def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:
+    """Everything is known already: the offline work is done now."""
+    _refuse_sensors(options.outputs)
+    if options.outputs is None:
+        raise InputError(
+            "outputs is missing: sensors cannot tell what to bound of a body made by add_reduced_body; pass "
+            "outputs=[romerr.node_displacement('tip', node=..., component='z')], romerr.Output(name, rows), or []"
+        )
+    initial = flex.initial if options.initial is None else options.initial
+    return LinearSubject(flex, replace(options, initial=initial))
+
+
+def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str) -> MovingSubject:
+    """Joints and loads may still be added: what is known now is checked now."""
+    model = read_object(mbs, flex)
+    if flex.interfaces == "rigid":
+        require_still_interface(flex, model.V)
+    outputs = options.outputs
+    if isinstance(outputs, str | list | tuple):
+        _refuse_texts(mbs, outputs)
+        sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
+        outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
+    outputs = outputs if outputs is None else checked_outputs(outputs)
+    _check_rows(flex, outputs or ())
+    for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
+        check_choice(name, getattr(options, name), known)
+    asked = options.estimators
+    if not isinstance(asked, str) or asked != "auto":
+        checked_names(asked)
+    return MovingSubject(flex, replace(options, outputs=outputs), scope)
+
+
+class _Mesh:
+    """What rows of outputs are made of that is known before the body's reference conditions are."""
+
+    def __init__(self, flex: FloatingBody):
+        self.positions, self.N, self.dofs_per_node = flex.positions, 3 * len(flex.positions), 3
+
+
+def _check_rows(flex: FloatingBody, outputs: Sequence[Output]) -> None:
+    """InputError for node numbers or rows that do not fit the mesh."""
+    mesh = _Mesh(flex)
+    for out in outputs:
+        with suppress(AttributeError):  # a user's own function of the body, which is not known yet
+            out.resolve(mesh)
+
+
+def _refuse_texts(mbs: Any, outputs: Any) -> None:
+    where, needed = "an entry of outputs", "Output or a sensor number"
+    if isinstance(outputs, str):
+        where, needed = "outputs", "a list of Output or sensor numbers"
+    if any(isinstance(out, str) for out in outputs):
+        known = range(mbs.systemData.NumberOfSensors())
+        sensors = ", ".join(f"{number} {mbs.GetSensor(number)['name']!r}" for number in known)
+        raise InputError(
+            f"{where} is a str; needed: {needed}; the mbs has {f'sensors {sensors}' if sensors else 'no sensors'}"
+        )
+
+
+def _check_body(mbs: Any, flex: Any) -> None:
+    if not isinstance(flex, ReducedBody):
+        raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body or floating_body returned")
+    if flex.mbs is not mbs:
+        raise InputError("flex was added to another mbs than the one passed to attach; pass flex.mbs")
+
+
+def _refuse_sensors(outputs: Any) -> None:
+    for out in outputs if isinstance(outputs, list | tuple) else ():
+        if isinstance(out, Integral | exu.SensorIndex):
+            raise InputError(
+                f"outputs contains sensor {int(out)}; a sensor on NodeGenericODE2 shows reduced coordinates, "
+                "no output of the full model: pass Output or node_displacement(...) instead"
+            )
+
+
+def checked_tolerance(tolerance: Any, names: Sequence[str], for_each: bool = False) -> dict[str, float]:
+    """Return output -> tolerance, empty if there is none; InputError unless they are positive, of known outputs.
+
+    for_each: one number is meant for every output, as a share of its own size is.
+    """
+    if tolerance is None:
+        return {}
+    if not names:
+        raise InputError(f"tolerance={tolerance!r}: {UNNAMED}")
+    if isinstance(tolerance, Real):
+        if len(names) != 1 and not for_each:
+            raise InputError(f"tolerance={tolerance!r} for {len(names)} outputs; pass a dict name -> value")
+        tolerance = dict.fromkeys(names, tolerance)
+    if not isinstance(tolerance, dict):
+        raise InputError(f"tolerance={tolerance!r}; needed: a dict name -> value (or a float if one output)")
+    for name, limit in tolerance.items():
+        if name not in names:
+            raise InputError(f"tolerance names {name!r}; allowed: {', '.join(map(repr, names))}")
+        if not isinstance(limit, Real) or not 0 < limit < np.inf:
+            raise InputError(f"tolerance[{name!r}]={limit!r}; needed: a positive finite number")
+    return tolerance

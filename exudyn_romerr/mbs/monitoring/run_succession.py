@@ -1,0 +1,60 @@
+"""Succession: the runs of one body, and which of them the next one goes on from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ...offline.prepared import Offline
+    from ...online.run import Run
+    from ...online.static_run import StaticRun
+    from ..access.linear_adapter import LinearSubject
+    from .floating_adapter import MovingSubject
+
+SAME_TIME = 1e-9  # of a time: solvers add up their steps, and users give the next start as they think of it
+
+
+class Succession:
+    """The runs of one body, oldest first.
+
+    last : time, q, q_t, q_tt of the last row that was bounded.
+    """
+
+    def __init__(self) -> None:
+        self.runs: list[Run | StaticRun] = []
+        self.last: tuple | None = None
+        self._source: Offline | None = None  # what the last run was read as; its own may be one from a static run
+
+    def add(self, run: Run | StaticRun, source: Offline, first: tuple) -> None:
+        """Add a run that has begun with its first row; source: what the mbs was read as."""
+        self.runs.append(run)
+        self._source, self.last = source, first
+
+    def before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, bool]:
+        """Return the run in whose last state another one starts, and whether the mbs was changed since.
+
+        None if there is none, or the mbs was changed; also a static one, if no initial state was given.
+        """
+        if not self.runs:
+            return None, False
+        before, (t_last, q_last, q_t_last, _) = self.runs[-1], self.last
+        if not np.array_equal(q, q_last):
+            return None, False
+        if before.is_static:
+            released = offline.initial is None and not q_t.any()
+            return (before if released and before.inputs == offline.balance.coordinates.p else None), False
+        if abs(t - t_last) > SAME_TIME * abs(t_last) or not np.array_equal(q_t, q_t_last):
+            return None, False
+        changed = self._source is not offline
+        return (None if changed else before), changed
+
+    def first_sample(
+        self, subject: LinearSubject | MovingSubject, before: Run | None, t: float, *states: np.ndarray
+    ) -> tuple | None:
+        """Return the first sample of a run; if need be with the accelerations that the run before ended with."""
+        first = subject.first(t, *states)
+        if first is None and before is not None:
+            first = subject.first(t, *states[:2], self.last[3], may_be_late=True)
+        return first

@@ -1,0 +1,231 @@
+"""The one PostStep function of all monitors of an mbs: it gathers rows, which are evaluated in blocks."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import weakref
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import exudyn as exu
+import numpy as np
+
+from ...errors import InputError
+from ...online.run import BLOCK
+from ...report.scope import FROZEN
+from ..access.mbs_items import end_time, is_verbose, running_static_solver
+from .joint_evaluation import Mechanism
+from .live_output import live_line
+from .step_recorder import gatherer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from ...offline.prepared import Offline
+    from .body_monitor import Watch
+
+BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
+SAME = 1e-9  # of a time: solvers add up their steps
+TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines through all take 15 times that
+
+
+class StepHook:
+    """Dispatcher installed as PostStep function of an mbs, and found there by every further monitor.
+
+    Each call of `step` stores one accepted step. A full block, a new solve or a question (flush) hands the
+    rows to the watches. The user's function is called after the step was stored, and its return value is
+    passed on.
+    """
+
+    def __init__(self, mbs: Any, user: Callable | None):
+        self.user = user
+        self.watches: list[Watch] = []
+        self._mechanism = Mechanism([])
+        self.step, self._drain, self._hurry = gatherer(mbs, self)
+        self._occupant: Callable = self.step
+        self._static_solver: Any = None
+        self._verbose = False
+        self._said: set[str] = set()  # why there are no bounds, in the solve under way
+        self.end = np.inf  # of the solve, if tangents are to be read in its last block
+
+    def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
+        """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
+        self.flush()
+        self._said.clear()
+        at_once = False
+        with self._run_goes_on():
+            at_once = self._begin(mbs)
+        system = mbs.systemData
+        return self._new_arrays(system.ODE2Size(), len(system.GetAECoordinates()), at_once)
+
+    def _begin(self, mbs: Any) -> bool:
+        """Read the mbs; return whether each step is to be evaluated at once."""
+        self._occupant = slot_function(mbs)
+        static = running_static_solver(mbs, self._static_solver)
+        self._static_solver = static or self._static_solver
+        self._verbose = is_verbose(mbs, static is not None)
+        for watch in self.watches:
+            watch.begin(mbs, static is not None, self.attached)
+        others = _frozen([watch for watch in self.watches if watch.is_frozen])
+        for watch in self.watches if others else ():
+            if watch.is_coupled:
+                watch.begin(mbs, static is not None, self.attached, others)
+        self._mbs = weakref.ref(mbs)
+        self._mechanism = Mechanism(self.watches, self._mechanism)
+        self._mechanism.begin(mbs)
+        end = end_time(mbs, static is not None) if self.has_tangents else None
+        self.end = np.inf if end is None else end - SAME * abs(end)
+        # load steps are few, and their loads may be changed before the next solve asks for a block
+        return static is not None or any(watch.tolerance for watch in self.watches)
+
+    @contextmanager
+    def _run_goes_on(self) -> Iterator[None]:
+        """Keep an error for the reports of all bodies: nothing of ours stops the user's run."""
+        try:
+            yield
+        except Exception as error:
+            for watch in self.watches:
+                watch.error = watch.error or error
+
+    def flush(self) -> None:
+        """Evaluate the rows stored so far."""
+        with _interrupt_deferred():
+            *rows, multipliers = self._drain() or ((),)
+            if not rows:
+                return
+            with self._run_goes_on():
+                self._mechanism.read_late(self._mbs(), *rows, multipliers)
+                self._mechanism.take(*rows)
+                if self._verbose:
+                    exu.Print(live_line(self.watches, rows[0][-1]))
+            for watch in self.watches:
+                watch.note_error(rows[0][-1])
+            self._say_failures(rows[0][-1])
+
+    def _say_failures(self, t: float) -> None:
+        """Say once what cannot be bounded: SolveDynamic does not raise, only report() will."""
+        for failure in dict.fromkeys(watch.failure for watch in self.watches if watch.failure):
+            if failure not in self._said:
+                self._said.add(failure)
+                exu.Print(f"exudyn_romerr at t = {t:g}: {failure}. The simulation goes on")
+
+    def look(self) -> None:
+        """Evaluate the rows stored so far between two steps; the next one stops if a tolerance is exceeded."""
+        self.flush()
+        if self._is_over:
+            self._hurry()
+
+    def goes_on(self) -> bool:
+        """Evaluate the rows stored so far; False if a tolerance is exceeded, which is to stop the solve."""
+        self.flush()
+        return not self._is_over
+
+    @property
+    def _is_over(self) -> bool:
+        return any(watch.stopped for watch in self.watches)
+
+    def read(self, mbs: Any, watch: Watch) -> Offline:
+        """Return what a watch would make bounds with if a solve began now."""
+        offline = watch.subject.read(mbs, attached=self.attached)
+        if not offline.scene.coupled:
+            return offline
+        others = [
+            other for other in self.watches if other.subject.read(mbs, attached=self.attached).scene.scope == FROZEN
+        ]
+        return watch.subject.read(mbs, attached=self.attached, others=_frozen(others))
+
+    @property
+    def attached(self) -> set[int]:
+        """Numbers of the objects that are watched."""
+        return {watch.item for watch in self.watches}
+
+    @property
+    def has_tangents(self) -> bool:
+        """Whether the solve that has begun needs tangents of the mechanism."""
+        return self._mechanism.tangents is not None
+
+    def read_tangent(self, mbs: Any, t: float) -> int:
+        """Read the tangent now; return after how many steps it is to be read again."""
+        return self._mechanism.read_tangent(mbs, t)
+
+    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
+        result = self.user(mbs, t)
+        if not result:
+            for watch in self.watches:
+                why = f"the PostStep function returned {result!r}; it must return True to go on"
+                watch.note(f"stopped at t = {t:g}: {why}")
+        return result if go_on else False
+
+    def check(self, watch: Watch, user: Callable | None) -> None:
+        """Raise InputError if its body is watched already, or another function than `user` is called already."""
+        if watch.item in [other.item for other in self.watches]:
+            raise InputError(
+                f"flex: the body of object {watch.item} is attached already; pass all outputs to one attach call"
+            )
+        if user is not None and self.user not in (None, user):
+            raise InputError(
+                f"hook={user!r}, but the mbs has another PostStep function already, {self.user!r}; "
+                "pass one function that calls both"
+            )
+
+    def is_in_charge(self, mbs: Any) -> bool:
+        """Whether Exudyn calls this hook: directly, or through a function that did so in the last solve."""
+        return slot_function(mbs) is self._occupant
+
+    def _new_arrays(self, size: int, multipliers: int, at_once: bool) -> tuple[np.ndarray, ...]:
+        rows = 1 if at_once else block_rows(size, self.has_tangents)
+        return np.empty(rows), *(np.empty((rows, width)) for width in (size, size, size, multipliers))
+
+
+def _frozen(watches: Sequence[Watch]) -> str:
+    """Why coupled bounds cannot be had beside these; empty if there are none."""
+    numbers = ", ".join(str(watch.item) for watch in watches)
+    return f"it needs those of all bodies, and object {numbers} has frozen inputs only, see there" if watches else ""
+
+
+def block_rows(size: int, with_tangents: bool = False) -> int:
+    """Return the number of steps in a block of an mbs with `size` coordinates, of which each may have a tangent."""
+    rows = min(BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
+    return min(rows, 1 + TANGENT_NUMBERS // (1 + size**2)) if with_tangents else rows
+
+
+def slot_function(mbs: Any) -> Callable | None:
+    """Return the PostStep function that is set in the mbs, or None."""
+    slot = mbs.GetPostStepUserFunction()
+    return slot["function"] if slot else None
+
+
+def shared_hook(mbs: Any, user: Callable | None, watch: Watch) -> StepHook:
+    """Let the hook in the slot of the mbs serve a watch, or put one there that calls what was in the slot before.
+
+    `user` is the function passed by hook=. Where InputError is raised, the mbs is as it was.
+    """
+    found = slot_function(mbs)
+    hook = getattr(found, "hook", None)
+    if not isinstance(hook, StepHook):
+        hook = StepHook(mbs, found)
+    hook.check(watch, user)
+    hook.user = user or hook.user
+    if hook.step is not found:
+        mbs.SetPostStepUserFunction(hook.step)
+    hook.watches.append(watch)
+    return hook
+
+
+@contextmanager
+def _interrupt_deferred() -> Iterator[None]:
+    """Let Ctrl-C wait until the block is evaluated, so that it never leaves half a block behind."""
+    handler = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(handler):
+        yield
+        return
+    caught: list[tuple] = []
+    signal.signal(signal.SIGINT, lambda *arguments: caught.append(arguments))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if caught:
+            handler(*caught[0])

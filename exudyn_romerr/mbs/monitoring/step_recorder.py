@@ -1,0 +1,96 @@
+"""PostStep function that stores each accepted step: as little Python as possible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+from typing import Any, Protocol
+
+import exudyn as exu
+import numpy as np
+
+START_OF_STEP = exu.ConfigurationType.StartOfStep
+
+
+class StepReceiver(Protocol):
+    """Who is told of steps.
+
+    user: the user's own PostStep function. has_tangents: whether tangents are to be read. end: time from which on the
+    last block of the solve is evaluated at every step.
+    """
+
+    user: Callable | None
+    has_tangents: bool
+    end: float
+
+    def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
+        """A solve begins; return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
+
+    def flush(self) -> None:
+        """Take the rows stored so far."""
+
+    def read_tangent(self, mbs: Any, t: float) -> int:
+        """Read the tangent now; return after how many steps it is to be read again."""
+
+    def goes_on(self) -> bool:
+        """Take the rows stored so far; False if the solve is to be stopped."""
+
+    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
+
+
+def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable]:
+    """Return step(mbs, t), the PostStep function; drain() -> t, q, q_t, q_tt, multipliers stored since; hurry().
+
+    Multipliers are stored where tangents are read. hurry() ends the block at the next step. Closures: as a method,
+    with its look-ups of attributes, step would add 6 % to the step of a small body.
+    """
+    system = mbs.systemData
+    start_of_step = system.GetTime
+    read_q, read_q_t, read_q_tt = (
+        system.GetODE2Coordinates,
+        system.GetODE2Coordinates_t,
+        system.GetODE2Coordinates_tt,
+    )
+    read_multipliers = system.GetAECoordinates
+    i = room = due = 0
+    end = inf
+    times = q = q_t = q_tt = multipliers = None
+
+    def step(mbs: Any, t: float) -> Any:
+        nonlocal i, room, due, end, times, q, q_t, q_tt, multipliers
+        # equal at the first call of a solve, and only there: no step was made yet
+        if start_of_step(START_OF_STEP) == t:
+            times, q, q_t, q_tt, multipliers = hook.begin(mbs)
+            due, end = int(hook.has_tangents), hook.end
+            room = 1  # the first row is evaluated at once: what is wrong shows before the first step
+        times[i] = t
+        q[i] = read_q()
+        q_t[i] = read_q_t()
+        q_tt[i] = read_q_tt()
+        if due:
+            multipliers[i] = read_multipliers()
+        i += 1
+        if due:
+            due -= 1
+            if due == 0:
+                due = hook.read_tangent(mbs, t)
+                room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
+        go_on = True
+        if i == room:
+            go_on, room = hook.goes_on(), len(times)
+        elif t >= end:
+            hook.flush()  # while the mbs is what it was
+        return go_on if hook.user is None else hook.call_user(mbs, t, go_on)
+
+    def drain() -> tuple:
+        nonlocal i
+        n, i = i, 0
+        return () if n == 0 else (times[:n], q[:n], q_t[:n], q_tt[:n], multipliers[:n])
+
+    def hurry() -> None:
+        nonlocal room
+        room = i + 1
+
+    step.hook = hook
+    return step, drain, hurry

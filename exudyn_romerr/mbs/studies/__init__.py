@@ -1,0 +1,1 @@
+"""Several simulations of one scene: choice of modes, two levels, sweeps."""

@@ -1,0 +1,128 @@
+"""two_level: the same scene with n and n + m modes; how the runs differ, and a bound that rests on the finer one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...checks import check_count
+from ...errors import InputError
+from ...mode_selection.mode_choice import outputs_of
+from ...report.scope import COUPLED, FROZEN
+from ...report.wording import NOT_THE_MECHANISM, rounded_up, widest_scope
+from .scene_run import build_trial, same_times
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ...report.report import BoundReport
+
+NO_LIMIT = 1_000_000  # modes; the scene itself knows how many its body has
+
+
+@dataclass(frozen=True)
+class LevelOutput:
+    """One output of the coarse run.
+
+    value : (T, r). difference : (T, r), the fine run's value less this. bound : (T, r) of this run's error: size of
+    the difference plus the fine run's own bound. scope : of that.
+    """
+
+    name: str
+    unit: str
+    value: np.ndarray
+    difference: np.ndarray
+    bound: np.ndarray
+    scope: str
+
+    def __str__(self) -> str:
+        largest, apart, bound = (np.max(np.abs(x)) for x in (self.value, self.difference, self.bound))
+        text = f"{self.name}: up to {largest:.4g} {self.unit}, {apart:.3g} {self.unit} from the finer run"
+        most = f"at most {rounded_up(bound)} {self.unit}"
+        if self.scope == FROZEN:
+            return f"{text}; if the finer run's inputs were the truth's, error {most} ({NOT_THE_MECHANISM})"
+        return f"{text}, error, to first order, {most}" if self.scope == COUPLED else f"{text}, error {most}"
+
+
+@dataclass(frozen=True)
+class TwoLevel:
+    """Two runs of a scene.
+
+    t : (T,) s. outputs : name -> LevelOutput. coarse, fine : the reports of all monitors. scope : what the bounds
+    cover, that of the fine run.
+    """
+
+    modes: tuple[int, int]
+    t: np.ndarray
+    outputs: dict[str, LevelOutput]
+    coarse: tuple[BoundReport, ...]
+    fine: tuple[BoundReport, ...]
+    scope: str
+
+    def output(self, name: str) -> LevelOutput:
+        """Return the output of that name; InputError lists the known ones."""
+        if name not in self.outputs:
+            raise InputError(f"output {name!r} is unknown; known: {', '.join(map(repr, self.outputs))}")
+        return self.outputs[name]
+
+    def __str__(self) -> str:
+        head = f"runs with n = {self.modes[0]} and n = {self.modes[1]}; scope of the finer run's bound: {self.scope}"
+        return "\n".join([head, *map(str, self.outputs.values())])
+
+
+def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
+    """Run a scene with n and with n + m modes, and bound the coarse run by way of the fine one.
+
+        |true - coarse| <= |fine - coarse| + bound of the fine run
+
+    The difference holds the feedback of joints, whatever the scope of the bounds; so it also checks them.
+
+    Parameters
+    ----------
+    build : callable
+        n -> (mbs, monitor, simulationSettings): the scene with n modes a body; monitor, or a list, from attach.
+        Outputs have the same names in both, and differ from monitor to monitor.
+    n, m : int
+        Modes of the coarse run, and how many more the fine one has.
+
+    Returns
+    -------
+    TwoLevel
+
+    Raises
+    ------
+    InputError
+        build returned something else; outputs or times of the two runs differ.
+    RunError
+        A solve failed, or a run ended early.
+
+    Notes
+    -----
+    Source: docs/theory.md, mechanisms. Does not cover: more than the scope of the fine run's bound says.
+    """
+    n = check_count("n", n, NO_LIMIT, "modes", least=0)
+    modes = n, n + check_count("m", m, NO_LIMIT, "modes")
+    coarse, fine = (build_trial(build, count).solve() for count in modes)
+    t = coarse[0].t
+    if not all(same_times(report.t, t) for report in (*coarse, *fine)):
+        raise InputError(
+            "the runs have other instants: build scenes of one step size, with "
+            "simulationSettings.timeIntegration.adaptiveStep = False"
+        )
+    found, finer = outputs_of(coarse), outputs_of(fine)
+    if list(found) != list(finer):
+        raise InputError(
+            f"outputs of n = {modes[0]} are {list(found)}, of n = {modes[1]} {list(finer)}; give both the same"
+        )
+    covers = {name: widest_scope(report.scope) for report in fine for name in report.outputs}
+    outputs = {name: _level(out, finer[name], covers[name]) for name, out in found.items()}
+    scopes = {scope for report in fine for scope in report.scope.values()}
+    return TwoLevel(modes, t, outputs, coarse, fine, ", ".join(sorted(scopes)))
+
+
+def _level(coarse: Any, fine: Any, scope: str) -> LevelOutput:
+    difference = fine.value - coarse.value
+    bound = np.abs(difference) + fine.bound["best"]
+    return LevelOutput(coarse.name, coarse.unit, coarse.value, difference, bound, scope)

@@ -1,0 +1,1 @@
+"""The full body: matrices, held motions, floating frame, outputs."""

@@ -1,0 +1,189 @@
+"""The admissible space of displacements: coordinates fixed, or reference conditions C_0 q = 0 that hold the body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from ..checks import check_array, check_nodes
+from ..errors import AssumptionError, InputError
+
+RIGID_MODES = 6
+NOT_HELD = 1e-10  # of scaled reference rows; below, some rigid motion is not held
+FULL_ROWS = 1000  # nodes; a dense matrix of three times that is what a laptop factorises in seconds
+HELD = 1e-8  # |C_0 v| relative to |C_0| |v|: what Exudyn's own modes keep of the conditions they were made with
+
+
+@dataclass(frozen=True)
+class MeanMotion:
+    """Reference conditions: weighted mean displacement and rotation of some nodes are zero (mean_motion)."""
+
+    nodes: np.ndarray
+    weights: np.ndarray
+
+    def rows(self, positions: np.ndarray, mass: sp.csc_matrix | None = None) -> np.ndarray:
+        """Return C_0 (6, 3 nodes): sum w_i u_i and sum w_i (x_i - x_mean) x u_i."""
+        where = positions[check_nodes(self.nodes, len(positions))]
+        C = np.zeros((RIGID_MODES, *positions.shape))
+        for node, arm, w in zip(self.nodes, where - self.weights @ where, self.weights, strict=True):
+            C[:3, node] += w * np.eye(3)
+            C[3:, node] += w * np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
+        return C.reshape(RIGID_MODES, -1)
+
+    def motion_rows(self, positions: np.ndarray) -> np.ndarray:
+        """Return the mean displacement and the mean rotation (about the mean position) as rows (6, 3 nodes)."""
+        C = self.rows(positions)
+        turns = C[3:] @ rigid_modes(positions)[:, 3:]
+        if np.linalg.cond(turns) > 1 / NOT_HELD:
+            raise InputError(f"nodes {self.nodes[:8].tolist()} lie on a line: they have no mean rotation")
+        return np.vstack([C[:3], np.linalg.solve(turns, C[3:])])
+
+
+@dataclass(frozen=True)
+class MassOrthogonal:
+    """Reference conditions: u is M-orthogonal to all rigid motions, as free eigenmodes are (mass_orthogonal)."""
+
+    def rows(self, positions: np.ndarray, mass: sp.csc_matrix) -> np.ndarray:
+        """Return C_0 = Rg^T M (6, 3 nodes), Rg the rigid motions; every row is full."""
+        if len(positions) > FULL_ROWS:
+            raise AssumptionError(
+                f"conditions M-orthogonal to rigid motions fill the stiffness of {len(positions)} nodes; allowed up "
+                f"to {FULL_ROWS}. Use Craig-Bampton modes, whose conditions see one interface only"
+            )
+        return (mass @ rigid_modes(positions)).T
+
+
+def mass_orthogonal() -> MassOrthogonal:
+    """Return the reference conditions of free eigenmodes: no part of u is a rigid motion in the M inner product."""
+    return MassOrthogonal()
+
+
+def rigid_modes(positions: np.ndarray) -> np.ndarray:
+    """Return three translations and three rotations about the origin of nodes (nodes, 3): (3 nodes, 6)."""
+    x, y, z = positions.T
+    zero = np.zeros_like(x)
+    turns = np.stack([np.stack(column, axis=1) for column in ((zero, -z, y), (z, zero, -x), (-y, x, zero))], axis=2)
+    shifts = np.broadcast_to(np.eye(3), (len(positions), 3, 3))
+    return np.concatenate([shifts, turns], axis=2).reshape(-1, RIGID_MODES)
+
+
+def mean_motion(nodes: Sequence[int], weights: Sequence[float] | None = None) -> MeanMotion:
+    """Return the reference conditions that hold a body by the mean motion of some nodes, as RBE3 interfaces do.
+
+    Parameters
+    ----------
+    nodes : sequence of int
+        At least three, not on one line.
+    weights : sequence of float, optional
+        Scaled to sum 1; default: equal. Weight 0 (middle nodes of quadratic elements) has no say.
+
+    Raises
+    ------
+    InputError
+        Too few nodes, or weights that do not fit them.
+    """
+    numbers = check_array("nodes", nodes, (None,))
+    share = np.ones(len(numbers)) if weights is None else check_array("weights", weights, (len(numbers),))
+    if np.any(share < 0):
+        raise InputError(f"weights contains {share.min():g}; allowed: positive numbers and 0")
+    if np.count_nonzero(share) < 3:
+        found = f"{np.count_nonzero(share)} nodes" + (" with a weight" if np.any(share == 0) else "")
+        raise InputError(f"nodes lists {found}; needed: at least three that are not on one line")
+    return MeanMotion(numbers.astype(int), share / share.sum())
+
+
+class Space:
+    """q = Z y: y are the coordinates that are neither fixed nor follow from conditions.
+
+    Parameters
+    ----------
+    N : int
+    fixed : ndarray of int
+        Coordinates held at zero.
+    conditions : ndarray, (6, N), optional
+        C_0 with C_0 q = 0.
+    rigid : sequence of (coordinates (m,), motions (m, 6))
+        Parts that move as rigid bodies only; six coordinates of each stay in y.
+    """
+
+    def __init__(self, N: int, fixed: np.ndarray, conditions: np.ndarray | None = None, rigid: Sequence[tuple] = ()):
+        self.N, self.fixed, self.conditions, self.is_rigid = N, fixed, conditions, bool(rigid)
+        followers = [_followers(*part) for part in rigid]
+        if conditions is not None:
+            dependent = _eliminated(conditions)
+            others = np.setdiff1d(np.arange(N), dependent)
+            followers.append((dependent, others, -np.linalg.solve(conditions[:, dependent], conditions[:, others])))
+        self.free = np.setdiff1d(np.arange(N), np.concatenate([fixed, *(rows for rows, _, _ in followers)]))
+        Z = sp.eye(N, format="csr")
+        for rows, columns, matrix in followers:
+            entries = (matrix.ravel(), (np.repeat(rows, len(columns)), np.tile(columns, len(rows))))
+            Z = Z + sp.csr_matrix(entries, shape=(N, N))
+        self.Z = sp.csc_matrix(Z.tocsc()[:, self.free])
+
+    def matrix(self, A: sp.csc_matrix) -> sp.csc_matrix:
+        """Return Z^T A Z."""
+        return sp.csc_matrix(self.Z.T @ A @ self.Z)
+
+    def loads(self, B: np.ndarray) -> np.ndarray:
+        """Return Z^T B."""
+        return self.Z.T @ B
+
+    def rows(self, C: np.ndarray) -> np.ndarray:
+        """Return C Z."""
+        return np.ascontiguousarray((self.Z.T @ C.T).T)
+
+    def coordinates(self, name: str, q: np.ndarray) -> np.ndarray:
+        """Return y of q = Z y; InputError if q, called `name`, is not in the space."""
+        moved = np.max(np.abs(q[self.fixed]), initial=0.0)
+        if moved > 0:
+            raise InputError(f"{name} moves fixed coordinates (largest entry there {moved:.3g}); they must be 0")
+        if self.conditions is not None:
+            columns = q.reshape(self.N, -1)
+            size = np.outer(np.linalg.norm(self.conditions, axis=1), np.linalg.norm(columns, axis=0))
+            worst = np.max(np.abs(self.conditions @ columns) / np.where(size > 0, size, 1.0))
+            if worst > HELD:
+                raise InputError(
+                    f"{name} misses the reference conditions by {worst:.1e} of its size; allowed {HELD:g}"
+                )
+        if self.is_rigid and np.max(np.abs(q - self.Z @ q[self.free])) > HELD * np.max(np.abs(q)):
+            raise InputError(f"{name} deforms an interface that is to be rigid (RBE2 modes do not)")
+        return q[self.free]
+
+    def expand(self, y: np.ndarray) -> np.ndarray:
+        """Return q = Z y."""
+        return self.Z @ y
+
+
+def rigid_parts(rigid: Sequence[Sequence[int]], fixed: np.ndarray, positions: np.ndarray) -> list[tuple]:
+    """Return (coordinates, motions) of node sets for Space; InputError if they share nodes, also fixed ones."""
+    parts = [check_nodes(nodes, len(positions)) for nodes in rigid]
+    held = np.unique(fixed // 3)
+    if np.unique(np.concatenate([held, *parts])).size != held.size + sum(map(len, parts)):
+        raise InputError("rigid: node sets overlap one another or the fixed nodes; every node may be in one only")
+    motions = rigid_modes(positions - positions.mean(axis=0))
+    coordinates = [(3 * nodes[:, None] + np.arange(3)).ravel() for nodes in parts]
+    return [(part, motions[part]) for part in coordinates]
+
+
+def _followers(coordinates: np.ndarray, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates of a rigid part that follow from six of its own, those six, and how."""
+    motions = motions / np.linalg.norm(motions, axis=0)
+    _, triangle, order = la.qr(motions.T, mode="economic", pivoting=True)
+    if np.abs(triangle[RIGID_MODES - 1, RIGID_MODES - 1]) <= NOT_HELD:
+        raise InputError("nodes of a rigid interface lie on a line: they do not tell its rotation")
+    six, rest = np.sort(order[:RIGID_MODES]), np.sort(order[RIGID_MODES:])
+    return coordinates[rest], coordinates[six], np.linalg.solve(motions[six].T, motions[rest].T).T
+
+
+def _eliminated(conditions: np.ndarray) -> np.ndarray:
+    """Six coordinates that the conditions determine, chosen by pivoting."""
+    length = np.linalg.norm(conditions, axis=1)[:, None]
+    _, triangle, order = la.qr(conditions / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(triangle))
+    if diagonal[-1] <= NOT_HELD * diagonal[0]:
+        raise AssumptionError("reference conditions do not hold all six rigid motions: nodes on one line?")
+    return np.sort(order[:RIGID_MODES])

@@ -1,0 +1,241 @@
+"""ElasticBody: the full-order model M q'' + D q' + K q = B u, checked once, with its solves and modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..checks import check_count
+from ..errors import AssumptionError, InputError
+from ..linalg import oscillator
+from ..linalg.eigenmodes import Modes, lowest_modes
+from ..linalg.symmetric_factor import SymmetricFactor
+from .admissible_space import MassOrthogonal, MeanMotion, Space, rigid_parts
+from .definiteness import check_damping, check_mass, check_masses, check_stiffness
+from .matrix_input import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, precision
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+ALL_MODES_LIMIT = 2000  # dense eigenproblem: above this the time and memory of the full spectrum are prohibitive
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Suprema over time of the fundamental matrix' norms in the M-norm (paper, section 4).
+
+    C1 bounds |Phi(t)| of the first-order form (dimension mixed), C11 bounds |Phi11|, C12 (s) bounds |Phi12|.
+    """
+
+    C1: float
+    C11: float
+    C12: float
+
+
+class ElasticBody:
+    """A linear elastic body M q'' + D q' + K q = B u with N coordinates, some of them fixed.
+
+    Parameters
+    ----------
+    mass, stiffness : scipy.sparse matrix or ndarray, (N, N)
+        Symmetric; mass positive definite, stiffness positive definite once `fixed` is taken out. In single precision
+        they are computed with in double; reports say what their rounding leaves open.
+    rayleigh : (float, float), optional
+        (alpha, beta) in 1/s and s: D = alpha M + beta K. Neither rayleigh nor damping: undamped.
+    damping : scipy.sparse matrix or ndarray, (N, N), optional
+        Any dissipative matrix, x^T D x >= 0; need not be symmetric (gyroscopic parts do no work).
+    fixed : sequence of int
+        Coordinates held at zero. They count in N and keep their rows in V, B and output rows.
+    positions : ndarray, (nodes, 3), optional
+        Node positions in the length unit of the model; N / nodes must be 3 or 6 coordinates a node.
+    reference : mean_motion(nodes, weights), optional
+        Holds the body by conditions instead of `fixed`: the mean motion of some nodes is zero, as at Exudyn's RBE3
+        interfaces. V must meet them; loads that would move the nodes are taken up where they are held.
+    rigid : sequence of sequences of int
+        Nodes of parts that move as rigid bodies, as Exudyn's RBE2 interfaces do; with `fixed` only.
+
+    Raises
+    ------
+    InputError
+        Shapes, nan or inf, asymmetry, mass not positive definite, both rayleigh and damping.
+    AssumptionError
+        Stiffness singular after supports (the message says how many rigid-body modes are left), or
+        damping that feeds energy in.
+
+    Notes
+    -----
+    Does not cover: frames that move, nonlinear stiffness.
+    """
+
+    def __init__(
+        self,
+        mass: Any,
+        stiffness: Any,
+        rayleigh: Sequence[float] | None = None,
+        damping: Any = None,
+        fixed: Sequence[int] = (),
+        positions: Any = None,
+        reference: MeanMotion | MassOrthogonal | None = None,
+        rigid: Sequence[Sequence[int]] = (),
+    ):
+        self.precision = {"mass": precision(mass), "stiffness": precision(stiffness), "damping": precision(damping)}
+        self.mass = checked_matrix("mass", mass, None)
+        self.N = self.mass.shape[0]
+        self.stiffness = checked_matrix("stiffness", stiffness, self.N)
+        self.positions = checked_positions(positions, self.N)
+        self.fixed = checked_dofs(fixed, self.N)
+        if self.fixed.size == self.N:
+            raise InputError(f"fixed lists all {self.N} coordinates; at least one must stay free")
+        self.space = Space(self.N, self.fixed, self._conditions(reference), self._rigid_parts(rigid))
+        self.free = self.space.free
+        self.M, self.K = self.space.matrix(self.mass), self.space.matrix(self.stiffness)
+        if rayleigh is not None and damping is not None:
+            raise InputError("rayleigh and damping were both given; pass one of them (or neither: undamped)")
+        self.rayleigh = checked_rayleigh(rayleigh) if damping is None else None
+        self.damping = None if damping is None else checked_matrix("damping", damping, self.N, symmetric=False)
+        check_masses(self.M, self.free)
+        check_mass(self.M, self.mass_factor, self.free)
+        check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
+        if self.damping is not None:
+            check_damping(self.D)
+        self._modes: Modes | None = None
+
+    @classmethod
+    def from_fem(
+        cls,
+        fem: Any,
+        rayleigh: Sequence[float] | None = None,
+        fixed: Sequence[int] = (),
+        reference: Any = None,
+    ) -> ElasticBody:
+        """Take mass, stiffness and node positions from an Exudyn FEMinterface (3 coordinates a node).
+
+        Raises
+        ------
+        InputError
+            The fem has no matrices yet, or one of the checks of ElasticBody fails.
+        """
+        if any(matrix is None or not np.size(matrix) for matrix in (fem.massMatrix, fem.stiffnessMatrix)):
+            raise InputError("fem has no mass or stiffness matrix; import or compute them before from_fem")
+        return cls(
+            fem.GetMassMatrix(sparse=True),
+            fem.GetStiffnessMatrix(sparse=True),
+            rayleigh=rayleigh,
+            fixed=fixed,
+            positions=fem.GetNodePositionsAsArray(),
+            reference=reference,
+        )
+
+    @cached_property
+    def D(self) -> sp.csc_matrix | None:
+        """Damping on the free coordinates; None if undamped."""
+        if self.damping is not None:
+            return self.space.matrix(self.damping)
+        alpha, beta = self.rayleigh
+        return sp.csc_matrix(alpha * self.M + beta * self.K) if alpha or beta else None
+
+    @property
+    def dofs_per_node(self) -> int:
+        """3 (solids) or 6 (beams, shells); InputError without node positions."""
+        if self.positions is None:
+            raise InputError("body has no node positions; pass positions=(nodes, 3) to ElasticBody")
+        return self.N // len(self.positions)
+
+    @cached_property
+    def total_mass(self) -> float | None:
+        """Mass of the whole body from a rigid translation; None without node positions."""
+        if self.positions is None:
+            return None
+        translation = np.zeros(self.N)
+        translation[:: self.dofs_per_node] = 1.0
+        return float(translation @ (self.mass @ translation))
+
+    @cached_property
+    def mass_factor(self) -> SymmetricFactor:
+        """Factorisation of M on the free coordinates, made once."""
+        return SymmetricFactor(self.M)
+
+    @cached_property
+    def stiffness_factor(self) -> SymmetricFactor:
+        """Factorisation of K on the free coordinates, made once."""
+        return SymmetricFactor(self.K)
+
+    def expand(self, values: np.ndarray) -> np.ndarray:
+        """Return displacements of all N coordinates (N, ...) from those of the free ones."""
+        return self.space.expand(values)
+
+    def modes(self, m: int) -> Modes:
+        """Return the m lowest undamped modes on the free coordinates, none missed (Sylvester's inertia count).
+
+        Raises
+        ------
+        InputError
+            m is not in 1 .. number of free coordinates.
+        AssumptionError
+            The inertia count found more modes than the solver did; the message names the interval.
+        """
+        m = check_count("number of modes", m, self.free.size, "free coordinates")
+        if self._modes is None or self._modes.omega.size < m:
+            self._modes = lowest_modes(self.M, self.K, m, self.stiffness_factor)
+        return self._modes.first(m)
+
+    def all_modes(self) -> Modes:
+        """Return every mode; refused by AssumptionError above 2000 free coordinates (dense eigenproblem)."""
+        if self.free.size > ALL_MODES_LIMIT:
+            raise AssumptionError(
+                f"the full spectrum of {self.free.size} coordinates was asked for; allowed up to "
+                f"{ALL_MODES_LIMIT}. Use kernels='certified', which needs omega_1 only"
+            )
+        return self.modes(self.free.size)
+
+    def damping_ratios(self, omega: np.ndarray) -> np.ndarray:
+        """Return zeta of modes omega (rad/s); AssumptionError unless damping is Rayleigh or none."""
+        return oscillator.damping_ratios(omega, *self.require_rayleigh("modal damping ratios"))
+
+    def require_rayleigh(self, who: str) -> tuple[float, float]:
+        """Return (alpha, beta) or raise AssumptionError naming `who` needs them."""
+        if self.rayleigh is None:
+            raise AssumptionError(
+                f"{who} need Rayleigh damping, found a general damping matrix; pass rayleigh=(alpha, beta), "
+                "or ask for estimators=('energy', 'fast') and kernels='certified': they take any dissipative damping"
+            )
+        return self.rayleigh
+
+    def constants(self) -> Constants:
+        """Return C1, C11, C12 as suprema over time from closed forms of all modes (theory.md 1, 2).
+
+        C11 = max|Phi11|_M, C12 = max|Phi12|_M. C1 bounds max|Phi|: the root of the squared suprema of its
+        four blocks, which is max|Phi21| to nine digits where the hump is high.
+
+        Raises
+        ------
+        AssumptionError
+            Damping not Rayleigh, or more than 2000 free coordinates.
+        """
+        self.require_rayleigh("constants C1, C11, C12")
+        omega = self.all_modes().omega
+        s_max = oscillator.largest_impulse_response(omega, self.damping_ratios(omega))
+        C1 = oscillator.largest_state_response(omega, s_max)
+        return Constants(C1=C1, C11=1.0, C12=float(np.max(s_max)))
+
+    def _conditions(self, reference: MeanMotion | MassOrthogonal | None) -> np.ndarray | None:
+        if reference is None:
+            return None
+        if not isinstance(reference, MeanMotion | MassOrthogonal):
+            raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights) or mass_orthogonal()")
+        if self.fixed.size:
+            raise InputError("fixed and reference were both given; a body is held by one of them")
+        if self.dofs_per_node != 3:
+            raise InputError("reference needs 3 coordinates a node (solids); hold nodes with rotations by fixed=")
+        return reference.rows(self.positions, self.mass)
+
+    def _rigid_parts(self, rigid: Sequence[Sequence[int]]) -> list[tuple]:
+        if not rigid:
+            return []
+        if not self.fixed.size or self.dofs_per_node != 3:
+            raise InputError("rigid needs a solid body (3 coordinates a node) held by fixed=, not by reference=")
+        return rigid_parts(rigid, self.fixed, self.positions)

@@ -1,0 +1,97 @@
+"""Checks of what ElasticBody is built from: matrices, coordinate numbers, damping factors, node positions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..checks import check_array, check_finite, check_numbers, real_array
+from ..errors import AssumptionError, InputError
+from ..linalg.symmetric_factor import SymmetricFactor
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+DOUBLE = float(np.finfo(float).eps)
+SYMMETRY = 1e-9  # relative to the largest entry: assembled FE matrices printed with 10 digits still pass
+
+
+def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = True) -> sp.csc_matrix:
+    if matrix is None or isinstance(matrix, str):
+        raise InputError(f"{name}={matrix!r}; needed: a matrix (N, N) of real numbers, scipy.sparse or ndarray")
+    try:
+        matrix = sp.csc_matrix(matrix)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is not a real matrix: {error}") from error
+    matrix = sp.csc_matrix((real_array(name, matrix.data), matrix.indices, matrix.indptr), shape=matrix.shape)
+    if matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0 or size not in (None, matrix.shape[0]):
+        raise InputError(f"{name} has shape {matrix.shape}; needed: square" + (f", {size} rows" if size else ""))
+    check_finite(name, matrix.data)
+    if symmetric and abs(matrix - matrix.T).max() > SYMMETRY * abs(matrix).max():
+        raise InputError(f"{name} is not symmetric: entries differ by {abs(matrix - matrix.T).max():.2e}")
+    return sp.csc_matrix((matrix + matrix.T) / 2) if symmetric else matrix
+
+
+def precision(value: Any) -> float:
+    """Return the relative spacing of the numbers that an array came in; 2.2e-16 for whole numbers and lists."""
+    dtype = getattr(value, "dtype", None)
+    single = dtype is not None and np.issubdtype(dtype, np.floating)
+    return max(float(np.finfo(dtype).eps), DOUBLE) if single else DOUBLE
+
+
+def checked_inputs(inputs: Any, size: int) -> np.ndarray:
+    """Return the input matrix B (size, p); one column may come as a vector, None means no inputs."""
+    if inputs is None:
+        return np.zeros((size, 0))
+    B = real_array("inputs", inputs)
+    return check_array("inputs", B[:, None] if B.ndim == 1 else B, (size, None))
+
+
+def checked_dofs(fixed: Sequence[int], size: int) -> np.ndarray:
+    if isinstance(fixed, str) or not isinstance(fixed, Iterable):
+        raise InputError(f"fixed={fixed!r}; needed: a sequence of coordinate numbers 0..{size - 1}")
+    dofs = np.unique(check_numbers("fixed", list(fixed)))
+    wrong = dofs[(dofs < 0) | (dofs >= size) | (dofs != np.round(dofs))]
+    if wrong.size:
+        raise InputError(f"fixed contains {wrong[0]:g}; allowed: coordinate numbers 0..{size - 1}")
+    return dofs.astype(int)
+
+
+def checked_rayleigh(rayleigh: Sequence[float] | None) -> tuple[float, float]:
+    alpha, beta = check_array("rayleigh", (0.0, 0.0) if rayleigh is None else rayleigh, (2,))
+    if alpha < 0 or beta < 0:
+        raise AssumptionError(f"rayleigh=({alpha:g}, {beta:g}) feeds energy in; alpha and beta must be >= 0")
+    return float(alpha), float(beta)
+
+
+def checked_positions(positions: Any, size: int) -> np.ndarray | None:
+    if positions is None:
+        return None
+    positions = check_array("positions", positions, (None, 3))
+    if size not in (3 * len(positions), 6 * len(positions)):
+        raise InputError(
+            f"positions lists {len(positions)} nodes for N = {size} coordinates; needed: 3 or 6 coordinates a node"
+        )
+    return positions
+
+
+def is_dissipative(damping: sp.csc_matrix) -> bool:
+    symmetric = sp.csc_matrix((damping + damping.T) / 2)
+    diagonal = symmetric.diagonal()
+    active = np.flatnonzero(diagonal > 0)
+    idle = np.flatnonzero(diagonal <= 0)
+    # a semidefinite matrix with a zero diagonal entry has a zero row there
+    if abs(symmetric[idle]).sum() > 0:
+        return False
+    if active.size == 0:
+        return True
+    block = symmetric[active][:, active]
+    # semidefinite is allowed: 1e-10 of the diagonal keeps rounding of zero eigenvalues from counting as negative
+    lifted = block + 1e-10 * sp.diags(diagonal[active])
+    factor = SymmetricFactor(lifted)
+    if factor.complete:
+        return factor.negative_pivots == 0
+    return bool(np.linalg.eigvalsh(lifted.toarray())[0] >= 0)  # rare: a pivot of exactly zero

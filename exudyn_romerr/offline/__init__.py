@@ -1,0 +1,1 @@
+"""What is done once before a run, ending in small constants only."""

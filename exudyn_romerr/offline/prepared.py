@@ -1,0 +1,121 @@
+"""Offline: what a run needs of the full model, small arrays only; made by prepare."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..checks import check_finite
+from ..errors import InputError
+from ..linalg.blocked_products import row_norms
+from ..trajectory.driven_inputs import DrivenInputs
+from ..trajectory.segments import Start
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..estimators.estimator import Estimator
+    from ..estimators.static import StaticError
+    from ..model.global_axes import View
+    from ..model.outputs import Output
+    from ..report.data import Plan
+    from ..report.scope import Scene
+    from ..residual.packed_residual import PackedCoordinates, Packing
+    from ..residual.residual import Coordinates
+    from ..residual.round_off import Rounded, RoundOff
+    from ..trajectory.input_signal import InputSignal
+    from ..trajectory.samples import Samples
+
+
+class Balance(NamedTuple):
+    """Galerkin's balance W^T R = rows z (n, k) of all terms, for checks and for wrenches that follow from it."""
+
+    coordinates: Coordinates
+    rows: np.ndarray
+
+
+@dataclass(frozen=True)
+class Offline:
+    """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
+
+    estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
+    frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
+    jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z) that knots of the reconstruction are
+    chosen by. rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single:
+    names of what has fewer. initial: None, "equilibrium" or "state". notes: what the reader must know. nodes: bounds
+    at every node, on demand. static, from_static: made when a static solve, or a run from its end, begins.
+    """
+
+    coordinates: Coordinates | PackedCoordinates
+    signal: InputSignal | None
+    estimators: dict[str, Estimator]
+    outputs: tuple[Output, ...]
+    slices: tuple[slice, ...]
+    velocity_rows: np.ndarray
+    value_rows: np.ndarray
+    balance: Balance
+    packing: Packing | None
+    jump_response: np.ndarray
+    mass_root: np.ndarray
+    rounding: RoundOff
+    input_rounding: RoundOff | None
+    single: tuple[str, ...]
+    samples_precision: float
+    measure: Callable
+    omega_1: float
+    jumps: tuple[float, ...]
+    initial: str | None
+    time: str
+    total_mass: float | None
+    plan: Plan
+    views: tuple[View | None, ...]
+    scene: Scene
+    notes: tuple[str, ...]
+    nodes: Callable[[dict], dict]
+    static: Callable[[], StaticError]
+    from_static: Callable[[], Offline]
+
+    @property
+    def driven(self) -> DrivenInputs | None:
+        """Inputs of a frame that moves as a function of time says; None: those of the run."""
+        driven = self.scene.driven if self.time == "reconstructed" else None
+        return None if driven is None else DrivenInputs(driven, self.packing)
+
+    def driven_frame(self, samples: Samples) -> np.ndarray | None:
+        """Return rows (S, 24) of the frame as its function of time says; None if it has none."""
+        return None if self.driven is None else self.driven.at(samples.t, samples.q, samples.q_t)[2]
+
+    def outputs_of(self, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
+        """Return the output rows (S, R) of the reduced body at q, q_t (S, n)."""
+        rows = self.value_rows.T
+        return np.where(self.velocity_rows, q_t @ rows, q @ rows)
+
+    def distance_of(self, skipped: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return |V dq|_M, |V dq'|_M (S,), and |outputs| (S, R) of dq, dq' (S, 2, n)."""
+        dq, dq_t = skipped[:, 0], skipped[:, 1]
+        position, velocity = (row_norms(x @ self.mass_root.T) for x in (dq, dq_t))
+        return position, velocity, np.abs(self.outputs_of(dq, dq_t))
+
+    def checked_inputs(self, t: np.ndarray, u: Any) -> np.ndarray:
+        """Return inputs (S, p) at t (S,): those given, or of the input function; InputError if they do not fit."""
+        if self.signal is not None and u is None:
+            return self.signal(t)
+        p = self.balance.coordinates.p
+        u = np.zeros((len(t), 0)) if u is None else np.asarray(u, dtype=float).reshape(len(t), -1)
+        if u.shape != (len(t), p):
+            raise InputError(f"u has shape {u.shape}; needed: ({len(t)}, {p})")
+        check_finite("u", u)
+        return u
+
+    def rounded(self, samples: Samples, own: float | np.ndarray) -> Rounded:
+        """Return what rounding of the computation may move at samples; own: see RoundOff."""
+        return self.rounding(samples.q, samples.q_t, samples.q_tt, samples.u, own)
+
+    def own_motion(self, start: Start) -> float:
+        """Size of what the full body starts with, and may ring in all along, see RoundOff."""
+        if self.initial != "equilibrium":
+            return self.rounding.of_start
+        u = start.y0[None, self.coordinates.input_slot]  # of the loads before, which may be others
+        return float(self.rounding.of_equilibrium(u)[0])

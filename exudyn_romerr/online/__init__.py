@@ -1,0 +1,1 @@
+"""Bounds along a run, from samples in to a report out."""

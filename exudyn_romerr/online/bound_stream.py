@@ -1,0 +1,105 @@
+"""Stream: all estimators on one trajectory, be it sampled, reconstructed, or the initial error alone."""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..trajectory.bounds import Bounds, KeptBounds, Worst, seen_in
+from ..trajectory.segments import Block, Start
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+    from typing import Any
+
+    from ..estimators.estimator import Estimator
+    from ..model.global_axes import View
+    from ..offline.prepared import Offline
+
+
+class Stream:
+    """Copies of the estimators, fed with blocks; remembers their bounds at the ends of steps.
+
+    only_outputs: nothing else of the bounds is remembered.
+    """
+
+    def __init__(self, estimators: Mapping[str, Estimator], only_outputs: bool = False):
+        self._only_outputs = only_outputs
+        self.estimators = {name: copy.copy(e) for name, e in estimators.items()}
+        self._kept = {name: KeptBounds() for name in estimators}
+        self.worst: dict[str, Worst] = {}
+
+    def start(self, start: Start, *widenings: tuple) -> None:
+        """Begin at the first instant of a run; widenings: see advance."""
+        for name, e in self.estimators.items():
+            self._remember(name, e, e.start(start), slice(None), widenings)
+
+    def go_on(self, before: Stream) -> None:
+        """Begin where another stream ended."""
+        self.estimators = {name: copy.copy(e) for name, e in before.estimators.items()}
+        for name, kept in before._kept.items():
+            self._kept[name].append(kept.read().at(slice(-1, None)))
+
+    def advance(self, block: Block, step_end: np.ndarray, *widenings: tuple) -> None:
+        """Take a block; step_end: index of the segment that ends each step.
+
+        widenings : of position, velocity, outputs, each added to the bounds there.
+        """
+        for name, e in self.estimators.items():
+            self._remember(name, e, e.advance(block), step_end, widenings)
+
+    def _remember(self, name: str, e: Any, bounds: Bounds, ends: np.ndarray | slice, widenings: tuple) -> None:
+        self._note(name, e, bounds, sum(float(np.max(position)) for position, *_ in widenings))
+        bounds = bounds.at(ends)
+        for widening in widenings:
+            bounds = bounds.widened(*widening)
+        self._kept[name].append(bounds.of_outputs() if self._only_outputs else bounds)
+
+    def _note(self, name: str, e: Any, bounds: Bounds, widened: float) -> None:
+        i = int(np.argmax(bounds.position))
+        if name not in self.worst or bounds.position[i] > self.worst[name].position:
+            self.worst[name] = Worst(bounds.position[i], e.instant(i), widened)
+
+    def load_steps(self, z: np.ndarray, *widenings: tuple) -> None:
+        """Take load steps z (S, k) of a static solve, which do not depend on one another."""
+        for name, e in self.estimators.items():
+            self._remember(name, e, e(z), slice(None), widenings)
+
+    def now(self, names: Collection[str]) -> list[Bounds]:
+        """Return the bounds of some estimators at the last instant."""
+        return [kept.read().at(slice(-1, None)) for name, kept in self._kept.items() if name in names]
+
+    def bounds(self) -> dict[str, Bounds]:
+        """Return the bounds of every estimator so far."""
+        return {name: kept.read() for name, kept in self._kept.items()}
+
+
+def best_output(
+    bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray, shift: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the smallest bound (r,) of the output that has some of the rows, at one instant; shift: see View."""
+    seen = [b.of_rows(part) for b in bounds]
+    return np.min([(b if view is None else seen_in(view, b, frame, shift)).outputs[0] for b in seen], axis=0)
+
+
+def best_outputs(
+    offline: Offline, now: Sequence[Bounds], frame: np.ndarray, last: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return the smallest bound of each output (r,) at the last instant; frame, last: samples recorded there."""
+    rows = list(zip(offline.outputs, offline.slices, offline.views, strict=True))
+    if offline.driven is None:
+        return {out.name: best_output(now, part, view, frame) for out, part, view in rows}
+    values, driven, pose = last["values"], last["driven_frames"], offline.scene.pose
+    shifts = (v and v.shift_between(values[:, part], frame, driven, pose) for _, part, v in rows)
+    return {out.name: best_output(now, *row, driven, x) for (out, *row), x in zip(rows, shifts, strict=True)}
+
+
+def exceeded(best: dict[str, np.ndarray], tolerance: dict[str, float]) -> list[str]:
+    """Return in words which of the bounds (r,), by output, are above their tolerance."""
+    return [
+        f"tolerance on {name!r} exceeded, {np.max(best[name]):.3g} > {limit:g}"
+        for name, limit in tolerance.items()
+        if not np.all(best[name] <= limit)
+    ]

@@ -1,0 +1,35 @@
+"""The Galerkin defect: W^T R is zero along a reduced trajectory unless a load is missing or a step was not solved."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+class Defect:
+    """The largest Galerkin residual W^T R = rows z so far, and the largest of its terms."""
+
+    def __init__(self) -> None:
+        self._left = np.zeros(1)  # the largest, in every mode
+        self._terms = 0.0  # the largest term in any mode
+        self._noise = 0.0  # what rounding may leave
+
+    def measure(self, rows: np.ndarray, z: np.ndarray, noise: float) -> None:
+        """Look at samples z (S, k)."""
+        self._left = np.maximum(self._left, np.abs(z @ rows.T).max(axis=0))
+        self._terms = max(self._terms, float(np.max(np.abs(z) @ np.abs(rows).T)))
+        self._noise = max(self._noise, noise)
+
+    def go_on(self, before: Defect) -> None:
+        """Begin with what another run has left."""
+        self._left = np.maximum(self._left, before._left)
+        self._terms, self._noise = max(self._terms, before._terms), max(self._noise, before._noise)
+
+    def share(self, floor: float) -> float:
+        """Return the largest W^T R, but for rounding, over the largest of its terms, or over the floor."""
+        terms = max(self._terms, floor)
+        return max(float(self._left.max()) - self._noise, 0.0) / terms if terms else 0.0
+
+    @property
+    def worst_mode(self) -> int:
+        """Row of W^T R that most is left in."""
+        return int(np.argmax(self._left))

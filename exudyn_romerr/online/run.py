@@ -1,0 +1,250 @@
+"""Run: bounds of one dynamic solve, fed with blocks of accepted steps; small arrays only."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..errors import RunError
+from ..trajectory.reconstruction import Linear, Quintic
+from ..trajectory.samples import Samples, checked_states, make_jumps
+from ..trajectory.segments import Cut, turn_of
+from .bound_stream import Stream, best_outputs
+from .galerkin_defect import Defect
+from .initial_condition import IN_THE_SPAN, driven_start, start_of
+from .run_record import UNKNOWN, RecordedSamples, RunRecord, SolverFacts
+from .summary import assemble
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from ..offline.prepared import Offline
+    from ..report.report import BoundReport
+    from ..residual.round_off import Rounded
+    from ..trajectory.bounds import Bounds
+    from ..trajectory.segments import Block, Start
+
+BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
+
+
+class Opening(NamedTuple):
+    """The first sample of a run, and the run that it goes on from or what the estimators start with.
+
+    rest : inputs (p,) that the full body is in equilibrium with before, after a static run.
+    """
+
+    first: Samples
+    before: Run | None
+    start: Start | None
+    rest: np.ndarray | None = None
+
+
+class Extension(NamedTuple):
+    """Further samples, and stream -> (their segments, index of the segment that ends each step).
+
+    frame : (S, 24), where a frame that moves as a function of time says is at the samples; None: as the run has it.
+    """
+
+    new: Samples
+    segments: dict[str, tuple[Block, np.ndarray]]
+    frame: np.ndarray | None = None
+
+
+class Run:
+    """The bounds along one dynamic solve."""
+
+    companion: Run | None = None  # of the trajectory with auxiliary vectors, whose bounds are this body's too
+    is_static = False
+
+    def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN):
+        self.offline, self.solver = offline, solver
+        self.messages: list[str] = []
+        self._defect = Defect()
+        self._recorded = RecordedSamples(offline)
+        self._last: Samples | None = None
+        self._rest: np.ndarray | None = None  # where a frame at rest is
+        self._settled = slice(None)
+        self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
+        layout = offline.coordinates
+        self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
+        self._segmenters = {"reduction": Linear(layout, self._jumps)}
+        if offline.time == "reconstructed":
+            root = offline.mass_root if offline.scene.turns else None
+            choice = (offline.measure, offline.omega_1, root)
+            self._segmenters["total"] = Quintic(layout, self._jumps, offline.signal, *choice, offline.driven)
+        last = list(self._segmenters)[-1]
+        self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
+        if offline.initial is not None:
+            self._streams["initial"] = Stream(offline.estimators, only_outputs=True)
+
+    @property
+    def _total(self) -> Stream:
+        return self._streams.get("total", self._streams["reduction"])
+
+    def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
+        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
+
+        after: a run whose last state this one starts in; its bounds go on. After a static run the full body starts in
+        its own equilibrium under the static run's last loads (the run's offline part must be `from_static`).
+        """
+        self.open(self.opening(t, q, q_t, q_tt, u, frame, after))
+
+    def opening(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None, rest=None) -> Opening:
+        """Check the first sample; `open` begins with what is returned here. rest: see Opening."""
+        first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u, frame)
+        if after is not None and not after.is_static:
+            return Opening(first, after, None)
+        rest = rest if after is None else after._inputs_given[0]
+        start = start_of(self.offline, first, self._jumps, rest)
+        if start.y0 is None and (first.q.any() or first.q_t.any()):
+            self.messages.append(IN_THE_SPAN)
+        return Opening(first, None, start, rest)
+
+    def open(self, opening: Opening) -> None:
+        """Begin the run."""
+        first, before, start, _ = opening
+        self._own = self.offline.own_motion(start) if before is None else before._own
+        rounded = self.offline.rounded(first, self._own)
+        if start is not None:
+            for name in self._segmenters:
+                start = start if name != "total" else driven_start(self.offline, first, start)
+                self._streams[name].start(start, rounded)
+            if "initial" in self._streams:
+                self._streams["initial"].start(replace(start, z=0 * start.z))
+        else:
+            for name, stream in self._streams.items():
+                stream.go_on(before._streams[name])
+            self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
+            self._defect.go_on(before._defect)
+        self._record(first, rounded, self.offline.driven_frame(first))
+
+    def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
+        """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
+        if self._last is None:
+            raise RunError("extend was called before start; give the first sample to start")
+        if np.size(t):
+            self.advance(self.extension(t, q, q_t, q_tt, u, frame))
+
+    def extension(self, t, q, q_t, q_tt, u=None, frame=None) -> Extension:
+        """Check further samples and make segments of them; `advance` goes on with what is returned here."""
+        new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
+        samples = new.after(self._last)
+        segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
+        cut = Cut.between(samples.cut)
+        for block, _ in segments.values():
+            if not block.is_driven:
+                block.turn, block.cut = turn_of(block, samples.frame) if self.offline.scene.turns else None, cut
+        frame = self.offline.driven_frame(samples)
+        return Extension(new, segments, frame if frame is None else frame[1:])
+
+    def advance(self, extension: Extension) -> None:
+        """Go on by checked samples."""
+        new, segments, frame = extension
+        rounded = self.offline.rounded(new, self._own)
+        for name, (block, step_end) in segments.items():
+            skipped = [] if block.skipped is None else [self.offline.distance_of(block.skipped[step_end])]
+            self._streams[name].advance(block, step_end, rounded, *skipped)
+        if "initial" in self._streams:
+            block, step_end = segments["reduction"]
+            self._streams["initial"].advance(replace(block, c=0 * block.c, joint=None, added=None), step_end)
+        self._record(new, rounded, frame)
+
+    def best_now(self) -> dict[str, np.ndarray]:
+        """Return the smallest bound of each output (r,) at the last step given."""
+        frame, widest = self._last.frame, self.offline.scene.widest(self.assumptions())
+        totals = [run._total for run in (self, self.companion) if run is not None]
+        now = [bounds for total in totals for bounds in total.now(widest)]
+        return best_outputs(self.offline, now, frame, self._recorded.read(slice(-1, None)))
+
+    def estimators(self, stream: str) -> dict[str, Any]:
+        """Return the estimators of a stream as they stand now."""
+        return self._streams[stream].estimators
+
+    @property
+    def defect(self) -> float:
+        """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
+        return self._defect.share(self.solver.floor)
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return self._inputs_given.shape[1]
+
+    @property
+    def last_time(self) -> float:
+        """Time of the last sample."""
+        return float(self._recorded.t.read()[self._settled][-1])
+
+    def settle(self) -> None:
+        """Let only the samples so far count: later ones may be bounded in part when something fails."""
+        self._settled = slice(len(self._recorded.t))
+
+    @property
+    def time(self) -> str:
+        """What the bounds cover of time: "reconstructed", "sampled", or "static"."""
+        return self.offline.time
+
+    def report(self) -> BoundReport:
+        """Return what was bounded so far; RunError before the first sample."""
+        if self._last is None:
+            raise RunError("report was asked before the first sample of the run")
+        return assemble(self.record())
+
+    def record(self) -> RunRecord:
+        """Return what was found so far."""
+        quintic = self._segmenters.get("total")
+        return RunRecord(
+            offline=self.offline,
+            solver=self.solver,
+            time=self.time,
+            **self._recorded.read(self._settled),
+            streams=self.streams(),
+            assumptions=self.assumptions(),
+            nodes=self.node_bounds,
+            messages=tuple(self.messages),
+            defect=self.defect,
+            worst_mode=self._defect.worst_mode,
+            rounding_share=None if quintic is None else quintic.rounding_share,
+            largest_miss=None if quintic is None else quintic.largest_miss,
+        )
+
+    def streams(self) -> dict[str, dict[str, Bounds]]:
+        """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
+        found = {name: stream.bounds() for name, stream in self._streams.items()}
+        for name in found if self.companion is not None else ():
+            found[name].update(self.companion._streams[name].bounds())
+        found = {name: {e: b.at(self._settled) for e, b in bounds.items()} for name, bounds in found.items()}
+        return {"total": found["reduction"], **found}
+
+    def node_bounds(self) -> dict[str, np.ndarray]:
+        """Return the bounds at every node at the worst instant, by every estimator; full-size work."""
+        own = self.offline.nodes(self._total.worst)
+        return own if self.companion is None else {**own, **self.companion.node_bounds()}
+
+    def assumptions(self) -> dict[str, str]:
+        """Return what each estimator assumes."""
+        own = {name: e.assumes for name, e in self._total.estimators.items()}
+        return own if self.companion is None else {**own, **self.companion.assumptions()}
+
+    def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame=None) -> Samples:
+        last = -np.inf if self._last is None else float(self._last.t[-1])
+        states = checked_states(t, (q, q_t, q_tt), self.offline.coordinates.n, last)
+        frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
+        u, cut = self.offline.checked_inputs(t, u), np.zeros((len(t), 0))
+        if not self.offline.scene.corrected:  # what its balance lacks is in its bounds
+            layout, rows = self.offline.balance
+            z, jitter = layout(*states, u), self.offline.scene.jitter
+            if jitter is not None:
+                self._rest = frame[0] if self._last is None else self._rest
+                z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
+            self._defect.measure(rows, z, self.offline.rounding.in_balance(states[0]))
+        self._inputs_given = u[-1:]  # as they are, also where they are packed below
+        if self.offline.packing is not None:
+            u, cut = self.offline.packing(u)
+        return Samples(t, *states, u, frame, cut)
+
+    def _record(self, new: Samples, rounded: Rounded, driven: np.ndarray | None = None) -> None:
+        self._recorded.append(new, rounded, self._own, new.frame if driven is None else driven)
+        self._last = new.part(slice(-1, None))

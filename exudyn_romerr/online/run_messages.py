@@ -1,0 +1,114 @@
+"""Messages at the head of a report: uncertified balance, early end, inputs that are not followed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..trajectory.reconstruction import ROUNDING_SHARE
+
+if TYPE_CHECKING:
+    from .run_record import RunRecord
+
+GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
+TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
+RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
+FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
+MOTION_JUMPS = (
+    "loads or accelerations of the prescribed motion change within single steps: up to {:.1e} of the largest is not "
+    "followed by the reconstruction (estimated, and added to the bounds): let the motion change more smoothly, or "
+    "take smaller steps"
+)
+UNCHECKED = (
+    "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
+    "noticed. No bound of this run is certified; add eigenmodes"
+)
+NO_OUTPUTS = (
+    "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
+    "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "
+    "velocity on mesh nodes to a body in a floating frame"
+)
+
+
+def run_messages(run: RunRecord) -> list[str]:
+    """Return the messages of a run, the gravest first."""
+    return [
+        *_first_only(run),
+        *_defect(run),
+        *_no_outputs(run),
+        *run.messages,
+        *(run.offline.notes if run.time != "static" else ()),
+        *_end(run),
+        *_between_samples(run),
+        *_single(run),
+    ]
+
+
+def is_balanced(run: RunRecord) -> bool:
+    """Whether the Galerkin defect could be measured, and is what the solver's tolerance leaves."""
+    return run.offline.scene.checked and run.defect <= _limit(run)
+
+
+def _limit(run: RunRecord) -> float:
+    return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
+
+
+def _first_only(run: RunRecord) -> list[str]:
+    return [] if run.time == "static" or len(run.t) > 1 else ["only the first instant was bounded"]
+
+
+def _defect(run: RunRecord) -> list[str]:
+    if not run.offline.scene.checked:
+        return [UNCHECKED]
+    if is_balanced(run):
+        return []
+    return [
+        f"Galerkin defect {run.defect:.1e} of the largest term, in mode {run.worst_mode} (expected below "
+        f"{_limit(run):.1e}): a load on the body is not known here, or depends on more than time, or damping "
+        "differs, or a step was too long to be solved well. No bound of this run is certified: it holds for the "
+        "loads known"
+    ]
+
+
+def _no_outputs(run: RunRecord) -> list[str]:
+    return [] if any(out.is_requested for out in run.offline.outputs) else [NO_OUTPUTS]
+
+
+def _single(run: RunRecord) -> list[str]:
+    names = run.offline.single
+    if not names:
+        return []
+    return [
+        f"{', '.join(names)} came in fewer than 16 digits: bounds are those of the numbers as they are; what their "
+        "rounding alone may move is report.output(name).round_off"
+    ]
+
+
+def _end(run: RunRecord) -> list[str]:
+    last, end = float(run.t[-1]), run.solver.end_time
+    if end is None or last >= end * (1 - 1e-9):
+        return []
+    return [f"the run ends at t = {last:g} s; the solver was to go to {end:g} s"]
+
+
+def _between_samples(run: RunRecord) -> list[str]:
+    offline = run.offline
+    if run.time == "static":
+        return []
+    if offline.scene.pose is not None and offline.signal is None and offline.driven is None:
+        return [FROM_SAMPLES]
+    if run.rounding_share is None:
+        return []
+    if run.rounding_share > ROUNDING_SHARE:
+        share = f"{min(100 * run.rounding_share, 100):.0f} %"
+        return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
+    if offline.signal is None and offline.coordinates.p and offline.driven is None:
+        return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
+    if run.largest_miss > RESOLVED and offline.driven is not None:
+        return [MOTION_JUMPS.format(run.largest_miss)]
+    if run.largest_miss > RESOLVED:
+        return [
+            f"the inputs change within single steps: up to {run.largest_miss:.1e} of their largest value is "
+            "not followed by the reconstruction (estimated, and added to the bounds): give jump times as jumps=, "
+            "or take smaller steps"
+        ]
+    return []

@@ -1,0 +1,92 @@
+"""RunRecord: what a run has found, frozen; reports and messages are made from it. SolverFacts: what it was told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from ..trajectory.growing_array import GrowingArray
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+
+    from ..offline.prepared import Offline
+    from ..residual.round_off import Rounded
+    from ..trajectory.bounds import Bounds
+    from ..trajectory.samples import Samples
+
+
+class SolverFacts(NamedTuple):
+    """What the solver of a run tells about itself.
+
+    end_time : where it was to go, None if not known. newton_tolerance : relative. floor : size of terms of W^T R that
+    cancelled before they came here.
+    """
+
+    end_time: float | None = None
+    newton_tolerance: float = 0.0
+    floor: float = 0.0
+
+
+UNKNOWN = SolverFacts()
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """A run up to some instant.
+
+    time : what the bounds cover of time, "reconstructed", "sampled", or "static".
+    t (T,), values (T, R), round_off (T, R), frames, driven_frames (T, 24) or (0,) : samples, output rows of the
+    reduced body, what rounding of the input may move these by, motion of the frame if outputs need it, as the run has
+    it, and as a function of time says, if one does.
+    streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
+    nodes : bounds at every node, on demand. messages : what was noted along the run.
+    defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
+    rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
+    """
+
+    offline: Offline
+    solver: SolverFacts
+    time: str
+    t: np.ndarray
+    values: np.ndarray
+    round_off: np.ndarray
+    frames: np.ndarray
+    driven_frames: np.ndarray
+    streams: dict[str, dict[str, Bounds]]
+    assumptions: dict[str, str]
+    nodes: Callable[[], dict[str, np.ndarray]]
+    messages: tuple[str, ...]
+    defect: float
+    worst_mode: int
+    rounding_share: float | None
+    largest_miss: float | None
+
+
+class RecordedSamples:
+    """What is kept of samples along a run: t, output rows, their round-off, and frames if outputs need them."""
+
+    def __init__(self, offline: Offline):
+        self._offline = offline
+        self.t, self._values, self._round_off, self._frames, self._driven_frames = (GrowingArray() for _ in range(5))
+
+    def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray, driven: np.ndarray) -> None:
+        """Keep further samples; rounded: what rounding of the computation may move there; own: see RoundOff.
+
+        driven: frames as a function of time says, or those of the samples.
+        """
+        self.t.append(new.t)
+        self._values.append(self._offline.outputs_of(new.q, new.q_t))
+        of_input = self._offline.input_rounding
+        self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u, own) if of_input else rounded).outputs)
+        if any(self._offline.views):  # outputs in global axes
+            self._frames.append(new.frame)
+            self._driven_frames.append(driven)
+
+    def read(self, index: slice) -> dict[str, np.ndarray]:
+        """Return the fields t, values, round_off, frames of a RunRecord."""
+        kept = {"t": self.t, "values": self._values, "round_off": self._round_off, "frames": self._frames}
+        kept["driven_frames"] = self._driven_frames
+        return {name: rows.read()[index] for name, rows in kept.items()}

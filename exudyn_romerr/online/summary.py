@@ -1,0 +1,148 @@
+"""From the bounds of a run to its report: the best bound, the corrected output, the causes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..report.provenance import made_here
+from ..report.report import BoundReport, OutputReport
+from ..report.scope import FROZEN, NOT_CERTIFIED
+from ..trajectory.bounds import seen_in
+from .run_messages import is_balanced, run_messages
+
+if TYPE_CHECKING:
+    from ..model.global_axes import View
+    from ..model.outputs import Output
+    from ..offline.prepared import Offline
+    from ..trajectory.bounds import Bounds
+    from .run_record import RunRecord
+
+
+def assemble(run: RunRecord) -> BoundReport:
+    """Return the report of what the run has bounded so far."""
+    offline, t, total, scene = run.offline, run.t, run.streams["total"], run.offline.scene
+    return BoundReport(
+        t=t,
+        position_bound={name: b.position for name, b in total.items()},
+        velocity_bound={name: b.velocity for name, b in total.items()},
+        outputs=_output_reports(run, is_requested=True),
+        scope={name: scene.scope_of(name) for name in total},
+        scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else NOT_CERTIFIED])),
+        reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
+        plan=offline.plan,
+        messages=run_messages(run),
+        time=run.time,
+        total_mass=offline.total_mass,
+        nodes=run.nodes,
+        made=made_here(),
+    )
+
+
+def internal_reports(run: RunRecord) -> dict[str, OutputReport]:
+    """Return the outputs beside those that were asked for."""
+    return _output_reports(run, is_requested=False)
+
+
+def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputReport]:
+    """Return the outputs that were asked for, or (is_requested=False) the internal ones beside them."""
+    offline, streams = run.offline, run.streams
+    widest, found = offline.scene.widest(streams["total"]), {}
+    for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
+        if out.is_requested == is_requested:
+            rows = (run.values[:, part], run.round_off[:, part], _rows_of(streams, part))
+            seen = rows if view is None else _seen(view, rows, run.frames, run.driven_frames, offline)
+            found[out.name] = _output_report(out, *seen, widest)
+    return found
+
+
+def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, dict[str, Bounds]]:
+    """The bounds of one output's rows."""
+    return {stream: {name: b.of_rows(part) for name, b in bounds.items()} for stream, bounds in streams.items()}
+
+
+def _seen(view: View, rows: tuple, frames: np.ndarray, driven: np.ndarray, offline: Offline) -> tuple:
+    """Values, round-off and bounds of an output in global axes; the total error holds where the frame really is."""
+    values, round_off, streams = rows
+    turned = {name: {e: seen_in(view, b, frames) for e, b in bounds.items()} for name, bounds in streams.items()}
+    if offline.driven is not None:
+        shift = view.shift_between(values, frames, driven, offline.scene.pose)
+        turned["total"] = {e: seen_in(view, b, driven, shift) for e, b in streams["total"].items()}
+    spread = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
+    return view.values(values, frames, offline.scene.pose), spread, turned
+
+
+def _output_report(
+    out: Output, value: np.ndarray, round_off: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str]
+) -> OutputReport:
+    bound = _with_best(streams["total"], widest)
+    corrected, corrected_bound = _corrected(value, [streams["total"][name] for name in widest])
+    return OutputReport(
+        name=out.name,
+        unit=out.unit,
+        of=out.of,
+        value=value,
+        round_off=round_off,
+        bound=bound,
+        reduction_bound=_with_best(streams["reduction"], widest),
+        corrected=corrected,
+        corrected_bound=corrected_bound,
+        causes=_causes(bound["best"], streams, widest),
+        labels=out.labels,
+    )
+
+
+def _with_best(bounds: dict[str, Bounds], widest: list[str]) -> dict[str, np.ndarray]:
+    outputs = {name: b.outputs for name, b in bounds.items()}
+    return {**outputs, "best": np.min([outputs[name] for name in widest], axis=0)}
+
+
+def _corrected(value: np.ndarray, bounds: list[Bounds]) -> tuple[np.ndarray | None, np.ndarray | None]:
+    known = [b for b in bounds if b.correction is not None]
+    if not known:
+        return None, None
+    best = min(known, key=lambda b: np.max(b.correction_bound))
+    return value + best.correction, best.correction_bound
+
+
+def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str]) -> dict[str, np.ndarray]:
+    """Shares of the best bound by cause, each (T, r), with sum `best`.
+
+    The bound of the initial error alone, the share of load jumps, what the sampled residual adds to these (the basis)
+    and what the reconstruction adds to that (the time step), scaled to the sum.
+    """
+    reduction = _with_best(streams["reduction"], widest)["best"]
+    initial = _with_best(streams["initial"], widest)["best"] if "initial" in streams else np.zeros_like(best)
+    jumped = [b.jumped for b in streams["total"].values() if b.jumped is not None]
+    jumps = np.min(jumped, axis=0) if jumped else np.zeros_like(best)
+    # a part may be inf where its sum is not: the square of an expanded residual that cancelled at a sample
+    reduction, initial, jumps = (np.minimum(part, best) for part in (reduction, initial, jumps))
+    with np.errstate(invalid="ignore"):  # inf - inf: sorted out below
+        weights = {
+            "basis": np.maximum(reduction - initial - jumps, 0.0),
+            "time step": np.maximum(best - reduction, 0.0),
+            "initial": initial,
+            "jumps": jumps,
+        }
+        total = sum(weights.values())
+        scale = np.where(total > 0, best / np.where(total > 0, total, 1.0), 0.0)
+        shares = {name: scale * weight for name, weight in weights.items()}
+    # an infinite bound has no shares: all of it is put down to the basis
+    return {name: np.where(np.isfinite(best), x, np.inf if name == "basis" else 0.0) for name, x in shares.items()}
+
+
+def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Offline) -> str:
+    text = f"assumes {assumes}"
+    if offline.scene.coupled and offline.scene.scope_of(name) == FROZEN:
+        text += f"; {offline.scene.frozen}"
+    finite = np.isfinite(bounds.position)
+    if finite.all():
+        return text
+    why = "the residual's square cancelled below zero"
+    if offline.scene.turns:
+        why = (
+            f"the frame turns faster than the body's lowest frequency in it ({offline.omega_1:.4g} rad/s), or the "
+            "bound grew beyond all numbers"
+        )
+    return f"{text}; inf from t = {t[np.argmin(finite)]:g} s: {why}"

@@ -1,0 +1,103 @@
+"""What a report consists of: the fields that words, files and pictures of it are made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ..checks import check_choice
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Readable with print().
+
+    computed : lines; left_out : (what, why) pairs.
+    """
+
+    computed: tuple[str, ...]
+    left_out: tuple[tuple[str, str], ...]
+
+    def __str__(self) -> str:
+        lines = ["computed:", *(f"  {line}" for line in self.computed)]
+        if self.left_out:
+            lines += ["left out:", *(f"  {what}: {why}" for what, why in self.left_out)]
+        return "\n".join(lines)
+
+
+@dataclass
+class OutputData:
+    """The fields of OutputReport, which describes them."""
+
+    name: str
+    unit: str
+    of: str
+    value: np.ndarray
+    round_off: np.ndarray
+    bound: dict[str, np.ndarray]
+    reduction_bound: dict[str, np.ndarray]
+    corrected: np.ndarray | None
+    corrected_bound: np.ndarray | None
+    causes: dict[str, np.ndarray]
+    error: np.ndarray | None = None
+    effectivity: dict[str, np.ndarray] = field(default_factory=dict)
+    labels: tuple[str, ...] = ()
+
+    @property
+    def row_names(self) -> list[str]:
+        """How the rows are called: "tip x", "tip y"; "tip row 1" without labels; "tip" if there is only one."""
+        count = self.value.shape[1]
+        labels = self.labels or [f"row {row + 1}" for row in range(count)]
+        return [self.name] if count == 1 else [f"{self.name} {label}" for label in labels]
+
+
+@dataclass(repr=False)
+class ReportData:
+    """The fields of BoundReport, which describes them."""
+
+    t: np.ndarray
+    position_bound: dict[str, np.ndarray]
+    velocity_bound: dict[str, np.ndarray]
+    outputs: dict[str, OutputData]
+    scope: dict[str, str]
+    scope_reason: str
+    reasons: dict[str, str]
+    plan: Plan
+    messages: list[str]
+    time: str
+    total_mass: float | None
+    nodes: Callable[[], dict] | dict | None = None
+    made: dict[str, str] = field(default_factory=dict)
+    origin: str = ""
+
+    @property
+    def node_bound(self) -> dict[str, np.ndarray]:
+        """Bound of the displacement's error at every mesh node (nodes,), by every estimator, at its worst instant.
+
+        Computed when first asked for, one solve with K for every coordinate; saved if it was asked for before.
+
+        Raises
+        ------
+        InputError
+            A body without node positions, or a loaded report that was saved without.
+        """
+        if callable(self.nodes):
+            self.nodes = self.nodes()
+        if self.nodes is None:
+            raise InputError("node_bound was not saved with this report; ask for it before save() or pickling")
+        return self.nodes
+
+    def __getstate__(self) -> dict:
+        """Leave out what would compute node_bound: it holds the whole run, and cannot be pickled."""
+        return {**self.__dict__, "nodes": None if callable(self.nodes) else self.nodes}
+
+    def output(self, name: str) -> OutputData:
+        """Return the output of that name; InputError lists the known ones."""
+        check_choice("output", name, self.outputs)
+        return self.outputs[name]

@@ -1,0 +1,96 @@
+"""A report as columns over time: for pandas, and as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from itertools import count
+from typing import TYPE_CHECKING
+
+from ..wording import under
+from .atomic_write import write_whole
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+    from typing import BinaryIO
+
+    import numpy as np
+
+    from ..data import OutputData, ReportData
+
+
+def columns(report: ReportData) -> dict[str, np.ndarray]:
+    """Return everything over time, so that pandas.DataFrame(columns(report)) is a table.
+
+    Parameters
+    ----------
+    report : BoundReport
+
+    Returns
+    -------
+    dict
+        Name -> (T,). "t [s]" ("load factor" of a static solve); then for every row of every output, here tip z in m,
+        "tip z [m]", "tip z bound [m]" (the best), "tip z bound auxiliary [m]" (each estimator), "tip z corrected [m]"
+        and "tip z corrected bound [m]" (with auxiliary modes), "tip z round-off [m]", "tip z true error [m]" (if a
+        truth was compared); then "position bound auxiliary" and "velocity bound auxiliary" of |e|_M and |e'|_M. Where
+        the scope is not complete the names of bounds say so: "tip z bound, inputs frozen [m]", or ", to first order".
+
+    Notes
+    -----
+    A name that is there already gets " (2)". An unknown bound is inf. Does not cover: causes and node_bound, which
+    save() keeps.
+    """
+    found: dict[str, np.ndarray] = {}
+    for name, x in _named(report):
+        found[name if name not in found else _another(name, found)] = x
+    return found
+
+
+def write_csv(report: ReportData, path: str | os.PathLike) -> None:
+    """Write columns(report) as CSV (RFC 4180, a header, decimal points, all digits; inf for no finite bound).
+
+    UTF-8; with a byte order mark if a name has other letters than English ones, for Excel would misread them.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written; one that was there is as it was.
+    """
+    write_whole(path, lambda stream: _write(report, stream))
+
+
+def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
+    yield "load factor" if report.time == "static" else "t [s]", report.t
+    for out in report.outputs.values():
+        for row, name in enumerate(out.row_names):
+            for what, x in _series(out, report.scope):
+                yield " ".join(filter(None, [name, what, f"[{out.unit}]"])), x[:, row]
+    for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
+        yield from ((f"{kind} bound {e}{under(report.scope, e)}", x) for e, x in bounds.items())
+
+
+def _series(out: OutputData, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
+    yield "", out.value
+    yield f"bound{under(scope)}", out.bound["best"]
+    yield from ((f"bound {e}{under(scope, e)}", x) for e, x in out.bound.items() if e != "best")
+    if out.corrected is not None:
+        yield "corrected", out.corrected
+        yield f"corrected bound{under(scope)}", out.corrected_bound
+    yield "round-off", out.round_off
+    if out.error is not None:
+        yield "true error", out.error
+
+
+def _another(name: str, found: dict) -> str:
+    return next(other for i in count(2) if (other := f"{name} ({i})") not in found)
+
+
+def _write(report: ReportData, stream: BinaryIO) -> None:
+    table = columns(report)
+    encoding = "utf-8" if all(map(str.isascii, table)) else "utf-8-sig"
+    text = io.TextIOWrapper(stream, encoding=encoding, newline="")
+    writer = csv.writer(text)
+    writer.writerow(table)
+    writer.writerows(zip(*(x.tolist() for x in table.values()), strict=True))
+    text.detach()  # flushed; the stream is not ours to close

@@ -1,0 +1,219 @@
+"""A report as one HTML page that needs no other file, no script and no network."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..plots.over_time import draw_bounds, draw_causes, draw_signal
+from ..plots.style import DPI, SIZE, new_figure, of_one_size
+from ..provenance import made_here
+from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
+from ..wording import (
+    advises,
+    best_estimator,
+    corrected_within,
+    instant,
+    is_uncertified,
+    outside,
+    rounded_up,
+    sentence,
+    under,
+)
+from .atomic_write import write_whole
+from .html_elements import CSS, items, numbers, paragraph, section, table, words
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ..data import OutputData, ReportData
+
+MEANINGS = {
+    COMPLETE: "loads and supports do not depend on how the body deforms: the bound is that of the full body",
+    COUPLED: "joints, springs and other bodies react to the body's error: covered to first order; time steps are not",
+    FROZEN: "the bound holds for the full body under the frame motion, loads and wrenches of this run; what the "
+    "mechanism makes of the error is not covered",
+}
+TIME_WORDS = {
+    "reconstructed": "The error of the time integration is included.",
+    "sampled": "The error of the time integration is not covered, nor what the residual does between the samples.",
+    "static": "A static solve: there is no time integration.",
+}
+NEVER = "Never covered: the finite-element model itself, its mesh, material and linearity."
+RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
+
+
+def write_page(report: ReportData, path: str | os.PathLike) -> None:
+    """Write the page of a report.
+
+    Parameters
+    ----------
+    report : BoundReport
+    path : str or os.PathLike
+        Such as "run.html".
+
+    Raises
+    ------
+    InputError
+        The file cannot be written; one that was there is as it was.
+    """
+    text = page(report).encode("utf-8")
+    write_whole(path, lambda stream: stream.write(text))
+
+
+def page(report: ReportData) -> str:
+    """Return the page as text: verdicts, messages, scope, figures, tables, plan, versions, how to make it again."""
+    title = f"Error bounds of {os.path.basename(report.origin) or 'a run'}"
+    safe = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+    parts = [
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}</title>',
+        f'<meta http-equiv="Content-Security-Policy" content="{safe}">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',
+        f"<style>{CSS}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>",
+        paragraph(_extent(report), "extent"),
+        *(['<p><a href="#messages">Read the messages below, too.</a></p>'] if report.messages else []),
+        *_verdicts(report),
+        section("Messages", items(report.messages) if report.messages else paragraph("None.")),
+        section("What the bounds cover", *_scope(report)),
+        section("Figures", *_figures(report)),
+        section("Tables", *_tables(report)),
+        section("Plan", *_plan(report)),
+        section("Versions", _versions(report)),
+        section("Make it again", *_again(report)),
+        "</body>\n</html>\n",
+    ]
+    return "\n".join(parts)
+
+
+def _extent(report: ReportData) -> str:
+    axis, unit = ("load factor", "") if report.time == "static" else ("t", " s")
+    made = f", computed {report.made['date']} by {report.made['script']}" if report.made else ""
+    return f"{len(report.t)} instants, {axis} = {report.t[0]:g} ... {report.t[-1]:g}{unit}{made}"
+
+
+def _rows(report: ReportData) -> Iterator[tuple[OutputData, int, str]]:
+    for out in report.outputs.values():
+        yield from ((out, row, name) for row, name in enumerate(out.row_names))
+
+
+def _verdicts(report: ReportData) -> Iterator[str]:
+    if not report.outputs:
+        yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
+    for out, row, name in _rows(report):
+        said = sentence(out, row, report.time, report.scope, advises(report)).removeprefix(name)
+        notes = paragraph(" ".join(_notes(report, out, row)), "note")
+        yield f'<div class="verdict">\n<p><b>{escape(name)}</b>{words(said)}</p>\n{notes}</div>'
+
+
+def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
+    best = best_estimator(out, row, report.scope)
+    certain = f", {NOT_CERTIFIED}: see the messages" if is_uncertified(report) else ""
+    yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
+    if not np.isfinite(np.max(out.bound["best"][:, row])):
+        yield f"That estimator {report.reasons[best]}."
+    if out.corrected is not None:
+        said = corrected_within(out, out.corrected_bound[:, row], report.scope)
+        yield f"{said[0].upper()}{said[1:]}."
+    if out.error is not None:
+        largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
+        yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}."
+        if words_of := outside(out, row):
+            yield f"{words_of}."
+
+
+def _scope(report: ReportData) -> Iterator[str]:
+    rows = [(f"'{e}'", scope, MEANINGS[scope], report.reasons[e]) for e, scope in report.scope.items()]
+    yield table("", ("estimator", "scope", "which means", "assumptions"), rows)
+    if report.scope_reason:
+        yield paragraph(f"Why: {report.scope_reason}.")
+    yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}")
+
+
+def _figures(report: ReportData) -> Iterator[str]:
+    for out, row, name in _rows(report):
+        text = f"{name}: signal with its error bound; bounds over time; where the bound comes from"
+        source = _picture(report, out.name, row)
+        yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
+
+
+@of_one_size
+def _picture(report: ReportData, name: str, row: int) -> str:
+    """Three pairs of axes as a data address."""
+    figure = new_figure(1.25 * SIZE[0], 3 * SIZE[1])
+    axes = figure.subplots(3, 1, sharex=True)
+    for ax, draw in zip(axes, (draw_signal, draw_bounds, draw_causes), strict=True):
+        draw(ax, report, name, row)
+        ax.tick_params(labelbottom=True)
+    kind, mime = ("svg", "svg+xml") if len(report.t) <= RASTER_FROM else ("png", "png")
+    stream = io.BytesIO()
+    figure.savefig(stream, format=kind, dpi=DPI)
+    return f"data:image/{mime};base64,{base64.b64encode(stream.getvalue()).decode()}"
+
+
+def _tables(report: ReportData) -> Iterator[str]:
+    estimators = list(report.scope)
+    if report.outputs:
+        head = (
+            "output",
+            "largest value",
+            *(f"bound '{e}'{under(report.scope, e)}" for e in estimators),
+            "corrected within",
+            "round-off",
+        )
+        rows = [_output_row(report, out, row, name, estimators) for out, row, name in _rows(report)]
+        yield numbers("Largest bounds of outputs, and when", head, rows)
+    divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
+    what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
+    rows = [
+        (
+            f"'{e}'{under(report.scope, e)}",
+            *(_largest(report, bound[e] / divisor) for bound in (report.position_bound, report.velocity_bound)),
+        )
+        for e in report.position_bound
+    ]
+    head = ("estimator", "bound of the error of position", "of velocity")
+    yield numbers(f"The whole body, {what}, in the units of the model", head, rows)
+
+
+def _output_row(report: ReportData, out: OutputData, row: int, name: str, estimators: list[str]) -> list[str]:
+    bounds = []
+    for e in estimators:
+        truth = f"\n/ true error: {out.effectivity[e][row]:.3g}" if out.effectivity else ""
+        bounds.append(_largest(report, out.bound[e][:, row], out.unit) + truth)
+    corrected = "" if out.corrected is None else _largest(report, out.corrected_bound[:, row], out.unit)
+    values, floor = (f"{np.max(np.abs(x[:, row])):.3g} {out.unit}" for x in (out.value, out.round_off))
+    return [name, values, *bounds, corrected, floor]
+
+
+def _largest(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
+    when = instant(report.time, report.t[np.argmax(bound)])
+    if not np.isfinite(np.max(bound)):
+        return f"infinite\nfrom {when}"
+    return f"{rounded_up(np.max(bound))} {unit}".strip() + f"\nat {when}"
+
+
+def _plan(report: ReportData) -> Iterator[str]:
+    yield items(report.plan.computed)
+    if report.plan.left_out:
+        yield table("Left out, and why", ("what", "why"), report.plan.left_out)
+
+
+def _versions(report: ReportData) -> str:
+    run, here = report.made, made_here()
+    rows = [(name, run.get(name, "not recorded"), here.get(name, "not loaded")) for name in {**run, **here}]
+    return table("", ("", "bounds", "this page"), rows)
+
+
+def _again(report: ReportData) -> Iterator[Any]:
+    if not report.origin:
+        yield paragraph('This report was not saved: report.save("run.npz") keeps its numbers.')
+        return
+    yield paragraph("This page, the summary and all numbers over time, from the saved report:")
+    commands = [f'romerr {what} "{report.origin}"' for what in ("report", "show", "csv")]
+    calls = ["import exudyn_romerr as romerr", f"report = romerr.load_report({report.origin!r})", "print(report)"]
+    yield from (f"<pre>{escape(chr(10).join(lines))}</pre>" for lines in (commands, calls))

@@ -1,0 +1,57 @@
+"""Saves a report as npz: plain arrays, and one JSON text beside them; report/load.py reads it again."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .atomic_write import write_whole
+
+if TYPE_CHECKING:
+    import os
+
+    from ..data import ReportData
+
+DICTS = ("bound", "reduction_bound", "causes", "effectivity")  # fields of an output that are dicts of arrays
+OPTIONAL = ("corrected", "corrected_bound", "error")  # fields that may be None
+FORMAT = 2  # of the saved file; a file of another format is refused
+
+
+def write_npz(report: ReportData, path: str | os.PathLike) -> None:
+    """Write everything to one .npz file; InputError if it cannot be written."""
+    arrays, meta = _arrays(report), np.array(json.dumps(_meta(report)))
+    write_whole(path, lambda stream: np.savez_compressed(stream, meta=meta, **arrays))
+
+
+def _arrays(report: ReportData) -> dict[str, np.ndarray]:
+    arrays = {"t": report.t}
+    arrays.update({f"position/{e}": x for e, x in report.position_bound.items()})
+    arrays.update({f"velocity/{e}": x for e, x in report.velocity_bound.items()})
+    if isinstance(report.nodes, dict):
+        arrays.update({f"node/{e}": x for e, x in report.nodes.items()})
+    for i, out in enumerate(report.outputs.values()):
+        arrays[f"output/{i}/value"], arrays[f"output/{i}/round_off"] = out.value, out.round_off
+        for kind in OPTIONAL:
+            if getattr(out, kind) is not None:
+                arrays[f"output/{i}/{kind}"] = getattr(out, kind)
+        for kind in DICTS:
+            arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
+    return arrays
+
+
+def _meta(report: ReportData) -> dict:
+    return {
+        "format": FORMAT,
+        "outputs": [(out.name, out.unit, out.of) for out in report.outputs.values()],
+        "labels": [out.labels for out in report.outputs.values()],
+        "made": report.made,
+        "scope": report.scope,
+        "scope_reason": report.scope_reason,
+        "reasons": report.reasons,
+        "plan": [report.plan.computed, report.plan.left_out],
+        "messages": report.messages,
+        "time": report.time,
+        "total_mass": report.total_mass,
+    }

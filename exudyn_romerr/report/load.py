@@ -1,0 +1,70 @@
+"""load_report: a saved report read again."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import numpy as np
+
+from ..errors import InputError
+from .data import Plan
+from .formats.npz_file import DICTS, FORMAT, OPTIONAL
+from .report import BoundReport, OutputReport
+
+
+def load_report(path: str | os.PathLike) -> BoundReport:
+    """Read a report that BoundReport.save wrote.
+
+    Raises
+    ------
+    InputError
+        No such file or no permission, truncated, not a report, or written by another format version.
+    """
+    try:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+            arrays = {key: file[key] for key in file.files}
+        meta = json.loads(str(arrays["meta"]))
+        found = meta["format"]
+        if found == FORMAT:
+            return _assembled(arrays, meta, os.fspath(path))
+    except IsADirectoryError as error:
+        raise InputError(f"{path} is a folder; pass one of the files that report.save wrote there") from error
+    except FileNotFoundError as error:
+        raise InputError(f"{path} is no file; pass the name given to report.save") from error
+    except PermissionError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    except Exception as error:  # damaged bytes make zipfile, zlib, numpy and json raise a dozen types
+        raise InputError(f"{path} is no report of exudyn_romerr, or it is truncated") from error
+    raise InputError(f"{path} has format {found!r}; this version reads format {FORMAT}: save it again")
+
+
+def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
+    labels = meta.get("labels", [()] * len(meta["outputs"]))  # older files have none
+    outputs = [
+        _load_output(arrays, i, *names, tuple(rows))
+        for i, (names, rows) in enumerate(zip(meta["outputs"], labels, strict=True))
+    ]
+    computed, left_out = meta["plan"]
+    return BoundReport(
+        t=arrays["t"],
+        position_bound=_under(arrays, "position/"),
+        velocity_bound=_under(arrays, "velocity/"),
+        outputs={out.name: out for out in outputs},
+        plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
+        nodes=_under(arrays, "node/") or None,
+        made=meta.get("made", {}),
+        origin=origin,
+        **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
+    )
+
+
+def _load_output(arrays: dict, i: int, name: str, unit: str, of: str, labels: tuple) -> OutputReport:
+    dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
+    optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
+    plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
+    return OutputReport(name, unit, of, **plain, **dicts, **optional, labels=labels)
+
+
+def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:
+    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

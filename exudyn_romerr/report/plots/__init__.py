@@ -1,0 +1,1 @@
+"""Pictures of a report. Matplotlib is imported when one is drawn."""

@@ -1,0 +1,188 @@
+"""Picture of a body: its deformed mesh, coloured by the bound of the displacement's error at every node."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...checks import check_array, check_choice, check_nodes
+from ...errors import InputError
+from ..wording import error_kind, instant, rounded_up, under, widest
+from .style import COLOURS, THIN, WIDE, picture
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable
+
+    from ..data import ReportData
+
+SHOWN = 0.05  # of the body's size: how large the largest displacement is drawn
+TICKS = 5  # along the longest edge
+LABELPAD = 8  # points, from the ticks
+ZOOM = 1.05  # matplotlib leaves room around the box: parts are not clipped where they need it
+THINNEST = 0.05  # of the longest edge: how thin the box around a flat or straight body may be
+TETRAHEDRA = (4, 10)  # nodes
+EDGE = (0.0, 0.0, 0.0, 0.3)  # of faces: without light it is the mesh that shows the shape
+FINE = 20_000  # faces: of more one would see their edges only
+MAP = "viridis"  # even in lightness: as good in grey print and for the colour-blind
+
+
+def plot_body(report: ReportData, mesh: Any, path: str | os.PathLike | None = None, **options: Any) -> Any:
+    """Draw draw_body's picture with its options; save it to path if given, return the figure."""
+    return picture(draw_body, path, report, mesh, projection="3d", **options)
+
+
+def draw_body(
+    ax: Any,
+    report: ReportData,
+    mesh: Any,
+    displacement: Callable[[int], Any] | None = None,
+    estimator: str | None = None,
+    unit: str = "m",
+) -> None:
+    """Draw the body, coloured by the bound of the displacement's error at every node, at the worst instant.
+
+    Parameters
+    ----------
+    ax : mpl_toolkits.mplot3d.axes3d.Axes3D
+    report : BoundReport
+    mesh : FEMinterface, or (positions, elements)
+        Exudyn's fem, whose surface triangles are drawn; or positions (nodes, 3) with elements (e, 2), lines of beams,
+        (e, 3), triangles of a surface, (e, 4 or 10), tetrahedra, or None: nodes alone.
+    displacement : callable, optional
+        Number of an instant of the report -> displacements (nodes, 3) there. Default: the mesh as it is.
+    estimator : str, optional
+        Default: of those whose scope covers most the one whose largest bound is smallest.
+    unit : str
+        Of lengths.
+
+    Raises
+    ------
+    InputError
+        A report without bounds at nodes, an unknown estimator, a mesh of another number of nodes, or without surface.
+
+    Notes
+    -----
+    A face or line has the colour of its worst node, orange if the bound there is infinite. Beams that are drawn
+    deformed have the undeformed ones beside them, dashed.
+    """
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+    e = estimator or _sharpest(report)
+    check_choice("estimator", e, report.node_bound)
+    bound, at = report.node_bound[e], int(np.argmax(report.position_bound[e]))
+    positions, cells = _mesh(mesh, len(bound))
+    moved, scale = _moved(positions, None if displacement is None else displacement(at))
+    cells = np.arange(len(positions))[:, None] if cells is None else cells
+    if scale is not None and cells.shape[1] == 2:
+        ax.add_collection3d(Line3DCollection(positions[cells], colors="#999999", linewidths=THIN, linestyles="--"))
+    parts = _coloured(ax, moved, cells, bound[cells].max(axis=1))
+    _frame(ax, moved, unit)
+    bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
+    bar.set_label(f"bound of the {error_kind(report.time)} by '{e}'{under(report.scope, e)} / {unit}")
+    bar.formatter.set_powerlimits((-3, 4))
+    ax.set_title(_title(report, bound, at, scale, f"{unit}{under(report.scope, e)}"))
+
+
+def _sharpest(report: ReportData) -> str:
+    known = (e for e in widest(report.scope) if e in report.node_bound)
+    return min(known, key=lambda e: np.max(report.node_bound[e]))
+
+
+def surface_triangles(elements: Any) -> np.ndarray:
+    """Return the triangles (f, 3) that one tetrahedron alone has, of elements (e, 4 or 10): corner nodes."""
+    faces = np.concatenate([np.asarray(elements)[:, face] for face in combinations(range(4), 3)])
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[first[count == 1]]
+
+
+def _mesh(mesh: Any, nodes: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """Positions (nodes, 3) and what is drawn between them: lines (e, 2) or triangles (e, 3)."""
+    positions, elements = _of_fem(mesh) if hasattr(mesh, "GetNodePositionsAsArray") else mesh
+    positions = check_array("positions of mesh", positions, (nodes, 3))
+    if elements is None:
+        return positions, None
+    elements = np.atleast_2d(elements)
+    columns = elements.shape[1]
+    if columns not in (2, 3, *TETRAHEDRA):
+        raise InputError(
+            f"elements of mesh has {columns} columns; needed: 2 (lines), 3 (triangles), 4 or 10 (tetrahedra)"
+        )
+    elements = check_nodes(elements.ravel(), nodes).reshape(elements.shape)
+    return positions, surface_triangles(elements) if columns in TETRAHEDRA else elements
+
+
+def _of_fem(fem: Any) -> tuple:
+    triangles = fem.GetSurfaceTriangles()
+    if not len(triangles):
+        raise InputError(
+            "fem has no surface; call fem.VolumeToSurfaceElements() first, or pass (positions, elements)"
+        )
+    return fem.GetNodePositionsAsArray(), triangles
+
+
+def _moved(positions: np.ndarray, displacement: Any) -> tuple[np.ndarray, float | None]:
+    """Positions of the deformed mesh, and how many times too large it is drawn; None: as it is."""
+    if displacement is None:
+        return positions, None
+    displacement = check_array("displacement", displacement, positions.shape)
+    size = np.max(np.ptp(positions, axis=0), initial=0.0)
+    largest = np.max(np.linalg.norm(displacement, axis=1), initial=0.0)
+    scale = _rounded(SHOWN * size / largest) if largest > 0 else 1.0
+    return positions + scale * displacement, scale
+
+
+def _rounded(x: float) -> float:
+    """1, 2 or 5 times a power of ten, at most x."""
+    power = 10.0 ** np.floor(np.log10(x))
+    return float(max(step for step in (1.0, 2.0, 5.0) if step * power <= x * (1 + 1e-12)) * power)
+
+
+def _coloured(ax: Any, places: np.ndarray, cells: np.ndarray, bound: np.ndarray) -> Any:
+    """Draw nodes, lines or triangles (e, 1, 2 or 3) in the colours of their bounds (e,)."""
+    from matplotlib import colormaps
+    from matplotlib.colors import Normalize
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+    finite = bound[np.isfinite(bound)]
+    style = {
+        "cmap": colormaps[MAP].with_extremes(bad=COLOURS["error"]),
+        "norm": Normalize(0.0, np.max(finite, initial=0.0) or 1.0),
+    }
+    colours = np.ma.masked_invalid(bound)
+    if cells.shape[1] == 1:
+        return ax.scatter(*places.T, c=colours, plotnonfinite=True, depthshade=False, clip_on=False, **style)
+    if cells.shape[1] == 2:
+        parts = Line3DCollection(places[cells], linewidths=2 * WIDE, capstyle="round", clip_on=False, **style)
+    else:
+        style["edgecolor"] = EDGE if len(cells) <= FINE else "face"
+        parts = Poly3DCollection(places[cells], linewidth=0.2, clip_on=False, **style)
+    parts.set_array(colours)
+    return ax.add_collection3d(parts)
+
+
+def _frame(ax: Any, places: np.ndarray, unit: str) -> None:
+    """Equal scales along all axes, with as many ticks as have room."""
+    from matplotlib.ticker import MaxNLocator, NullLocator
+
+    low, high = places.min(axis=0), places.max(axis=0)
+    half = np.maximum((high - low) / 2, THINNEST * np.max(high - low)) if np.any(high > low) else np.full(3, 0.5)
+    middle = (low + high) / 2
+    for axis, m, d in zip("xyz", middle, half, strict=True):
+        count = int(TICKS * d / np.max(half))
+        ax.set(**{f"{axis}lim": (m - d, m + d)})
+        getattr(ax, f"set_{axis}label")(f"{axis} / {unit}", labelpad=LABELPAD if count else -LABELPAD)
+        getattr(ax, f"{axis}axis").set_major_locator(MaxNLocator(count) if count else NullLocator())
+    ax.set_box_aspect(half, zoom=ZOOM)
+
+
+def _title(report: ReportData, bound: np.ndarray, at: int, scale: float | None, unit: str) -> str:
+    when = instant(report.time, report.t[at])
+    worst = int(np.argmax(bound))
+    drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
+    infinite = ", orange: infinite" if np.isinf(bound).any() else ""
+    return (
+        f"Where the body may be wrong: node {worst} by {rounded_up(bound[worst])} {unit}\n{when}, {drawn}{infinite}"
+    )

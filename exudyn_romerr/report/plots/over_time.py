@@ -1,0 +1,232 @@
+"""Pictures of a report over time: signal with its band, bounds, causes. Matplotlib is imported when one is drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...checks import check_count
+from ...errors import InputError
+from ..wording import at_round_off, error_kind, rounded_up, under
+from .style import (
+    CAUSE_STYLES,
+    COLOURS,
+    MARKERS,
+    SIZE,
+    STYLES,
+    THIN,
+    WIDE,
+    finish,
+    isolated,
+    log_line,
+    mark_edges,
+    new_figure,
+    of_one_size,
+    save,
+    spread,
+)
+
+if TYPE_CHECKING:
+    import os
+
+    from ..data import OutputData, ReportData
+
+COLUMNS = 2  # of outputs side by side: what fits a page
+RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
+BAR = 12  # points: how wide a band is at a single instant
+
+
+@of_one_size
+def plot_report(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+    """Draw for every output row: the signal with its band on top, bound and true error (semilog) below.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        No or unknown outputs; a path that no picture can be written to.
+    """
+    rows = _rows(report, outputs)
+    columns = min(COLUMNS, len(rows))
+    bands = -(-len(rows) // columns)
+    figure = new_figure(SIZE[0] * columns, 2 * SIZE[1] * bands)
+    axes = figure.subplots(2 * bands, columns, squeeze=False)
+    for place, (name, i) in enumerate(rows):
+        band, column = divmod(place, columns)
+        top, bottom = axes[2 * band, column], axes[2 * band + 1, column]
+        top.sharex(bottom)
+        draw_signal(top, report, name, i)
+        draw_bounds(bottom, report, name, i)
+        top.set_xlabel("")
+        bottom.set_title("")
+    for place in range(len(rows), bands * columns):
+        for axis in axes[2 * (place // columns) :, place % columns]:
+            axis.remove()
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+@of_one_size
+def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+    """Draw draw_causes' picture of every output row, one below the other; otherwise as plot_report."""
+    rows = _rows(report, outputs)
+    figure = new_figure(height=SIZE[1] * len(rows))
+    for ax, (name, i) in zip(figure.subplots(len(rows), squeeze=False)[:, 0], rows, strict=True):
+        draw_causes(ax, report, name, i)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
+    """Draw one row of an output with its band, value ± bound, and the corrected output with its own if there is one.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    report : BoundReport
+    name : str
+        Of the output; its truth is drawn too if one was compared.
+    row : int
+        Of an output with several rows, from 0.
+
+    Raises
+    ------
+    InputError
+        Unknown output, or a row that it does not have.
+    """
+    out, t = _row_of(report, name, row), report.t
+    value, bound = out.value[:, row], out.bound["best"][:, row]
+    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound{under(report.scope)}, {at_most(bound, out.unit)}")
+    ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
+    if out.corrected is not None:
+        corrected, bound = out.corrected[:, row], out.corrected_bound[:, row]
+        by = "auxiliary" if "auxiliary" in report.scope else "best"  # coupled, "energy" knows a correction too
+        label = f"corrected ± its bound{under(report.scope, by)}, {at_most(bound, out.unit)}"
+        _band(ax, t, corrected, bound, COLOURS["auxiliary"], label)
+        ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label="corrected output")
+    if out.error is not None:
+        ax.plot(t, value + out.error[:, row], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
+    title = f"{out.row_names[row]}: reduced model with its error bound"
+    ax.set(xlabel=_time(report), ylabel=f"{out.row_names[row]} / {out.unit}", title=title)
+    finish(ax)
+
+
+def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
+    """Draw the bounds of one row of an output by all estimators, and |true error| if one was compared, semilog.
+
+    Parameters and errors as in draw_signal.
+    """
+    out, t = _row_of(report, name, row), report.t
+    for place, e in enumerate(e for e in out.bound if e != "best"):
+        style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
+        label = f"bound '{e}'{under(report.scope, e)}"
+        log_line(ax, t, out.bound[e][:, row], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
+    if out.error is not None:
+        style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
+        log_line(ax, t, np.abs(out.error[:, row]), label="|true error|", **style)
+    if at_round_off(out)[row]:
+        label = "rounding of the input: nothing below is known"
+        style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
+        log_line(ax, t, out.round_off[:, row], label=label, **style)
+    title = f"{out.row_names[row]}: bounds of its error"
+    ylabel = f"{error_kind(report.time)} of {out.row_names[row]} / {out.unit}"
+    ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)
+    finish(ax)
+
+
+def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
+    """Draw what the best bound of one row of an output comes from, in % of it, stacked over time.
+
+    The legend has the shares at the worst instant, of causes that are not zero throughout. Where the bound is zero or
+    infinite there are no shares: marks at the edges show it. Parameters and errors as in draw_signal.
+    """
+    out, t = _row_of(report, name, row), report.t
+    best, worst = out.bound["best"][:, row], int(np.argmax(out.bound["best"][:, row]))
+    known = (best > 0) & np.isfinite(best)
+    below = np.zeros(len(t))
+    for cause, (words, colour, hatch) in CAUSE_STYLES.items():
+        share = np.divide(100 * out.causes[cause][:, row], best, out=np.zeros(len(t)), where=known)
+        if cause == "time step" and report.time == "sampled":
+            label = f"{words}: not covered"
+        elif not share.any():
+            continue
+        else:
+            label = f"{words}, {_percent(share[worst])}" if known[worst] else words
+        style = {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0, "label": label}
+        _fill(ax, t, below, below + share, known, **style)
+        below = below + share
+    mark_edges(ax, t, best, COLOURS["value"])
+    ax.axvline(
+        t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=_worst(report, out, row, worst)
+    )
+    title = f"{out.row_names[row]}: where its error bound comes from"
+    ylabel = f"share of the {error_kind(report.time)} bound / %"
+    ax.set(xlabel=_time(report), ylabel=ylabel, ylim=(0, 100), title=title)
+    ax.margins(x=0.01)
+    finish(ax)
+
+
+def _rows(report: ReportData, outputs: list[str] | None) -> list[tuple[str, int]]:
+    """All rows of the outputs asked for."""
+    names = [outputs] if isinstance(outputs, str) else outputs or list(report.outputs)
+    rows = [(name, i) for name in names for i in range(report.output(name).value.shape[1])]
+    if not rows:
+        raise InputError("the report has no outputs to plot; pass outputs= to attach or evaluate")
+    return rows
+
+
+def _row_of(report: ReportData, name: str, row: int) -> OutputData:
+    out = report.output(name)
+    check_count(f"row of output {name!r}", row, out.value.shape[1] - 1, "its rows, from 0", least=0)
+    return out
+
+
+def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour: str, label: str) -> None:
+    """Middle ± bound; where it is infinite, marks at the upper edge instead."""
+    known = np.isfinite(bound)
+    low, high = (np.where(known, middle + sign * bound, middle) for sign in (-1, 1))
+    _fill(ax, t, low, high, known, facecolor=colour, alpha=0.6, linewidth=0, label=label)
+    mark_edges(ax, t, np.where(known, 1.0, np.inf), colour)
+
+
+def at_most(bound: np.ndarray, unit: str) -> str:
+    """Return the largest bound in words."""
+    finite = bound[np.isfinite(bound)]
+    largest = f"at most {rounded_up(np.max(finite), 2)} {unit}" if finite.size else "nowhere finite"
+    return largest if finite.size in (0, bound.size) else f"{largest} where finite"
+
+
+def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.ndarray, **style: Any) -> None:
+    """An area over the runs of instants that are known; a bar where such a run is a single instant."""
+    ax.fill_between(t, low, high, where=known, rasterized=len(t) > RASTER_FROM, **style)
+    alone = isolated(known)
+    if alone.size:
+        opaque = {"colors": style["facecolor"], "alpha": style.get("alpha")}
+        ax.vlines(t[alone], low[alone], high[alone], linewidth=BAR, zorder=1, **opaque)
+
+
+def _dots(t: np.ndarray) -> str | None:
+    """A single instant has no line."""
+    return "o" if len(t) == 1 else None
+
+
+def _time(report: ReportData) -> str:
+    return "load factor" if report.time == "static" else "t / s"
+
+
+def _percent(share: float) -> str:
+    if 0 < share < 0.5:
+        return "< 1 %"
+    return "> 99 %" if 99.5 <= share < 100 else f"{share:.0f} %"
+
+
+def _worst(report: ReportData, out: OutputData, row: int, at: int) -> str:
+    axis = "load factor" if report.time == "static" else "t"
+    unit = "" if report.time == "static" else " s"
+    return f"worst instant, {axis} = {report.t[at]:.4g}{unit}: {rounded_up(out.bound['best'][at, row])} {out.unit}"

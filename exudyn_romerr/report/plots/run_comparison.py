@@ -1,0 +1,171 @@
+"""Pictures of several runs: errors and bounds against run time, and against the number of modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ...errors import InputError
+from .style import COLOURS, KINDS, WIDE, finish, log_line, picture
+
+if TYPE_CHECKING:
+    import os
+
+
+LABELS = (((5, 5), "left"), ((-5, -13), "right"))  # beside a point, in turn: kinds of basis often come close
+
+
+class TimedRun(NamedTuple):
+    """One run of a basis: kind of the basis, seconds it took, largest bound, true error if known, a word."""
+
+    kind: str
+    seconds: float
+    bound: float
+    error: float | None = None
+    label: str = ""
+
+
+class CountedRun(NamedTuple):
+    """One run: number of modes, largest bound, true error if known."""
+
+    n: int
+    bound: float
+    error: float | None = None
+
+
+def plot_run_time(rows: Sequence[tuple], name: str, unit: str, path: str | os.PathLike | None = None) -> Any:
+    """Draw draw_run_time's picture; save it to path if given, return the figure."""
+    return picture(draw_run_time, path, rows, name, unit)
+
+
+def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
+    """Draw bounds and true errors against run time, log-log: one curve for each kind of basis, Pareto front marked.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    rows : sequence of (kind, seconds, bound[, error[, label]])
+        A run each: kind of its basis; run time in s; largest bound and true error over time, error None if it is not
+        known; a word beside the point, such as the number of modes. Rows of a kind are joined in their order.
+    name, unit : str
+        Of the output.
+
+    Raises
+    ------
+    InputError
+        No rows; rows of other lengths; run times not above zero; nan or numbers below zero as bounds or errors.
+
+    Notes
+    -----
+    On the Pareto front are the runs that no other one beats in both run time and bound; errors, which are not known
+    to whoever asks, have no part in it.
+    """
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    runs = _checked(rows, TimedRun)
+    if not all(0 < run.seconds < np.inf for run in runs):
+        raise InputError("seconds of every row must be above zero and finite: the axis is logarithmic")
+    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=f"largest error of {name} / {unit}")
+    ax.set_title(f"{name}: error against run time")
+    _draw_front(ax, runs)
+    kinds = list(dict.fromkeys(run.kind for run in runs))
+    if len(kinds) > len(KINDS):
+        raise InputError(f"rows have {len(kinds)} kinds of basis; a picture tells {len(KINDS)} apart")
+    for kind, (colour, marker) in zip(kinds, KINDS, strict=False):
+        its, style = [run for run in runs if run.kind == kind], {"color": colour, "marker": marker}
+        _draw_pair(ax, [run.seconds for run in its], its, {**style, "label": kind}, style)
+    ax.plot([], [], "o-", color="#777777", label="filled: bound")
+    if any(run.error is not None for run in runs):
+        ax.plot([], [], "o:", color="#777777", markerfacecolor="none", label="hollow: true error")
+    _write_labels(ax, runs, kinds)
+    ax.xaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
+    ax.margins(0.1)
+    finish(ax)
+
+
+def plot_convergence(rows: Sequence[tuple], name: str, unit: str, path: str | os.PathLike | None = None) -> Any:
+    """Draw draw_convergence's picture; save it to path if given, return the figure."""
+    return picture(draw_convergence, path, rows, name, unit)
+
+
+def draw_convergence(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
+    """Draw bound and true error against the number of modes, semilog.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+    rows : sequence of (n, bound[, error])
+        A run each: number of modes, largest bound and true error over time; error None if it is not known.
+    name, unit : str
+        Of the output.
+
+    Raises
+    ------
+    InputError
+        No rows; rows of other lengths; nan or numbers below zero.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    runs = sorted(_checked(rows, CountedRun), key=lambda run: run.n)
+    ax.set(yscale="log", xlabel="number of modes", ylabel=f"largest error of {name} / {unit}")
+    ax.set_title(f"{name}: error against the number of modes")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    bound = {"color": COLOURS["auxiliary"], "marker": "o", "label": "bound"}
+    error = {"color": COLOURS["error"], "marker": "s", "label": "|true error|"}
+    _draw_pair(ax, [run.n for run in runs], runs, bound, error)
+    finish(ax)
+
+
+def front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
+    """Return the places of runs that no other one beats in both, the fastest first."""
+    best, found = np.inf, []
+    for i in sorted(range(len(bounds)), key=lambda i: (seconds[i], bounds[i])):
+        if bounds[i] < best:
+            best = bounds[i]
+            found.append(i)
+    return found
+
+
+def _write_labels(ax: Any, runs: list[TimedRun], kinds: list[str]) -> None:
+    for run in runs:
+        if run.label and 0 < run.bound < np.inf:
+            offset, side = LABELS[kinds.index(run.kind) % 2]
+            style = {"textcoords": "offset points", "fontsize": "small", "ha": side}
+            ax.annotate(run.label, (run.seconds, run.bound), offset, **style)
+
+
+def _draw_front(ax: Any, runs: list[TimedRun]) -> None:
+    best = [runs[i] for i in front([run.seconds for run in runs], [run.bound for run in runs])]
+    best = [run for run in best if run.bound > 0]  # a bound of zero has no place on the axis
+    style = {"drawstyle": "steps-post", "color": "#BBBBBB", "linewidth": 3 * WIDE, "zorder": 0}
+    ax.plot([r.seconds for r in best], [r.bound for r in best], label="Pareto front of the bounds", **style)
+
+
+def _draw_pair(ax: Any, x: list, runs: list, bound: dict, error: dict) -> None:
+    """Bounds filled and solid, true errors hollow and dotted; those that are not known are left out."""
+    x, bounds = np.array(x, dtype=float), np.array([run.bound for run in runs], dtype=float)
+    log_line(ax, x, bounds, **bound)
+    known = [i for i, run in enumerate(runs) if run.error is not None]
+    if known:
+        errors = np.array([runs[i].error for i in known], dtype=float)
+        log_line(ax, x[known], errors, markerfacecolor="none", linestyle=":", **error)
+
+
+def _checked(rows: Sequence[tuple], kind: type) -> list:
+    """Rows as named tuples."""
+    rows = [tuple(row) for row in rows]
+    if not rows:
+        raise InputError("rows is empty; pass one for every run")
+    most, least = len(kind._fields), len(kind._fields) - len(kind._field_defaults)
+    wrong = [row for row in rows if not least <= len(row) <= most]
+    if wrong:
+        raise InputError(f"rows has {wrong[0]!r}; needed: {least} to {most} of ({', '.join(kind._fields)})")
+    runs = [kind(*row) for row in rows]
+    for run in runs:
+        for field in ("bound", "error"):
+            value = getattr(run, field)
+            if value is not None and not value >= 0:
+                raise InputError(f"rows has a {field} of {value!r}; needed: a number, zero or above, or inf")
+    return runs

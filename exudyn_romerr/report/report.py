@@ -1,0 +1,202 @@
+"""BoundReport: the bounds of one run, printed, saved, loaded, compared with a truth and plotted."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..checks import check_array, check_choice, real_array
+from ..errors import InputError
+from ..trajectory.samples import SAME_TIMES
+from .data import OutputData, ReportData
+from .formats.csv_table import columns, write_csv
+from .formats.npz_file import write_npz
+from .wording import (
+    advice,
+    advises,
+    at_round_off,
+    corrected_within,
+    outside,
+    rounded_up,
+    row_verdict,
+    under,
+    widest_scope,
+)
+
+SAMPLED = (
+    "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
+    "does between the samples"
+)
+
+
+@dataclass
+class OutputReport(OutputData):
+    """One output along a run.
+
+    value : (T, r) output of the reduced body. bound[e] : (T, r) bound of its error by estimator e, bound["best"]
+    the smallest. reduction_bound[e] : the same for the residual at the samples only, which does not see the time
+    integration. corrected (T, r) : the output with the known part of its error taken out, within corrected_bound of
+    the truth; None without auxiliary modes. round_off (T, r) : what rounding of the matrices, loads and samples, as
+    they came in, may move the output by; a bound below it says nothing about the body. causes[cause] : (T, r), shares
+    of bound["best"]. error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
+    labels : names of the rows, or ().
+    """
+
+    def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
+        """Return a line for each row: largest value, bound at the worst instant, the estimator that gave it."""
+        return [row_verdict(self, row, time, scope) for row in range(self.value.shape[1])]
+
+    def at_round_off(self) -> np.ndarray:
+        """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
+        return at_round_off(self)
+
+    def advice(self) -> str:
+        """Return one line: the cause that dominates the bound at its worst instant, and what to do."""
+        return advice(self)
+
+
+@dataclass(repr=False)
+class BoundReport(ReportData):
+    """The bounds of one run.
+
+    t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
+    scope[e] : "complete" (loads and supports do not depend on the body's deformation), "coupled (linearised)" (they
+    do, and the bound covers it to first order) or "inputs frozen" (they do; the bound holds for the full body under
+    those of this simulation). time : "reconstructed",
+    "sampled" or "static". messages : what the reader must know first. made : when, by which script and versions the
+    run was bounded. origin : the file it was saved to, or read from, last.
+    """
+
+    outputs: dict[str, OutputReport]
+
+    def output(self, name: str) -> OutputReport:
+        """Return the output of that name; InputError lists the known ones."""
+        return super().output(name)
+
+    def reason(self, e: str) -> str:
+        """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
+        check_choice("estimator", e, self.reasons)
+        widest = self.scope[e] == widest_scope(self.scope)
+        return "; ".join(filter(None, [self.reasons[e], self.scope_reason if widest else ""]))
+
+    def compare(self, name: str, t: Any, y: Any) -> OutputReport:
+        """Compare an output with a truth.
+
+        Parameters
+        ----------
+        name : str
+        t : (T,), y : (T,) or (T, r)
+            The truth at least at every instant of the report (s, unit of the output).
+
+        Returns
+        -------
+        OutputReport
+            The output, now with `.error` = y - value and `.effectivity`.
+
+        Raises
+        ------
+        InputError
+            Unknown output, wrong shapes, or an instant of the report that t lacks.
+        """
+        out = self.output(name)
+        t, y = check_array("t", t, (None,)), real_array("y", y)
+        if not t.size:
+            raise InputError("t is empty; give the truth at report.t")
+        y = check_array("y", y[:, None] if y.ndim == 1 else y, (len(t), out.value.shape[1]))
+        at = np.clip(np.searchsorted(t, self.t), 1, max(len(t) - 1, 1)) if len(t) > 1 else np.zeros(len(self.t), int)
+        at = np.where(np.abs(t[at - 1] - self.t) < np.abs(t[at] - self.t), at - 1, at)
+        gap = np.abs(t[at] - self.t)
+        if gap.max() > SAME_TIMES * max(np.ptp(self.t), np.finfo(float).tiny):
+            raise InputError(f"t lacks the report's instant {self.t[gap.argmax()]:.6g} s; give the truth at report.t")
+        out.error = y[at] - out.value
+        truth = np.max(np.abs(out.error), axis=0)
+        out.effectivity = {e: _ratio(np.max(bound, axis=0), truth) for e, bound in out.bound.items()}
+        return out
+
+    def __repr__(self) -> str:
+        axis, unit = ("load factor", "") if self.time == "static" else ("t", " s")
+        span = f"{len(self.t)} instants, {axis} = {self.t[0]:g} .. {self.t[-1]:g}{unit}"
+        return f"<BoundReport: {len(self.outputs)} output{'s' * (len(self.outputs) != 1)}, {span}>"
+
+    def __str__(self) -> str:
+        axis = "load factor" if self.time == "static" else "t / s"
+        lines = [f"bounds at {len(self.t)} instants, {axis} = {self.t[0]:g} .. {self.t[-1]:g}"]
+        lines += [f"! {message}" for message in self.messages]
+        if self.time == "sampled":
+            lines.append(f"! {SAMPLED}")
+        for out in self.outputs.values():
+            lines += out.verdict(self.time, self.scope)
+            if advises(self):
+                lines.append(f"  {out.advice()}")
+            if out.corrected is not None:
+                lines.append(f"  {corrected_within(out, out.corrected_bound, self.scope)}")
+            if out.effectivity:
+                largest = np.max(np.abs(out.error))
+                ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")
+                lines.append(f"  true error up to {largest:.3g} {out.unit}; bound / error: {ratios}")
+                lines += [f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row))]
+        return "\n".join(lines + self._estimator_lines())
+
+    def _estimator_lines(self) -> list[str]:
+        divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
+        what = "error in the mass norm" if self.total_mass is None else "mass-weighted RMS error of position"
+        return [
+            f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
+            f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
+            for e, bound in self.position_bound.items()
+        ] + ([f"  scope: {self.scope_reason}"] if self.scope_reason else [])
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write everything to one .npz file (no pickle; readable without Exudyn).
+
+        A file that is there already is replaced when all is written, and not before.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written (disk full, no such folder); the report itself is as it was.
+        """
+        write_npz(self, path)
+        self.origin = os.fspath(path)
+
+    def plot(self, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+        """Draw signal with band, and bound (and true error) over time; save to path if given, return the figure."""
+        from .plots.over_time import plot_report
+
+        return plot_report(self, path, outputs)
+
+    def plot_causes(self, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+        """Draw what the bounds come from, in %, over time; save to path if given, return the figure."""
+        from .plots.over_time import plot_causes
+
+        return plot_causes(self, path, outputs)
+
+    def plot_body(self, mesh: Any, path: str | os.PathLike | None = None, **options: Any) -> Any:
+        """Draw the body, coloured by node_bound; mesh and options: see surface.draw_body. Return the figure."""
+        from .plots.body_surface import plot_body
+
+        return plot_body(self, mesh, path, **options)
+
+    def to_dict(self) -> dict[str, np.ndarray]:
+        """Return everything over time as {name of a column: (T,)}, for pandas.DataFrame; see formats.columns."""
+        return columns(self)
+
+    def to_csv(self, path: str | os.PathLike) -> None:
+        """Write the columns of to_dict to a CSV file; InputError if it cannot be written."""
+        write_csv(self, path)
+
+    def to_html(self, path: str | os.PathLike) -> None:
+        """Write a page that needs no other file: verdicts, scope, figures, tables; InputError if it cannot."""
+        from .formats.html_page import write_page
+
+        write_page(self, path)
+
+
+def _ratio(bound: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Bound / truth; 1 where both are zero, inf where only the truth is."""
+    both_zero = (bound == 0) & (truth == 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(both_zero, 1.0, bound / truth)

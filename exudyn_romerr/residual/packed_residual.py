@@ -1,0 +1,153 @@
+"""Packing: the many residual columns of a turning frame as few (theory.md 6, 7).
+
+R = L z with 2 n + 12 + 9 n + p columns. The 9 n columns M E_ij V carry S_ij q_k + 2 w~_ij q'_k, which is small: what
+of them lies outside the span of all other columns is bounded column by column, the rest is exact in
+y = [P^T R / omega, T z], where |R|_{K^-1} is the 2-norm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..linalg.blocked_products import row_norms, rows_times
+from ..linalg.orthogonalise import orthonormal, without
+from .dual_norms import OutputNorms
+from .modal_split import Split
+from .problem import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from .residual import Coordinates
+
+ONE = 1.0
+
+
+@dataclass(frozen=True)
+class PackedCoordinates:
+    """y (..., k) of reduced coordinates (..., n), packed inputs (..., k): T_q (q'' + alpha q', q + beta q') + u."""
+
+    plain: Coordinates
+    T_q: np.ndarray
+
+    @property
+    def n(self) -> int:
+        """Number of reduced coordinates."""
+        return self.plain.n
+
+    @property
+    def k(self) -> int:
+        """Number of entries of y."""
+        return len(self.T_q)
+
+    @property
+    def p(self) -> int:
+        """Number of packed inputs."""
+        return self.k
+
+    def __call__(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return y."""
+        none = np.zeros((*q.shape[:-1], 0))
+        return rows_times(self.plain(q, q_t, q_tt, none), self.T_q.T) + u
+
+
+@dataclass(frozen=True)
+class Packing:
+    """Inputs u (S, p) to packed ones (S, k) and the scaled coordinates of the cut columns (S, c)."""
+
+    T_u: np.ndarray
+    cut: slice
+    lengths: np.ndarray
+
+    def __call__(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the packed inputs and what is cut."""
+        return rows_times(u, self.T_u.T), u[:, self.cut] * self.lengths
+
+
+class PackedMap(NamedTuple):
+    """Stands for ResidualMap."""
+
+    coordinates: PackedCoordinates
+
+
+@dataclass(frozen=True)
+class ScaledNorm:
+    """|factor y|_2 of the entries from `first` on."""
+
+    factor: np.ndarray | float = 1.0
+    first: int = 0
+
+    def __call__(self, y: np.ndarray) -> np.ndarray:
+        """Norms (...) of y (..., k)."""
+        kept = y[..., self.first :]
+        return row_norms(kept if self.factor is ONE else kept * self.factor)
+
+
+@dataclass(frozen=True)
+class PackedNorms:
+    """Stands for DualNorms: y (k,) are combinations of orthonormal columns Y_K where |.|_{K^-1} is the 2-norm."""
+
+    Y_K: np.ndarray
+    norm_static: ScaledNorm
+    norm_K: ScaledNorm = field(default_factory=ScaledNorm)
+    start_norms: None = None
+
+    @property
+    def k(self) -> int:
+        """Number of entries of y."""
+        return self.Y_K.shape[1]
+
+
+class PackedSplit(Split):
+    """The split of a packed problem: the modes' entries of y come first."""
+
+    @cached_property
+    def PL(self) -> np.ndarray:
+        """P^T R = omega y on the modes' entries (m, k)."""
+        return np.eye(len(self.modes.omega), self._dual.k) * self.modes.omega[:, None]
+
+    @cached_property
+    def start_norms(self) -> None:
+        """None: the run starts in the span of V."""
+        return None
+
+    @cached_property
+    def norm_K(self) -> Callable:
+        """Return y -> |R_rest|_{K^-1}."""
+        return ScaledNorm(ONE, len(self.modes.omega))
+
+    @cached_property
+    def norm_static(self) -> Callable:
+        """Return y -> a bound of |K^-1 R_rest|_M."""
+        return ScaledNorm(1 / self.modes.cut, len(self.modes.omega))
+
+
+class PackedProblem(Problem):
+    """A problem in a turning frame whose estimators see R in the K^-1 norm only, and that starts in the span of V.
+
+    cut : the inputs (a slice) whose columns may be cut. with_modes : whether auxiliary modes are carried.
+    """
+
+    def __init__(self, *args: Any, cut: slice, with_modes: bool, **options: Any):
+        super().__init__(*args, **options)
+        plain, columns = self.map.coordinates, self.dual.Y_K
+        auxiliary = self._auxiliary_modes() if with_modes else None
+        modes = np.zeros((len(self.V), 0)) if auxiliary is None else auxiliary.Y_K
+        states = plain.k - plain.p
+        frame = np.arange(states, plain.k)[cut]
+        rest = without(modes, columns)
+        basis = orthonormal(np.delete(rest, frame, axis=1))
+        T = np.vstack([modes.T @ columns, basis.T @ rest])
+        left = np.linalg.norm(without(basis, rest[:, frame]), axis=0)
+        self.packing = Packing(T[:, states:], cut, left)
+        self.map = PackedMap(PackedCoordinates(replace(plain, p=0), T[:, :states]))
+        omega = np.full(len(T), self.body.modes(1).omega[0] if auxiliary is None else auxiliary.cut)
+        omega[: modes.shape[1]] = [] if auxiliary is None else auxiliary.omega
+        self.dual = PackedNorms(np.hstack([modes, basis]), ScaledNorm(1 / omega))
+        self.rows = OutputNorms(self.body, self.rows.C, self.rows.velocity_rows, self.dual)
+        if auxiliary is not None:
+            self.split = PackedSplit(auxiliary, self.dual)

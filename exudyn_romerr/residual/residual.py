@@ -1,0 +1,169 @@
+"""The residual R = M V qr'' + D V qr' + K V qr - B u as a linear map R = L z, and three ways to its norm.
+
+Sign and equations: paper (2), (15), (33)-(35); the orthonormal factor: theory.md 6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import scipy.linalg as la
+
+from ..checks import check_array, check_choice
+from ..linalg.blocked_products import row_norms, rows_times
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..basis.basis import Basis
+    from ..model.body import ElasticBody
+
+RESIDUALS = ("orthonormal", "direct", "expanded")
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """How z is laid out: the small part of ResidualMap that a run needs.
+
+    Rayleigh (or no) damping, merged: z = (qr'' + alpha qr', qr + beta qr', u) of 2 n + p entries; otherwise
+    z = (qr'', qr', qr, u), without qr' if undamped.
+    """
+
+    n: int
+    p: int
+    rayleigh: tuple[float, float] | None
+    has_damping: bool
+
+    @property
+    def k(self) -> int:
+        """Number of entries of z."""
+        return self.n * (2 + self.has_damping) + self.p
+
+    @property
+    def mass_slot(self) -> slice:
+        """Entries that multiply M V."""
+        return slice(0, self.n)
+
+    @property
+    def stiffness_slot(self) -> slice:
+        """Entries that multiply K V."""
+        return slice(self.n * (1 + self.has_damping), self.n * (2 + self.has_damping))
+
+    @property
+    def input_slot(self) -> slice:
+        """Entries that multiply -B."""
+        return slice(self.k - self.p, self.k)
+
+    def __call__(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return z (..., k) of reduced coordinates (..., n) and inputs (..., p)."""
+        if self.rayleigh is None:
+            return np.concatenate([q_tt, *([q_t] if self.has_damping else []), q, u], axis=-1)
+        alpha, beta = self.rayleigh
+        return np.concatenate([q_tt + alpha * q_t, q + beta * q_t, u], axis=-1)
+
+
+class ResidualMap:
+    """R = L z on the free coordinates: L = [M V, K V, -B] (Rayleigh, merged) or [M V, D V, K V, -B].
+
+    Parameters
+    ----------
+    V : ndarray, (n_free, n)
+    B : ndarray, (n_free, p)
+    """
+
+    def __init__(self, body: ElasticBody, V: np.ndarray, B: np.ndarray, merged: bool = True):
+        rayleigh = body.rayleigh if merged else None
+        has_damping = rayleigh is None and body.D is not None
+        self.body, self.V, self.B = body, V, B
+        self.coordinates = Coordinates(V.shape[1], B.shape[1], rayleigh, has_damping)
+        self.blocks = [body.M @ V, *([body.D @ V] if has_damping else []), body.K @ V, -B]
+        self.L = np.hstack(self.blocks)
+
+
+class OrthonormalNorm:
+    """|Y z|_2 = |T z|_2 by an orthonormal basis of Y's range (Householder, columns scaled first); nothing cancels.
+
+    Parameters
+    ----------
+    Y : ndarray, (n_free, k)
+    """
+
+    def __init__(self, Y: np.ndarray):
+        length = np.linalg.norm(Y, axis=0)
+        self.T = np.linalg.qr(Y / np.where(length > 0, length, 1.0), mode="r") * length
+
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
+        k = z.shape[-1]
+        return row_norms(rows_times(z, self.T[:k, :k].T))
+
+
+class DirectNorm:
+    """Method 1 (33): Y z is formed in full and its norm taken. Of size N online: kept for study."""
+
+    def __init__(self, Y: np.ndarray):
+        self.Y = Y
+
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
+        k = z.shape[-1]
+        return np.linalg.norm(z.reshape(-1, k) @ self.Y[:, :k].T, axis=1).reshape(z.shape[:-1])
+
+
+class ExpandedNorm:
+    """Method 2 (34)-(35): quadratic form with the small matrices of all pairs of blocks; cancels (Fig. 6).
+
+    Where rounding makes the square negative the norm is inf: never clipped.
+    """
+
+    def __init__(self, Y: np.ndarray):
+        self.H = Y.T @ Y
+
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """Norms (...) of z (..., k); inf where the form is negative."""
+        k = z.shape[-1]
+        flat = z.reshape(-1, k)
+        square = np.einsum("ij,ij->i", flat @ self.H[:k, :k], flat)
+        return np.where(square < 0, np.inf, np.sqrt(np.abs(square))).reshape(z.shape[:-1])
+
+
+class StartNorms(NamedTuple):
+    """z -> |R|_{K^-1}, |K^-1 R|_M and |R|_{M^-1}, taken of combinations of columns that make an initial error."""
+
+    K: Callable
+    static: Callable
+    M: Callable
+
+
+def make_norm(name: str, Y: np.ndarray) -> OrthonormalNorm | DirectNorm | ExpandedNorm:
+    """Return z -> |Y z|_2 by the named way; InputError for unknown names."""
+    check_choice("residual", name, RESIDUALS)
+    return {"orthonormal": OrthonormalNorm, "direct": DirectNorm, "expanded": ExpandedNorm}[name](Y)
+
+
+def initial_coordinates(body: ElasticBody, basis: Basis, q0: Any, q0_t: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Project a full initial state: qr0 = (W^T V)^-1 W^T q0, qr0' = (W^T M V)^-1 W^T M q0' (paper, 31-32).
+
+    Parameters
+    ----------
+    q0, q0_t : ndarray, (N,)
+
+    Returns
+    -------
+    qr0, qr0_t : ndarray, (n,)
+    """
+    V, W = basis.restricted_to(body)
+    pairs = (("q0", q0), ("q0_t", q0_t))
+    q0, q0_t = (body.space.coordinates(name, check_array(name, x, (body.N,))) for name, x in pairs)
+    # W^T V has the square of the condition of V: nearly dependent columns go through the triangle of V alone
+    (Q, triangle), test = np.linalg.qr(V), np.linalg.qr(W)[0]
+    projected = (np.linalg.solve(test.T @ x, test.T @ y) for x, y in ((Q, q0), (body.M @ Q, body.M @ q0_t)))
+    return tuple(la.solve_triangular(triangle, x) for x in projected)
+
+
+def initial_error(body: ElasticBody, basis: Basis, q0: Any, q0_t: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return e0 = q0 - V qr0 and e0' = q0' - V qr0' of the projected initial state (31)-(32), each (N,)."""
+    qr0, qr0_t = initial_coordinates(body, basis, q0, q0_t)
+    return np.asarray(q0, dtype=float) - basis.V @ qr0, np.asarray(q0_t, dtype=float) - basis.V @ qr0_t

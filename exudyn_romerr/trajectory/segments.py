@@ -1,0 +1,145 @@
+"""Segments of a trajectory between samples, as estimators take them: the start of a run, and blocks of steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..model.floating_frame import FrameRows, Turn, Veer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+
+class Cut(NamedTuple):
+    """What is cut off R in each segment of a block: bounds of its size and variation in the K^-1 norm, (S,)."""
+
+    size: np.ndarray
+    variation: np.ndarray
+
+    @classmethod
+    def between(cls, rows: np.ndarray) -> Cut | None:
+        """Return what lies between consecutive samples of the cut columns' coordinates, scaled, (S + 1, c)."""
+        if not rows.shape[1]:
+            return None
+        size = np.abs(rows).sum(axis=1)
+        return cls(np.maximum(size[:-1], size[1:]), np.abs(np.diff(rows, axis=0)).sum(axis=1))
+
+
+class Added(NamedTuple):
+    """What auxiliary vectors add to a reduced trajectory, which was bounded with it.
+
+    q, q_t : (S, n) of modes and vectors. speed : (S,) the root of twice the kinetic energy of all that is added.
+    veer : how far that moves the frame; None: not at all.
+    """
+
+    q: np.ndarray
+    q_t: np.ndarray
+    speed: np.ndarray
+    veer: Veer | None = None
+
+
+@dataclass(frozen=True)
+class Start:
+    """First instant of a run.
+
+    z : (k,) residual coordinates; y0, y0_t : columns' combinations with K e0 = L y0, M e0' = L y0' (theory.md 3),
+    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm. joint : energy of all
+    bodies of a mechanism together; None: this body is alone. added : what auxiliary vectors add; None: nothing.
+    """
+
+    t: float
+    z: np.ndarray
+    y0: np.ndarray | None = None
+    y0_t: np.ndarray | None = None
+    cut: float = 0.0
+    joint: float | None = None
+    added: Added | None = None
+
+
+@dataclass
+class Block:
+    """S consecutive segments of a trajectory, polynomial in time.
+
+    t : (S,) ends of the segments; h : (S,) lengths; c : (S, d + 1, k) Bezier control points of z.
+    unresolved : (S, p) bounds of |u - u_I| in each segment, u_I the polynomial that c contains.
+    unresolved_variation : (S, p) bounds of the total variation of u - u_I.
+    skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
+    turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
+    bent, moved : (S, 2), see Turn.of_curve. joint : (S,) variation of R of all bodies of a mechanism together; None:
+    this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
+    is_driven : turn and cut are those of a frame that moves as a function of time says.
+    """
+
+    t: np.ndarray
+    h: np.ndarray
+    c: np.ndarray
+    unresolved: np.ndarray
+    unresolved_variation: np.ndarray
+    skipped: np.ndarray | None = None
+    turn: Turn | None = None
+    cut: Cut | None = None
+    bent: np.ndarray | None = None
+    moved: np.ndarray | None = None
+    joint: np.ndarray | None = None
+    added: Added | None = None
+    is_driven: bool = False
+    _norms: dict = field(default_factory=dict, init=False)
+
+    @classmethod
+    def joined(cls, blocks: Sequence[Block]) -> Block:
+        """Return blocks one after another, as segmenters make them: with t, h, c, unresolved and skipped only."""
+        later = ("turn", "cut", "bent", "moved", "joint", "added")
+        if any(getattr(block, name) is not None for block in blocks for name in later):
+            raise ValueError(f"blocks are joined before any of {', '.join(later)} is known")
+        fields = ("t", "h", "c", "unresolved", "unresolved_variation")
+        joined = cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in fields))
+        shapes = {block.skipped.shape[1:] for block in blocks if block.skipped is not None}
+        if shapes:
+            none = np.zeros((1, *shapes.pop()))
+            parts = [np.repeat(none, len(b.h), axis=0) if b.skipped is None else b.skipped for b in blocks]
+            joined.skipped = np.concatenate(parts)
+        return joined
+
+    def norms(self, norm: Callable) -> np.ndarray:
+        """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""
+        if norm not in self._norms:
+            self._norms[norm] = norm(self.c)
+        return self._norms[norm]
+
+    def integral(self, norm: Callable) -> np.ndarray:
+        """Upper bounds (S,) of int |R| over each segment: |R| <= sum_j B_j |c_j| and int B_j = h/(d + 1)."""
+        return self.h * (self.norms(norm).mean(axis=1) + self.unresolved @ self.input_norms(norm))
+
+    def variation(self, norm: Callable, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Upper bounds (S,) of the total variation of R inside each segment, and of the jump at its beginning.
+
+        Inside: the length of the control polygon. before (k,): z at the end of the segment before this block.
+        """
+        inside = self.pieces(norm).sum(axis=1)
+        steps = self.c[:, 0] - np.vstack([before, self.c[:-1, -1]])
+        jumps = norm(steps) if steps.any() else np.zeros(len(self.h))
+        return inside + self.unresolved_variation @ self.input_norms(norm), jumps
+
+    def pieces(self, norm: Callable) -> np.ndarray:
+        """Lengths (S, d) of the pieces of the control polygon."""
+        return norm(self._polygon)
+
+    @cached_property
+    def _polygon(self) -> np.ndarray:
+        return np.diff(self.c, axis=1)
+
+    def input_norms(self, norm: Callable) -> np.ndarray:
+        """Norms (p,) of the columns of B."""
+        p = self.unresolved.shape[1]
+        return norm(np.eye(self.c.shape[2])[self.c.shape[2] - p :])
+
+
+def turn_of(block: Block, frame: np.ndarray) -> Turn | None:
+    """Return how the frame turns in every segment of a block; frame: its rows (S + 1, 21) at the samples."""
+    rows = FrameRows.of(frame)
+    turn = Turn.between(rows.w, rows.al)
+    return turn if turn is None or block.bent is None else turn.of_curve(block.bent, block.moved, rows)
