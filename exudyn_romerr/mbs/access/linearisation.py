@@ -1,9 +1,9 @@
 """Linearisation of a running mechanism: M, D, K and constraints G, read inside the hook without touching the run.
 
 A static solver of our own, initialised once, computes them from the current state and writes into itself only:
-results of the simulation stay equal bit for bit (measured with Exudyn 1.13.6; ComputeLinearizedSystem starts a solver
-each time, and states, accelerations and time have to be restored after it). So do they where the current state is a
-stored one for that time (late_readings.py), and what is read there equals, bit for bit, what would have been read in passing.
+the simulation stays equal bit for bit (measured with Exudyn 1.13.6; ComputeLinearizedSystem starts a solver each time,
+and states, accelerations and time have to be restored after it). So it does where a stored state is set for that time
+(late_readings.py), and what is read there equals, bit for bit, what would have been read in passing.
 """
 
 from __future__ import annotations
