@@ -32,7 +32,7 @@ def moved_modes():
     """Modes with a rigid motion in each, as Exudyn's solver leaves it."""
     fem = bar_modes()
     made = fem.modeBasis["matrix"]
-    romerr.hold_modes(fem, *floating.interface(fem, "left"))  # Exudyn's start from random numbers, held to 1e-11 or so
+    romerr.hold_modes(fem, *floating.interface(fem, "left"))  # Exudyn, from random numbers on, does to 1e-11 or so
     held = fem.modeBasis["matrix"]
     assert np.abs(held - made).max() < tol.STATIC_MODES * np.abs(made).max()
     Rg = rigid_modes(fem.GetNodePositionsAsArray())
