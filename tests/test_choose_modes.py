@@ -237,7 +237,7 @@ def test_steps_are_the_limit_beside_a_bound_that_does_not_cover_them(crank_truth
 
 
 def test_step_is_not_the_limit_where_it_is_short():
-    choice = romerr.choose_modes(partial(crank, steps=960), {"mid": 0.1}, relative=True, first=4, most=8)
+    choice = romerr.choose_modes(partial(crank, steps=480), {"mid": 0.1}, relative=True, first=4, most=8)
     assert (choice.met, choice.limit) == (True, None)
     assert choice.step_error["mid"] < choice.chosen.tolerance["mid"]
 

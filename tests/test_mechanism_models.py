@@ -281,13 +281,15 @@ def test_rigid_faces_are_an_error_that_no_number_of_modes_removes():
     assert 0.2 * np.abs(truth).max() > rigid > 20 * free
 
 
+@pytest.mark.parametrize("share", [0.5, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("build", SCENES)
-def test_effect_of_modes_does_not_depend_on_the_step(build):
+def test_effect_of_modes_does_not_depend_on_the_step(build, share):
     def effect(h):
-        few, many = (run(build(n, h=h)) for n in (4, 16))
+        few, many = (run(build(n, h=h, t_end=end)) for n in (4, 16))
         return {name: many[name] - few[name] for name in few if "local" in name}
 
-    step = build().settings.solution.sensors.writePeriod
+    time = build().settings.timeIntegration
+    step, end = time.endTime / time.numberOfSteps, share * time.endTime
     coarse, fine = effect(step), effect(step / 2)
     for name, change in fine.items():
         assert np.abs(change[::2] - coarse[name]).max() < 0.03 * np.abs(change).max()

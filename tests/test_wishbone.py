@@ -197,6 +197,7 @@ def test_static_modes_of_all_interfaces_need_no_eigenmode():
     assert error.max() < 1e-5 * np.abs(out.value).max()
 
 
+@pytest.mark.slow
 def test_more_vectors_make_the_bound_of_all_static_modes_sharp():
     out, error, known = compared(0, "RBE3", INTERFACES, 60)
     assert np.all(error <= out.bound["auxiliary"] + known)
