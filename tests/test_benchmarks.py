@@ -44,6 +44,7 @@ def test_online_linkage_variants_simulate_the_same():
     np.testing.assert_array_equal(states[1:], states[:1] * 5)
 
 
+@pytest.mark.slow
 def test_kernel_offline_tells_what_is_counted(capsys):
     exponential, kernels = kernel_offline.main(["--instants", "1"])
     printed = capsys.readouterr().out
@@ -102,6 +103,7 @@ def test_mechanism_cost_measures_every_variant(capsys):
     assert capsys.readouterr().out.count("promised at most") == 4
 
 
+@pytest.mark.slow
 def test_wishbone_cost_measures_the_same_drive(capsys):
     (bare, bounded), times = wishbone_cost.main(["--end", "0.005", "--pairs", "1"])
     assert times.shape == (1, 2)
@@ -128,6 +130,7 @@ def test_growth_measures_modes_outputs_and_steps():
     assert sharp > paper
 
 
+@pytest.mark.slow
 def test_growth_runs_a_mesh_and_long_runs_in_processes_of_their_own():
     told = child.child(growth.__file__, "mesh", "1113")
     assert told["N"] == 1113
@@ -155,6 +158,7 @@ def test_a_child_without_memory_says_so(monkeypatch):
     assert child.child(growth.__file__, "mesh", "1113")["ended"]
 
 
+@pytest.mark.slow
 def test_offline_phases_add_up(capsys):
     (found,) = offline.main(["--quick"])
     assert found.dof == 3 * 1123
@@ -166,6 +170,7 @@ def test_offline_phases_add_up(capsys):
     assert promise.found == found.total / found.craig_bampton
 
 
+@pytest.mark.slow
 def test_speed_prints_every_scene_and_limit(capsys, tmp_path, monkeypatch):
     few = [scene._replace(steps=(20, 20)) for scene in speed.SCENES]
     monkeypatch.setattr(speed, "SCENES", few)
@@ -215,6 +220,7 @@ def test_question_knows_claims_from_true_errors(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "speed_question.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [question_scenes.rod, question_scenes.ball_joint])
 def test_question_runs_a_scene_with_bounds_and_without_alike(make):
     asked = make(0.0025)
@@ -226,6 +232,7 @@ def test_question_runs_a_scene_with_bounds_and_without_alike(make):
     assert np.max(np.abs(asked.truth(bare) - bare.y)) <= bounded.bound
 
 
+@pytest.mark.slow
 def test_a_full_order_step_is_not_waited_for():
     assert "over 1 s" in question.full_order(1.0)
 

@@ -11,7 +11,7 @@ import exudyn_romerr as romerr
 from exudyn_romerr.mbs.studies.scene_run import build_trial
 from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
 from exudyn_romerr.mode_selection.mode_choice import BASIS, SLACK, STEP
-from models import exact, floating, linkage, mechanisms
+from models import exact, floating, linkage, mechanism_truths, mechanisms
 
 # A run's auxiliary vectors hold its error to about 1 %, and what they leave shrinks with more modes. In the slider
 # crank forecasts from 2 modes up to 12 are within 4 % of the runs, but for bounds that the slack makes.
@@ -21,7 +21,7 @@ MODES = (1, 2, 6, 10)
 
 def crank(n, kind="RBE3", steps=120, **options):
     """A slider crank with outputs in the middle and at the end of the rod."""
-    scene = mechanisms.slider_crank(n, kind, h=0.06 / steps, t_end=0.06)
+    scene = mechanism_truths.half_crank(n, kind, steps)
     tip = int(floating.interface(scene.fem, "tip")[0][0])
     outputs = [romerr.node_displacement(name, node=k) for name, k in (("tip", tip), ("mid", mechanisms.MIDDLE))]
     flex = romerr.floating_body(scene.fem, scene.bodies[0])
@@ -30,17 +30,11 @@ def crank(n, kind="RBE3", steps=120, **options):
 
 def swing(n, kind="RBE3", **options):
     """A pendulum that is kicked smoothly, sampled so that steps do not matter."""
-    scene = floating.pendulum(n, kind, h=1e-4, t_end=0.02, force=smooth_force)
+    scene = mechanism_truths.kicked(n, kind)
     scene.mbs.SetSensorParameter(scene.sensors["tip local"], "name", "tip")
     flex = romerr.floating_body(scene.fem, scene.items)
     monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["tip local"]], **options)
     return scene.mbs, monitor, scene.settings
-
-
-def smooth_force(t):
-    """2 kN along the hinge, and across it, over 20 ms."""
-    size = 2e3 * np.sin(np.pi * t / 0.02) ** 4
-    return 0.0, size, size
 
 
 def stabiliser(n, steps=400, make=romerr.modal_basis):
@@ -61,18 +55,10 @@ def solved(made):
     return build_trial(lambda: made).solve()[0]
 
 
-def local_truth(scene, name):
-    """Values (T, 3) of a sensor, no mode left out."""
-    scene.solve()
-    return scene.mbs.GetSensorStoredData(scene.sensors[name])[:, 1:]
-
-
 @pytest.fixture(scope="module")
 def crank_truth():
-    scene = mechanisms.slider_crank(kind="complete", h=5e-4, t_end=0.06)
-    scene.solve()
-    sensors = {"tip": "tip 1 local", "mid": "middle 1 local"}
-    return {name: scene.mbs.GetSensorStoredData(scene.sensors[key])[:, 1:] for name, key in sensors.items()}
+    stored = mechanism_truths.stored("half_crank")
+    return {"tip": stored["tip 1 local"], "mid": stored["middle 1 local"]}
 
 
 def noting(build, built):
@@ -119,7 +105,7 @@ def test_forecast_of_outputs_in_global_axes():
     """They are seen through the frame's rotation. Velocities there have frozen inputs, and much slack."""
 
     def build(n):
-        scene = floating.pendulum(n, h=1e-4, t_end=0.02, force=smooth_force)
+        scene = mechanism_truths.kicked(n)
         outputs = [
             romerr.node_displacement("mid", node=mechanisms.MIDDLE, frame="global"),
             romerr.node_velocity("speed", node=mechanisms.MIDDLE, frame="global"),
@@ -140,7 +126,7 @@ def test_forecast_of_velocities():
     """As the frame sees them: the bar's middle moves by its first and fifth mode."""
 
     def build(n):
-        scene = mechanisms.slider_crank(n, h=5e-4, t_end=0.06)
+        scene = mechanism_truths.half_crank(n)
         flex = romerr.floating_body(scene.fem, scene.bodies[0])
         out = romerr.node_velocity("speed", node=mechanisms.MIDDLE)
         return scene.mbs, romerr.attach(scene.mbs, flex, outputs=[out]), scene.settings
@@ -190,7 +176,7 @@ def test_pendulum_needs_the_modes_that_the_truth_asks_for():
     choice = romerr.choose_modes(swing, tolerance, first=0, most=24)
     assert choice.met
     assert len(choice.tried) <= 4
-    y = local_truth(floating.pendulum(kind="complete", h=1e-4, t_end=0.02, force=smooth_force), "tip local")
+    y = mechanism_truths.stored("kicked")["tip local"]
     out = choice.reports[0].output("tip")
     error = np.abs(y - out.value)
     assert np.all(error <= out.bound["best"])
@@ -251,7 +237,7 @@ def test_steps_are_the_limit_beside_a_bound_that_does_not_cover_them(crank_truth
 
 
 def test_step_is_not_the_limit_where_it_is_short():
-    choice = romerr.choose_modes(partial(crank, steps=960), {"mid": 0.1}, relative=True, first=4, most=8)
+    choice = romerr.choose_modes(partial(crank, steps=480), {"mid": 0.1}, relative=True, first=4, most=8)
     assert (choice.met, choice.limit) == (True, None)
     assert choice.step_error["mid"] < choice.chosen.tolerance["mid"]
 

@@ -260,7 +260,7 @@ def test_sprung_body_is_bounded_from_its_static_equilibrium_on(tmp_path, capsys)
 
 
 def test_modes_that_the_rod_needs_are_found(tmp_path, capsys):
-    choices = how_many_modes.main(tmp_path, t_end=0.02, shown=(0, 4))
+    choices = how_many_modes.main(tmp_path, t_end=0.01, shown=(0, 4))
     assert all(choice.met and len(choice.tried) <= 4 for choice in choices)
     assert choices[0].n <= choices[1].n
     printed = capsys.readouterr().out

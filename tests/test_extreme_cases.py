@@ -25,11 +25,18 @@ OF_FIFTY_DIGITS = 1e-40
 TO_THE_DIGITS = 1e-14
 
 
+LONG = "1e6 steps, 1e5 periods"  # as much as all others
+
+
 def named(cases):
     return [case.name for case in cases]
 
 
-@pytest.mark.parametrize("case", BOUNDS, ids=named(BOUNDS))
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=pytest.mark.slow if case.name == LONG else ()) for case in BOUNDS],
+    ids=named(BOUNDS),
+)
 def test_bounds_hold_and_are_as_sharp_as_stated(case):
     """Displacement and velocity, every estimator and the corrected output: |error| <= bound + round-off."""
     row = extreme.measured(case)

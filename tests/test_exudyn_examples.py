@@ -74,6 +74,7 @@ def test_table_of_all_kinds_of_rows(tmp_path, monkeypatch, capsys):
     assert "*tiny:* a note." in printed
 
 
+@pytest.mark.slow
 def test_truth_compares_every_instant(tmp_path, monkeypatch):
     wrong = Truth("another load", OURS, (*TRUTH.more, ("1e4 * t", "2e4 * t")))  # that no bound of the first covers
     example = Example(FILE, {"sensor": OURS}, truth=(TRUTH, wrong))

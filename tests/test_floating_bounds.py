@@ -382,7 +382,9 @@ def test_bounds_under_frozen_inputs_are_sharp(name, kind, n):
             assert np.all(np.max(out.bound["best"], axis=0) < tol.SHARP_FROZEN[name] * error)
 
 
-@pytest.mark.parametrize("case", [("pendulum", "RBE2", 16), ("rotor", "RBE3", 6)])
+@pytest.mark.parametrize(
+    "case", [("pendulum", "RBE2", 16), pytest.param(("rotor", "RBE3", 6), marks=pytest.mark.slow)]
+)
 def test_half_the_step_does_not_change_the_full_motion(case):
     run, body, (u, u_t) = frozen(*case)
     for found, wanted in zip((u, u_t), frozen_motion(run, body, fine=2), strict=True):

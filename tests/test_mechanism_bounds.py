@@ -1,40 +1,24 @@
-"""Bounds of bodies in mechanisms cover the feedback of joints; truth: the same simulation with all modes.
+"""Bounds of bodies in mechanisms cover the feedback of joints; truth: the same simulation with all modes, stored.
 
-Full and reduced run have the same integrator and the same steps, which are converged (tests/test_mechanism_models.py
-and docs/mechanisms.md): their difference is the reduction error. Outputs are those seen from each bar's frame.
+Full and reduced run have the same integrator and the same steps, which are converged (docs/mechanisms.md and the
+tests of models/mechanisms.py): their difference is the reduction error. Outputs are those seen from each bar's frame.
 """
 
 from functools import cache
 
-import exudyn as exu
 import numpy as np
 import pytest
 import tolerances as tol
-from exudyn import itemInterface
 
 import exudyn_romerr as romerr
-from models import floating, mechanisms
+from models import mechanism_truths
+from models.mechanism_truths import with_velocities
 
 SCENES = ("double_pendulum", "slider_crank", "sprung_body")
 BASES = [(kind, n) for kind in ("RBE2", "RBE3") for n in (0, 4, 16)]
 COUPLED = "coupled (linearised)"
 VECTORS = 20
 MATTERS = 1e-5  # of the output: smaller errors are not asked to be bounded sharply
-
-
-def built(name, n, kind, **options):
-    """The scene, with a sensor of the tip's velocity in the frame of each bar."""
-    scene = getattr(mechanisms, name)(n, kind, **options)
-    tip = int(floating.interface(scene.fem, "tip")[0][0])
-    for i, body in enumerate(scene.bodies, start=1):
-        sensor = itemInterface.SensorSuperElement(
-            bodyNumber=body["oFFRFreducedOrder"],
-            meshNodeNumber=tip,
-            storeInternal=True,
-            outputVariableType=exu.OutputVariableType.VelocityLocal,
-        )
-        scene.sensors[f"velocity {i} local"] = scene.mbs.AddSensor(sensor)
-    return scene
 
 
 def local_sensors(scene, i):
@@ -45,15 +29,13 @@ def local_sensors(scene, i):
 @cache
 def truth(name):
     """Sensor -> values (T, 3), no mode left out."""
-    scene = built(name, 0, "complete")
-    scene.solve()
-    return {key: scene.mbs.GetSensorStoredData(k)[:, 1:] for key, k in scene.sensors.items() if "local" in key}
+    return mechanism_truths.stored(name)
 
 
 @cache
 def bounded(name, kind, n):
     """Reports by bar of the reduced run, and its sensors."""
-    scene = built(name, n, kind)
+    scene = with_velocities(name, n, kind)
     monitors = []
     for i, body in enumerate(scene.bodies, start=1):
         for key in local_sensors(scene, i):
@@ -91,7 +73,7 @@ def test_error_of_the_mechanism_is_below_its_bounds(name, kind, n):
 @pytest.mark.parametrize(("kind", "n"), BASES)
 @pytest.mark.parametrize("name", SCENES)
 def test_auxiliary_vectors_predict_the_error_and_bound_it_sharply(name, kind, n):
-    """Prediction within 2 %, bound within 1.6, wherever the error matters; measured 0.2 % and 1.501 at most."""
+    """Prediction within 2 %, bound within 1.6, wherever the error matters; measured 0.2 % and 1.51 at most."""
     seen = 0
     for out, error in cases(name, kind, n):
         if out.of == "velocity":
@@ -117,19 +99,16 @@ def test_reports_say_that_feedback_is_covered(name):
 
 def test_frozen_inputs_hide_feedback_that_the_coupled_bound_covers():
     """A pendulum that falls at once: in its plane the frozen bound of the reduction error is too small by far."""
-    step, end = 1e-4, 0.05
-    full = floating.pendulum(kind="complete", h=step, t_end=end)
-    full.solve()
     reports = {}
     for scope in ("inputs frozen", COUPLED):
-        scene = floating.pendulum(4, h=step, t_end=end)
+        scene = mechanism_truths.falling(4)
         flex = romerr.floating_body(scene.fem, scene.items)
         local = scene.sensors["tip local"]
         monitor = romerr.attach(scene.mbs, flex, outputs=[local], scope=scope, time="sampled", auxiliary_modes=40)
         scene.solve()
         reports[scope] = monitor.report()
     (frozen,), (coupled,) = (report.outputs.values() for report in reports.values())
-    error = np.abs(full.mbs.GetSensorStoredData(full.sensors["tip local"])[:, 1:] - coupled.value)
+    error = np.abs(truth("falling")["tip local"] - coupled.value)
     assert error[:, 2].max() > 2 * frozen.bound["auxiliary"][:, 2].max()
     assert np.all(error <= coupled.bound["best"])
 
@@ -139,7 +118,7 @@ def test_two_levels_bound_the_coarse_run(name):
     """|fine - coarse| + bound of the fine run is above the true error, and near it."""
 
     def build(n):
-        scene = built(name, n, "RBE3")
+        scene = with_velocities(name, n, "RBE3")
         monitors = []
         for i, body in enumerate(scene.bodies, start=1):
             key = f"middle {i} local"

@@ -12,7 +12,6 @@ from models import exact, sensitivity
 from models.sensitivity import BINARY, DECIMAL, MOVED, UNITS
 
 SHORT = 1e-3  # s between samples
-LEVELS = (6, 12, 114)
 LINKAGE = {"bits": [64, 32], "n": [6, 12]}
 SIGNAL = np.max(np.abs(sensitivity.exact_tip(np.linspace(0, 2, 201))))  # m
 # Arithmetic in units that differ by powers of two rounds alike, unless a constant in metres were somewhere.
@@ -111,10 +110,10 @@ def test_what_exudyn_would_take_without_a_word_is_refused(parameters, options, m
         romerr.sweep(what_it_got, parameters, **options)
 
 
-@pytest.fixture(scope="module")
-def study(tmp_path_factory):
+@pytest.fixture(scope="module", params=[(12, 114), pytest.param((6, 12, 114), marks=pytest.mark.slow)], ids=len)
+def study(request, tmp_path_factory):
     directory = tmp_path_factory.mktemp("stability")
-    return numerical_stability.main(directory, SHORT, LEVELS, whole=False), directory
+    return numerical_stability.main(directory, SHORT, request.param, whole=False), directory
 
 
 def test_units_describe_the_same_body():
@@ -156,7 +155,7 @@ def test_method_2_gives_the_full_model_a_residual(study):
 def test_units_move_the_paper_s_bounds_and_leave_the_package_s(study):
     paper, ours = study[0].paper, study[0].ours
     assert numerical_stability.spread([paper[64, i, 114] for i in DECIMAL], "fast") > 3
-    for e, n in product(sensitivity.ESTIMATORS, LEVELS):
+    for e, n in product(sensitivity.ESTIMATORS, {n for _, _, n in ours}):
         binary, decimal, moved = (
             numerical_stability.spread([ours[64, i, n] for i in units], e) for units in (BINARY, DECIMAL, MOVED)
         )

@@ -111,7 +111,7 @@ def test_total_bound_of_the_linkage_is_sharp_with_mixed_steps(bar, n):
     assert_sharp(compared(romerr.evaluate(body, basis, traj, **common), output, body, truth), AIM)
 
 
-@pytest.mark.parametrize(("n", "h"), [(6, 5e-5), (12, 2.5e-5)])
+@pytest.mark.parametrize(("n", "h"), [(6, 5e-5), pytest.param(12, 2.5e-5, marks=pytest.mark.slow)])
 def test_reduction_error_alone_of_the_linkage(bar, n, h):
     """The issue: energy <= 3000 times the error where convolution has 1e5 (n = 6; 4e4 at n = 12), auxiliary <= 5.
 

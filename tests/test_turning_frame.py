@@ -36,6 +36,7 @@ SPINS = ("rest", "slow", "steady", "run-up", "tumbling", "fast")
 DAMPINGS = ("none", "under", "strong", "matrix")
 TIMES = ("sampled", "reconstructed")
 SEEDS = range(42)
+FEW = range(21)  # the others are slow
 
 
 @dataclass(frozen=True)
@@ -288,6 +289,11 @@ def coriolis_linear_between(equation, moving, forces, x0, v0):
     return x, v, equation.acceleration(moving, f, x, v)
 
 
+def marked(seeds):
+    """Seeds for parametrize, those above FEW marked as slow."""
+    return [pytest.param(seed, marks=() if seed in FEW else pytest.mark.slow) for seed in seeds]
+
+
 def damping(seed):
     return DAMPINGS[seed % len(DAMPINGS)]
 
@@ -387,7 +393,7 @@ def effectivities(rows):
 
 
 @pytest.mark.parametrize("kind", SPINS)
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", marked(SEEDS))
 def test_true_errors_stay_below_their_bounds(seed, kind):
     """Positions, velocities, outputs and corrected outputs, by all estimators, sampled and reconstructed."""
     for time in TIMES:
@@ -396,25 +402,28 @@ def test_true_errors_stay_below_their_bounds(seed, kind):
 
 @pytest.mark.parametrize("time", TIMES)
 @pytest.mark.parametrize("name", tol.SLOW_SPIN)
-@pytest.mark.parametrize("seed", [seed for seed in SEEDS if damping(seed) != "matrix"])
+@pytest.mark.parametrize("seed", marked(seed for seed in SEEDS if damping(seed) != "matrix"))
 def test_all_modes_beside_a_slow_spin_leave_a_sharp_bound(seed, name, time):
     """A merely huge bound fails: only what the spin adds, |w| up to 1 % of the first frequency, is not exact."""
     assert effectivities(bounds(seed, time)["slow"])[name, "auxiliary"] < tol.SLOW_SPIN[name]
 
 
 @pytest.mark.parametrize(("kind", "e"), tol.MEDIAN_IN_SPIN)
-def test_half_of_the_bounds_are_sharp(kind, e):
+@pytest.mark.parametrize(
+    ("seeds", "share"), [(FEW, tol.FEWER_SEEDS), pytest.param(SEEDS, 1.0, marks=pytest.mark.slow)], ids=["few", "all"]
+)
+def test_half_of_the_bounds_are_sharp(seeds, share, kind, e):
     """The median of position, output and velocity bounds; auxiliary: with all modes."""
-    found = [effectivities(bounds(seed, "reconstructed")[kind]) for seed in SEEDS]
+    found = [effectivities(bounds(seed, "reconstructed")[kind]) for seed in seeds]
     for name, limit in zip(("position", "y", "v"), tol.MEDIAN_IN_SPIN[kind, e], strict=True):
         values = [x[name, e] for x in found if (name, e) in x]
-        assert len(values) > 30
-        assert 1 - tol.TAYLOR <= np.median(values) < limit
+        assert len(values) > 5 / 7 * len(seeds)
+        assert 1 - tol.TAYLOR <= np.median(values) < share * limit
 
 
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("time", TIMES)
-@pytest.mark.parametrize("seed", SEEDS[::5])
+@pytest.mark.parametrize("seed", marked(SEEDS[::5]))
 def test_without_spin_the_bounds_are_those_of_a_body_at_rest(seed, time, packed):
     """To the last bit, by all estimators."""
     case = scenario(seed)

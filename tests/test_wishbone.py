@@ -197,6 +197,7 @@ def test_static_modes_of_all_interfaces_need_no_eigenmode():
     assert error.max() < 1e-5 * np.abs(out.value).max()
 
 
+@pytest.mark.slow
 def test_more_vectors_make_the_bound_of_all_static_modes_sharp():
     out, error, known = compared(0, "RBE3", INTERFACES, 60)
     assert np.all(error <= out.bound["auxiliary"] + known)
@@ -216,6 +217,7 @@ def test_results_are_the_same_with_and_without_bounds():
         np.testing.assert_array_equal(stored(scene, name), stored(run(0)[0], name))
 
 
+@pytest.mark.slow
 def test_choose_modes_picks_a_basis_whose_bound_is_small_enough_and_above_the_error(monkeypatch):
     monkeypatch.setattr(wishbone_suspension, "STEP", STEP)
     promise = 0.002
@@ -238,11 +240,11 @@ def test_example_draws_and_tells_what_is_enough(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(wishbone_suspension, "TRUTH", {"n": 4, "vectors": 20})
     monkeypatch.setattr(wishbone_suspension, "PROMISES", (1.0, 1e-9))
     monkeypatch.setattr(wishbone_suspension, "fewest", lambda promise, t_end: f"{promise} until {t_end}")
-    (case,) = wishbone_suspension.main(tmp_path, t_end=0.01)
+    (case,) = wishbone_suspension.main(tmp_path, t_end=0.005)
     assert case.modes == 6 + n
     assert not case.missed.any()
     for name in ("wishbone", "wishbone_arm", "wishbone_modes"):
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     printed = capsys.readouterr().out
     assert f"enough by the bound, {basis}: 100 %: {6 + n} modes, 1e-07 %: none of these" in printed
-    assert f"choose_modes for 1e-07 %, {basis}: 1e-09 until 0.01" in printed
+    assert f"choose_modes for 1e-07 %, {basis}: 1e-09 until 0.005" in printed

@@ -1,8 +1,8 @@
 """Linearisation of a running mechanism: M, D, K and constraints G, read inside the hook without touching the run.
 
 A static solver of our own, initialised once, computes them from the current state and writes into itself only:
-the simulation stays equal bit for bit (measured with Exudyn 1.13.6; ComputeLinearizedSystem starts a solver each time,
-and states, accelerations and time have to be restored after it). So it does where a stored state is set for that time
+the simulation stays equal bit for bit (measured with Exudyn 1.13.6; ComputeLinearizedSystem starts a solver each
+time, and states, accelerations and time have to be restored after it). So it does where a stored state is set
 (late_readings.py), and what is read there equals, bit for bit, what would have been read in passing.
 """
 
