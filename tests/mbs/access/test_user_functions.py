@@ -1,0 +1,136 @@
+"""User functions: runs are the same bit for bit with and without us, whatever functions keep between their calls."""
+
+import numpy as np
+import pytest
+from exudyn import itemInterface
+
+from exudyn_romerr.mbs.access.user_memory import memory_kept
+from tests.helpers.mechanism_runs import FROZEN, STEP, add_load, pendulum, reports, solve, watch
+
+
+def integral_of_the_mbs(scene):
+    """PI controller that keeps its integral in mbs.variables, one step of it for each new time."""
+    scene.mbs.variables["controller"] = {"t": 0.0, "integral": 0.0}
+
+    def force(mbs, t, vector):
+        kept, deflection = mbs.variables["controller"], mbs.GetSensorValues(scene.sensors["tip 1 local"])[1]
+        if t > kept["t"]:
+            kept["integral"] += deflection * (t - kept["t"])
+            kept["t"] = t
+        return [0.0, 10.0 - 1e5 * deflection - 1e7 * kept["integral"], 0.0]
+
+    return force
+
+
+def integral_of_every_call(scene):
+    """Takes every call for a new step, as first attempts do, so weakly that Newton converges; in a closure."""
+    integral = 0.0
+
+    def force(mbs, t, vector):
+        nonlocal integral
+        deflection = mbs.GetSensorValues(scene.sensors["tip 1 local"])[1]
+        integral += deflection * STEP
+        return [0.0, 10.0 + 1e-3 * integral, 0.0]
+
+    return force
+
+
+class Controller:
+    """The same by an object."""
+
+    def __init__(self, scene):
+        self.sensor, self.seen = scene.sensors["tip 1 local"], []
+
+    def force(self, mbs, t, vector):
+        self.seen.append(mbs.GetSensorValues(self.sensor)[1])
+        return [0.0, 10.0 + 1e-6 * sum(self.seen), 0.0]
+
+
+def counting(scene, calls=[0]):  # noqa: B006 (that is what is tried)
+    """Load that grows by its calls, counted in a default value."""
+    calls[0] = 0
+
+    def force(mbs, t, vector, calls=calls):
+        calls[0] += 1
+        return [0.0, 10.0 + 1e-9 * calls[0], 0.0]
+
+    return force
+
+
+LOADS = {
+    "mbs.variables": integral_of_the_mbs,
+    "closure": integral_of_every_call,
+    "object": lambda scene: Controller(scene).force,
+    "counting": counting,
+}
+
+
+def recorded(make, attached, **options):
+    """All sensors of a double pendulum, one of them by a user function that counts; the report if attached."""
+    scene = pendulum(0, steps=40)  # eigenmodes differ in the last bits each time they are computed
+    add_load(scene, loadVectorUserFunction=make(scene), name="motor")
+    counts = []
+
+    def counted(mbs, t, sensorNumbers, factors, configuration):
+        counts.append(t)
+        return [float(len(counts))]
+
+    sensor = itemInterface.SensorUserFunction(storeInternal=True, sensorUserFunction=counted)
+    numbers = [*scene.sensors.values(), scene.mbs.AddSensor(sensor)]
+    found = None
+    if attached:
+        watch(scene, **options)
+    solve(scene)
+    return [scene.mbs.GetSensorStoredData(number) for number in numbers], found
+
+
+@pytest.mark.parametrize("name", LOADS)
+def test_runs_are_the_same_with_and_without_us(name):
+    """A memory that a call of ours moved on would show in the motion at once."""
+    (alone, _), (watched, _) = (recorded(LOADS[name], attached) for attached in (False, True))
+    for one, other in zip(alone, watched, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert np.ptp(alone[0][:, 1:]) > 0
+
+
+@pytest.mark.parametrize("name", LOADS)
+def test_memory_is_said(name):
+    """Such a load may do work on the error: frozen, and named."""
+    scene = pendulum(0, steps=5)
+    add_load(scene, loadVectorUserFunction=LOADS[name](scene), name="motor")
+    for report in reports(scene):
+        assert set(report.scope.values()) == {FROZEN}
+        assert "motor" in report.scope_reason
+        assert "earlier calls" in report.scope_reason
+
+
+class Space:
+    """Stands for an mbs."""
+
+    def __init__(self):
+        self.variables = {"list": [1], "number": 2}
+
+
+def test_memory_is_put_back_in_place():
+    """Other functions hold the same objects; what was added is removed."""
+    mbs, array = Space(), np.zeros(2)
+    one, owner = mbs.variables["list"], Controller.__new__(Controller)
+    owner.seen = []
+
+    def write():
+        array[0] = 1.0
+        mbs.variables["list"].append(5)
+        mbs.variables |= {"number": 3, "new": 4}
+        owner.seen.append(6)
+        write.calls = 1
+
+    with memory_kept(mbs, [write]) as memory:
+        assert not memory.changed
+        write()
+        assert memory.changed
+    assert not memory.changed
+    assert mbs.variables == {"list": [1], "number": 2}
+    assert mbs.variables["list"] is one
+    assert array.tolist() == [0.0, 0.0]
+    assert owner.seen == []
+    assert not vars(write)
