@@ -1,6 +1,6 @@
 """Seeded scenes of sweep.py: body, basis, load, damping, initial state, steps, integrator, and the exact solution.
 
-Bodies, bases and truth are those of tests/, which also hold a small selection of these scenes.
+Bodies, bases and truth are those of tests/helpers; tests/ also holds a small selection of these scenes.
 """
 
 import sys
@@ -8,18 +8,17 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import scipy.linalg as la
-from bodies import DAMPINGS, RAYLEIGH, Model, model, pencil
-from cases import make_basis, reduced_rates
-from mbs_scenes import SOLVERS, Recorder, new_mbs, settings
-from total_truth import LOADS, Exact, Signal
 
 import exudyn_romerr as romerr
 from models import solid_bar
+from tests.helpers.bodies import DAMPINGS, RAYLEIGH, Model, model, pencil
+from tests.helpers.cases import make_basis, reduced_rates
+from tests.helpers.mbs_scenes import SOLVERS, Recorder, new_mbs, settings
+from tests.helpers.total_truth import LOADS, Exact, Signal
 
 BODIES = {"chain": 0.25, "pencil": 0.25, "tiny": 0.08, "wide": 0.1, "beam": 0.15, "linkage": 0.12, "solid": 0.05}
 BASES = ("modal", "krylov", "gramian", "random", "petrov-static", "petrov-random", "full")

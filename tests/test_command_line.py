@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from theorem import random_case
 
 from exudyn_romerr import Output, __version__, load_report
 from exudyn_romerr.__main__ import main
+from tests.helpers.theorem import random_case
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = ("show", "plot", "report", "csv")

@@ -1,0 +1,183 @@
+"""Coupled bounds beside real runs of mechanisms: what is found, and that runs, solves and reports behave."""
+
+import gc
+import weakref
+
+import exudyn as exu
+import numpy as np
+import pytest
+from exudyn import itemInterface
+
+from exudyn_romerr import load_report
+from models import floating, mechanisms
+from tests.helpers.mechanism_runs import (
+    BOTH,
+    COUPLED,
+    FROZEN,
+    LIE,
+    STEP,
+    pendulum,
+    reports,
+    solve,
+    watch,
+    with_frames,
+)
+
+NEGLECTED = "Neglected"
+REACT = "these react to the body's deformation"
+SCENES = {
+    "double pendulum": lambda: pendulum(2),
+    "slider crank": lambda: mechanisms.slider_crank(2, t_end=0.01),
+    "sprung body": lambda: mechanisms.sprung_body(2, t_end=0.02),
+}
+
+
+# --- scope ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_mechanism_with_all_bars_attached_is_coupled(name):
+    for report in reports(SCENES[name](), estimators=BOTH):
+        assert report.scope == dict.fromkeys(BOTH, COUPLED)
+        assert all(NEGLECTED in report.reason(e) for e in BOTH)
+        assert np.all(report.output("probe").bound["best"][1:] > 0)
+
+
+def test_auto_takes_auxiliary_vectors_that_react():
+    for report in reports(pendulum()):
+        assert report.scope == {"auxiliary": COUPLED}
+        assert "reacting with the mechanism" in str(report.plan)
+
+
+def test_estimators_without_feedback_are_frozen_beside_coupled_ones():
+    for report in reports(pendulum(), estimators=("fast", *BOTH)):
+        assert report.scope == {"fast": FROZEN, "energy": COUPLED, "auxiliary": COUPLED}
+        assert REACT in report.reason("fast")
+        assert NEGLECTED not in report.reason("fast")
+        bound = report.output("probe").bound
+        np.testing.assert_array_equal(bound["best"], np.minimum(bound["energy"], bound["auxiliary"]))
+
+
+def test_best_is_of_the_widest_scope_though_others_are_smaller():
+    for report in reports(with_frames(LIE, pendulum)):
+        assert report.scope == {"energy": COUPLED, "auxiliary": FROZEN}
+        assert "Euler parameters" in report.reason("auxiliary")
+        bound = report.output("probe").bound
+        np.testing.assert_array_equal(bound["best"], bound["energy"])
+        assert np.max(bound["auxiliary"]) < np.max(bound["best"])
+        # the correction of "auxiliary" knows nothing of the mechanism's reaction: it missed 30 times what it claimed
+        assert np.max(report.output("probe").corrected_bound) > np.max(bound["auxiliary"])
+
+
+def test_coupled_energy_alone_is_plotted_with_its_correction(tmp_path):
+    for report in reports(pendulum(), estimators="energy"):
+        assert report.output("probe").corrected is not None
+        figure = report.plot(tmp_path / "run.png")
+        legends = [text.get_text() for ax in figure.axes for text in ax.get_legend().get_texts()]
+        assert any(text.startswith("corrected ± its bound, at most") for text in legends)
+
+
+def test_correction_under_frozen_inputs_says_so():
+    for report in reports(pendulum(), estimators="auxiliary", scope=FROZEN):
+        assert "of the full model, inputs frozen" in str(report)
+
+
+@pytest.mark.parametrize("asked", ["auto", FROZEN])
+def test_estimators_without_feedback_alone_are_as_with_frozen_inputs(asked):
+    for report in reports(pendulum(), estimators="fast", scope=asked):
+        assert report.scope == {"fast": FROZEN}
+        assert report.time == "reconstructed"
+
+
+def test_explicit_solver_is_coupled_in_energy_only():
+    scene = with_frames(LIE, mechanisms.sprung_body, n=0, h=1e-6, t_end=2e-5)
+    (monitor,) = watch(scene)
+    solve(scene, solverType=exu.DynamicSolverType.RK44)
+    report = monitor.report()
+    assert report.scope == {"energy": COUPLED, "auxiliary": FROZEN}
+    assert len(report.t) == 21
+
+
+def test_chain_of_three_bars():
+    scene = mechanisms._scene((1, "RBE3"), (STEP, 10 * STEP))
+    left, right = mechanisms._faces(scene.fem)
+    ends = [mechanisms._ground_marker(scene.mbs, left)]
+    for bar in (1, 2, 3):
+        mechanisms._add_bar(scene, floating.RAYLEIGH, position=(bar - 1) * (right - left))
+        mechanisms.join(scene, f"hinge {bar}", ends[-1], scene.markers[f"left {bar}"], mechanisms.HINGE)
+        ends.append(scene.markers[f"right {bar}"])
+    mechanisms._finished(scene, itemInterface.LoadForceVector, ends[-1], mechanisms.swaying_force, False)
+    found = reports(scene, estimators=BOTH)
+    for report, of_two in zip(found, reports(pendulum(), estimators=BOTH), strict=False):
+        assert report.scope == dict.fromkeys(BOTH, COUPLED)
+        assert np.max(report.output("probe").bound["energy"]) > np.max(of_two.output("probe").bound["energy"])
+
+
+# --- the simulation is not touched ------------------------------------------
+
+
+@pytest.mark.parametrize("estimators", ["energy", ("fast", *BOTH)])
+@pytest.mark.parametrize("name", SCENES)
+def test_attaching_changes_no_bit_of_the_simulation(name, estimators):
+    scene = SCENES[name]()
+    solve(scene)
+    before = everything(scene)
+    monitors = watch(scene, estimators=estimators)
+    solve(scene)
+    assert all(monitor.report().scope["energy"] == COUPLED for monitor in monitors)
+    for one, other in zip(before, everything(scene), strict=True):
+        np.testing.assert_array_equal(other, one)
+
+
+def everything(scene):
+    """Final coordinates, their rates and accelerations, multipliers; all that sensors stored."""
+    system = scene.mbs.systemData
+    states = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
+    sensors = [scene.mbs.GetSensorStoredData(sensor) for sensor in scene.sensors.values()]
+    return [*(read() for read in states), system.GetAECoordinates(), *sensors]
+
+
+# --- reports ----------------------------------------------------------------
+
+
+def test_saved_report_keeps_scopes(tmp_path):
+    for report in reports(pendulum(), estimators=("fast", *BOTH)):
+        report.save(tmp_path / "run.npz")
+        loaded = load_report(tmp_path / "run.npz")
+        assert loaded.scope == report.scope
+        assert [loaded.reason(e) for e in report.scope] == [report.reason(e) for e in report.scope]
+        assert str(loaded) == str(report)
+
+
+def test_bounds_at_nodes_are_those_of_outputs():
+    scene = pendulum()
+    for report in reports(scene, estimators=BOTH):
+        for e in BOTH:
+            assert report.node_bound[e].shape == (scene.fem.NumberOfNodes(),)
+            there = report.output("probe").bound[e][np.argmax(report.position_bound[e])]
+            # rounding, 1e-9 of these bounds, is bounded by way of the mass norm at nodes
+            assert np.max(there) <= report.node_bound[e][mechanisms.MIDDLE] <= np.linalg.norm(there) * (1 + 1e-7)
+
+
+def test_tolerance_on_one_bar_stops_the_solve():
+    free, _ = reports(pendulum(20), estimators="energy")
+    bound = np.max(free.output("probe").bound["best"], axis=1)
+    scene, limit = pendulum(20), np.max(bound) / 2
+    monitors = [*watch(scene, 1, estimators="energy", tolerance=limit), *watch(scene, 2, estimators="energy")]
+    solve(scene)
+    stopped, other = (monitor.report() for monitor in monitors)
+    assert stopped.t[-1] == other.t[-1] == free.t[np.argmax(bound > limit)] < free.t[-1]
+    assert "tolerance on 'probe' exceeded" in stopped.messages[0]
+
+
+def test_mbs_is_freed_when_dropped():
+    def solved():
+        scene = pendulum()
+        monitors = watch(scene)
+        solve(scene)
+        return weakref.ref(scene.mbs), monitors[0]
+
+    mbs, runs = (lambda mbs, monitor: (mbs, monitor.runs))(*solved())
+    gc.collect()
+    assert mbs() is None
+    assert len(runs[0].report().t) == 11

@@ -1,0 +1,187 @@
+"""Coupled bounds over several solves, blocks of steps and steps of other lengths."""
+
+import exudyn as exu
+import numpy as np
+import pytest
+
+from exudyn_romerr.mbs import tangent
+from tests.helpers.mechanism_runs import (
+    BOTH,
+    COUPLED,
+    FROZEN,
+    STEP,
+    add_spring,
+    assert_same_bounds,
+    from_to,
+    pendulum,
+    reports,
+    solve,
+    steps_of,
+    watch,
+)
+
+NEWTON = 1e-6  # of energy bounds: what iterations of relative tolerance 1e-10 leave, and modes that start at random
+RESTART = 1e-3  # of the largest bound: accelerations made anew, to Newton's tolerance, are a small jump of R
+TRAPEZOIDAL = exu.DynamicSolverType.TrapezoidalIndex2
+
+
+@pytest.fixture
+def every_step(monkeypatch):
+    """Tangents at every step, wherever blocks of steps end."""
+    monkeypatch.setattr(tangent, "LONGEST", 1)
+
+
+@pytest.mark.usefixtures("every_step")
+def test_continued_solve_is_as_one():
+    scene = pendulum(steps=20)
+    monitors = watch(scene, estimators=BOTH)
+    solve(scene, solverType=TRAPEZOIDAL)  # its accelerations are not made anew by a solve that goes on
+    from_to(scene, 0, 8)
+    solve(scene, solverType=TRAPEZOIDAL, updateInitialValues=True)
+    from_to(scene, 8, 20)
+    solve(scene, solverType=TRAPEZOIDAL)
+    for monitor in monitors:
+        whole, first, second = (monitor.report(i) for i in range(3))
+        assert second.messages[0] == f"continues the run before from t = {8 * STEP:g} s"
+        for e, bound in whole.output("probe").bound.items():
+            parts = [first.output("probe").bound[e], second.output("probe").bound[e][1:]]
+            np.testing.assert_allclose(np.concatenate(parts), bound, rtol=0, atol=RESTART * np.max(bound))
+
+
+def test_second_solve_starts_anew():
+    """A tangent is read at the end of the second, when it is asked for, but not of the first, which is over then."""
+    scene = pendulum()
+    monitors = watch(scene, estimators=BOTH)
+    solve(scene)
+    solve(scene)
+    for monitor in monitors:
+        assert_same_bounds(*(monitor.report(i) for i in range(2)), rtol=1e-5)
+
+
+@pytest.mark.usefixtures("every_step")
+def test_reports_during_a_run_change_nothing():
+    asked, wanted = [], [False]
+
+    def ask(mbs, t):
+        if wanted[0]:
+            asked.append([len(monitor.report().t) for monitor in (*monitors, monitors[0])])
+        return True
+
+    scene = pendulum()
+    monitors = watch(scene, estimators=BOTH, hook=ask)
+    solve(scene)
+    wanted[0] = True
+    solve(scene)
+    assert asked == [[i, i, i] for i in range(1, 12)]
+    for monitor in monitors:
+        assert_same_bounds(*(monitor.report(i) for i in range(2)), rtol=1e-6)
+
+
+def test_body_attached_between_solves_completes_the_mechanism():
+    scene = pendulum()
+    monitors = watch(scene, 1, estimators=BOTH)
+    solve(scene)
+    monitors += watch(scene, 2, estimators=BOTH)
+    solve(scene)
+    assert set(monitors[0].report(0).scope.values()) == {FROZEN}
+    assert {scope for monitor in monitors for scope in monitor.report().scope.values()} == {COUPLED}
+    for monitor, report in zip(monitors, reports(pendulum(), estimators=BOTH), strict=True):
+        assert_same_bounds(report, monitor.report(), rtol=1e-3, share=NEWTON)
+
+
+def test_items_added_between_solves_are_used():
+    scene = pendulum()
+    monitors = watch(scene, estimators=BOTH)
+    solve(scene)
+    add_spring(scene, stiffness=1e6)
+    solve(scene)
+    other = pendulum()
+    add_spring(other, stiffness=1e6)
+    for monitor, report in zip(monitors, reports(other, estimators=BOTH), strict=True):
+        assert_same_bounds(report, monitor.report(), rtol=1e-3, share=NEWTON)
+
+
+def test_order_of_attaching_does_not_matter():
+    second, first = reports(pendulum(), 2, 1, estimators=BOTH)
+    for report, other in zip((first, second), reports(pendulum(), estimators=BOTH), strict=True):
+        assert_same_bounds(report, other, rtol=1e-3, share=NEWTON)
+
+
+def test_steps_of_other_lengths():
+    failures = iter(range(12))
+
+    def force(t):  # the solver halves its step until all failures are used up
+        return (0.0, np.nan, 0.0) if t > 5.5 * STEP and next(failures, None) is not None else (0.0, 1e3 * t, 0.0)
+
+    scene = pendulum(force=force)
+    integration = scene.settings.timeIntegration
+    integration.adaptiveStep, integration.minimumStepSize, integration.adaptiveStepRecoverySteps = True, 1e-6, 1
+    for report, other in zip(
+        reports(scene, estimators=BOTH),
+        reports(pendulum(force=lambda t: (0.0, 1e3 * t, 0.0)), estimators=BOTH),
+        strict=True,
+    ):
+        assert report.t[-1] == pytest.approx(10 * STEP)
+        assert np.ptp(np.diff(report.t)) >= STEP / 2
+        for e in BOTH:
+            assert np.max(report.output("probe").bound[e]) == pytest.approx(
+                np.max(other.output("probe").bound[e]), rel=0.1
+            )
+
+
+def test_every_solve_keeps_its_run():
+    scene = pendulum(steps=3)
+    monitors = watch(scene)
+    for _ in range(5):
+        solve(scene)
+    assert [steps_of(monitor) for monitor in monitors] == [[4] * 5] * 2
+
+
+def own_force(mbs, t, number, u, v, stiffness, damping, offset):
+    return [0.0, 0.0, -10.0 * u[2]]
+
+
+def attach_the_other(scene):
+    return watch(scene, 2, estimators=BOTH)
+
+
+def switch_off(scene):
+    scene.mbs.SetObjectParameter(scene.objects["hinge 2"], "activeConnector", False)
+
+
+def control(scene):
+    scene.mbs.SetObjectParameter(scene.objects["spring"], "springForceUserFunction", own_force)
+
+
+CHANGES = {
+    "a joint less": (switch_off, COUPLED),
+    "a controller": (control, FROZEN),
+    "nothing": (lambda s: None, COUPLED),
+}
+
+
+@pytest.mark.parametrize("estimators", ["energy", "auxiliary", BOTH])
+@pytest.mark.parametrize("change", CHANGES)
+def test_mechanism_changed_before_a_solve_goes_on(change, estimators):
+    """Bounds go on or start anew and say so; nothing breaks."""
+    scene, (edit, scope) = pendulum(), CHANGES[change]
+    scene.objects["spring"] = add_spring(scene)
+    monitors = watch(scene, estimators=estimators)
+    solve(scene, updateInitialValues=True)
+    edit(scene)
+    from_to(scene, 10, 15)
+    solve(scene)
+    for monitor in monitors:
+        assert set(monitor.report().scope.values()) == {scope}
+        assert steps_of(monitor) == [11, 6]
+
+
+@pytest.mark.parametrize("estimators", ["energy", "auxiliary", BOTH])
+def test_body_attached_before_a_solve_goes_on(estimators):
+    scene = pendulum()
+    monitors = watch(scene, 1, estimators=estimators)
+    solve(scene, updateInitialValues=True)
+    monitors += watch(scene, 2, estimators=estimators)
+    from_to(scene, 10, 15)
+    solve(scene)
+    assert [steps_of(monitor) for monitor in monitors] == [[11, 6], [6]]

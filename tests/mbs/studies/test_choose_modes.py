@@ -1,0 +1,415 @@
+"""choose_modes: forecasts against runs, chosen bases against the truth, and what is said where none is enough."""
+
+from functools import partial
+
+import exudyn as exu
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from exudyn_romerr.choice import BASIS, SLACK, STEP
+from exudyn_romerr.forecast import Ladder, forecasts
+from exudyn_romerr.mbs.trial import build_trial
+from models import exact, floating, linkage, mechanism_truths, mechanisms
+from tests.helpers import tolerances as tol
+
+# A run's auxiliary vectors hold its error to about 1 %, and what they leave shrinks with more modes. In the slider
+# crank forecasts from 2 modes up to 12 are within 4 % of the runs, but for bounds that the slack makes.
+FORECAST = 0.05
+MODES = (1, 2, 6, 10)
+
+
+def crank(n, kind="RBE3", steps=120, **options):
+    """A slider crank with outputs in the middle and at the end of the rod."""
+    scene = mechanism_truths.half_crank(n, kind, steps)
+    tip = int(floating.interface(scene.fem, "tip")[0][0])
+    outputs = [romerr.node_displacement(name, node=k) for name, k in (("tip", tip), ("mid", mechanisms.MIDDLE))]
+    flex = romerr.floating_body(scene.fem, scene.bodies[0])
+    return scene.mbs, romerr.attach(scene.mbs, flex, outputs=outputs, **options), scene.settings
+
+
+def swing(n, kind="RBE3", **options):
+    """A pendulum that is kicked smoothly, sampled so that steps do not matter."""
+    scene = mechanism_truths.kicked(n, kind)
+    scene.mbs.SetSensorParameter(scene.sensors["tip local"], "name", "tip")
+    flex = romerr.floating_body(scene.fem, scene.items)
+    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["tip local"]], **options)
+    return scene.mbs, monitor, scene.settings
+
+
+def stabiliser(n, steps=400, make=romerr.modal_basis):
+    """The linkage of the paper for 0.2 s."""
+    body, B, tip = linkage.build()
+    basis = romerr.krylov_basis(body, B, n) if make is romerr.krylov_basis else make(body, n)
+    SC = exu.SystemContainer()
+    mbs = SC.AddSystem()
+    flex = romerr.add_reduced_body(mbs, body, basis, inputs=B, input_function=linkage.force)
+    settings = exu.SimulationSettings()
+    settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = 0.2, steps
+    settings.solution.file.write = False
+    return mbs, romerr.attach(mbs, flex, outputs=[tip]), settings
+
+
+def solved(made):
+    """Report of the scene's only body."""
+    return build_trial(lambda: made).solve()[0]
+
+
+@pytest.fixture(scope="module")
+def crank_truth():
+    stored = mechanism_truths.stored("half_crank")
+    return {"tip": stored["tip 1 local"], "mid": stored["middle 1 local"]}
+
+
+def noting(build, built):
+    """Build, and keep the monitor of each scene."""
+
+    def build_and_note(n):
+        made = build(n)
+        built.append(made[1])
+        return made
+
+    return build_and_note
+
+
+def forecasts_from(build, n, most):
+    """Forecasts of a run with n modes."""
+    mbs, monitor, _ = build(most)
+    ladder = Ladder(*monitor.subject.modes(mbs), most)
+    mbs, monitor, settings = build(n)
+    monitor.subject.add(ladder.onlookers(monitor.subject.outputs))
+    report = solved((mbs, monitor, settings))
+    return forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, range(n)), report
+
+
+@pytest.mark.parametrize("kind", ["RBE2", "RBE3"])
+def test_forecast_is_what_runs_with_more_and_fewer_modes_find(kind):
+    build = partial(crank, kind=kind)
+    forecast, report = forecasts_from(build, 4, 12)
+    assert list(report.outputs) == ["tip", "mid"]
+    for n in MODES:
+        for name, out in solved(build(n)).outputs.items():
+            found = np.max(out.bound["best"])
+            assert forecast[name].bound(range(n)) == pytest.approx(
+                found, abs=FORECAST * found + forecast[name].largest_slack
+            )
+
+
+def test_forecast_of_the_run_itself_is_its_bound():
+    forecast, report = forecasts_from(crank, 4, 12)
+    for name, out in report.outputs.items():
+        assert forecast[name].bound(range(4)) == pytest.approx(np.max(out.bound["best"]), rel=tol.SUMS)
+
+
+def test_forecast_of_outputs_in_global_axes():
+    """They are seen through the frame's rotation. Velocities there have frozen inputs, and much slack."""
+
+    def build(n):
+        scene = mechanism_truths.kicked(n)
+        outputs = [
+            romerr.node_displacement("mid", node=mechanisms.MIDDLE, frame="global"),
+            romerr.node_velocity("speed", node=mechanisms.MIDDLE, frame="global"),
+        ]
+        flex = romerr.floating_body(scene.fem, scene.items)
+        return scene.mbs, romerr.attach(scene.mbs, flex, outputs=outputs, time="sampled"), scene.settings
+
+    forecast, _ = forecasts_from(build, 4, 8)
+    for n in (0, 1, 2, 6):
+        for name, out in solved(build(n)).outputs.items():
+            found = np.max(out.bound["best"])
+            slack = max(forecast[name].largest_slack, np.max(out.corrected_bound))
+            assert forecast[name].bound(range(n)) == pytest.approx(found, abs=FORECAST * found + slack)
+    assert forecast["mid"].bound(range(0)) > 100 * forecast["mid"].largest_slack
+
+
+def test_forecast_of_velocities():
+    """As the frame sees them: the bar's middle moves by its first and fifth mode."""
+
+    def build(n):
+        scene = mechanism_truths.half_crank(n)
+        flex = romerr.floating_body(scene.fem, scene.bodies[0])
+        out = romerr.node_velocity("speed", node=mechanisms.MIDDLE)
+        return scene.mbs, romerr.attach(scene.mbs, flex, outputs=[out]), scene.settings
+
+    forecast = forecasts_from(build, 2, 12)[0]["speed"]
+    for n in (0, 1, 4, 6, 10):
+        found = np.max(solved(build(n)).output("speed").bound["best"])
+        assert forecast.bound(range(n)) == pytest.approx(found, abs=FORECAST * found + forecast.largest_slack)
+    assert forecast.bound(range(0)) > 10 * forecast.largest_slack
+
+
+def test_onlookers_change_no_bound():
+    (_, with_content), without = forecasts_from(crank, 4, 12), solved(crank(4))
+    for name, out in without.outputs.items():
+        seen = with_content.output(name).bound["best"]
+        # modes of two builds differ in the last digits
+        np.testing.assert_allclose(seen, out.bound["best"], rtol=1e-3, atol=1e-3 * seen.max())
+
+
+def test_onlookers_do_not_decide_on_auxiliary_modes():
+    _, report = forecasts_from(stabiliser, 4, 24)
+    line = next(line for line in str(report.plan).splitlines() if "'auxiliary'" in line)
+    assert line in str(solved(stabiliser(4)).plan)
+
+
+@pytest.mark.parametrize("share", [1e-2, 3e-3])
+def test_slider_crank_needs_the_modes_that_the_truth_asks_for(share, crank_truth):
+    """The chosen basis is within the tolerance, one mode less is not, by the error itself."""
+    built = []
+    choice = romerr.choose_modes(noting(crank, built), {"tip": share, "mid": share}, relative=True)
+    assert choice.met
+    assert sum(len(monitor.runs) for monitor in built) <= 4
+    worst = {}
+    for n in (choice.n - 1, choice.n):
+        report = choice.reports[0] if n == choice.n else solved(crank(n))
+        worst[n] = 0.0
+        for name, y in crank_truth.items():
+            out = report.output(name)
+            error = np.abs(y - out.value)
+            assert np.all(error <= out.bound["best"] + tol.MECHANISM_NEWTON * np.abs(out.value).max())
+            worst[n] = max(worst[n], error.max() / (share * np.abs(out.value).max()))
+    assert worst[choice.n] <= 1 < worst[choice.n - 1]
+
+
+def test_pendulum_needs_the_modes_that_the_truth_asks_for():
+    tolerance = 4e-8
+    choice = romerr.choose_modes(swing, tolerance, first=0, most=24)
+    assert choice.met
+    assert len(choice.tried) <= 4
+    y = mechanism_truths.stored("kicked")["tip local"]
+    out = choice.reports[0].output("tip")
+    error = np.abs(y - out.value)
+    assert np.all(error <= out.bound["best"])
+    assert error.max() <= out.bound["best"].max() <= tolerance
+    fewer = solved(swing(choice.n - 1)).output("tip")
+    assert np.max(fewer.bound["best"]) > tolerance
+
+
+@pytest.mark.parametrize("make", [romerr.modal_basis, romerr.krylov_basis])
+def test_linkage_needs_the_modes_that_the_exact_solution_asks_for(make):
+    """Scope complete: time steps are in the bound, and in the error."""
+    tolerance = 2e-4
+    choice = romerr.choose_modes(partial(stabiliser, steps=800, make=make), tolerance)
+    assert choice.met
+    report = choice.reports[0]
+    body, B, tip = linkage.build()
+    solution = exact.full_solution(body, B, linkage.AMPLITUDE, 2 * np.pi * linkage.FREQUENCY)
+    out = report.compare("tip z", report.t, solution.motion(report.t)[0] @ tip.resolve(body)[0])
+    assert np.all(np.abs(out.error) <= out.bound["best"])
+    assert np.max(out.bound["best"]) <= tolerance
+    if choice.n > 1:
+        fewer = solved(stabiliser(choice.n - 1, steps=800, make=make)).output("tip z")
+        assert np.max(fewer.bound["best"]) > tolerance
+
+
+def test_free_interfaces_are_chosen_where_rigid_ones_stiffen():
+    choice = romerr.choose_modes(
+        crank, {"tip": 1e-2, "mid": 1e-2}, relative=True, kinds=("RBE2", "RBE3"), first=1, most=12
+    )
+    assert choice.met
+    assert choice.kind == "RBE3"
+    assert [run.kind for run in choice.tried[:2]] == ["RBE2", "RBE3"]
+    assert len(choice.tried) <= 4
+    rigid = choice.tried[0].forecast["tip"]
+    assert rigid.bound(range(12)) > choice.tried[0].tolerance["tip"]  # no number of eigenmodes helps
+
+
+def test_rigid_interfaces_are_kept_where_they_do():
+    choice = romerr.choose_modes(crank, {"mid": 0.5}, relative=True, kinds=("RBE2", "RBE3"), first=1, most=12)
+    assert (choice.met, choice.kind) == (True, "RBE2")
+
+
+def test_steps_are_the_limit_of_a_bound_that_covers_them():
+    choice = romerr.choose_modes(partial(stabiliser, steps=40), 1e-5, first=12)
+    assert (choice.met, choice.limit, len(choice.tried)) == (False, STEP, 1)
+    assert "halve the step" in str(choice)
+
+
+def test_steps_are_the_limit_beside_a_bound_that_does_not_cover_them(crank_truth):
+    """A run with half the step tells the error of the step: against a run with an eighth of it, within a third."""
+    choice = romerr.choose_modes(partial(crank, steps=60), {"mid": 1e-2}, relative=True, first=8, most=12)
+    assert (choice.met, choice.limit) == (True, STEP)
+    assert len(choice.tried) <= 3
+    fine, coarse = solved(crank(choice.n, steps=480)).output("mid"), choice.reports[0].output("mid")
+    error = np.max(np.abs(fine.value[::8] - coarse.value))
+    assert choice.step_error["mid"] == pytest.approx(error, rel=1 / 3)
+    assert "too long" in str(choice)
+
+
+def test_step_is_not_the_limit_where_it_is_short():
+    choice = romerr.choose_modes(partial(crank, steps=480), {"mid": 0.1}, relative=True, first=4, most=8)
+    assert (choice.met, choice.limit) == (True, None)
+    assert choice.step_error["mid"] < choice.chosen.tolerance["mid"]
+
+
+def test_too_few_modes_are_said_so():
+    choice = romerr.choose_modes(crank, {"mid": 1e-3}, relative=True, first=2, most=6)
+    assert (choice.met, choice.limit, choice.n) == (False, BASIS, 6)
+    assert "most=" in str(choice)
+
+
+def test_what_auxiliary_vectors_leave_is_said_so():
+    choice = romerr.choose_modes(partial(crank, auxiliary_modes=1), {"mid": 1e-5}, relative=True, first=2, most=12)
+    assert (choice.met, choice.limit) == (False, SLACK)
+    assert "auxiliary_modes" in str(choice)
+
+
+def released(n):
+    """A bar on springs in static equilibrium under a load, which then grows."""
+    solving = ["static"]
+
+    def force(t):  # static solvers call it with load factors
+        return 0.0, 0.0, 1e3 * (1.0 if solving[0] == "static" else 1.0 + 6 * np.sin(80.0 * t) ** 4)
+
+    scene = mechanisms.sprung_body(n, h=5e-4, t_end=0.04, force=force)
+    for i in range(scene.mbs.systemData.NumberOfLoads()):
+        if scene.mbs.GetLoad(i)["loadType"] == "MassProportional":
+            scene.mbs.SetLoadParameter(i, "loadVectorUserFunction", 0)
+    scene.mbs.SetSensorParameter(scene.sensors["middle 1 local"], "name", "middle 1")
+    flex = romerr.floating_body(scene.fem, scene.bodies[0])
+    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["middle 1 local"]])
+    scene.mbs.Assemble()
+    scene.settings.staticSolver.verboseMode = 0
+    scene.mbs.SolveStatic(scene.settings, updateInitialValues=True)
+    solving[0] = "dynamic"
+    return scene.mbs, monitor, scene.settings
+
+
+def two_bars(n):
+    """A double pendulum, n modes a bar."""
+    scene = mechanisms.double_pendulum(n, h=2e-3, t_end=0.1)
+    monitors = []
+    for bar, items in enumerate(scene.bodies, start=1):
+        flex = romerr.floating_body(scene.fem, items)
+        out = romerr.node_displacement(f"middle {bar}", node=mechanisms.MIDDLE)
+        monitors.append(romerr.attach(scene.mbs, flex, outputs=[out]))
+    return scene.mbs, monitors, scene.settings
+
+
+@pytest.mark.parametrize(
+    ("build", "share", "names"), [(two_bars, 3e-5, ("middle 1", "middle 2")), (released, 1e-2, ("middle 1",))]
+)
+def test_two_bodies_and_a_static_solve_before(build, share, names):
+    choice = romerr.choose_modes(build, dict.fromkeys(names, share), relative=True, first=0, most=12)
+    assert choice.met
+    assert choice.n > 0
+    assert len(choice.tried) <= 4
+    fewer = build_trial(build, choice.n - 1).solve()
+    limits = choice.chosen.tolerance
+    assert any(np.max(r.output(k).bound["best"]) > limits[k] for r in fewer for k in r.outputs)
+
+
+def test_picked_modes_are_fewer_than_the_first_ones(crank_truth):
+    """Modes that bend the rod out of its plane are left out, and none of those that are kept is needless."""
+    tolerance = {"tip": 1e-3, "mid": 1e-3}
+    choice = romerr.choose_modes(crank, tolerance, relative=True, pick=True, most=16)
+    assert choice.met
+    assert len(choice.tried) <= 4
+    assert choice.n < romerr.choose_modes(crank, tolerance, relative=True, most=16).n
+    report = choice.reports[0]
+    for name, y in crank_truth.items():
+        out = report.output(name)
+        error = np.abs(y - out.value)
+        assert np.all(error <= out.bound["best"] + tol.MECHANISM_NEWTON * np.abs(out.value).max())
+        assert error.max() <= 1e-3 * np.abs(out.value).max()
+    for j in choice.modes:
+        fewer = solved(crank([k for k in choice.modes if k != j]))
+        assert any(np.max(fewer.output(k).bound["best"]) > x for k, x in choice.chosen.tolerance.items())
+    assert f"modes {', '.join(map(str, choice.modes))}" in str(choice)
+
+
+def test_fewest_modes_may_be_none():
+    choice = romerr.choose_modes(crank, {"tip": 1.0}, first=2, most=4)
+    assert (choice.n, choice.met) == (0, True)
+    assert "no smaller basis" in str(choice)
+
+
+def test_bad_input_names_the_argument():
+    cases = (
+        ({"tolerance": {"nothing": 1.0}}, "'nothing'"),
+        ({"tolerance": None}, "tolerance=None"),
+        ({"tolerance": {}}, "tolerance="),
+        ({"tolerance": 1.0}, "2 outputs"),
+        ({"tolerance": {"tip": -1.0}}, "positive"),
+        ({"most": 0}, "most=0"),
+        ({"first": 5, "most": 4}, "first=5"),
+        ({"kinds": "RBE2"}, "kinds='RBE2'"),
+        ({"kinds": ("a", "a")}, "kinds="),
+        ({"build": lambda n: None}, "build"),
+        ({"build": lambda n: crank(0), "most": 8}, "build"),
+        ({"build": partial(crank, estimators=("energy",), scope="inputs frozen")}, "auxiliary"),
+    )
+    for changed, words in cases:
+        wanted = {"build": crank, "tolerance": {"tip": 1.0}, "most": 6, "first": 1} | changed
+        with pytest.raises(romerr.InputError, match=words):
+            romerr.choose_modes(wanted.pop("build"), wanted.pop("tolerance"), **wanted)
+
+
+def test_a_solve_that_fails_says_which():
+    def build(n):
+        mbs, monitor, settings = crank(n)
+        mbs.SetPreStepUserFunction(lambda mbs, t: t < 0.01)
+        return mbs, monitor, settings
+
+    with pytest.raises(romerr.RunError, match=r"build\(4\)"):
+        romerr.choose_modes(build, {"tip": 1.0})
+
+
+def test_linear_body_keeps_one_mode():
+    """There is none without; the search goes no further down, and a run that fails costs no result."""
+    choice = romerr.choose_modes(stabiliser, 1.0, most=8)
+    assert (choice.n, choice.met, choice.failed) == (1, True, None)
+
+    def build(n):
+        if n < 3:
+            raise ValueError("mine")
+        return stabiliser(n)
+
+    choice = romerr.choose_modes(build, 1.0, most=8)
+    assert (choice.n, choice.met) == (4, True)
+    assert "ValueError: mine" in choice.failed
+    assert choice.failed in str(choice)
+
+
+def test_dynamic_solve_inside_build_is_refused():
+    """Its error would be taken for zero at the start of the next one: bounds would be too low."""
+
+    def build(n):
+        mbs, monitor, settings = crank(n)
+        mbs.Assemble()
+        mbs.SolveDynamic(settings, updateInitialValues=True)
+        return mbs, monitor, settings
+
+    with pytest.raises(romerr.InputError, match="dynamic solve after attach"):
+        romerr.choose_modes(build, {"tip": 1.0}, most=6)
+
+
+def test_onlookers_are_in_no_report_and_no_plan():
+    choice = romerr.choose_modes(crank, {"mid": 0.5}, relative=True, first=1, most=4)
+    report = choice.reports[0]
+    assert list(report.outputs) == ["tip", "mid"]
+    assert "content" not in str(report) + str(report.plan)
+
+
+def test_settings_are_as_they_were():
+    scenes = []
+
+    def build(n):
+        made = crank(n)
+        scenes.append(made[2])
+        return made
+
+    choice = romerr.choose_modes(build, {"mid": 0.5}, relative=True, first=1, most=4)
+    assert choice.step_error is not None
+    assert {settings.timeIntegration.numberOfSteps for settings in scenes} == {120}
+
+
+def test_outputs_that_stay_zero_have_no_relative_tolerance():
+    def build(n):
+        mbs, monitor, settings = stabiliser(n)
+        monitor.subject.add([romerr.node_displacement("clamp", node=0, component="z")])
+        return mbs, monitor, settings
+
+    with pytest.raises(romerr.InputError, match="'clamp' stays zero"):
+        romerr.choose_modes(build, {"tip z": 0.1, "clamp": 0.1}, relative=True, most=8)
+    assert romerr.choose_modes(build, {"tip z": 0.1}, relative=True, most=8).met

@@ -1,0 +1,156 @@
+"""ElasticBody: checks when built, modes with their count, factors made once, from_fem."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from exudyn_romerr import AssumptionError, ElasticBody, InputError
+from exudyn_romerr.modes import Modes, check_no_mode_missed
+from models.beam3d import STEEL, RoundSection, assemble
+from tests.helpers import tolerances as tol
+from tests.helpers.bodies import DAMPINGS, chain, model
+
+
+def free_beam(count=5, seed=0):
+    """Mass and stiffness of a straight beam that nothing holds."""
+    direction = np.random.default_rng(seed).standard_normal(3)
+    nodes = np.linspace(0, 1, count + 1)[:, None] * direction / la.norm(direction)
+    elements = np.column_stack([np.arange(count), np.arange(1, count + 1)])
+    return assemble(nodes, elements, RoundSection(diameter=0.02), STEEL)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("fixed", "left"), [((), 6), ((0, 1, 2), 3), ((0, 1, 2, 3), 2), (range(3, 6), 3)])
+def test_rigid_body_modes_are_counted(fixed, left, seed):
+    """The message of a free beam says 6; of a ball joint 3; and what to do."""
+    with pytest.raises(AssumptionError, match=f"{left} rigid-body.*fixed=.*reference="):
+        ElasticBody(*free_beam(seed=seed), fixed=fixed)
+
+
+def test_rigid_body_modes_of_a_body_without_stiffness():
+    """K = 0: every coordinate is free."""
+    with pytest.raises(AssumptionError, match="4 rigid-body"):
+        ElasticBody(np.eye(4), np.zeros((4, 4)))
+
+
+def test_from_fem_without_matrices():
+    """An FEMinterface that imported nothing yet."""
+    fem_module = pytest.importorskip("exudyn.FEM")
+    with pytest.raises(InputError, match="fem has no mass or stiffness matrix"):
+        ElasticBody.from_fem(fem_module.FEMinterface())
+
+
+def test_a_held_beam_is_accepted():
+    """Six coordinates of one node hold it."""
+    assert ElasticBody(*free_beam(), fixed=range(6)).free.tolist() == list(range(6, 36))
+
+
+@pytest.mark.parametrize("convert", [np.asarray, sp.csr_matrix, sp.coo_array, lambda A: A.tolist()])
+def test_any_matrix_type_gives_the_same_body(convert):
+    """Dense, sparse matrix, sparse array, nested lists; kept sparse inside."""
+    M, K = chain(np.random.default_rng(0))
+    body = ElasticBody(convert(M), convert(K), rayleigh=(0.1, 0.01))
+    assert all(sp.issparse(A) for A in (body.M, body.K, body.D))
+    assert body.K.toarray() == pytest.approx(K, rel=tol.ENTRIES)
+    assert body.D.toarray() == pytest.approx(0.1 * M + 0.01 * K, rel=tol.ENTRIES)
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_every_dissipative_damping_is_accepted(damping):
+    """None, Rayleigh, semidefinite, gyroscopic; D is what was asked for."""
+    full = model("pencil", damping, 1)
+    D = full.body.D
+    assert (np.zeros((12, 12)) if D is None else D.toarray()) == pytest.approx(full.D, rel=tol.ENTRIES)
+
+
+def test_purely_gyroscopic_damping_is_dissipative():
+    """x^T D x = 0 feeds nothing in."""
+    M, K = chain(np.random.default_rng(1))
+    skew = np.triu(np.ones(M.shape), 1)
+    assert ElasticBody(M, K, damping=skew - skew.T).rayleigh is None
+
+
+@pytest.mark.parametrize("fixed", [(), (0, 3)])
+def test_modes_solve_the_eigenproblem(fixed):
+    """K phi = omega^2 M phi on the free coordinates, M-orthonormal, ascending, the lowest ones."""
+    full = model("pencil", "under", 2)
+    body = ElasticBody(full.M, full.K, fixed=fixed)
+    modes = body.modes(5)
+    M, K = body.M.toarray(), body.K.toarray()
+    assert modes.omega == pytest.approx(np.sqrt(la.eigvalsh(K, M))[:5], rel=tol.EIGEN)
+    assert modes.shapes.T @ M @ modes.shapes == pytest.approx(np.eye(5), rel=tol.EIGEN, abs=tol.EIGEN)
+    assert np.max(np.abs(K @ modes.shapes - M @ modes.shapes * modes.omega**2)) < tol.EIGEN * la.norm(K)
+    assert modes.omega[-1] < modes.cut <= np.sqrt(la.eigvalsh(K, M))[5]
+
+
+def test_lanczos_finds_the_same_modes_as_lapack():
+    """Above 600 coordinates; compared with the closed form of a chain of 700 equal masses."""
+    n = 700
+    K = sp.diags([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], [-1, 0, 1])
+    modes = ElasticBody(sp.identity(n), K).modes(8)
+    assert modes.omega == pytest.approx(2 * np.sin(np.arange(1, 9) * np.pi / (2 * n + 2)), rel=tol.EIGEN)
+
+
+def test_a_missed_mode_is_noticed():
+    """Sylvester's count against a list that lacks the third mode; the message names the gap."""
+    full = model("pencil", "none", 3)
+    modes = full.body.modes(6)
+    keep = [0, 1, 3, 4, 5]
+    lacking = Modes(modes.omega[keep], modes.shapes[:, keep], modes.cut)
+    check_no_mode_missed(full.body.M, full.body.K, modes)
+    with pytest.raises(AssumptionError, match=f"between {modes.omega[1]:.6g} and {modes.omega[3]:.6g} rad/s"):
+        check_no_mode_missed(full.body.M, full.body.K, lacking)
+
+
+def test_factors_are_made_once():
+    """Each factorisation is made when first needed and kept."""
+    body = model("chain", "under", 4).body
+    assert body.mass_factor is body.mass_factor
+    assert body.stiffness_factor is body.stiffness_factor
+
+
+def test_fixed_coordinates_count_in_N_and_expand_to_zero():
+    """Expand puts values back among all N."""
+    full = model("chain", "none", 5)
+    body = ElasticBody(full.M, full.K, fixed=(2, 0, 2))
+    assert body.N == full.N
+    assert body.fixed.tolist() == [0, 2]
+    values = np.ones((full.N - 2, 1))
+    assert np.flatnonzero(body.expand(values)[:, 0] == 0).tolist() == [0, 2]
+
+
+def test_total_mass():
+    """Of a rigid translation: density times volume of the beam, 6 coordinates a node; None without positions."""
+    M, K = free_beam()
+    body = ElasticBody(M, K, fixed=range(6), positions=np.zeros((6, 3)))
+    assert body.total_mass == pytest.approx(STEEL.density * np.pi * 0.01**2, rel=tol.MOMENT)
+    assert ElasticBody(M, K, fixed=range(6)).total_mass is None
+
+
+def test_from_fem_takes_matrices_and_positions():
+    """An Exudyn FEMinterface filled by hand: a bar of three nodes, three coordinates each."""
+    fem_module = pytest.importorskip("exudyn.FEM")
+    fem = fem_module.FEMinterface()
+    bar = np.kron(np.array([[1.0, -1, 0], [-1, 2, -1], [0, -1, 1]]), np.diag([100.0, 10.0, 10.0]))
+    fem.nodes = {"Position": np.array([[0.0, 0, 0], [0.5, 0, 0], [1, 0, 0]])}
+    fem.massMatrix, fem.stiffnessMatrix = sp.csr_matrix(np.eye(9) * 0.3), sp.csr_matrix(bar)
+    body = ElasticBody.from_fem(fem, rayleigh=(0.5, 1e-3), fixed=range(3))
+    assert body.N == 9
+    assert body.dofs_per_node == 3
+    assert body.total_mass == pytest.approx(0.9, rel=tol.ENTRIES)
+    assert body.K.toarray() == pytest.approx(bar[3:, 3:], rel=tol.ENTRIES)
+    assert body.rayleigh == (0.5, 1e-3)
+    assert np.array_equal(body.positions, fem.nodes["Position"])
+
+
+@pytest.mark.parametrize("kind", [MemoryError, SystemError])
+def test_matrix_too_large_to_factorise_is_said_so(monkeypatch, kind):
+    """What SuperLU raises at 1e5 coordinates of a solid."""
+
+    def failing(*_, **__):
+        raise kind("gstrf was called with invalid arguments")
+
+    monkeypatch.setattr("exudyn_romerr.factor.splu", failing)
+    with pytest.raises(AssumptionError, match="4 coordinates and 4 entries is too large to factorise"):
+        ElasticBody(np.eye(4), np.eye(4))

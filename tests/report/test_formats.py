@@ -1,0 +1,242 @@
+"""Columns and CSV of a report; names of rows; files that are replaced when all is written, and not before."""
+
+import csv
+import errno
+import json
+import os
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exudyn_romerr import (
+    Basis,
+    ElasticBody,
+    InputError,
+    Output,
+    evaluate,
+    load_report,
+    mean_displacement,
+    mean_rotation,
+    node_displacement,
+    node_rotation,
+    node_strain,
+    node_velocity,
+    relative_displacement,
+)
+from exudyn_romerr.made import made_here
+from models import floating
+from tests.helpers.bad_input import T, trajectory
+from tests.helpers.theorem import random_case
+
+ESTIMATORS = ("fast", "energy")
+
+
+@pytest.fixture
+def case():
+    return random_case(1, steps=20)
+
+
+@pytest.fixture
+def report(case):
+    """One row "tip z", and two rows "corner x", "corner y" that are velocities."""
+    corner = Output("corner", case.C, unit="m/s", of="velocity", labels=("x", "y"))
+    return case.report(outputs=[Output("tip z", case.C[0]), corner], estimators=ESTIMATORS)
+
+
+def of_row(name, unit, *more):
+    parts = ["", "bound", "bound fast", "bound energy", *more, "round-off"]
+    return [" ".join(filter(None, [name, part, f"[{unit}]"])) for part in parts]
+
+
+WHOLE_BODY = [f"{kind} bound {e}" for kind in ("position", "velocity") for e in ESTIMATORS]
+
+
+def read_csv(path):
+    with open(path, encoding="utf-8-sig", newline="") as file:
+        names, *rows = csv.reader(file)
+    return names, np.array(rows, dtype=float)
+
+
+def test_columns_are_all_there_is_over_time(report):
+    """Names with units, in order; arrays (T,) equal to the report's own."""
+    columns = report.to_dict()
+    rows = [*of_row("tip z", "m"), *of_row("corner x", "m/s"), *of_row("corner y", "m/s")]
+    assert list(columns) == ["t [s]", *rows, *WHOLE_BODY]
+    assert {x.shape for x in columns.values()} == {report.t.shape}
+    corner = report.output("corner")
+    assert np.array_equal(columns["t [s]"], report.t)
+    assert np.array_equal(columns["corner y [m/s]"], corner.value[:, 1])
+    assert np.array_equal(columns["corner y bound [m/s]"], corner.bound["best"][:, 1])
+    assert np.array_equal(columns["corner x bound energy [m/s]"], corner.bound["energy"][:, 0])
+    assert np.array_equal(columns["corner y round-off [m/s]"], corner.round_off[:, 1])
+    assert np.array_equal(columns["velocity bound energy"], report.velocity_bound["energy"])
+
+
+def test_columns_have_truth_and_corrected_output_where_there_are_any(report, case):
+    truth = case.full[0] @ case.C[0]
+    report.compare("tip z", report.t, truth)
+    out = report.output("tip z")
+    out.corrected, out.corrected_bound = 2 * out.value, 3 * out.value
+    columns = report.to_dict()
+    assert np.array_equal(columns["tip z true error [m]"], truth - out.value[:, 0])
+    assert np.array_equal(columns["tip z corrected [m]"], 2 * out.value[:, 0])
+    assert np.array_equal(columns["tip z corrected bound [m]"], 3 * out.value[:, 0])
+    assert not any("corner" in name and ("corrected" in name or "true" in name) for name in columns)
+
+
+def test_no_column_hides_another(report):
+    """An output called like another's bound."""
+    report.outputs["tip z bound"] = replace(report.output("tip z"), name="tip z bound")
+    columns = report.to_dict()
+    assert np.array_equal(columns["tip z bound [m]"], report.output("tip z").bound["best"][:, 0])
+    assert np.array_equal(columns["tip z bound [m] (2)"], report.output("tip z").value[:, 0])
+    assert len(columns) == 1 + 4 * 5 + len(WHOLE_BODY)
+
+
+def test_a_static_solve_has_load_factors(report):
+    assert next(iter(replace(report, time="static").to_dict())) == "load factor"
+
+
+def test_csv_is_the_columns_to_the_last_bit(report, tmp_path):
+    report.to_csv(tmp_path / "run.csv")
+    names, table = read_csv(tmp_path / "run.csv")
+    columns = report.to_dict()
+    assert names == list(columns)
+    assert np.array_equal(table, np.column_stack(list(columns.values())))
+
+
+def test_csv_is_as_the_standard_has_it(report, tmp_path):
+    """RFC 4180: lines end in CR LF; no byte order mark where it is not needed."""
+    report.to_csv(tmp_path / "run.csv")
+    data = (tmp_path / "run.csv").read_bytes()
+    assert data.startswith(b"t [s],tip z [m],")
+    assert data.count(b"\r\n") == data.count(b"\n") == len(report.t) + 1
+
+
+@pytest.mark.parametrize(
+    ("name", "mark"), [('tip, "right"\nedge', False), ("=1+1; x", False), ("Größe", True), ("変位", True)]
+)
+def test_csv_keeps_any_name(report, tmp_path, name, mark):
+    """Commas, quotes, line breaks; with other letters than English ones, a mark that Excel needs to read UTF-8."""
+    report.output("tip z").name = name
+    report.to_csv(tmp_path / "run.csv")
+    names, table = read_csv(tmp_path / "run.csv")
+    assert names == list(report.to_dict())
+    assert names[1] == f"{name} [m]"
+    assert table.shape == (len(report.t), len(names))
+    assert (tmp_path / "run.csv").read_bytes().startswith(b"\xef\xbb\xbf") == mark
+
+
+def test_csv_says_inf_where_there_is_no_finite_bound(report, tmp_path):
+    bound = report.output("tip z").bound
+    bound["fast"] = np.where(np.arange(len(report.t))[:, None] < 3, bound["fast"], np.inf)
+    report.to_csv(tmp_path / "run.csv")
+    names, table = read_csv(tmp_path / "run.csv")
+    found = table[:, names.index("tip z bound fast [m]")]
+    assert np.all(np.isinf(found[3:]))
+    assert np.all(np.isfinite(found[:3]))
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.html", "run.npz"])
+def test_a_failed_write_leaves_the_older_file(report, tmp_path, monkeypatch, name):
+    """The disk is found full when all was handed over to it."""
+    path = tmp_path / name
+    path.write_bytes(b"older")
+
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    write = {".csv": report.to_csv, ".html": report.to_html, ".npz": report.save}[path.suffix]
+    with pytest.raises(InputError, match="No space left on device"):
+        write(path)
+    assert path.read_bytes() == b"older"
+    assert os.listdir(tmp_path) == [name]
+    assert report.origin == ""
+
+
+def test_rows_are_called_by_their_labels_everywhere(report):
+    assert report.output("corner").row_names == ["corner x", "corner y"]
+    text = str(report)
+    assert re.search(r"^corner x: up to .* m/s", text, re.MULTILINE)
+    assert re.search(r"^tip z: up to", text, re.MULTILINE)
+
+
+def test_rows_without_labels_are_numbered(case):
+    out = case.report(outputs=[Output("y", case.C)], estimators="fast").output("y")
+    assert out.row_names == ["y row 1", "y row 2"]
+
+
+@pytest.mark.parametrize("labels", [("x",), ("x", "y", "z")])
+def test_a_label_for_each_row(case, labels):
+    with pytest.raises(InputError, match=r"labels=.* of output 'y'; it has 2 rows, each needs one"):
+        case.report(outputs=[Output("y", case.C, labels=labels)], estimators="fast")
+
+
+CUBE = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("per_node", "output", "names"),
+    [
+        (3, node_displacement("u", node=0), ["u x", "u y", "u z"]),
+        (3, node_displacement("u", node=0, component="z"), ["u"]),
+        (3, node_velocity("u", node=0, component="zx"), ["u z", "u x"]),
+        (3, mean_displacement("u", nodes=[0, 1], component="yz"), ["u y", "u z"]),
+        (3, mean_rotation("u", nodes=[0, 1, 2, 3], component="xy"), ["u x", "u y"]),
+        (3, relative_displacement("u", node=0, other=1), ["u x", "u y", "u z"]),
+        (6, node_rotation("u", node=0, component="zy"), ["u z", "u y"]),
+    ],
+)
+def test_components_are_labels(per_node, output, names):
+    """Outputs of nodes: the rows of the report are called by what the maker was asked for, in its order."""
+    N = 4 * per_node
+    body = ElasticBody(np.eye(N), np.diag(1.0 + np.arange(N)), rayleigh=(0.1, 0.0), positions=np.array(CUBE, float))
+    options = {"inputs": np.ones((N, 1)), "estimators": "fast", "time": "sampled"}
+    found = evaluate(body, Basis(np.eye(N)[:, :3]), trajectory(), outputs=[output], **options).output("u")
+    assert found.row_names == names
+    assert found.value.shape == (len(T), len(names))
+
+
+def test_stresses_and_strains_are_labelled_as_exudyn_has_them():
+    fem = floating.load_fem("bar")
+    assert node_strain("e", node=0, fem=fem).labels == ("xx", "yy", "zz", "yz", "xz", "xy")
+    assert node_strain("e", node=0, fem=fem, component="yz").labels == ("yz",)
+
+
+def test_global_axes_are_labels_of_what_is_shown():
+    """Three rows in body axes, one or two of them seen."""
+    body = ElasticBody(np.eye(12), np.eye(12), positions=np.array(CUBE, float))
+    for component in ("z", "xz", "xyz"):
+        output = node_displacement("u", node=1, component=component, frame="global")
+        assert output.labels == tuple(component)
+        assert output.resolve(body).shape == (3, 12)
+
+
+def test_labels_and_origin_are_saved(report, tmp_path):
+    """Also when, by what and with which versions the run was bounded."""
+    path = tmp_path / "run.npz"
+    assert report.made["exudyn_romerr"] == made_here()["exudyn_romerr"]
+    assert report.made["numpy"] == np.__version__
+    report.save(path)
+    again = load_report(path)
+    assert again.output("corner").labels == ("x", "y")
+    assert again.made == report.made
+    assert again.origin == report.origin == str(path)
+
+
+def test_files_without_labels_are_still_read(report, tmp_path):
+    """As versions before this one wrote them."""
+    path = tmp_path / "run.npz"
+    report.save(path)
+    with np.load(path) as file:
+        arrays = {key: file[key] for key in file.files}
+    meta = json.loads(str(arrays.pop("meta")))
+    del meta["labels"], meta["made"]
+    np.savez(path, meta=np.array(json.dumps(meta)), **arrays)
+    again = load_report(path)
+    assert again.output("corner").row_names == ["corner row 1", "corner row 2"]
+    assert again.made == {}
+    assert np.array_equal(again.output("corner").value, report.output("corner").value)

@@ -1,0 +1,547 @@
+"""Pictures: what they show of made-up reports, that nothing is dropped without a word, and the files they make."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+
+import exudyn_romerr as romerr
+from examples import pictures as example
+from exudyn_romerr.pictures import draw_convergence, draw_run_time, front
+from exudyn_romerr.plan import Plan
+from exudyn_romerr.plot import BAR, MANY, draw_bounds, draw_causes, draw_signal, plot_causes, plot_report
+from exudyn_romerr.report import BoundReport, OutputReport
+from exudyn_romerr.scope import FROZEN
+from exudyn_romerr.style import COLOURS, LETTERS, MARKERS, STYLES, ends, isolated, log_line, picture, save, spread
+from exudyn_romerr.surface import draw_body, plot_body, surface_triangles
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "pictures.md").read_text(encoding="utf-8")
+CODE = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+ZERO, INFINITE = "lower edge: exactly zero", "upper edge: infinite"
+OVER_TIME = (draw_signal, draw_bounds, draw_causes)
+FORMATS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+POSITIONS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+TETS = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])  # they share one face
+
+
+def made_up(best=None, t=None, truth=True, corrected=True, time="reconstructed", rows=1, labels=(), **nodes):
+    """A report whose numbers are easily told apart; best: (T,) bound of its first row."""
+    t = np.linspace(0, 1, 5 if best is None else len(best)) if t is None else np.asarray(t, dtype=float)
+    best = np.linspace(1, 2, len(t)) if best is None else np.asarray(best, dtype=float)
+    best = np.column_stack([best * (1 + row) for row in range(rows)])
+    value, zero = np.full_like(best, 10.0) + t[:, None], np.zeros_like(best)
+    with np.errstate(invalid="ignore"):
+        shares = {"basis": 0.25 * best, "time step": 0.75 * best}
+    shares = {cause: np.where(np.isfinite(x), x, 0.0) for cause, x in shares.items()} | {
+        "initial": zero,
+        "jumps": zero,
+    }
+    bound = {"energy": 3 * best, "auxiliary": best, "best": best}
+    known = {"corrected": value + 0.5, "corrected_bound": zero + 0.1} if corrected else {}
+    known = {"corrected": None, "corrected_bound": None} | known
+    error = np.full_like(best, -0.5) if truth else None
+    out = OutputReport("tip", "mm", "displacement", value, zero, bound, bound, causes=shares, error=error, **known)
+    out.labels = labels
+    norms = {e: best[:, 0] for e in ("energy", "auxiliary")}
+    scope = dict.fromkeys(norms, "complete")
+    head = {"scope_reason": "", "reasons": dict.fromkeys(norms, ""), "plan": Plan((), ()), "messages": []}
+    return BoundReport(t, norms, norms, {"tip": out}, scope, **head, time=time, total_mass=1.0, nodes=nodes or None)
+
+
+def axes_of(draw, *arguments, **options):
+    """Axes with one picture, drawn to the last artist: warnings are errors."""
+    figure = picture(draw, None, *arguments, **options)
+    figure.draw_without_rendering()
+    return figure.axes[0]
+
+
+def legend(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def line(ax, label):
+    """The (x, y) of the line with this label."""
+    (found,) = [found for found in ax.lines if found.get_label() == label]
+    return found.get_data()
+
+
+def edge(ax, words):
+    """Where the marks at an edge are, for each curve that has some."""
+    return [np.flatnonzero(~np.isnan(mark.get_ydata())) for mark in ax.lines if mark.get_gid() == words]
+
+
+def area(ax, label):
+    """Lowest and highest y of a filled area, by its label."""
+    (found,) = [found for found in ax.collections if found.get_label().startswith(label)]
+    y = np.concatenate([path.vertices[:, 1] for path in found.get_paths()])
+    return y.min(), y.max()
+
+
+# --- over time --------------------------------------------------------------
+
+
+def test_signal_has_bands_of_both_outputs_and_the_truth():
+    report = made_up()
+    ax = axes_of(draw_signal, report, "tip")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("t / s", "tip / mm")
+    assert legend(ax) == [
+        "value ± bound, at most 2 mm",
+        "reduced model",
+        "corrected ± its bound, at most 0.1 mm",
+        "corrected output",
+        "truth",
+    ]
+    assert area(ax, "value") == (9, 13)
+    np.testing.assert_allclose(area(ax, "corrected"), (10.4, 11.6))
+    np.testing.assert_array_equal(line(ax, "truth")[1], 9.5 + report.t)
+
+
+def test_signal_without_auxiliary_modes_and_truth_promises_neither():
+    assert legend(axes_of(draw_signal, made_up(truth=False, corrected=False), "tip")) == [
+        "value ± bound, at most 2 mm",
+        "reduced model",
+    ]
+
+
+def test_infinite_band_is_marked_and_not_drawn():
+    ax = axes_of(draw_signal, made_up([1, 2, np.inf, np.inf, 1]), "tip")
+    assert legend(ax)[0] == "value ± bound, at most 2 mm where finite"
+    assert [x.tolist() for x in edge(ax, INFINITE)] == [[2, 3]]
+    assert area(ax, "value") == (8.25, 12.25)  # the third and fourth instant have no band
+    assert INFINITE in legend(ax)
+
+
+def test_bounds_are_told_from_the_true_error():
+    report = made_up()
+    ax = axes_of(draw_bounds, report, "tip")
+    assert (ax.get_yscale(), ax.get_ylabel()) == ("log", "error of tip / mm")
+    assert legend(ax) == ["bound 'energy'", "bound 'auxiliary'", "|true error|"]
+    np.testing.assert_array_equal(line(ax, "|true error|")[1], 0.5)
+    np.testing.assert_array_equal(line(ax, "bound 'energy'")[1], 3 * report.output("tip").bound["best"][:, 0])
+
+
+def test_zeros_and_inf_are_at_the_edges_and_in_the_legend():
+    """They have no place on a logarithmic axis."""
+    ax = axes_of(draw_bounds, made_up([0, 1, np.inf, 2, 0]), "tip")
+    assert [x.tolist() for x in edge(ax, ZERO)] == [[0, 4], [0, 4]]  # of both estimators
+    assert [x.tolist() for x in edge(ax, INFINITE)] == [[2], [2]]
+    assert {ZERO, INFINITE} <= set(legend(ax))
+    drawn = line(ax, "bound 'auxiliary'")[1]
+    np.testing.assert_array_equal(np.isnan(drawn), [True, False, True, False, True])
+
+
+def test_bounds_without_zeros_have_no_such_marks():
+    ax = axes_of(draw_bounds, made_up(), "tip")
+    assert not {ZERO, INFINITE} & set(legend(ax))
+    assert edge(ax, ZERO) == edge(ax, INFINITE) == []
+
+
+@pytest.mark.parametrize("value", [0.0, np.inf])
+@pytest.mark.parametrize("draw", OVER_TIME)
+def test_reports_with_nothing_else_are_drawn(draw, value):
+    ax = axes_of(draw, made_up(np.full(4, value), truth=False), "tip")
+    words = ZERO if value == 0 else INFINITE
+    expected = [] if draw is draw_signal and value == 0 else [words]
+    assert [text for text in legend(ax) if text in (ZERO, INFINITE)] == expected
+
+
+def test_round_off_is_drawn_where_it_hides_the_bound():
+    report = made_up()
+    words = "rounding of the input: nothing below is known"
+    assert words not in legend(axes_of(draw_bounds, report, "tip"))
+    report.output("tip").round_off = np.full((5, 1), 7.0)
+    assert words in legend(axes_of(draw_bounds, report, "tip"))
+
+
+def test_shares_of_the_causes_add_up():
+    ax = axes_of(draw_causes, made_up(), "tip")
+    assert ax.get_ylabel() == "share of the error bound / %"
+    assert legend(ax) == ["basis, 25 %", "time step, 75 %", "worst instant, t = 1 s: 2 mm"]  # no others: zero
+    assert (area(ax, "basis"), area(ax, "time step")) == ((0, 25), (25, 100))
+
+
+def test_where_there_are_no_shares_none_are_drawn():
+    """Of a bound that is zero or infinite."""
+    ax = axes_of(draw_causes, made_up([0, 1, 1, np.inf, 1]), "tip")
+    assert [x.tolist() for x in edge(ax, ZERO) + edge(ax, INFINITE)] == [[0], [3]]
+    assert legend(ax)[0] == "basis"  # the worst instant has no shares
+    basis, bar = ax.collections[:2]
+    assert {tuple(sorted(set(path.vertices[:, 0]))) for path in basis.get_paths()} == {(0.25, 0.5), (1.0,)}
+    assert bar.get_linewidth() == [BAR]  # an area that is one instant wide cannot be seen
+    assert bar.get_paths()[0].vertices.tolist() == [[1.0, 0.0], [1.0, 25.0]]
+
+
+def test_small_shares_are_not_zero():
+    report = made_up()
+    out = report.output("tip")
+    out.causes["basis"], out.causes["time step"] = (x * out.bound["best"] for x in (0.001, 0.999))
+    assert legend(axes_of(draw_causes, report, "tip"))[:2] == ["basis, < 1 %", "time step, > 99 %"]
+
+
+@pytest.mark.parametrize("draw", OVER_TIME)
+def test_single_instant_can_be_seen(draw):
+    """A line or an area of one point is invisible: markers and bars."""
+    ax = axes_of(draw, made_up([2.0], t=[1.0], time="static"), "tip")
+    assert ax.get_xlabel() == "load factor"
+    if draw is not draw_causes:
+        assert all(drawn.get_marker() not in (None, "None", "") for drawn in ax.lines)
+    if draw is not draw_bounds:
+        bars = [x.get_paths()[0].vertices[:, 1].tolist() for x in ax.collections if x.get_linewidth() == [BAR]]
+        assert ([8.0 + 1, 13.0] if draw is draw_signal else [25, 100]) in bars
+
+
+@pytest.mark.parametrize("draw", OVER_TIME)
+def test_rows_of_vectors_are_drawn_one_by_one(draw):
+    """By label, or by number."""
+    report = made_up(rows=3)
+    assert axes_of(draw, report, "tip", 1).get_title().startswith(f"{report.output('tip').row_names[1]}: ")
+    labelled = made_up(rows=3, labels=("x", "y", "z"))
+    assert "tip z" in axes_of(draw, labelled, "tip", 2).get_title()
+    with pytest.raises(romerr.InputError, match=r"row of output 'tip'=3; allowed: a whole number 0\.\.2"):
+        axes_of(draw, report, "tip", 3)
+    with pytest.raises(romerr.InputError, match="allowed: 'tip'"):
+        axes_of(draw, report, "top")
+
+
+@pytest.mark.parametrize(("plot", "panels"), [(plot_report, 6), (plot_causes, 3)])
+def test_figures_of_a_report_have_all_its_rows(plot, panels, tmp_path):
+    figure = plot(made_up(rows=3, labels=("x", "y", "z")), tmp_path / "run.svg", outputs="tip")
+    assert len(figure.axes) == panels
+    assert (tmp_path / "run.svg").read_bytes().startswith(FORMATS[".svg"])
+    with pytest.raises(romerr.InputError, match="no outputs to plot"):
+        plot(BoundReport(**{**vars(made_up()), "outputs": {}}))
+
+
+def test_sampled_bounds_are_not_called_more_than_they_are():
+    report = made_up(time="sampled")
+    assert axes_of(draw_bounds, report, "tip").get_ylabel() == "reduction error of tip / mm"
+    out = report.output("tip")
+    out.causes["basis"], out.causes["time step"] = out.bound["best"], 0 * out.bound["best"]
+    ax = axes_of(draw_causes, report, "tip")
+    assert "reduction error bound" in ax.get_ylabel()
+    assert legend(ax)[:2] == ["basis, 100 %", "time step: not covered"]
+
+
+@pytest.mark.parametrize("draw", [draw_signal, draw_bounds])
+def test_bounds_for_frozen_inputs_say_so(draw):
+    """Such a bound says nothing about the error that a mechanism feeds back."""
+    report = made_up()
+    assert not any("inputs frozen" in text for text in legend(axes_of(draw, report, "tip")))
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    found = [text for text in legend(axes_of(draw, report, "tip")) if "inputs frozen" in text]
+    assert len(found) == 2  # both bands; both estimators
+
+
+def test_best_band_is_that_of_the_widest_scope():
+    report = made_up()
+    report.scope["auxiliary"] = FROZEN
+    bands = legend(axes_of(draw_signal, report, "tip"))[:3:2]
+    assert bands == ["value ± bound, at most 2 mm", "corrected ± its bound, inputs frozen, at most 0.1 mm"]
+    assert legend(axes_of(draw_bounds, report, "tip"))[:2] == ["bound 'energy'", "bound 'auxiliary', inputs frozen"]
+
+
+def test_large_areas_are_pixels_in_vector_pictures():
+    """As a polygon of all samples they have tens of MB."""
+    for instants, expected in ((100, False), (MANY + 1, True)):
+        ax = axes_of(draw_causes, made_up(np.ones(instants)), "tip")
+        assert {area.get_rasterized() for area in ax.collections} == {expected}
+
+
+# --- several runs -----------------------------------------------------------
+
+RUNS = [("a", 1, 1e-2, 1e-3, "4"), ("a", 4, 1e-5, None), ("b", 2, 1e-3, 1e-4), ("b", 3, 1e-2, 5e-3)]
+
+
+def test_runs_of_a_kind_are_one_curve_and_the_front_is_marked():
+    ax = axes_of(draw_run_time, RUNS, "tip", "mm")
+    assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", "run time / s")
+    assert ax.get_ylabel() == "largest error of tip / mm"
+    assert legend(ax) == ["Pareto front of the bounds", "a", "b", "filled: bound", "hollow: true error"]
+    assert [x.tolist() for x in line(ax, "Pareto front of the bounds")] == [[1, 2, 4], [1e-2, 1e-3, 1e-5]]
+    assert [x.tolist() for x in line(ax, "a")] == [[1, 4], [1e-2, 1e-5]]
+    hollow = [found.get_data() for found in ax.lines if found.get_linestyle() == ":" and len(found.get_xdata())]
+    assert [x.tolist() for pair in hollow for x in pair] == [[1], [1e-3], [2, 3], [1e-4, 5e-3]]
+    assert [text.get_text() for text in ax.texts] == ["4"]
+
+
+def test_runs_without_a_finite_bound_or_without_error_are_marked():
+    ax = axes_of(draw_run_time, [("a", 1, np.inf), ("a", 2, 0.0)], "tip", "mm")
+    assert [x.tolist() for x in edge(ax, ZERO) + edge(ax, INFINITE)] == [[1], [0]]
+    assert "hollow: true error" not in legend(ax)
+
+
+def test_front_is_what_no_other_run_beats():
+    rng = np.random.default_rng(3)
+    seconds, bounds = rng.uniform(1, 2, (2, 200))
+    beaten = (seconds[:, None] < seconds) & (bounds[:, None] < bounds)
+    assert sorted(front(seconds, bounds)) == np.flatnonzero(~beaten.any(axis=0)).tolist()
+    assert np.all(np.diff(seconds[front(seconds, bounds)]) > 0)
+
+
+def test_runs_of_growing_size():
+    ax = axes_of(draw_convergence, [(4, 1e-3, None), (2, 1e-1, 1e-2), (8, 0.0, 0.0)], "tip", "mm")
+    assert (ax.get_xlabel(), ax.get_yscale(), ax.get_ylabel()) == (
+        "number of modes",
+        "log",
+        "largest error of tip / mm",
+    )
+    assert legend(ax) == ["bound", "|true error|", ZERO]
+    assert line(ax, "bound")[0].tolist() == [2, 4, 8]
+    assert line(ax, "|true error|")[0].tolist() == [2, 8]
+
+
+@pytest.mark.parametrize(
+    ("draw", "rows", "message"),
+    [
+        (draw_run_time, [], "rows is empty"),
+        (draw_run_time, [("a", 1)], "needed: 3 to 5 of"),
+        (draw_run_time, [("a", 0.0, 1.0)], "seconds of every row"),
+        (draw_run_time, [("a", 1.0, np.nan)], "bound of nan"),
+        (draw_run_time, [(str(i), 1.0, 1.0) for i in range(7)], "7 kinds of basis"),
+        (draw_convergence, [(2, 1.0, -1.0)], "error of -1.0"),
+        (draw_convergence, [(2,)], "needed: 2 to 3 of"),
+    ],
+)
+def test_rows_that_cannot_be_drawn_are_refused(draw, rows, message):
+    with pytest.raises(romerr.InputError, match=message):
+        axes_of(draw, rows, "tip", "mm")
+
+
+# --- the body ---------------------------------------------------------------
+
+
+class Fem:
+    """What the picture asks an Exudyn FEMinterface for."""
+
+    def __init__(self, triangles):
+        self.triangles = triangles
+
+    def GetNodePositionsAsArray(self):
+        return POSITIONS
+
+    def GetSurfaceTriangles(self):
+        return self.triangles
+
+
+def body(mesh, bound=(0.0, 1, 2, 3, 4), **options):
+    """Axes of a picture; "energy" has larger bounds."""
+    bound = np.asarray(bound, dtype=float)
+    report = made_up(energy=2 * bound + 1, auxiliary=bound)
+    return axes_of(draw_body, report, mesh, projection="3d", **options)
+
+
+def test_surface_of_tetrahedra_has_the_faces_that_one_alone_has():
+    faces = {frozenset(face) for face in surface_triangles(TETS).tolist()}
+    assert len(faces) == 6
+    assert frozenset((1, 2, 3)) not in faces
+    ten = np.hstack([TETS, np.full((2, 6), 99)])
+    np.testing.assert_array_equal(surface_triangles(ten), surface_triangles(TETS))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "expected"),
+    [
+        (Fem([[0, 1, 2], [0, 1, 3]]), [2, 3]),
+        ((POSITIONS, [[0, 1, 2], [0, 1, 3]]), [2, 3]),
+        ((POSITIONS, TETS[:1]), [2, 3, 3, 3]),
+        ((POSITIONS, [[0, 1], [1, 4]]), [1, 4]),
+        ((POSITIONS, None), [0, 1, 2, 3, 4]),
+    ],
+    ids=["fem", "triangles", "tetrahedra", "lines", "nodes"],
+)
+def test_parts_have_the_colour_of_their_worst_node(mesh, expected):
+    ax = body(mesh)
+    (parts,) = ax.collections
+    assert sorted(parts.get_array().tolist()) == expected
+    assert (parts.norm.vmin, parts.norm.vmax) == (0, max(expected))
+    assert [ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()] == ["x / m", "y / m", "z / m"]
+    assert ax.figure.axes[1].get_ylabel() == "bound of the error by 'auxiliary' / m"
+    assert "node 4 by 4 m" in ax.get_title()
+    assert "not deformed" in ax.get_title()
+
+
+def test_deformation_is_that_of_the_worst_instant_and_its_scale_is_told():
+    asked = []
+
+    def displacement(i):
+        asked.append(i)
+        return 1e-3 * np.eye(5, 3)
+
+    ax = body((POSITIONS, [[0, 1], [1, 4]]), displacement=displacement)
+    assert asked == [4]  # the last instant has the largest bound
+    assert "t = 1 s, displacements × 50" in ax.get_title()
+    assert len(ax.collections) == 2  # and the undeformed lines
+
+
+def test_infinite_bounds_have_a_colour_of_their_own():
+    ax = body((POSITIONS, [[0, 1], [1, 4]]), bound=(0, 1, 2, 3, np.inf))
+    ax.figure.draw_without_rendering()
+    assert "infinite" in ax.get_title()
+    assert to_rgba(COLOURS["error"]) in [tuple(c) for c in ax.collections[0].get_edgecolor()]
+
+
+def test_bounds_that_are_all_zero_are_drawn():
+    assert "by 0 m" in body((POSITIONS, None), bound=np.zeros(5)).get_title()
+
+
+def test_estimator_can_be_chosen():
+    assert "'energy'" in body((POSITIONS, None), estimator="energy").figure.axes[1].get_ylabel()
+
+
+def test_estimator_of_the_widest_scope_is_taken_and_others_are_named():
+    report = made_up(time="sampled", energy=np.full(5, 2.0), auxiliary=np.ones(5))
+    report.scope["auxiliary"] = FROZEN
+
+    def label(**options):
+        ax = axes_of(draw_body, report, (POSITIONS, None), projection="3d", **options)
+        return ax.figure.axes[1].get_ylabel()
+
+    assert label() == "bound of the reduction error by 'energy' / m"
+    assert label(estimator="auxiliary") == "bound of the reduction error by 'auxiliary', inputs frozen / m"
+
+
+@pytest.mark.parametrize(
+    ("mesh", "options", "message"),
+    [
+        (Fem([]), {}, "fem has no surface; call fem.VolumeToSurfaceElements"),
+        ((POSITIONS[:3], None), {}, r"positions of mesh has shape \(3, 3\); needed: \(5, 3\)"),
+        ((POSITIONS, [[0, 1, 2, 3, 4]]), {}, "5 columns"),
+        ((POSITIONS, [[0, 5]]), {}, "node 5; allowed"),
+        ((POSITIONS, None), {"estimator": "fast"}, "estimator='fast' is unknown"),
+        ((POSITIONS, None), {"displacement": lambda i: np.zeros((4, 3))}, "displacement has shape"),
+    ],
+)
+def test_bodies_that_cannot_be_drawn_are_refused(mesh, options, message):
+    with pytest.raises(romerr.InputError, match=message):
+        body(mesh, **options)
+
+
+def test_report_saved_without_bounds_at_nodes_says_so():
+    with pytest.raises(romerr.InputError, match="ask for it before save"):
+        plot_body(made_up(), (POSITIONS, None))
+
+
+# --- style and files --------------------------------------------------------
+
+
+def test_every_estimator_has_a_look_of_its_own_in_grey():
+    names = set(COLOURS) - {"value", "error"}
+    assert names == set(STYLES) == set(MARKERS)
+    looks = [(str(STYLES[e]), MARKERS[e]) for e in names - {"static"}]  # which is never beside the others
+    assert len(set(looks)) == len(looks)
+
+
+def test_runs_of_samples():
+    mask = np.array([True, False, True, True, True, False, True])
+    assert (isolated(mask).tolist(), ends(mask).tolist()) == ([0, 6], [0, 2, 4, 6])
+
+
+def test_single_samples_between_others_that_are_not_drawn_have_a_marker():
+    """A line between two of them is no line."""
+    y = np.ones(100)
+    y[[50, 52]] = 0.0, np.inf
+    ax = Figure().add_subplot()
+    log_line(ax, np.arange(100.0), y, every=spread(100, 1), color="k", marker="o")
+    assert ax.lines[0].get_markevery() == [*range(3, 50, 10), 51, *range(53, 100, 10)]
+
+
+def test_logarithmic_lines_leave_the_data_as_they_are():
+    y = np.array([0.0, 1.0, np.inf])
+    log_line(Figure().add_subplot(), np.arange(3.0), y, color="k")
+    np.testing.assert_array_equal(y, [0.0, 1.0, np.inf])
+
+
+@pytest.mark.parametrize(
+    ("kind", "ending"),
+    [("report", ".png"), ("causes", ".svg"), ("body", ".pdf"), ("run_time", ".PDF"), ("convergence", ".svg")],
+)
+def test_pictures_are_saved_by_the_ending_of_their_name(tmp_path, ending, kind):
+    path, report = tmp_path / f"picture{ending}", made_up([0, 1, np.inf, 2], auxiliary=np.ones(5))
+    made = {
+        "report": lambda: report.plot(path),
+        "causes": lambda: report.plot_causes(path),
+        "body": lambda: report.plot_body((POSITIONS, TETS), path),
+        "run_time": lambda: romerr.plot_run_time(RUNS, "tip", "mm", path),
+        "convergence": lambda: romerr.plot_convergence([(2, 1.0)], "tip", "mm", path),
+    }[kind]()
+    assert isinstance(made, Figure)
+    assert path.read_bytes().startswith(FORMATS[ending.lower()])
+
+
+@pytest.mark.parametrize("name", ["picture", "picture.npz"])
+def test_unknown_endings_are_refused(tmp_path, name):
+    with pytest.raises(romerr.InputError, match=r"use \.png, \.svg or \.pdf"):
+        made_up().plot(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_failed_write_leaves_the_picture_that_was_there(tmp_path):
+    path, figure = tmp_path / "picture.png", Figure()
+    save(figure, path)
+    before = path.read_bytes()
+
+    def fails(stream, **options):
+        stream.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    figure.savefig = fails
+    with pytest.raises(romerr.InputError, match="No space left"):
+        save(figure, path)
+    assert path.read_bytes() == before
+    assert [x.name for x in tmp_path.iterdir()] == ["picture.png"]
+
+
+QUIET = """
+import sys, json
+import numpy as np
+import exudyn_romerr as romerr
+from exudyn_romerr import pictures, plot, style, surface
+before = "matplotlib" in sys.modules
+romerr.plot_convergence([(2, 1.0)], "tip", "mm")
+print(json.dumps([before, "matplotlib" in sys.modules, "matplotlib.pyplot" in sys.modules]))
+"""
+
+
+def test_matplotlib_comes_with_the_first_picture_and_pyplot_never():
+    """Figures of the user, and how they are shown, are left alone."""
+    run = subprocess.run([sys.executable, "-c", QUIET], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert json.loads(run.stdout) == [False, True, False]
+
+
+def test_letters_are_ours_after_plots_that_set_others(tmp_path):
+    """mbs.PlotSensor sets 16 points for the whole process; axes of three rows collapsed then, with a warning."""
+    with rc_context({"font.size": 16}):
+        figure = made_up(rows=3).plot(tmp_path / "run.png")
+    ax = figure.axes[0]
+    assert [ax.xaxis.label.get_size(), ax.get_yticklabels()[0].get_size()] == [LETTERS, LETTERS]
+
+
+# --- the page and its pictures ----------------------------------------------
+
+
+def test_example_writes_one_picture_of_each_kind(tmp_path):
+    """With few and coarse runs; what they show is true: no error above its bound."""
+    figures = example.main(tmp_path, ladder=((2, 4e-3), (4, 2e-3)), sizes=(1, 2))
+    assert {path.name for path in tmp_path.iterdir()} == {f"picture_{name}.png" for name in figures}
+    assert set(re.findall(r"picture_(\w+)\.png", PAGE)) == set(figures)
+    bound, error = (line(figures["modes"].axes[0], label)[1] for label in ("bound", "|true error|"))
+    assert np.all(error < bound)
+    bound, error = (line(figures["bounds"].axes[0], label)[1] for label in ("bound 'auxiliary'", "|true error|"))
+    assert np.all((error <= bound)[1:])
+
+
+def test_page_runs(tmp_path, monkeypatch):
+    """Its blocks are one script."""
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for block in CODE:
+        exec(block, names)
+    assert {path.name for path in tmp_path.iterdir()} == set(re.findall(r'"(\w+\.(?:png|svg|pdf))"', "".join(CODE)))

@@ -1,0 +1,238 @@
+"""BoundReport: saved and loaded, compared, printed, plotted; all of it where Exudyn cannot be imported."""
+
+import json
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from exudyn_romerr import InputError, load_report
+from exudyn_romerr.scope import NOT_CERTIFIED
+from exudyn_romerr.verdict import rounded_up
+from tests.helpers import tolerances as tol
+from tests.helpers.theorem import random_case
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = ("fast", "convolution")
+
+
+@pytest.fixture
+def case():
+    """A chain with two displacement rows and two velocity rows."""
+    return random_case(1, steps=40)
+
+
+@pytest.fixture
+def report(case):
+    """Its report by the paper's estimators."""
+    return case.report(estimators=PAPER)
+
+
+def compared(report, case):
+    report.compare("y", report.t, case.full[0] @ case.C.T)
+    return report
+
+
+@pytest.mark.parametrize("with_truth", [False, True])
+def test_save_and_load_keep_everything(report, case, tmp_path, with_truth):
+    """Every array to the last bit, every word; the summary reads the same."""
+    if with_truth:
+        compared(report, case)
+    report.save(tmp_path / "run.npz")
+    again = load_report(tmp_path / "run.npz")
+    assert str(again) == str(report)
+    assert (again.scope, again.reasons, again.messages, again.plan) == (
+        report.scope,
+        report.reasons,
+        report.messages,
+        report.plan,
+    )
+    assert np.array_equal(again.t, report.t)
+    for e in PAPER:
+        assert np.array_equal(again.position_bound[e], report.position_bound[e])
+        assert np.array_equal(again.velocity_bound[e], report.velocity_bound[e])
+    for name in ("y", "v"):
+        one, other = report.output(name), again.output(name)
+        assert (one.name, one.unit, one.of) == (other.name, other.unit, other.of)
+        assert np.array_equal(one.value, other.value)
+        assert set(one.bound) == set(other.bound) == {*PAPER, "best"}
+        assert all(np.array_equal(one.bound[e], other.bound[e]) for e in one.bound)
+        assert all(np.array_equal(one.reduction_bound[e], other.reduction_bound[e]) for e in one.reduction_bound)
+    assert (again.output("y").error is not None) == with_truth
+
+
+def test_saved_file_needs_no_pickle(report, tmp_path):
+    """Plain arrays and one JSON text."""
+    report.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz", allow_pickle=False) as file:
+        assert all(file[key].dtype.kind in "fU" for key in file.files)
+
+
+def test_report_comes_through_pickle(report):
+    """As a sweep on several processes sends it; bounds at nodes only where they were asked for."""
+    assert repr(report) == f"<BoundReport: 2 outputs, {len(report.t)} instants, t = 0 .. {report.t[-1]:g} s>"
+    report.nodes = lambda: {"fast": report.t}
+    again = pickle.loads(pickle.dumps(report))
+    assert str(again) == str(report)
+    assert again.nodes is None
+    with pytest.raises(InputError, match="ask for it before"):
+        _ = again.node_bound
+    assert np.array_equal(report.node_bound["fast"], report.t)  # the original has it still
+    assert np.array_equal(pickle.loads(pickle.dumps(report)).node_bound["fast"], report.t)
+
+
+def test_advice_only_where_it_is_of_use(report, case):
+    """Not of bounds that are not certified, and not of a single instant."""
+    assert " % of it from the " in str(report)
+    report.scope_reason = NOT_CERTIFIED
+    assert " % of it from the " not in str(report)
+    first = case.report(stride=1000, estimators="fast")
+    assert first.messages[0] == "only the first instant was bounded"
+    assert first.outputs
+    assert not any(words in str(first) for words in (" % of it from the ", "nothing to improve", "ask for another"))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
+def test_truncated_file_is_refused(report, tmp_path, share):
+    """Cut anywhere: InputError that names the file."""
+    path = tmp_path / "run.npz"
+    report.save(path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(InputError, match=r"run\.npz is no report of exudyn_romerr, or it is truncated"):
+        load_report(path)
+
+
+def test_foreign_files_are_refused(tmp_path):
+    """No such file, text, another .npz."""
+    (tmp_path / "text.npz").write_text("not a report")
+    np.savez(tmp_path / "other.npz", x=np.ones(3))
+    for name, what in (("missing.npz", "no file"), ("text.npz", "no report"), ("other.npz", "no report")):
+        with pytest.raises(InputError, match=what) as caught:
+            load_report(tmp_path / name)
+        assert not any(word in str(caught.value) for word in ("pickle", "meta"))  # numpy's words say nothing here
+
+
+@pytest.mark.parametrize("version", [0, 2**40, None, "old"])
+def test_another_version_is_refused(report, tmp_path, version):
+    """The message names both versions and what to do."""
+    report.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as file:
+        arrays = {key: file[key] for key in file.files}
+    meta = {**json.loads(str(arrays.pop("meta"))), "format": version}
+    np.savez(tmp_path / "run.npz", meta=np.array(json.dumps(meta)), **arrays)
+    with pytest.raises(InputError, match=rf"format {version!r}; this version reads format \d+: save it again"):
+        load_report(tmp_path / "run.npz")
+
+
+def test_compare_adds_error_and_effectivity(report, case):
+    """Error = truth - value; effectivity = max_t bound / max_t |error| for each row."""
+    out = compared(report, case).output("y")
+    truth = case.full[0] @ case.C.T
+    assert np.array_equal(out.error, truth - out.value)
+    for e, bound in out.bound.items():
+        wanted = bound.max(axis=0) / np.abs(out.error).max(axis=0)
+        assert out.effectivity[e] == pytest.approx(wanted, rel=tol.SUMS)
+        assert np.all(out.effectivity[e] >= 1)
+
+
+def test_compare_takes_a_truth_at_more_instants(report, case):
+    """The truth may be finer than the report, and one row may come as a vector."""
+    t = np.sort(np.concatenate([report.t, report.t[:-1] + np.diff(report.t) / 3]))
+    truth = np.column_stack([np.interp(t, report.t, y) for y in (case.full[0] @ case.C.T).T])
+    fine = report.compare("y", t, truth).error
+    assert fine == pytest.approx(compared(report, case).output("y").error, rel=tol.SUMS, abs=tol.SUMS)
+
+
+def test_compare_says_zero_error_and_zero_bound_are_right(report):
+    """A truth equal to the value: effectivity inf where the bound is positive; never nan."""
+    out = report.output("y")
+    effectivity = report.compare("y", report.t, out.value).effectivity["fast"]
+    assert np.all(np.isinf(effectivity))
+
+
+@pytest.mark.parametrize(
+    ("t", "y", "message"),
+    [
+        (lambda t: t[::2], lambda y: y[::2], "t lacks the report's instant"),
+        (lambda t: t, lambda y: y[:, :1], "y has shape"),
+        (lambda t: t, lambda y: y * np.nan, "y has a nan"),
+    ],
+)
+def test_compare_refuses_what_does_not_fit(report, t, y, message):
+    """Missing instants, wrong shapes, nan."""
+    with pytest.raises(InputError, match=message):
+        report.compare("y", t(report.t), y(report.output("y").value))
+
+
+def test_best_is_the_smallest_bound(report):
+    """bound["best"] is the minimum over the estimators at every instant and row."""
+    for name in ("y", "v"):
+        bound = report.output(name).bound
+        assert np.array_equal(bound["best"], np.minimum(bound["fast"], bound["convolution"]))
+
+
+def test_unknown_names_are_refused_with_the_known_ones(report):
+    """Outputs and estimators."""
+    with pytest.raises(InputError, match="'z' is unknown; allowed: 'y', 'v'"):
+        report.output("z")
+    with pytest.raises(InputError, match="'exact' is unknown; allowed: 'fast', 'convolution'"):
+        report.reason("exact")
+
+
+def test_summary_says_what_is_not_covered(report, case):
+    """Outputs with their bounds, scope, and that sampled residuals do not see the time integration."""
+    text = str(compared(report, case))
+    assert "time integration is not covered" in text
+    assert "scope complete" in text
+    assert f"reduction error at most {rounded_up(report.output('y').bound['best'].max())} m" in text
+    assert "bound / error: " in text
+
+
+@pytest.mark.parametrize("with_truth", [False, True])
+def test_plot_writes_a_picture(report, case, tmp_path, with_truth):
+    """One column for each row of the outputs asked for: the signal above, the bounds below."""
+    if with_truth:
+        compared(report, case)
+    figure = report.plot(tmp_path / "run.png", outputs=["y"])
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+    assert len(figure.axes) == 4
+    assert figure.axes[2].get_yscale() == "log"
+    labels = figure.axes[2].get_legend_handles_labels()[1]
+    assert any("true error" in label for label in labels) == with_truth
+    assert "bound 'fast'" in labels
+
+
+WITHOUT_EXUDYN = """
+import sys
+sys.modules["exudyn"] = None  # import exudyn raises ImportError
+import numpy as np
+import exudyn_romerr as romerr
+report = romerr.load_report(sys.argv[1])
+print(report)
+report.plot(sys.argv[2])
+body = romerr.ElasticBody(np.eye(3), np.diag([1.0, 4.0, 9.0]), rayleigh=(0.1, 0.0))
+t, B = np.linspace(0, 1, 20), np.ones((3, 1))
+zero = np.zeros((20, 2))
+trajectory = romerr.Trajectory(t, zero, zero, zero, t)
+for basis in (romerr.modal_basis(body, 2), romerr.krylov_basis(body, B, 2)):
+    found = romerr.evaluate(body, basis, trajectory, inputs=B, estimators="fast", time="sampled")
+    assert found.position_bound["fast"][-1] > 0
+try:
+    romerr.attach
+except ImportError:
+    print("attach needs exudyn")
+"""
+
+
+def test_everything_but_mbs_works_without_exudyn(report, tmp_path):
+    """load_report, summary, plot, evaluate, ElasticBody in a process where importing exudyn raises."""
+    report.save(tmp_path / "run.npz")
+    command = [sys.executable, "-c", WITHOUT_EXUDYN, str(tmp_path / "run.npz"), str(tmp_path / "run.png")]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.strip() == f"{report}\nattach needs exudyn"
+    assert (tmp_path / "run.png").stat().st_size > 0
