@@ -23,6 +23,10 @@ QUANTITIES = {
     exu.OutputVariableType.DisplacementLocal: ("displacement", "body"),
     exu.OutputVariableType.VelocityLocal: ("velocity", "body"),
 }
+IN_PLACE = (
+    "bounded: {}; a sensor in global axes shows the motion of the frame too, whose error has no bound: pass its "
+    "number in outputs= for a bound with inputs frozen"
+)
 KNOWN = ", ".join(quantity.name for quantity in QUANTITIES)
 NO_SENSOR = (
     f"no sensor of {KNOWN} on a mesh node of the body; add one, or pass "
@@ -61,10 +65,14 @@ class Measured:
 
 @dataclass(frozen=True)
 class BodySensors:
-    """Sensors on mesh nodes of a body: those that bounds are known for, and (sensor, why not) of the others."""
+    """Sensors on mesh nodes of a body: those that bounds are known for, and (sensor, why not) of the others.
+
+    note : what is bounded in place of sensors, in one line; empty if nothing is.
+    """
 
     measured: tuple[Measured, ...]
     left_out: tuple[tuple[str, str], ...]
+    note: str = ""
 
     def in_the_frame(self) -> BodySensors:
         """Return the same nodes as the body's frame sees them, each once; the error of its motion has no bound."""
@@ -73,8 +81,11 @@ class BodySensors:
         for item in moving:
             framed = item.in_the_frame()
             seen.setdefault(framed.key, framed)
+        shown = [f"{seen[item.in_the_frame().key].name!r} in place of {item.name!r}" for item in moving]
         return BodySensors(
-            tuple(seen.values()), self.left_out + tuple((f"what {item.name!r} shows", FRAMED) for item in moving)
+            tuple(seen.values()),
+            self.left_out + tuple((f"what {item.name!r} shows", FRAMED) for item in moving),
+            IN_PLACE.format(", ".join(shown)) if shown else "",
         )
 
 

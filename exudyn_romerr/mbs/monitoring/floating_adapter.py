@@ -97,6 +97,11 @@ class MovingSubject:
         return self._body
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What the reader of a report must know of its outputs."""
+        return (self._sensors.note,) if self._sensors.note else ()
+
+    @property
     def outputs(self) -> tuple[Output, ...]:
         """What is bounded."""
         return tuple(self._options.outputs)

@@ -361,6 +361,11 @@ def test_sensors_in_a_mechanism_are_seen_in_the_frame():
     shown = scene.mbs.GetObjectOutputSuperElement(bodies[0].number, Quantity.DisplacementLocal, int(tip))
     np.testing.assert_allclose(reports[0].output("sensor0 in the frame").value[-1], shown, rtol=1e-9)
     assert "what 'sensor0' shows: the motion of the frame is in it" in str(monitors[0].plan)
+    told = [line for line in str(reports[0]).splitlines() if "in place of" in line]
+    assert len(told) == 1  # one line, of both sensors
+    assert told[0].startswith(
+        "! bounded: 'sensor0 in the frame' in place of 'sensor0', 'sensor2' in place of 'sensor1'; a sensor in "
+    )
     assert monitors[0].plan is monitors[0].plan  # nothing was made anew
 
 
