@@ -58,8 +58,8 @@ class Run:
     companion: Run | None = None  # of the trajectory with auxiliary vectors, whose bounds are this body's too
     is_static = False
 
-    def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN):
-        self.offline, self.solver = offline, solver
+    def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
+        self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
         self.messages: list[str] = []
         self._defect = Defect()
         self._recorded = RecordedSamples(offline)
@@ -67,13 +67,12 @@ class Run:
         self._rest: np.ndarray | None = None  # where a frame at rest is
         self._settled = slice(None)
         self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
-        layout = offline.coordinates
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
-        self._segmenters = {"reduction": Linear(layout, self._jumps)}
+        self._segmenters = {"reduction": Linear(offline.coordinates, self._jumps)}
         if offline.time == "reconstructed":
             root = offline.mass_root if offline.scene.turns else None
-            choice = (offline.measure, offline.omega_1, root)
-            self._segmenters["total"] = Quintic(layout, self._jumps, offline.signal, *choice, offline.driven)
+            known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1, root)
+            self._segmenters["total"] = Quintic(*known, offline.driven)
         last = list(self._segmenters)[-1]
         self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
         if offline.initial is not None:
@@ -206,6 +205,7 @@ class Run:
             messages=tuple(self.messages),
             defect=self.defect,
             worst_mode=self._defect.worst_mode,
+            tolerances=self.tolerances,
             rounding_share=None if quintic is None else quintic.rounding_share,
             largest_miss=None if quintic is None else quintic.largest_miss,
         )

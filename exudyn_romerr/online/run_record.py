@@ -44,6 +44,7 @@ class RunRecord:
     streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
     nodes : bounds at every node, on demand. messages : what was noted along the run.
     defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
+    tolerances : output -> what its bound was asked to stay below, of those that were asked for.
     rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
     """
 
@@ -61,6 +62,7 @@ class RunRecord:
     messages: tuple[str, ...]
     defect: float
     worst_mode: int
+    tolerances: dict[str, float]
     rounding_share: float | None
     largest_miss: float | None
 

@@ -25,8 +25,8 @@ class StaticRun(Run):
     time = "static"
     is_static = True
 
-    def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN):
-        super().__init__(offline, solver)
+    def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
+        super().__init__(offline, solver, tolerances)
         self._segmenters = {}
         self._streams = {"reduction": Stream({"static": offline.static()})}
 

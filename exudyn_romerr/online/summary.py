@@ -53,7 +53,7 @@ def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputRepor
         if out.is_requested == is_requested:
             rows = (run.values[:, part], run.round_off[:, part], _rows_of(streams, part))
             seen = rows if view is None else _seen(view, rows, run.frames, run.driven_frames, offline)
-            found[out.name] = _output_report(out, *seen, widest)
+            found[out.name] = _output_report(out, *seen, widest, run.tolerances.get(out.name))
     return found
 
 
@@ -74,7 +74,12 @@ def _seen(view: View, rows: tuple, frames: np.ndarray, driven: np.ndarray, offli
 
 
 def _output_report(
-    out: Output, value: np.ndarray, round_off: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str]
+    out: Output,
+    value: np.ndarray,
+    round_off: np.ndarray,
+    streams: dict[str, dict[str, Bounds]],
+    widest: list[str],
+    tolerance: float | None,
 ) -> OutputReport:
     bound = _with_best(streams["total"], widest)
     corrected, corrected_bound = _corrected(value, [streams["total"][name] for name in widest])
@@ -90,6 +95,7 @@ def _output_report(
         corrected_bound=corrected_bound,
         causes=_causes(bound["best"], streams, widest),
         labels=out.labels,
+        tolerance=tolerance,
     )
 
 

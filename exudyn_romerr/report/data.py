@@ -48,6 +48,7 @@ class OutputData:
     error: np.ndarray | None = None
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
     labels: tuple[str, ...] = ()
+    tolerance: float | None = None
 
     @property
     def row_names(self) -> list[str]:

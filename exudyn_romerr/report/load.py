@@ -40,10 +40,11 @@ def load_report(path: str | os.PathLike) -> BoundReport:
 
 
 def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
-    labels = meta.get("labels", [()] * len(meta["outputs"]))  # older files have none
+    count = len(meta["outputs"])
+    labels, tolerances = meta.get("labels", [()] * count), meta.get("tolerances", [None] * count)  # older files: none
     outputs = [
-        _load_output(arrays, i, *names, tuple(rows))
-        for i, (names, rows) in enumerate(zip(meta["outputs"], labels, strict=True))
+        _load_output(arrays, i, *names, tuple(rows), limit)
+        for i, (names, rows, limit) in enumerate(zip(meta["outputs"], labels, tolerances, strict=True))
     ]
     computed, left_out = meta["plan"]
     return BoundReport(
@@ -59,11 +60,13 @@ def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
     )
 
 
-def _load_output(arrays: dict, i: int, name: str, unit: str, of: str, labels: tuple) -> OutputReport:
+def _load_output(
+    arrays: dict, i: int, name: str, unit: str, of: str, labels: tuple, tolerance: float | None
+) -> OutputReport:
     dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
     optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
     plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
-    return OutputReport(name, unit, of, **plain, **dicts, **optional, labels=labels)
+    return OutputReport(name, unit, of, **plain, **dicts, **optional, labels=labels, tolerance=tolerance)
 
 
 def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:

@@ -42,7 +42,7 @@ class OutputReport(OutputData):
     the truth; None without auxiliary modes. round_off (T, r) : what rounding of the matrices, loads and samples, as
     they came in, may move the output by; a bound below it says nothing about the body. causes[cause] : (T, r), shares
     of bound["best"]. error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
-    labels : names of the rows, or ().
+    labels : names of the rows, or (). tolerance : what attach was asked to keep the bound below, None: nothing.
     """
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
@@ -53,9 +53,9 @@ class OutputReport(OutputData):
         """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
         return at_round_off(self)
 
-    def advice(self) -> str:
-        """Return one line: the cause that dominates the bound at its worst instant, and what to do."""
-        return advice(self)
+    def advice(self, time: str, scope: dict[str, str]) -> str:
+        """Return one line: the cause that dominates the bound at its worst instant and what to do, or "enough"."""
+        return advice(self, time, scope)
 
 
 @dataclass(repr=False)
@@ -130,7 +130,7 @@ class BoundReport(ReportData):
         for out in self.outputs.values():
             lines += out.verdict(self.time, self.scope)
             if advises(self):
-                lines.append(f"  {out.advice()}")
+                lines.append(f"  {out.advice(self.time, self.scope)}")
             if out.corrected is not None:
                 lines.append(f"  {corrected_within(out, out.corrected_bound, self.scope)}")
             if out.effectivity:

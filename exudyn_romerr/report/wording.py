@@ -18,6 +18,16 @@ CURES_OF_CAUSES = {
     "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
     "jumps": "load jumps: add modes, or let the load grow over a short time",
 }
+STEPS = {  # in two words, for a table
+    "basis": "add modes",
+    "time step": "halve the step",
+    "initial": "start from equilibrium, or add modes",
+    "jumps": "let loads grow, or add modes",
+    "round-off": "nothing to improve",
+    "zero": "nothing to improve",
+    "infinite": "see the reasons",
+}
+ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
 NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be several times larger"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
@@ -91,7 +101,7 @@ def advises(report: ReportData) -> bool:
 
 def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
     """Return the verdict on one row of an output as a sentence that can stand alone, with advice or without."""
-    todo = advice(out, row) if advised else ""
+    todo = advice(out, time, scope, row) if advised else ""
     text = f"{out.row_names[row]} is up to {_largest(out.value, row):.4g} {out.unit}"
     if not np.isfinite(_largest(out.bound["best"], row)):
         return f"{text}; how wrong it may be is not known{_where_finite(out, row, scope)}{todo and f': {todo}'}."
@@ -120,21 +130,47 @@ def at_round_off(out: OutputData) -> np.ndarray:
     return np.max(out.bound["best"], axis=0, initial=0.0) < 2 * np.max(out.round_off, axis=0, initial=0.0)
 
 
-def advice(out: OutputData, row: int | None = None) -> str:
-    """Return the cause that dominates the bound at its worst instant, and what to do; of all rows, or of one."""
+def permitted(out: OutputData) -> tuple[float, str]:
+    """Return the bound that is enough, and in words: the tolerance, or ENOUGH of the largest value of all rows.
+
+    A position is measured by how far it moves: where a body is says nothing about how much it deforms. Of an output
+    that stays zero no bound is enough unless a tolerance says so.
+    """
+    if out.tolerance is not None:
+        return out.tolerance, f"the tolerance of {out.tolerance:g} {out.unit}"
+    moves = out.of == "position"
+    largest = np.max(np.ptp(out.value, axis=0) if moves else np.abs(out.value), initial=0.0)
+    of_all = f" of {out.name}" if out.value.shape[1] > 1 else ""
+    return ENOUGH * largest, f"{100 * ENOUGH:g} % of the largest {'change' if moves else 'value'}{of_all}"
+
+
+def judged(out: OutputData, row: int | None = None) -> str:
+    """Return what the bound is at its worst instant, of all rows or of one: a key of STEPS, or "enough"."""
     rows = slice(None) if row is None else slice(row, row + 1)
-    bound, causes = out.bound["best"][:, rows], {cause: x[:, rows] for cause, x in out.causes.items()}
-    at = np.unravel_index(np.argmax(bound), bound.shape)
-    shares = {cause: x[at] for cause, x in causes.items()}
-    total = sum(shares.values())
+    bound, at = out.bound["best"][:, rows], _worst(out, rows)
     if at_round_off(out)[rows][at[1]]:
+        return "round-off"
+    if not 0 < bound[at] < np.inf:
+        return "zero" if bound[at] == 0 else "infinite"
+    if np.max(bound + out.round_off[:, rows]) <= permitted(out)[0]:
+        return "enough"
+    return max(out.causes, key=lambda cause: out.causes[cause][:, rows][at])
+
+
+def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = None) -> str:
+    """Return what dominates the bound at its worst instant and what to do, or "enough"; of all rows, or of one."""
+    rows, found = slice(None) if row is None else slice(row, row + 1), judged(out, row)
+    if found == "round-off":
         return "nothing to improve: more modes or shorter steps do not show above rounding of the input"
-    if not 0 < total < np.inf:
-        return "nothing to improve" if total == 0 else "no finite bound: the messages or reasons say why"
-    cause = max(shares, key=shares.get)
-    rest = np.max(bound - causes[cause])
+    if found in ("zero", "infinite"):
+        return "nothing to improve" if found == "zero" else "no finite bound: the messages or reasons say why"
+    if found == "enough":
+        return f"enough{under(scope)}: the bound of the {error_kind(time)} is within {permitted(out)[1]}"
+    bound, cause, at = out.bound["best"][:, rows], out.causes[found][:, rows], _worst(out, rows)
+    rest = np.max(bound - cause)
     left = f"; the rest alone bounds it by {rounded_up(rest)} {out.unit}" if rest > 0 else ""
-    return f"{100 * shares[cause] / total:.0f} % of it from the {CURES_OF_CAUSES[cause]}{left}"
+    share = cause[at] / sum(x[:, rows][at] for x in out.causes.values())
+    return f"{100 * share:.0f} % of it from the {CURES_OF_CAUSES[found]}{left}"
 
 
 def outside(out: OutputData, row: int) -> str:
@@ -143,6 +179,11 @@ def outside(out: OutputData, row: int) -> str:
     count = np.count_nonzero(np.abs(out.error[:, row]) > allowed)
     where = f"at {count} instants the true error of {out.row_names[row]} is above the bound"
     return f"{where}: that truth is not the full model's, or the bound fails" if count else ""
+
+
+def _worst(out: OutputData, rows: slice) -> tuple:
+    bound = out.bound["best"][:, rows]
+    return np.unravel_index(np.argmax(bound), bound.shape)
 
 
 def _largest(x: np.ndarray, row: int) -> float:

@@ -64,6 +64,22 @@ def test_save_and_load_keep_everything(report, case, tmp_path, with_truth):
     assert (again.output("y").error is not None) == with_truth
 
 
+def test_tolerances_are_kept_and_files_without_still_load(report, tmp_path):
+    """Those of 0.1 have none."""
+    path = tmp_path / "run.npz"
+    report.output("y").tolerance = 1e3
+    report.save(path)
+    again = load_report(path)
+    assert [out.tolerance for out in again.outputs.values()] == [1e3, None]
+    assert str(again).count("within the tolerance of 1000 m") == 1
+    with np.load(path) as file:
+        arrays = {key: file[key] for key in file.files}
+    meta = json.loads(str(arrays.pop("meta")))
+    del meta["tolerances"]
+    np.savez(path, meta=np.array(json.dumps(meta)), **arrays)
+    assert [out.tolerance for out in load_report(path).outputs.values()] == [None, None]
+
+
 def test_saved_file_needs_no_pickle(report, tmp_path):
     """Plain arrays and one JSON text."""
     report.save(tmp_path / "run.npz")

@@ -8,7 +8,7 @@ from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
 from exudyn_romerr.report.wording import corrected_within, rounded_up, sentence, under
 
 
-def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0)):
+def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0), of="displacement", **known):
     """One row, two instants, and the scope of its estimators."""
     bound = {e: np.array([[0.0], [x]]) for e, x in bounds.items()}
     widest = [bound[e] for e in bounds if scope[e] == (COUPLED if COUPLED in scope.values() else scope[e])]
@@ -18,7 +18,7 @@ def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0)):
     if not np.isfinite(best).all():
         causes["basis"] = best
     value, off = np.array([[0.0], [-value]]), np.full((2, 1), round_off)
-    return OutputReport("tip z", "m", "displacement", value, off, {**bound, "best": best}, {}, None, None, causes)
+    return OutputReport("tip z", "m", of, value, off, {**bound, "best": best}, {}, None, None, causes, **known)
 
 
 ONE = {"auxiliary": COMPLETE}
@@ -28,11 +28,25 @@ ONE = {"auxiliary": COMPLETE}
     ("out", "scope", "time", "said"),
     [
         (
+            output(4.27e-2, {"auxiliary": 4e-4}, ONE),
+            ONE,
+            "reconstructed",
+            "tip z is up to 0.0427 m, wrong by at most 0.0004 m (0.94 %), 75 % of it from the step size, not the "
+            "basis: halve it; the rest alone bounds it by 0.0001 m.",
+        ),
+        (
             output(4.27e-2, {"auxiliary": 4e-6}, ONE),
             ONE,
             "reconstructed",
-            "tip z is up to 0.0427 m, wrong by at most 4e-06 m (0.0094 %), 75 % of it from the step size, not the "
-            "basis: halve it; the rest alone bounds it by 1e-06 m.",
+            "tip z is up to 0.0427 m, wrong by at most 4e-06 m (0.0094 %), enough: the bound of the error is within "
+            "0.1 % of the largest value.",
+        ),
+        (
+            output(4.27e-2, {"auxiliary": 4e-4}, ONE, tolerance=1e-3),
+            ONE,
+            "static",
+            "tip z is up to 0.0427 m, wrong by at most 0.0004 m (0.94 %), enough: the bound of the error is within "
+            "the tolerance of 0.001 m.",
         ),
         (
             output(4.27e-2, {"auxiliary": 4e-6}, ONE, round_off=3e-6),
@@ -70,10 +84,60 @@ ONE = {"auxiliary": COMPLETE}
             "it from the load jumps: add modes, or let the load grow over a short time.",
         ),
     ],
-    ids=["bound", "round-off", "infinite", "zero", "frozen", "coupled"],
+    ids=["bound", "enough", "tolerance", "round-off", "infinite", "zero", "frozen", "coupled"],
 )
 def test_sentences(out, scope, time, said):
     assert sentence(out, 0, time, scope) == said
+
+
+@pytest.mark.parametrize(
+    ("value", "bound", "known", "enough"),
+    [
+        (2.0, 2e-3, {}, True),
+        (2.0, 2.01e-3, {}, False),
+        (2.0, 2e-3, {"of": "velocity"}, True),
+        (2.0, 2e-3, {"tolerance": 1e-3}, False),  # less was asked for
+        (2.0, 1.0, {"tolerance": 1.0}, True),
+        (2.0, 1.9e-3, {"round_off": 2e-4}, False),  # both together are above it
+        (0.0, 1e-9, {}, False),  # of an output that stays zero nobody knows what is enough
+        (0.0, 1e-9, {"tolerance": 1e-9}, True),
+        (2.0, np.inf, {"tolerance": 1.0}, False),
+    ],
+)
+def test_no_advice_where_it_is_enough(value, bound, known, enough):
+    said = output(value, {"auxiliary": bound}, ONE, **known).advice("reconstructed", ONE)
+    assert said.startswith("enough: the bound of the error is within ") == enough
+    assert ("halve it" in said) == (not enough and np.isfinite(bound))
+
+
+def test_positions_are_measured_by_how_far_they_move():
+    """A body 1 km from the origin that deforms by 1 mm is not known to 0.1 % because its place is."""
+    out = output(2.0, {"auxiliary": 1e-3}, ONE, of="position")
+    assert out.advice("reconstructed", ONE).endswith("within 0.1 % of the largest change")
+    out.value[:] = 1e3 + 1e-3 * out.value
+    assert "halve it" in out.advice("reconstructed", ONE)
+
+
+def test_rows_are_measured_by_the_largest_of_their_output():
+    """What a plane motion leaves of z needs no more modes."""
+    out = output(2.0, {"auxiliary": 1e-3}, ONE)
+    out.value = np.column_stack([out.value, 1e-9 * out.value])
+    out.round_off = np.column_stack([out.round_off, out.round_off])
+    for fields in (out.bound, out.causes):
+        fields.update({key: np.column_stack([x, x]) for key, x in fields.items()})
+    assert sentence(out, 1, "static", ONE).endswith("is within 0.1 % of the largest value of tip z.")
+
+
+@pytest.mark.parametrize(
+    ("scope", "time", "said"),
+    [
+        (FROZEN, "reconstructed", "enough, inputs frozen: the bound of the error is within "),
+        (COUPLED, "sampled", "enough, to first order: the bound of the reduction error is within "),
+    ],
+)
+def test_enough_is_said_with_what_it_holds_under(scope, time, said):
+    scope = {"auxiliary": scope}
+    assert output(2.0, {"auxiliary": 1e-3}, scope).advice(time, scope).startswith(said)
 
 
 @pytest.mark.parametrize(("bound", "share"), [(0.5, " (25 %)"), (2.8, " (140 %)"), (20.0, " (1000 %)"), (20.5, "")])

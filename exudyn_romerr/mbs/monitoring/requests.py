@@ -137,4 +137,4 @@ def checked_tolerance(tolerance: Any, names: Sequence[str], for_each: bool = Fal
             raise InputError(f"tolerance names {name!r}; allowed: {', '.join(map(repr, names))}")
         if not isinstance(limit, Real) or not 0 < limit < np.inf:
             raise InputError(f"tolerance[{name!r}]={limit!r}; needed: a positive finite number")
-    return tolerance
+    return {name: float(limit) for name, limit in tolerance.items()}

@@ -276,8 +276,11 @@ def test_tolerance_stops_at_the_first_step_above_it():
 def test_tolerance_that_holds_changes_nothing():
     mbs, _, monitor = scene(tolerance={"tip": 1e9})
     solve(mbs)
-    assert len(monitor.report().t) == 21
+    report = monitor.report()
+    assert len(report.t) == 21
     assert not monitor.runs[0].messages
+    assert "enough: the bound of the error is within the tolerance of 1e+09 m" in str(report)  # and no advice
+    assert " % of it from the " not in str(report)
 
 
 def test_users_hook_is_still_called_at_the_step_that_stops():
