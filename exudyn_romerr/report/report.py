@@ -14,6 +14,7 @@ from ..trajectory.samples import SAME_TIMES
 from .data import OutputData, ReportData
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
+from .overview import aligned, overview
 from .wording import (
     advice,
     advises,
@@ -124,6 +125,8 @@ class BoundReport(ReportData):
     def __str__(self) -> str:
         axis = "load factor" if self.time == "static" else "t / s"
         lines = [f"bounds at {len(self.t)} instants, {axis} = {self.t[0]:g} .. {self.t[-1]:g}"]
+        table = overview(self)
+        lines += [*aligned(table), ""] if table else []
         lines += [f"! {message}" for message in self.messages]
         if self.time == "sampled":
             lines.append(f"! {SAMPLED}")
@@ -164,13 +167,13 @@ class BoundReport(ReportData):
 
     def plot(self, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
         """Draw signal with band, and bound (and true error) over time; save to path if given, return the figure."""
-        from .plots.over_time import plot_report
+        from .plots.panels import plot_report
 
         return plot_report(self, path, outputs)
 
     def plot_causes(self, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
         """Draw what the bounds come from, in %, over time; save to path if given, return the figure."""
-        from .plots.over_time import plot_causes
+        from .plots.panels import plot_causes
 
         return plot_causes(self, path, outputs)
 

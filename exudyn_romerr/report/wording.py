@@ -173,6 +173,11 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
     return f"{100 * share:.0f} % of it from the {CURES_OF_CAUSES[found]}{left}"
 
 
+def percent(share: float) -> str:
+    """Return a share in %, in two digits, never as 1.4e+02; nothing where a percentage says nothing any more."""
+    return f" ({float(f'{100 * share:.2g}'):g} %)" if share <= 10 else ""
+
+
 def outside(out: OutputData, row: int) -> str:
     """Return in words that the truth compared is farther away than bound and rounding allow; empty if it is not."""
     allowed = out.bound["best"][:, row] + out.round_off[:, row]
@@ -202,14 +207,9 @@ def _where_finite(out: OutputData, row: int, scope: dict[str, str]) -> str:
 
 def _wrong_by(out: OutputData, row: int) -> str:
     largest, bound = _largest(out.value, row), _largest(out.bound["best"], row)
-    share = _percent(bound / largest) if largest > 0 and np.isfinite(bound) else ""
+    share = percent(bound / largest) if largest > 0 and np.isfinite(bound) else ""
     vain = ", not informative: more than the output itself" if bound > largest > 0 else ""
     return f"{rounded_up(bound)} {out.unit}{share}{vain}"
-
-
-def _percent(share: float) -> str:
-    """Two digits, never as 1.4e+02; nothing where a percentage says nothing any more."""
-    return f" ({float(f'{100 * share:.2g}'):g} %)" if share <= 10 else ""
 
 
 def _floor(out: OutputData, row: int) -> str:

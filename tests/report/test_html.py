@@ -11,6 +11,7 @@ import pytest
 
 from exudyn_romerr import Output, load_report
 from exudyn_romerr.report.formats import html_page as page
+from exudyn_romerr.report.overview import overview
 from exudyn_romerr.report.scope import NOT_CERTIFIED
 from exudyn_romerr.report.wording import rounded_up, sentence
 from tests.helpers.theorem import random_case
@@ -149,6 +150,18 @@ def test_every_row_has_its_sentence_first(report):
     assert places == sorted(places)
     assert places[-1] < text.index("Messages")
     assert len(places) == 3
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_table_of_several_outputs_comes_before_their_sentences(report):
+    """The lines that are printed; none of a single output."""
+    found = read(report)
+    _, *lines = overview(report)
+    assert [line[0] for line in lines] == ["tip z", "corner"]
+    places = [found.words.index("".join(line)) for line in lines]  # cells have nothing between them
+    assert places[0] < places[1] < found.words.index(" is up to ")
+    del report.outputs["corner"]
+    assert "next step" not in read(report).words
 
 
 @pytest.mark.usefixtures("quick")

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +23,8 @@ from exudyn_romerr.report.plots.over_time import (
     draw_bounds,
     draw_causes,
     draw_signal,
-    plot_causes,
-    plot_report,
 )
+from exudyn_romerr.report.plots.panels import PANELS, SCREEN, plot_causes, plot_report
 from exudyn_romerr.report.plots.run_comparison import draw_convergence, draw_run_time, front
 from exudyn_romerr.report.plots.style import (
     COLOURS,
@@ -230,13 +230,78 @@ def test_rows_of_vectors_are_drawn_one_by_one(draw):
         axes_of(draw, report, "top")
 
 
-@pytest.mark.parametrize(("plot", "panels"), [(plot_report, 6), (plot_causes, 3)])
+@pytest.mark.parametrize(("plot", "panels"), [(plot_report, 3), (plot_causes, 3)])
 def test_figures_of_a_report_have_all_its_rows(plot, panels, tmp_path):
     figure = plot(made_up(rows=3, labels=("x", "y", "z")), tmp_path / "run.svg", outputs="tip")
     assert len(figure.axes) == panels
     assert (tmp_path / "run.svg").read_bytes().startswith(FORMATS[".svg"])
     with pytest.raises(romerr.InputError, match="no outputs to plot"):
         plot(BoundReport(**{**vars(made_up()), "outputs": {}}))
+
+
+def several(count, rows):
+    """A report of outputs "out 0", "out 1" ...; the last row of each and the last output have the largest bounds."""
+    report = made_up(rows=rows, labels="xyz"[:rows] if rows > 1 else ())
+    outputs = [deepcopy(report.output("tip")) for _ in range(count)]
+    for number, out in enumerate(outputs):
+        out.name = f"out {number}"
+        out.bound = {e: (1 + number) * x for e, x in out.bound.items()}
+    report.outputs = {out.name: out for out in outputs}
+    return report
+
+
+def drawn(figure):
+    """What panels show, by their titles."""
+    return [title.split(":")[0] for ax in figure.axes if (title := ax.get_title())]
+
+
+@pytest.mark.parametrize(
+    ("count", "rows", "shown", "left_out"),
+    [
+        (1, 1, ["out 0"], ""),
+        (2, 1, ["out 0", "out 1"], ""),
+        (1, 3, ["out 0 x", "out 0 y", "out 0 z"], ""),
+        (2, 3, ["out 0 z", "out 1 z"], "out 0 x, out 0 y, out 1 x, out 1 y; outputs= chooses"),
+        (6, 1, ["out 2", "out 3", "out 4", "out 5"], "out 0, out 1; outputs= chooses"),
+        (9, 3, ["out 5 z", "out 6 z", "out 7 z", "out 8 z"], "out 2 x, out 2 y and 15 more; outputs= chooses"),
+    ],
+)
+@pytest.mark.parametrize("plot", [plot_report, plot_causes])
+def test_pictures_fit_one_screen_an_output_a_panel(plot, count, rows, shown, left_out):
+    """Those with the largest bounds, in their order, and a line of what is left out."""
+    figure = plot(several(count, rows))
+    assert drawn(figure) == shown
+    assert len(figure.axes) == len(shown) * (2 if plot is plot_report and len(shown) <= 2 else 1)
+    said = " ".join(figure.get_suptitle().split())  # every space and end of line the same
+    assert bool(said) == bool(left_out)
+    assert said.endswith(left_out)
+    assert np.all(figure.get_size_inches() <= SCREEN)
+    assert SCREEN <= (10, 8)  # inches: what fits a screen
+
+
+def test_outputs_at_round_off_are_left_out_first():
+    """Nothing is to be seen in them."""
+    report = several(PANELS + 1, 1)
+    last = report.output(f"out {PANELS}")
+    last.round_off = last.bound["best"]
+    assert drawn(plot_report(report)) == [f"out {number}" for number in range(PANELS)]
+
+
+@pytest.mark.parametrize(("count", "rows"), [(1, 1), (2, 1), (4, 1)])
+def test_legends_stay_in_their_panels(count, rows):
+    """What bounds hold under makes them wide."""
+    report = several(count, rows)
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    figure = plot_report(report)
+    figure.draw_without_rendering()
+    columns = min(count, 2)
+    for ax in figure.axes:
+        box, width = ax.get_legend().get_window_extent(), figure.bbox.width / columns
+        column = int((box.x0 + box.x1) / 2 // width)
+        assert column * width <= box.x0
+        assert box.x1 <= (column + 1) * width
+        assert ax.bbox.width > 0.7 * width  # the layout gives it no room of the axes
+        assert box.y0 >= 0
 
 
 def test_sampled_bounds_are_not_called_more_than_they_are():

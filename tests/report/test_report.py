@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import InputError, load_report
-from exudyn_romerr.report.scope import NOT_CERTIFIED
+from exudyn_romerr.report.scope import FROZEN, NOT_CERTIFIED
 from exudyn_romerr.report.wording import rounded_up
 from tests.helpers import tolerances as tol
 from tests.helpers.theorem import random_case
@@ -78,6 +79,42 @@ def test_tolerances_are_kept_and_files_without_still_load(report, tmp_path):
     del meta["tolerances"]
     np.savez(path, meta=np.array(json.dumps(meta)), **arrays)
     assert [out.tolerance for out in load_report(path).outputs.values()] == [None, None]
+
+
+def test_summary_of_several_outputs_begins_with_a_table(report):
+    """A line for each output, all its rows together; what the bound holds under is in the same line."""
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    report.output("v").tolerance = 1e6
+    _, head, y, v, blank, *details = str(report).splitlines()
+    assert re.split(r"  +", head) == ["output", "largest value", "reduction error at most", "scope", "next step"]
+    out = report.output("y")
+    most, largest = out.bound["best"].max(), np.abs(out.value).max()
+    at_most = f"{rounded_up(most)} m ({float(f'{100 * most / largest:.2g}'):g} %), inputs frozen"
+    step = "start from equilibrium, or add modes"
+    assert re.split(r"  +", y) == ["y", f"{largest:.4g} m", at_most, "inputs frozen", step]
+    assert re.split(r"  +", v)[-2:] == ["inputs frozen", "enough, inputs frozen"]
+    assert v.index("inputs frozen  enough") == y.index("inputs frozen  start")  # columns are aligned
+    assert blank == ""
+    assert any(line.startswith("y row 1: up to ") for line in details)
+
+
+def test_table_says_what_is_not_certified_at_round_off_or_not_bounded(report):
+    """None of them has a next step that helps."""
+    y, v = report.output("y"), report.output("v")
+    y.round_off = y.bound["best"].copy()
+    v.bound["best"][-1] = np.inf
+    y_line, v_line = (re.split(r"  +", line) for line in str(report).splitlines()[2:4])
+    largest = rounded_up(2 * y.bound["best"].max(), 1)
+    assert y_line[2:] == [f"{largest} m, at round-off", "complete", "nothing to improve"]
+    assert v_line[2:] == ["not bounded", "complete", "see the reasons"]
+    report.scope_reason = NOT_CERTIFIED
+    assert re.split(r"  +", str(report).splitlines()[2])[3:] == ["complete, not certified", "see the messages"]
+
+
+def test_summary_of_one_output_has_no_table(report):
+    del report.outputs["v"]
+    assert "next step" not in str(report)
+    assert str(report).splitlines()[1].startswith("! ")
 
 
 def test_saved_file_needs_no_pickle(report, tmp_path):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..overview import overview
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
 from ..provenance import made_here
@@ -104,6 +105,9 @@ def _rows(report: ReportData) -> Iterator[tuple[OutputData, int, str]]:
 def _verdicts(report: ReportData) -> Iterator[str]:
     if not report.outputs:
         yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
+    head, *lines = overview(report) or [()]
+    if lines:
+        yield table("All outputs", head, lines)
     for out, row, name in _rows(report):
         said = sentence(out, row, report.time, report.scope, advises(report)).removeprefix(name)
         notes = paragraph(" ".join(_notes(report, out, row)), "note")

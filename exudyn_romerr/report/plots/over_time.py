@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...checks import check_count
-from ...errors import InputError
 from ..wording import at_round_off, error_kind, rounded_up, under
 from .style import (
     CAUSE_STYLES,
     COLOURS,
     MARKERS,
-    SIZE,
     STYLES,
     THIN,
     WIDE,
@@ -21,66 +19,14 @@ from .style import (
     isolated,
     log_line,
     mark_edges,
-    new_figure,
-    of_one_size,
-    save,
     spread,
 )
 
 if TYPE_CHECKING:
-    import os
-
     from ..data import OutputData, ReportData
 
-COLUMNS = 2  # of outputs side by side: what fits a page
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 BAR = 12  # points: how wide a band is at a single instant
-
-
-@of_one_size
-def plot_report(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
-    """Draw for every output row: the signal with its band on top, bound and true error (semilog) below.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        No or unknown outputs; a path that no picture can be written to.
-    """
-    rows = _rows(report, outputs)
-    columns = min(COLUMNS, len(rows))
-    bands = -(-len(rows) // columns)
-    figure = new_figure(SIZE[0] * columns, 2 * SIZE[1] * bands)
-    axes = figure.subplots(2 * bands, columns, squeeze=False)
-    for place, (name, i) in enumerate(rows):
-        band, column = divmod(place, columns)
-        top, bottom = axes[2 * band, column], axes[2 * band + 1, column]
-        top.sharex(bottom)
-        draw_signal(top, report, name, i)
-        draw_bounds(bottom, report, name, i)
-        top.set_xlabel("")
-        bottom.set_title("")
-    for place in range(len(rows), bands * columns):
-        for axis in axes[2 * (place // columns) :, place % columns]:
-            axis.remove()
-    if path is not None:
-        save(figure, path)
-    return figure
-
-
-@of_one_size
-def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
-    """Draw draw_causes' picture of every output row, one below the other; otherwise as plot_report."""
-    rows = _rows(report, outputs)
-    figure = new_figure(height=SIZE[1] * len(rows))
-    for ax, (name, i) in zip(figure.subplots(len(rows), squeeze=False)[:, 0], rows, strict=True):
-        draw_causes(ax, report, name, i)
-    if path is not None:
-        save(figure, path)
-    return figure
 
 
 def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
@@ -170,15 +116,6 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     ax.set(xlabel=_time(report), ylabel=ylabel, ylim=(0, 100), title=title)
     ax.margins(x=0.01)
     finish(ax)
-
-
-def _rows(report: ReportData, outputs: list[str] | None) -> list[tuple[str, int]]:
-    """All rows of the outputs asked for."""
-    names = [outputs] if isinstance(outputs, str) else outputs or list(report.outputs)
-    rows = [(name, i) for name in names for i in range(report.output(name).value.shape[1])]
-    if not rows:
-        raise InputError("the report has no outputs to plot; pass outputs= to attach or evaluate")
-    return rows
 
 
 def _row_of(report: ReportData, name: str, row: int) -> OutputData:

@@ -56,6 +56,7 @@ KINDS = (("#0072B2", "o"), ("#E69F00", "s"), ("#009E73", "^"), ("#CC79A7", "D"),
 WIDE, THIN = 2.5, 1.0  # a sharp bound lies on the true error: the wide line shows on both sides of the thin one
 SIZE = (6.4, 3.6)  # inches of one pair of axes: a column of a report
 DPI = 150
+NARROW = 4.0  # inches: a legend of two columns is wider where it says what bounds hold under
 LEGEND_BELOW = 0.5  # inches under the axes: below tick labels and the axis' own
 EDGES = (  # of the axes: what it means, where, marker
     ("lower edge: exactly zero", 0.0, "v"),
@@ -160,4 +161,5 @@ def finish(ax: Any) -> None:
     ax.tick_params(labelsize=LETTERS)  # of ticks that are made later, too
     below = ax.transAxes + ScaledTranslation(0, -LEGEND_BELOW, ax.figure.dpi_scale_trans)
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": below, "borderaxespad": 0}
-    ax.legend(ncols=2, fontsize="small", frameon=False, **place)
+    columns = 1 if ax.bbox.width / ax.figure.dpi < NARROW else 2
+    ax.legend(ncols=columns, fontsize="small", frameon=False, **place)

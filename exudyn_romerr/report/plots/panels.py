@@ -1,0 +1,116 @@
+"""Pictures of a report's outputs that fit one screen: a panel for each, and a line of what is left out."""
+
+from __future__ import annotations
+
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InputError
+from ..wording import at_round_off
+from .over_time import draw_bounds, draw_causes, draw_signal
+from .style import SIZE, new_figure, of_one_size, save
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterable
+
+    from ..data import OutputData, ReportData
+
+COLUMNS = 2  # of panels side by side: what fits a page
+PANELS = 4  # of a picture: more are smaller than their legends
+DETAILED = 2  # so many have a second pair of axes with the bounds of all estimators
+SCREEN = (10.0, 8.0)  # inches, the largest picture
+LINE, NAMES = 125, 8  # letters in a line of the note; so many names are in it
+
+
+@of_one_size
+def plot_report(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+    """Draw a panel for each output, the signal with its band; of one or two, bound and true error (semilog) below.
+
+    Of one output every row has a panel, of several the row with the largest bound. At most PANELS, those with the
+    largest bounds for their size; a line above says what is left out.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        No or unknown outputs; a path that no picture can be written to.
+    """
+    rows, left_out = _chosen(report, outputs)
+    draws = (draw_signal, draw_bounds) if len(rows) <= DETAILED else (draw_signal,)
+    figure, panels = _panels(len(rows), len(draws), left_out)
+    for (name, i), axes in zip(rows, panels, strict=True):
+        for ax in axes[:-1]:
+            ax.sharex(axes[-1])
+        for ax, draw in zip(axes, draws, strict=True):
+            draw(ax, report, name, i)
+        for ax in axes[:-1]:
+            ax.set_xlabel("")
+        for ax in axes[1:]:
+            ax.set_title("")
+    return _saved(figure, path)
+
+
+@of_one_size
+def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
+    """Draw draw_causes' picture in a panel for each output; otherwise as plot_report."""
+    rows, left_out = _chosen(report, outputs)
+    figure, panels = _panels(len(rows), 1, left_out)
+    for (name, i), (ax,) in zip(rows, panels, strict=True):
+        draw_causes(ax, report, name, i)
+    return _saved(figure, path)
+
+
+def _chosen(report: ReportData, outputs: list[str] | None) -> tuple[list[tuple[str, int]], list[str]]:
+    """Return the rows that are drawn, and the names of the others."""
+    names = list(dict.fromkeys([outputs] if isinstance(outputs, str) else outputs or report.outputs))
+    rows = [(name, i) for name in names for i in range(report.output(name).value.shape[1])]
+    if not rows:
+        raise InputError("the report has no outputs to plot; pass outputs= to attach or evaluate")
+    kept = rows if len(names) == 1 else [(name, _worst_row(report.output(name))) for name in names]
+    largest = sorted(kept, key=lambda row: _for_its_size(report.output(row[0]), row[1]), reverse=True)[:PANELS]
+    kept = [row for row in kept if row in largest]
+    return kept, [report.output(name).row_names[i] for name, i in rows if (name, i) not in kept]
+
+
+def _worst_row(out: OutputData) -> int:
+    return int(np.argmax(np.max(out.bound["best"], axis=0)))
+
+
+def _for_its_size(out: OutputData, row: int) -> tuple[bool, float]:
+    """The largest bound of a row over the output's largest value; what is at round-off, which says nothing, last."""
+    bound, largest = np.max(out.bound["best"][:, row]), np.max(np.abs(out.value))
+    return not at_round_off(out)[row], bound / largest if largest > 0 else bound
+
+
+def _panels(count: int, high: int, left_out: list[str]) -> tuple[Any, Iterable[list[Any]]]:
+    """Return a figure of at most one screen, and of every panel its axes, one below the other."""
+    columns = min(COLUMNS, count)
+    bands = -(-count // columns)
+    width, height = SIZE[0] * columns, SIZE[1] * bands * high
+    figure = new_figure(min(width, SCREEN[0]), min(height, SCREEN[1]))
+    if left_out:
+        figure.suptitle(_note(left_out, LINE if columns > 1 else LINE // 2), fontsize="small")
+    axes = figure.subplots(bands * high, columns, squeeze=False)
+    places = [divmod(place, columns) for place in range(bands * columns)]
+    panels = [list(axes[high * band : high * (band + 1), column]) for band, column in places]
+    for ax in (ax for panel in panels[count:] for ax in panel):
+        ax.remove()
+    return figure, panels[:count]
+
+
+def _note(left_out: list[str], width: int) -> str:
+    names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
+    more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
+    return fill(f"Not shown, with smaller bounds for their size: {', '.join(names)}{more}; outputs= chooses", width)
+
+
+def _saved(figure: Any, path: str | os.PathLike | None) -> Any:
+    if path is not None:
+        save(figure, path)
+    return figure
