@@ -22,7 +22,7 @@ COLUMNS = 2  # of panels side by side: what fits a page
 PANELS = 4  # of a picture: more are smaller than their legends
 DETAILED = 2  # so many have a second pair of axes with the bounds of all estimators
 SCREEN = (10.0, 8.0)  # inches, the largest picture
-LINE, NAMES = 125, 8  # letters in a line of the note; so many names are in it
+LINE, NAMES = 150, 8  # letters in a line of the note; so many names are in it
 
 
 @of_one_size
@@ -95,7 +95,7 @@ def _panels(count: int, high: int, left_out: list[str]) -> tuple[Any, Iterable[l
     width, height = SIZE[0] * columns, SIZE[1] * bands * high
     figure = new_figure(min(width, SCREEN[0]), min(height, SCREEN[1]))
     if left_out:
-        figure.suptitle(_note(left_out, LINE if columns > 1 else LINE // 2), fontsize="small")
+        figure.suptitle(_note(left_out), fontsize="small")
     axes = figure.subplots(bands * high, columns, squeeze=False)
     places = [divmod(place, columns) for place in range(bands * columns)]
     panels = [list(axes[high * band : high * (band + 1), column]) for band, column in places]
@@ -104,10 +104,10 @@ def _panels(count: int, high: int, left_out: list[str]) -> tuple[Any, Iterable[l
     return figure, panels[:count]
 
 
-def _note(left_out: list[str], width: int) -> str:
+def _note(left_out: list[str]) -> str:
     names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
     more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
-    return fill(f"Not shown, with smaller bounds for their size: {', '.join(names)}{more}; outputs= chooses", width)
+    return fill(f"Not shown, with smaller bounds for their size: {', '.join(names)}{more}; outputs= chooses", LINE)
 
 
 def _saved(figure: Any, path: str | os.PathLike | None) -> Any:
