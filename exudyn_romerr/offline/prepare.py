@@ -98,7 +98,7 @@ def prepare(
         from_static=lambda: prepare(
             body, basis, replace(options, initial="equilibrium"), sampled_inputs=sampled_inputs, scene=scene
         ),
-        notes=tuple(filter(None, [problem.split.modes.left_ringing if with_modes else None, blind])),
+        notes=tuple(filter(None, [scene.note, problem.split.modes.left_ringing if with_modes else None, blind])),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
         static=lambda: StaticError(problem),
     )

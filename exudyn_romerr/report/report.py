@@ -22,6 +22,7 @@ from .wording import (
     outside,
     rounded_up,
     row_verdict,
+    scope_lines,
     under,
     widest_scope,
 )
@@ -147,7 +148,7 @@ class BoundReport(ReportData):
             f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
             f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
             for e, bound in self.position_bound.items()
-        ] + ([f"  scope: {self.scope_reason}"] if self.scope_reason else [])
+        ] + [f"  {line}" for line in scope_lines(self)]
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn).

@@ -1,11 +1,14 @@
 """Verdicts in words: the sentence of every kind of bound, and whose bound it is."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from exudyn_romerr.report.report import OutputReport
-from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
-from exudyn_romerr.report.wording import corrected_within, rounded_up, sentence, under
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, PAGE, SCOPES
+from exudyn_romerr.report.wording import corrected_within, rounded_up, scope_lines, sentence, under
 
 
 def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0)):
@@ -127,3 +130,23 @@ def test_at_most_is_said_only_with_what_it_holds_under():
 def test_printed_bounds_are_never_smaller(x, digits, text):
     assert rounded_up(x, digits) == text
     assert float(text) >= x
+
+
+@pytest.mark.parametrize("scope", SCOPES)
+@pytest.mark.parametrize("time", ["reconstructed", "sampled", "static"])
+def test_scope_is_said_in_one_line_with_a_link(scope, time):
+    """Of at most 100 characters as printed; what it says of time steps is what the bounds cover; the truth is named."""
+    of = {"energy": scope}
+    report = SimpleNamespace(
+        scope=of, time=time, scope_reason=f"because. {FULL_MODEL}: all of the fem, interfaces free"
+    )
+    line, model = scope_lines(report)
+    assert len(f"  {line}") <= 100
+    assert line.startswith(f"scope: {scope}: ")
+    assert ("time steps too" in line) == (time == "reconstructed" and scope != COUPLED)
+    assert ("no time steps" in line) == (time == "sampled")
+    assert model == "full model: all of the fem, interfaces free"
+    page, anchor = PAGE.split("#")
+    text = (Path(__file__).resolve().parents[2] / page).read_text(encoding="utf-8")
+    assert f"## {anchor.capitalize()}" in text
+    assert f"`{scope}" in text

@@ -15,7 +15,7 @@ from ...model.body import ElasticBody
 from ...model.floating_frame import FramePose, Jitter, translations
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...report.scope import COMPLETE, Scene
+from ...report.scope import COMPLETE, FULL_MODEL, Scene
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor
 from ..floating.driven_frame import PrescribedMotion
@@ -206,7 +206,7 @@ class MovingSubject:
         scope: Found,
     ) -> Scene:
         flex = self._flex
-        full = f"Full model: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
+        full = f"{FULL_MODEL}: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
         reason = f"{scope.reason}. {full}"
         r, A = model.frame.reference_pose()
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
@@ -220,6 +220,7 @@ class MovingSubject:
             scope=scope.name,
             reason=reason,
             frozen=scope.frozen,
+            note=scope.note,
             feedback=scope.feedback,
             unknown=terms.unknown,
             turns=not support.at_rest,
