@@ -15,7 +15,7 @@ COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "input
 COVERS = {
     COMPLETE: "the whole error",
     COUPLED: "modes, to first order",
-    FROZEN: "under this run's motion and forces",
+    FROZEN: "for this run's forces",
 }
 FULL_MODEL = "Full model"  # begins the part of a scope's reason that names the truth
 PAGE = "docs/reading_a_bound.md#scopes"

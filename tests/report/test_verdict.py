@@ -135,7 +135,7 @@ def test_printed_bounds_are_never_smaller(x, digits, text):
 @pytest.mark.parametrize("scope", SCOPES)
 @pytest.mark.parametrize("time", ["reconstructed", "sampled", "static"])
 def test_scope_is_said_in_one_line_with_a_link(scope, time):
-    """Of at most 100 characters as printed; what it says of time steps is what the bounds cover; the truth is named."""
+    """At most 100 characters as printed; what it says of time steps is what bounds cover; the truth is named."""
     of = {"energy": scope}
     report = SimpleNamespace(
         scope=of, time=time, scope_reason=f"because. {FULL_MODEL}: all of the fem, interfaces free"
