@@ -42,8 +42,9 @@ class OutputReport(OutputData):
     integration. corrected (T, r) : the output with the known part of its error taken out, within corrected_bound of
     the truth; None without auxiliary modes. round_off (T, r) : what rounding of the matrices, loads and samples, as
     they came in, may move the output by; a bound below it says nothing about the body. causes[cause] : (T, r), shares
-    of bound["best"]. error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
-    labels : names of the rows, or ().
+    of bound["best"]: "basis", "interfaces" (what rigid interfaces stiffen), "time step", "initial", "jumps".
+    error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared. labels : names of
+    the rows, or ().
     """
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 CURES_OF_CAUSES = {
     "basis": "basis: add modes",
+    "interfaces": "rigid (RBE2) interfaces, not from the number of modes: take RBE3 modes, or "
+    "floating_body(..., interfaces='rigid') if they are rigid in reality",
     "time step": "step size, not the basis: halve it",
     "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
     "jumps": "load jumps: add modes, or let the load grow over a short time",

@@ -23,7 +23,7 @@ from ..floating.floating_body import read_object
 from ..floating.frame_support import read_support
 from ..floating.input_terms import InputTerms
 from ..floating.loads_and_joints import read_actions
-from ..floating.reference_search import find_reference
+from ..floating.reference_search import find_reference, stiff_space
 from ..floating.sampler import Sampler
 from ..floating.scope_decision import Wanted, find_scope
 from ..floating.sensor_outputs import NO_SENSOR, BodySensors, body_sensors
@@ -229,6 +229,7 @@ class MovingSubject:
             driven=self._driven_inputs if support.known and scope.name == COMPLETE else None,
             jitter=Jitter.of(flex.mass, flex.positions, model.V, FramePose(r, A)) if support.at_rest else None,
             minor=terms.minor,
+            stiff=stiff_space(flex, model.V, actions.interfaces()),
             computed=(
                 f"floating body: held in its frame by {reference.source}",
                 f"damping: alpha = {model.rayleigh[0]:.6g} 1/s, beta = {model.rayleigh[1]:.6g} s",
