@@ -53,8 +53,12 @@ class NotSolvedError(Exception):
 
 def measure(seed):
     """Return the results of a seed: what was compared, or why nothing was."""
-    begin, mechanism = process_time(), drawn(seed)
-    result = {"seed": seed, "classes": mechanism.classes}
+    return {"seed": seed, **measured(drawn(seed))}
+
+
+def measured(mechanism):
+    """Return what was compared of a mechanism, or why nothing was."""
+    begin, result = process_time(), {"classes": mechanism.classes}
     try:
         factor, truth, noise = truths(mechanism)
         result |= {"newton": factor, **compared(mechanism, factor, truth, noise)}
@@ -158,6 +162,7 @@ def against(error, bound, floor):
         "violations": int(above.sum()),
         "worst": float(worst),
         "first": int(np.argmax(above.any(axis=1))) if above.any() else None,
+        "last": int(np.flatnonzero(above.any(axis=1))[-1]) if above.any() else None,
         "raw violations": int(raw.sum()),
         "values": int(error.size),
     }

@@ -5,49 +5,29 @@ The left face may be driven: a joint with all axes locked whose offsets are func
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
 import numpy as np
 from exudyn import itemInterface
-from exudyn.FEM import FEMinterface, ObjectFFRFreducedOrderInterface
+from exudyn.FEM import ObjectFFRFreducedOrderInterface
 
 from models import floating
+from models.floating import FloatingScene
 from models.hex_bar import hex_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-@dataclass
-class HexScene:
-    """A model of the bar; items, markers and sensors are Exudyn's numbers.
-
-    Markers: MarkerSuperElementRigid "left", "right". Sensors, of a corner at the far end of the bar: "displacement",
-    "position", "velocity" (global axes), "displacement local", "velocity local" (in the floating frame).
-    """
-
-    SC: Any
-    mbs: Any
-    fem: FEMinterface
-    cms: ObjectFFRFreducedOrderInterface
-    items: dict[str, int]
-    markers: dict[str, int]
-    sensors: dict[str, int]
-    settings: exu.SimulationSettings
-
-    def solve(self) -> None:
-        """Assemble if that was not done, and solve from the start to the end."""
-        if not self.mbs.systemIsConsistent:
-            self.mbs.Assemble()
-        self.mbs.SolveDynamic(self.settings)
-
-
 def bar(
     n: int = 4, kind: str = "RBE3", h: float = 1e-3, t_end: float = 0.04, gravity: tuple[float, ...] = (0.0, 0.0, 0.0)
-) -> HexScene:
-    """Return the bar alone, nothing holds it; n, kind: modes, see floating.reduce; Rayleigh damping 2, 1e-5."""
+) -> FloatingScene:
+    """Return the bar alone, nothing holds it; n, kind: modes, see floating.reduce; Rayleigh damping 2, 1e-5.
+
+    Sensors, of a corner at the far end: "displacement", "position", "velocity" (global axes), "displacement local",
+    "velocity local" (in the floating frame).
+    """
     fem = hex_bar()
     floating.reduce(fem, n, kind)
     cms = ObjectFFRFreducedOrderInterface(fem)
@@ -63,10 +43,10 @@ def bar(
         for side in ("left", "right")
     }
     sensors = _add_sensors(mbs, flexible, len(fem.nodes["Position"]) - 1)
-    return HexScene(SC, mbs, fem, cms, items, markers, sensors, floating.solver_settings(h, t_end))
+    return FloatingScene(SC, mbs, fem, cms, items, markers, sensors, floating.solver_settings(h, t_end))
 
 
-def driven(motion: Callable, rate: Callable | None = None, back: bool = False, **options: Any) -> HexScene:
+def driven(motion: Callable, rate: Callable | None = None, back: bool = False, **options: Any) -> FloatingScene:
     """Return the bar, its left face welded to the ground but for offsets motion(t) (6,), with rates rate(t).
 
     back : the ground has the joint's second marker. options: those of bar.
@@ -84,7 +64,7 @@ def driven(motion: Callable, rate: Callable | None = None, back: bool = False, *
     return scene
 
 
-def spinning(share: float, **options: Any) -> HexScene:
+def spinning(share: float, **options: Any) -> FloatingScene:
     """Return the bar, hinged (axis y) at its left face, spinning at a share of its first frequency if clamped there.
 
     options: those of bar. It begins undeformed: centrifugal forces act at once.

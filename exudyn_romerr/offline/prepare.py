@@ -17,6 +17,7 @@ from ..estimators.static import StaticError
 from ..model.global_axes import View
 from ..model.matrix_input import DOUBLE
 from ..report.scope import COMPLETE, COUPLED, Scene
+from ..residual.interface_stiffening import static_errors
 from ..residual.packed_residual import PackedProblem
 from ..residual.problem import Problem
 from ..residual.round_off import RoundOff, of_input
@@ -82,6 +83,7 @@ def prepare(
         packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
+        static_errors=None if scene.stiff is None else static_errors(problem, scene.stiff),
         rounding=RoundOff(problem, dict.fromkeys(eps, DOUBLE) | {"outputs": np.full(len(problem.rows.C), DOUBLE)}),
         input_rounding=RoundOff(problem, eps) if single else None,
         single=tuple(single),
@@ -98,7 +100,7 @@ def prepare(
         from_static=lambda: prepare(
             body, basis, replace(options, initial="equilibrium"), sampled_inputs=sampled_inputs, scene=scene
         ),
-        notes=tuple(filter(None, [problem.split.modes.left_ringing if with_modes else None, blind])),
+        notes=tuple(filter(None, [scene.note, problem.split.modes.left_ringing if with_modes else None, blind])),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
         static=lambda: StaticError(problem),
     )

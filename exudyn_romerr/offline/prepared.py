@@ -42,10 +42,11 @@ class Offline:
 
     estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
     frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
-    jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. measure: norm of R(z) that knots of the reconstruction are
-    chosen by. rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single:
-    names of what has fewer. initial: None, "equilibrium" or "state". notes: what the reader must know. nodes: bounds
-    at every node, on demand. static, from_static: made when a static solve, or a run from its end, begins.
+    jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. static_errors: see residual/interface_stiffening.py.
+    measure: norm of R(z) that knots of the reconstruction are chosen by. rounding: of the computation;
+    input_rounding: of the input, None if all of it has 16 digits; single: names of what has fewer. initial: None,
+    "equilibrium" or "state". notes: what the reader must know. nodes: bounds at every node, on demand. static,
+    from_static: made when a static solve, or a run from its end, begins.
     """
 
     coordinates: Coordinates | PackedCoordinates
@@ -59,6 +60,7 @@ class Offline:
     packing: Packing | None
     jump_response: np.ndarray
     mass_root: np.ndarray
+    static_errors: np.ndarray | None
     rounding: RoundOff
     input_rounding: RoundOff | None
     single: tuple[str, ...]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from ..trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    import numpy as np
 
     from ..offline.prepared import Offline
     from ..residual.round_off import Rounded
@@ -41,6 +41,7 @@ class RunRecord:
     t (T,), values (T, R), round_off (T, R), frames, driven_frames (T, 24) or (0,) : samples, output rows of the
     reduced body, what rounding of the input may move these by, motion of the frame if outputs need it, as the run has
     it, and as a function of time says, if one does.
+    static_errors (T, 2, R) : see residual/interface_stiffening.py; (0,) if modes make no interface rigid.
     streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
     nodes : bounds at every node, on demand. messages : what was noted along the run.
     defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
@@ -56,6 +57,7 @@ class RunRecord:
     round_off: np.ndarray
     frames: np.ndarray
     driven_frames: np.ndarray
+    static_errors: np.ndarray
     streams: dict[str, dict[str, Bounds]]
     assumptions: dict[str, str]
     nodes: Callable[[], dict[str, np.ndarray]]
@@ -71,7 +73,7 @@ class RecordedSamples:
     """What is kept of samples along a run: t, output rows, their round-off, and frames if outputs need them."""
 
     def __init__(self, offline: Offline):
-        self._offline = offline
+        self._offline, self._static_errors = offline, GrowingArray()
         self.t, self._values, self._round_off, self._frames, self._driven_frames = (GrowingArray() for _ in range(5))
 
     def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray, driven: np.ndarray) -> None:
@@ -83,6 +85,9 @@ class RecordedSamples:
         self._values.append(self._offline.outputs_of(new.q, new.q_t))
         of_input = self._offline.input_rounding
         self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u, own) if of_input else rounded).outputs)
+        if self._offline.static_errors is not None:
+            z = self._offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
+            self._static_errors.append(np.einsum("sk,erk->ser", z, self._offline.static_errors, optimize=True))
         if any(self._offline.views):  # outputs in global axes
             self._frames.append(new.frame)
             self._driven_frames.append(driven)
@@ -90,5 +95,5 @@ class RecordedSamples:
     def read(self, index: slice) -> dict[str, np.ndarray]:
         """Return the fields t, values, round_off, frames of a RunRecord."""
         kept = {"t": self.t, "values": self._values, "round_off": self._round_off, "frames": self._frames}
-        kept["driven_frames"] = self._driven_frames
+        kept |= {"driven_frames": self._driven_frames, "static_errors": self._static_errors}
         return {name: rows.read()[index] for name, rows in kept.items()}

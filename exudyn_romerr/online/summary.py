@@ -9,6 +9,7 @@ import numpy as np
 from ..report.provenance import made_here
 from ..report.report import BoundReport, OutputReport
 from ..report.scope import FROZEN, NOT_CERTIFIED
+from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in
 from .run_messages import is_balanced, run_messages
 
@@ -53,8 +54,19 @@ def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputRepor
         if out.is_requested == is_requested:
             rows = (run.values[:, part], run.round_off[:, part], _rows_of(streams, part))
             seen = rows if view is None else _seen(view, rows, run.frames, run.driven_frames, offline)
-            found[out.name] = _output_report(out, *seen, widest, run.tolerances.get(out.name))
+            more = _interface_share(run, part, view), run.tolerances.get(out.name)
+            found[out.name] = _output_report(out, *seen, widest, *more)
     return found
+
+
+def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarray | float:
+    """Return the share (r,) of rigid interfaces in the error of the basis: that in its static part."""
+    if run.offline.static_errors is None:
+        return 0.0
+    errors = run.static_errors[:, :, part]
+    if view is not None:
+        errors = np.einsum("srk,sek->ser", view.matrices(run.frames), errors)
+    return interface_share(errors)
 
 
 def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, dict[str, Bounds]]:
@@ -79,6 +91,7 @@ def _output_report(
     round_off: np.ndarray,
     streams: dict[str, dict[str, Bounds]],
     widest: list[str],
+    interfaces: np.ndarray | float,
     tolerance: float | None,
 ) -> OutputReport:
     bound = _with_best(streams["total"], widest)
@@ -93,7 +106,7 @@ def _output_report(
         reduction_bound=_with_best(streams["reduction"], widest),
         corrected=corrected,
         corrected_bound=corrected_bound,
-        causes=_causes(bound["best"], streams, widest),
+        causes=_causes(bound["best"], streams, widest, interfaces),
         labels=out.labels,
         tolerance=tolerance,
     )
@@ -112,11 +125,14 @@ def _corrected(value: np.ndarray, bounds: list[Bounds]) -> tuple[np.ndarray | No
     return value + best.correction, best.correction_bound
 
 
-def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str]) -> dict[str, np.ndarray]:
+def _causes(
+    best: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str], interfaces: np.ndarray | float = 0.0
+) -> dict[str, np.ndarray]:
     """Shares of the best bound by cause, each (T, r), with sum `best`.
 
     The bound of the initial error alone, the share of load jumps, what the sampled residual adds to these (the basis)
-    and what the reconstruction adds to that (the time step), scaled to the sum.
+    and what the reconstruction adds to that (the time step), scaled to the sum. interfaces : their share (r,) in what
+    the basis makes.
     """
     reduction = _with_best(streams["reduction"], widest)["best"]
     initial = _with_best(streams["initial"], widest)["best"] if "initial" in streams else np.zeros_like(best)
@@ -126,7 +142,8 @@ def _causes(best: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: lis
     reduction, initial, jumps = (np.minimum(part, best) for part in (reduction, initial, jumps))
     with np.errstate(invalid="ignore"):  # inf - inf: sorted out below
         weights = {
-            "basis": np.maximum(reduction - initial - jumps, 0.0),
+            "basis": (1 - interfaces) * np.maximum(reduction - initial - jumps, 0.0),
+            "interfaces": interfaces * np.maximum(reduction - initial - jumps, 0.0),
             "time step": np.maximum(best - reduction, 0.0),
             "initial": initial,
             "jumps": jumps,

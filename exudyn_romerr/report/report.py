@@ -23,6 +23,7 @@ from .wording import (
     outside,
     rounded_up,
     row_verdict,
+    scope_lines,
     under,
     widest_scope,
 )
@@ -42,8 +43,9 @@ class OutputReport(OutputData):
     integration. corrected (T, r) : the output with the known part of its error taken out, within corrected_bound of
     the truth; None without auxiliary modes. round_off (T, r) : what rounding of the matrices, loads and samples, as
     they came in, may move the output by; a bound below it says nothing about the body. causes[cause] : (T, r), shares
-    of bound["best"]. error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared.
-    labels : names of the rows, or (). tolerance : what attach was asked to keep the bound below, None: nothing.
+    of bound["best"]: "basis", "interfaces" (what rigid interfaces stiffen), "time step", "initial", "jumps".
+    error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared. labels : names of
+    the rows, or (). tolerance : what attach was asked to keep the bound below, None: nothing.
     """
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
@@ -150,7 +152,7 @@ class BoundReport(ReportData):
             f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
             f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
             for e, bound in self.position_bound.items()
-        ] + ([f"  scope: {self.scope_reason}"] if self.scope_reason else [])
+        ] + [f"  {line}" for line in scope_lines(self)]
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn).

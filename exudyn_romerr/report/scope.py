@@ -8,10 +8,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from ..model.admissible_space import Space
     from ..model.floating_frame import FramePose, Jitter
     from ..trajectory.driven_inputs import Inputs
 
 COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "inputs frozen")  # the widest first
+COVERS = {
+    COMPLETE: "the whole error",
+    COUPLED: "modes, to first order",
+    FROZEN: "for this run's forces",
+}
+FULL_MODEL = "Full model"  # begins the part of a scope's reason that names the truth
+PAGE = "docs/reading_a_bound.md#scopes"
 NOT_CERTIFIED = "not certified"  # ends the reason of a scope: loads may be missing
 
 
@@ -26,8 +34,9 @@ class Scene:
     follow from it. pose : of the frame in the reference configuration.
     driven : inputs and motion of a frame that moves as a function of time says, see driven_inputs.py; None: those of
     the run. jitter : what a solver leaves of the accelerations of a frame at rest; None of a frame that moves, or of
-    none. minor : inputs of a turning frame that are small, see packed_residual.py. computed, left_out : lines of the
-    plan.
+    none. minor : inputs of a turning frame that are small, see packed_residual.py. stiff : the body's coordinates
+    with the rigid interfaces of its modes, where the truth has free ones; None: no such interfaces. note : why the
+    scope is no wider, if the user may do something about it. computed, left_out : lines of the plan.
     """
 
     scope: str = COMPLETE
@@ -42,6 +51,8 @@ class Scene:
     driven: Callable[..., Inputs] | None = None
     jitter: Jitter | None = None
     minor: slice | None = None
+    stiff: Space | None = None
+    note: str = ""
     computed: tuple[str, ...] = ()
     left_out: tuple[tuple[str, str], ...] = ()
 

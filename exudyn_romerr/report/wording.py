@@ -7,19 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES
+from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES
 
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
 
 CURES_OF_CAUSES = {
     "basis": "basis: add modes",
+    "interfaces": "rigid (RBE2) interfaces, not from the number of modes: take RBE3 modes, or "
+    "floating_body(..., interfaces='rigid') if they are rigid in reality",
     "time step": "step size, not the basis: halve it",
     "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
     "jumps": "load jumps: add modes, or let the load grow over a short time",
 }
 STEPS = {  # in two words, for a table
     "basis": "add modes",
+    "interfaces": "take RBE3 modes, or interfaces='rigid'",
     "time step": "halve the step",
     "initial": "start from equilibrium, or add modes",
     "jumps": "let loads grow, or add modes",
@@ -72,6 +75,15 @@ def error_kind(time: str) -> str:
 def instant(time: str, t: float) -> str:
     """Return in words where in a run, or in a static solve, something is."""
     return f"load factor {t:.4g}" if time == "static" else f"t = {t:.4g} s"
+
+
+def scope_lines(report: ReportData) -> list[str]:
+    """Return what the bounds cover and where that is explained, and which full model is the truth."""
+    scope = widest_scope(report.scope)
+    time = {"reconstructed": "" if scope == COUPLED else ", time steps too", "sampled": ", no time steps"}
+    lines = [f"scope: {scope}: {COVERS[scope]}{time.get(report.time, '')}; {PAGE}"]
+    _, known, model = report.scope_reason.partition(f"{FULL_MODEL}: ")
+    return lines + ([f"full model: {model}"] if known else [])
 
 
 def is_uncertified(report: ReportData) -> bool:

@@ -17,6 +17,8 @@ DEGREE = 16
 LOW = 4  # degree of panels that do not resolve the function: one of high degree would overshoot at a kink
 RESOLVED = 1e-9  # of the second derivative
 SAME = 1e-6  # of first derivatives on both sides of a joint of two panels
+LONG = 8  # times the shortest: nodes of longer panels are further apart than the shortest, so f is looked at between
+MISSED = 8  # times the last coefficients: what a polynomial that resolves f may differ from it by
 CUT = 0.4871  # where a panel is cut: kinks are often at halves
 
 
@@ -66,9 +68,10 @@ def resolved(f: Callable[[np.ndarray], np.ndarray], start: float, end: float, sh
     """Return polynomials through f on [start, end] that are cut in two until they resolve it, or are `shortest`.
 
     f takes times (T,) and returns (T, k). A panel resolves f where the last two of its coefficients would change its
-    second derivative by less than RESOLVED of it, or are rounding. Where the shortest does not, a polynomial of low
-    degree is taken, and all that its second derivative changes by is its estimated error. So it is about a joint of
-    two panels whose first derivatives differ: f has a kink there.
+    second derivative by less than RESOLVED of it, or are rounding, and where it meets f between its nodes too: what f
+    does for longer than `shortest` is not missed. Where the shortest does not, a polynomial of low degree is taken,
+    and all that its second derivative changes by is its estimated error. So it is about a joint of two panels whose
+    first derivatives differ: f has a kink there.
     """
     found = _cut(f, start, end, shortest)
     edges, panels = [start], found[:1]
@@ -97,7 +100,7 @@ def _has_kink(before: Derivatives, after: Derivatives, length: float) -> bool:
 
 def _cut(f: Callable, start: float, end: float, shortest: float) -> list[Panel]:
     panel = _panel(f, start, end, DEGREE)
-    if _is_resolved(panel):
+    if _is_resolved(panel) and not _misses(panel, f, shortest):
         return [panel]
     if end - start <= shortest:
         return [_low(f, start, end)]
@@ -124,6 +127,16 @@ def _is_resolved(panel: Panel) -> bool:
     f_tt = np.abs(panel(np.linspace(panel.start, panel.end, DEGREE)).f_tt).max(axis=0)
     rounding = 8 * EPS * np.abs(c).sum(axis=0) * _bend(DEGREE, length)
     return bool(np.all(panel.off <= np.maximum(RESOLVED * f_tt, rounding)))
+
+
+def _misses(panel: Panel, f: Callable, shortest: float) -> bool:
+    """Whether f differs from a long panel at times that are `shortest` apart: a pulse may lie between its nodes."""
+    length, c = panel.end - panel.start, panel.coefficients
+    if length <= LONG * shortest:
+        return False
+    t = np.linspace(panel.start, panel.end, int(np.ceil(length / shortest)) + 1)
+    tail = np.maximum(np.abs(c[-2:]).max(axis=0), EPS * np.abs(c).sum(axis=0))
+    return bool(np.any(np.abs(panel(t).f - f(t)) > MISSED * tail))
 
 
 def _low(f: Callable, start: float, end: float) -> Panel:

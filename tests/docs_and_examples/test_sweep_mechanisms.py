@@ -1,13 +1,17 @@
 """The sweep of random mechanisms, shortened: it compares with the truth, resumes, counts violations."""
 
 import json
+from dataclasses import replace
 
+import exudyn as exu
 import numpy as np
 import pytest
 import scipy.linalg as la
+from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 
 from benchmarks import page, sweep_mechanisms, sweep_mechanisms_table
 from benchmarks.random_mechanisms import drawn
+from models import floating
 from models.hex_bar import hex_bar
 
 SEEDS = (2, 3)  # two bars and a cube that begin to move late; three bars on a driven joint
@@ -88,8 +92,54 @@ def test_the_bar_has_six_rigid_motions_its_mass_and_its_stretch():
     assert stretch.ravel() @ (K @ stretch.ravel()) == pytest.approx(modulus * 1e-6 * np.prod(size))
 
 
-@pytest.mark.xfail(strict=True, reason="in its first steps the integrator overshoots in overdamped modes left out")
-@pytest.mark.parametrize("seed", [37, 112])
-def test_first_steps_after_a_sudden_start_with_much_stiffness_proportional_damping(seed):
-    """Errors are up to 4.8 and 1.1 times their bounds in the first four steps, not later."""
-    assert not sweep_mechanisms_table.violated(sweep_mechanisms.measure(seed))
+SUDDEN = (37, 112)  # forces at once, or gravity, and stiffness-proportional damping; rho = 0.6
+
+
+@pytest.mark.parametrize("seed", SUDDEN)
+def test_in_its_first_steps_the_integrator_may_differ_by_more_than_the_bound(seed):
+    """Not covered: its overshoot in modes that are left out. Differences are up to 4.8 and 1.1 times the bound."""
+    outputs = sweep_mechanisms.measure(seed)["outputs"].values()
+    above = [found for out in outputs for found in out["bounds"].values() if found["violations"]]
+    assert above
+    assert max(found["last"] for found in above) <= 4
+
+
+CURES = {
+    "no overshoot": {"rho": 1.0, "steps": 8},
+    "short steps": {"h": 1e-3 / 16, "steps": 4 * 16},  # those four steps again
+}
+
+
+@pytest.mark.parametrize("seed", SUDDEN)
+@pytest.mark.parametrize("cure", CURES)
+def test_the_error_of_the_modes_is_covered_in_the_first_steps(seed, cure):
+    """The integrator with spectral radius 1 does not overshoot; short steps follow those modes."""
+    assert drawn(seed).h == 1e-3
+    result = sweep_mechanisms.measured(replace(drawn(seed), **CURES[cure]))
+    assert result["scopes"] == [sweep_mechanisms.COUPLED]
+    assert not sweep_mechanisms_table.violated(result)
+
+
+@pytest.mark.parametrize(("radius", "times"), [(0.6, -27.8), (1.0, 1.4)])
+def test_the_integrator_overshoots_in_a_single_overdamped_mode(radius, times):
+    """Its first step under a sudden force, over the exact one: nothing of ours, no joints, Exudyn alone."""
+    h, beta = 1e-3, 2e-4
+    square = 1e3 / (h * beta)  # of the angular frequency
+    mbs = exu.SystemContainer().AddSystem()
+    rest = {"referenceCoordinates": [0.0], "initialCoordinates": [0.0], "initialCoordinates_t": [0.0]}
+    node = mbs.AddNode(NodeGenericODE2(numberOfODE2Coordinates=1, **rest))
+    one = np.eye(1)
+    matrices = {"massMatrix": one, "stiffnessMatrix": square * one, "dampingMatrix": beta * square * one}
+    mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], forceVector=[1.0], **matrices))
+    mbs.Assemble()
+    settings = floating.solver_settings(h, h)
+    settings.timeIntegration.generalizedAlpha.spectralRadius = radius
+    mbs.SolveDynamic(settings)
+    exact = (1 - np.exp(-h / beta)) / square  # but for 1/(h beta square) of it
+    value = mbs.GetNodeOutput(node, exu.OutputVariableType.Coordinates)
+    assert value / exact == pytest.approx(times, rel=0.05)
+
+
+def test_what_is_of_second_order_in_the_error_is_covered():
+    """Seed 38: what is left of the predicted error is 2 % of it, and falls in proportion to the loads."""
+    assert not sweep_mechanisms_table.violated(sweep_mechanisms.measure(38))

@@ -1,11 +1,23 @@
 """Verdicts in words: the sentence of every kind of bound, and whose bound it is."""
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from exudyn_romerr.report.plots.style import CAUSE_STYLES
 from exudyn_romerr.report.report import OutputReport
-from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
-from exudyn_romerr.report.wording import corrected_within, rounded_up, sentence, under
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, PAGE, SCOPES
+from exudyn_romerr.report.wording import (
+    CURES_OF_CAUSES,
+    STEPS,
+    corrected_within,
+    rounded_up,
+    scope_lines,
+    sentence,
+    under,
+)
 
 
 def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0), of="displacement", **known):
@@ -110,6 +122,13 @@ def test_no_advice_where_it_is_enough(value, bound, known, enough):
     assert ("halve it" in said) == (not enough and np.isfinite(bound))
 
 
+def test_every_cause_has_a_cure_and_a_step():
+    """Otherwise reports of several outputs fail."""
+    assert set(CURES_OF_CAUSES) == set(CAUSE_STYLES)
+    assert set(STEPS) - set(CURES_OF_CAUSES) == {"round-off", "zero", "infinite"}
+    assert set(CURES_OF_CAUSES) <= set(STEPS)
+
+
 def test_positions_are_measured_by_how_far_they_move():
     """A body 1 km from the origin that deforms by 1 mm is not known to 0.1 % because its place is."""
     out = output(2.0, {"auxiliary": 1e-3}, ONE, of="position")
@@ -191,3 +210,23 @@ def test_at_most_is_said_only_with_what_it_holds_under():
 def test_printed_bounds_are_never_smaller(x, digits, text):
     assert rounded_up(x, digits) == text
     assert float(text) >= x
+
+
+@pytest.mark.parametrize("scope", SCOPES)
+@pytest.mark.parametrize("time", ["reconstructed", "sampled", "static"])
+def test_scope_is_said_in_one_line_with_a_link(scope, time):
+    """At most 100 characters as printed; what it says of time steps is what bounds cover; the truth is named."""
+    of = {"energy": scope}
+    report = SimpleNamespace(
+        scope=of, time=time, scope_reason=f"because. {FULL_MODEL}: all of the fem, interfaces free"
+    )
+    line, model = scope_lines(report)
+    assert len(f"  {line}") <= 100
+    assert line.startswith(f"scope: {scope}: ")
+    assert ("time steps too" in line) == (time == "reconstructed" and scope != COUPLED)
+    assert ("no time steps" in line) == (time == "sampled")
+    assert model == "full model: all of the fem, interfaces free"
+    page, anchor = PAGE.split("#")
+    text = (Path(__file__).resolve().parents[2] / page).read_text(encoding="utf-8")
+    assert f"## {anchor.capitalize()}" in text
+    assert f"`{scope}" in text

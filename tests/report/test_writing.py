@@ -41,11 +41,11 @@ def small_files():
 
 @pytest.fixture
 def tiny_disk(tmp_path):
-    """A disk of 64 kB."""
+    """A disk of 96 kB: a report takes less than half of it."""
     folder = tmp_path / "disk"
     folder.mkdir()
     try:
-        mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", folder], capture_output=True)
+        mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=96k", "none", folder], capture_output=True)
     except FileNotFoundError:
         pytest.skip("no mount here")
     if mount.returncode:

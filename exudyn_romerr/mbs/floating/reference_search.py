@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError, InputError, RomErrError
-from ...model.admissible_space import FULL_ROWS, HELD, MassOrthogonal, MeanMotion, mean_motion, rigid_modes
+from ...model.admissible_space import (
+    FULL_ROWS,
+    HELD,
+    MassOrthogonal,
+    MeanMotion,
+    Space,
+    mean_motion,
+    rigid_modes,
+    rigid_parts,
+)
 
 if TYPE_CHECKING:
     from .floating_body import FloatingBody
@@ -85,6 +94,20 @@ def _rigid_interfaces(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, M
     rigid = [part for part in _merged(moving) if _is_rigid(list(part), flex.positions, V)]
     text = f"{still.size} nodes that no mode moves, {len(rigid)} rigid interfaces"
     return Reference(None, text, _coordinates(still), tuple(rigid))
+
+
+def stiff_space(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Space | None:
+    """Return the coordinates of the body whose interfaces are as rigid as RBE2 modes make them.
+
+    None if the truth has rigid interfaces too, or if the modes are of another kind. Interfaces of fewer than three
+    nodes do not count: modes cannot make them rigid.
+    """
+    if flex.interfaces == "rigid" or flex.reference is not None or not _holds(_still_nodes(flex, V), flex.positions):
+        return None
+    wide = {name: motion for name, motion in interfaces.items() if _holds(motion.nodes, flex.positions)}
+    found = _rigid_interfaces(flex, V, wide)
+    fixed = np.array(found.fixed)
+    return Space(len(V), fixed, None, rigid_parts(found.rigid, fixed, flex.positions) if found.rigid else ())
 
 
 def _merged(sets: list[set[int]]) -> list[tuple[int, ...]]:

@@ -60,12 +60,16 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Found:
-    """Scope and its reason; of a coupled one, why other estimators are frozen, and whether auxiliary ones react."""
+    """Scope and its reason; of a coupled one, why other estimators are frozen, and whether auxiliary ones react.
+
+    note : why it is no wider, if the user may do something about it.
+    """
 
     name: str
     reason: str
     frozen: str = ""
     feedback: bool = False
+    note: str = ""
 
 
 def find_scope(
@@ -90,7 +94,8 @@ def find_scope(
         reacting.insert(0, "the frame")
     if not reacting and support.driven and not static and not support.known:
         why = f" ({support.unknown})" if support.unknown else ""
-        return Found(FROZEN, f"{support.text}; {DRIVEN}{why}; loads do not depend on the body's deformation")
+        text = f"{support.text}; {DRIVEN}{why}; loads do not depend on the body's deformation"
+        return Found(FROZEN, text, note=f"the frame's motion is that of this run, not its function's{why}")
     if not reacting and support.known:
         return Found(COMPLETE, f"{support.text}, {BY_FUNCTION}; loads do not depend on the body's deformation")
     if not reacting:
@@ -105,7 +110,8 @@ def find_scope(
         "make the error of the whole mechanism several times larger"
     )
     if refusal:
-        return Found(FROZEN, f"no coupled bound: {refusal}; {frozen}")
+        note = f"no coupled bound: {refusal}"
+        return Found(FROZEN, f"{note}; {frozen}", note="" if wanted.scope == FROZEN else note)
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 

@@ -67,12 +67,12 @@ class Measured:
 class BodySensors:
     """Sensors on mesh nodes of a body: those that bounds are known for, and (sensor, why not) of the others.
 
-    note : what is bounded in place of sensors, in one line; empty if nothing is.
+    notes : what is bounded in place of sensors, in one line; empty if nothing is.
     """
 
     measured: tuple[Measured, ...]
     left_out: tuple[tuple[str, str], ...]
-    note: str = ""
+    notes: tuple[str, ...] = ()
 
     def in_the_frame(self) -> BodySensors:
         """Return the same nodes as the body's frame sees them, each once; the error of its motion has no bound."""
@@ -85,7 +85,7 @@ class BodySensors:
         return BodySensors(
             tuple(seen.values()),
             self.left_out + tuple((f"what {item.name!r} shows", FRAMED) for item in moving),
-            IN_PLACE.format(", ".join(shown)) if shown else "",
+            (IN_PLACE.format(", ".join(shown)),) if shown else (),
         )
 
 

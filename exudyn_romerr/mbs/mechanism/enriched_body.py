@@ -119,7 +119,7 @@ class EnrichedBody:
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
             BoundOptions(inputs=terms.columns, estimators="auxiliary", **kept),
             sampled_inputs=True,
-            scene=replace(scene, corrected=True, minor=terms.minor),
+            scene=replace(scene, corrected=True, minor=terms.minor, stiff=None),
         )
         self.sampler = Sampler.of(self._frame, actions, terms, self.offline)
 

@@ -15,7 +15,7 @@ from ...model.body import ElasticBody
 from ...model.floating_frame import FramePose, Jitter, translations
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...report.scope import COMPLETE, Scene
+from ...report.scope import COMPLETE, FULL_MODEL, Scene
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor
 from ..floating.driven_frame import PrescribedMotion
@@ -23,7 +23,7 @@ from ..floating.floating_body import read_object
 from ..floating.frame_support import read_support
 from ..floating.input_terms import InputTerms
 from ..floating.loads_and_joints import read_actions
-from ..floating.reference_search import find_reference
+from ..floating.reference_search import find_reference, stiff_space
 from ..floating.sampler import Sampler
 from ..floating.scope_decision import Wanted, find_scope
 from ..floating.sensor_outputs import NO_SENSOR, BodySensors, body_sensors
@@ -51,6 +51,7 @@ class MovingSubject:
     def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str):
         self.item, self._flex, self._options = flex.number, flex, options
         self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
+        self.notes: tuple[str, ...] = ()  # what the reader of a report must know of its outputs
         self._wanted = Wanted(scope, options)
         self._use(options.outputs or ())
         self.enriched: EnrichedBody | None = None
@@ -97,11 +98,6 @@ class MovingSubject:
         return self._body
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """What the reader of a report must know of its outputs."""
-        return (self._sensors.note,) if self._sensors.note else ()
-
-    @property
     def outputs(self) -> tuple[Output, ...]:
         """What is bounded."""
         return tuple(self._options.outputs)
@@ -122,6 +118,7 @@ class MovingSubject:
         framed = seen.in_the_frame()
         scope = find_scope(mbs, replace(self._wanted, options=self._options_with(framed)), *scene)
         sensors = seen if scope.name == COMPLETE else framed
+        self.notes = sensors.notes
         if sensors != self._sensors:
             options, self._sensors = self._options_with(sensors), sensors
             self._use(options.outputs)
@@ -211,7 +208,7 @@ class MovingSubject:
         scope: Found,
     ) -> Scene:
         flex = self._flex
-        full = f"Full model: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
+        full = f"{FULL_MODEL}: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
         reason = f"{scope.reason}. {full}"
         r, A = model.frame.reference_pose()
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
@@ -225,6 +222,7 @@ class MovingSubject:
             scope=scope.name,
             reason=reason,
             frozen=scope.frozen,
+            note=scope.note,
             feedback=scope.feedback,
             unknown=terms.unknown,
             turns=not support.at_rest,
@@ -233,6 +231,7 @@ class MovingSubject:
             driven=self._driven_inputs if support.known and scope.name == COMPLETE else None,
             jitter=Jitter.of(flex.mass, flex.positions, model.V, FramePose(r, A)) if support.at_rest else None,
             minor=terms.minor,
+            stiff=stiff_space(flex, model.V, actions.interfaces()),
             computed=(
                 f"floating body: held in its frame by {reference.source}",
                 f"damping: alpha = {model.rayleigh[0]:.6g} 1/s, beta = {model.rayleigh[1]:.6g} s",

@@ -97,7 +97,8 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     known = (best > 0) & np.isfinite(best)
     below = np.zeros(len(t))
     for cause, (words, colour, hatch) in CAUSE_STYLES.items():
-        share = np.divide(100 * out.causes[cause][:, row], best, out=np.zeros(len(t)), where=known)
+        of_cause = out.causes.get(cause, np.zeros_like(out.bound["best"]))  # older files have fewer causes
+        share = np.divide(100 * of_cause[:, row], best, out=np.zeros(len(t)), where=known)
         if cause == "time step" and report.time == "sampled":
             label = f"{words}: not covered"
         elif not share.any():

@@ -47,6 +47,7 @@ MARKERS = {
 }
 CAUSE_STYLES = {  # name in words, colour, hatch
     "basis": ("basis", "#0072B2", ""),
+    "interfaces": ("rigid interfaces", "#009E73", "\\\\"),
     "time step": ("time step", "#E69F00", "//"),
     "initial": ("initial error", "#CC79A7", ".."),
     "jumps": ("load jumps", "#56B4E9", "xx"),

@@ -1,5 +1,8 @@
 """User functions: runs are the same bit for bit with and without us, whatever functions keep between their calls."""
 
+import random
+from functools import partial
+
 import numpy as np
 import pytest
 from exudyn import itemInterface
@@ -57,7 +60,83 @@ def counting(scene, calls=[0]):  # noqa: B006 (that is what is tried)
     return force
 
 
+def of_numpy():
+    np.random.seed(1)
+    return np.random.rand
+
+
+def of_random():
+    random.seed(1)
+    return random.random
+
+
+def of_an_own_generator():
+    generator = random.Random(1)
+    return lambda: generator.random()
+
+
+def of_a_function_that_is_called():
+    calls = [0]
+
+    def count():
+        calls[0] += 1
+        return calls[0]
+
+    return lambda: 1e-2 * count()
+
+
+def of_a_class():
+    class Calls:
+        number = 0
+
+    def count():
+        Calls.number += 1
+        return 1e-2 * Calls.number
+
+    return count
+
+
+def of_an_object_that_cannot_be_pickled():
+    class Calls:
+        def __init__(self):
+            self.number, self.share = 0, lambda: 1e-2
+
+    calls = Calls()
+
+    def count():
+        calls.number += 1
+        return calls.number * calls.share()
+
+    return count
+
+
+def of_a_partial():
+    def count(calls, last=None):
+        calls["number"] += 1
+        return 1e-2 * calls["number"]
+
+    return partial(count, {"number": 0}, last=[])
+
+
+HIDDEN = (
+    of_numpy,
+    of_random,
+    of_an_own_generator,
+    of_a_function_that_is_called,
+    of_a_class,
+    of_an_object_that_cannot_be_pickled,
+    of_a_partial,
+)
+
+
+def hidden(scene):
+    """Load that sums all that is hidden, so weakly that Newton converges."""
+    a, b, c, d, e, f, g = (make() for make in HIDDEN)
+    return lambda mbs, t, vector: [0.0, 10.0 + 1e-7 * (a() + b() + c() + d() + e() + f() + g()), 0.0]
+
+
 LOADS = {
+    "hidden": hidden,
     "mbs.variables": integral_of_the_mbs,
     "closure": integral_of_every_call,
     "object": lambda scene: Controller(scene).force,
@@ -102,6 +181,24 @@ def test_memory_is_said(name):
         assert set(report.scope.values()) == {FROZEN}
         assert "motor" in report.scope_reason
         assert "earlier calls" in report.scope_reason
+
+
+@pytest.mark.parametrize("make", HIDDEN)
+def test_what_is_not_the_functions_own_is_put_back(make):
+    part = make()
+
+    def load(mbs, t, vector):
+        return [part(), 0.0, 0.0]
+
+    first, state = None, random.getstate()
+    for _ in range(2):
+        with memory_kept(Space(), [load]) as memory:
+            found = [load(None, 0.0, None)[0] for _ in range(3)]
+            assert memory.changed
+        first = first or found
+    assert found == first
+    assert len(set(found)) == 3
+    assert random.getstate() == state
 
 
 class Space:

@@ -1,0 +1,80 @@
+"""What rigid (RBE2) interfaces make of the error is told apart from what missing modes make of it."""
+
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from exudyn_romerr.report.report import BoundReport
+from models import floating, mechanisms
+
+# Static parts share out a moving body's error: off where the parts ring differently; measured 3e-4.
+SHARE = 0.01
+
+
+def welded(kind="RBE2", n=4, **options):
+    """Bounds of a bar, welded by one interface, loaded at the other."""
+    scene = floating.clamped_bar(n, kind=kind, h=2e-5, t_end=2e-3)
+    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items, **options))
+    scene.solve()
+    return monitor.report()
+
+
+def tip(report):
+    return next(iter(report.outputs.values()))
+
+
+def known_error(report):
+    """Largest part of the error that is known with its sign (r,); the rest of it is below 1 %."""
+    out = tip(report)
+    assert np.max(out.corrected_bound) < 0.01 * np.max(np.abs(out.corrected - out.value))
+    return np.max(np.abs(out.corrected - out.value), axis=0)
+
+
+def test_share_is_that_of_free_interfaces_in_the_error():
+    """The same run against both truths: what interfaces="rigid" leaves of the error is the share of missing modes."""
+    free, rigid = welded(), welded(interfaces="rigid")
+    of_modes = np.max(tip(rigid).bound["best"][:, 1:], axis=0) / known_error(free)[1:]
+    causes = tip(free).causes
+    share = causes["interfaces"] / (causes["interfaces"] + causes["basis"]).clip(min=np.finfo(float).tiny)
+    assert np.all(np.abs(1 - share[-1, 1:] - of_modes) <= SHARE)
+    np.testing.assert_allclose(sum(causes.values()), tip(free).bound["best"], rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", [4, 16])
+def test_advice_names_interfaces_whatever_the_number_of_modes(n):
+    text = str(welded(n=n))
+    assert "of it from the rigid (RBE2) interfaces" in text
+    assert "RBE3 modes" in text
+    assert "interfaces='rigid'" in text
+    assert "add modes" not in text
+
+
+@pytest.mark.parametrize(("kind", "options"), [("RBE3", {}), ("RBE2", {"interfaces": "rigid"})])
+def test_there_is_no_such_share_where_interfaces_are_not_stiffened(kind, options):
+    report = welded(kind, **options)
+    assert not tip(report).causes["interfaces"].any()
+    assert "RBE2" not in tip(report).advice()
+
+
+def test_outputs_of_a_mechanism_have_it_too():
+    """In the frame, where auxiliary vectors react with the mechanism."""
+    scene = mechanisms.double_pendulum(4, kind="RBE2", h=2e-3, t_end=0.02)
+    monitors = [romerr.attach(scene.mbs, romerr.floating_body(scene.fem, body)) for body in scene.bodies]
+    scene.solve()
+    for monitor in monitors:
+        report = monitor.report()
+        assert set(report.scope.values()) == {"coupled (linearised)"}
+        causes = tip(report).causes
+        assert np.max(causes["interfaces"]) > 0.9 * np.max(tip(report).bound["best"])
+
+
+def test_reports_without_it_are_still_drawn(tmp_path):
+    """Those of 0.1."""
+    report = welded("RBE3")
+    for out in report.outputs.values():
+        del out.causes["interfaces"]
+    report.save(tmp_path / "old.npz")
+    loaded = romerr.load_report(tmp_path / "old.npz")
+    assert type(loaded) is BoundReport
+    loaded.plot_causes(tmp_path / "causes.png")
+    assert "RBE2" not in str(loaded)
