@@ -61,6 +61,8 @@ def under(scope: dict[str, str], e: str = "best") -> str:
 
 def corrected_within(out: OutputData, bound: np.ndarray, scope: dict[str, str]) -> str:
     """Return in words how far the corrected output is from the full model: "within ..." only if the scope says so."""
+    if not np.isfinite(bound).all():
+        return "how far the corrected output is from the full model is not known at all instants"
     left, widest = f"{rounded_up(np.max(bound))} {out.unit}", widest_scope(scope)
     if widest == FROZEN:
         return f"{AS_IN_THIS_RUN} the corrected output is within {left} of the full body"

@@ -230,3 +230,11 @@ def test_scope_is_said_in_one_line_with_a_link(scope, time):
     text = (Path(__file__).resolve().parents[2] / page).read_text(encoding="utf-8")
     assert f"## {anchor.capitalize()}" in text
     assert f"`{scope}" in text
+
+
+@pytest.mark.parametrize("scope", SCOPES)
+def test_corrected_output_without_a_bound_is_said_in_words(scope):
+    out = output(1.0, {"auxiliary": 1e-3}, {"auxiliary": scope})
+    text = corrected_within(out, np.array([[1e-3], [np.inf]]), {"auxiliary": scope})
+    assert "inf" not in text.split()
+    assert "not known" in text
