@@ -17,6 +17,7 @@ from ...report.scope import FROZEN
 from ..access.mbs_items import end_time, is_verbose, running_static_solver
 from .joint_evaluation import Mechanism
 from .live_output import live_line
+from .run_succession import SAME_TIME
 from .step_recorder import gatherer
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from .body_monitor import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
-SAME = 1e-9  # of a time: solvers add up their steps
 TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines through all take 15 times that
 
 
@@ -75,7 +75,7 @@ class StepHook:
         self._mechanism = Mechanism(self.watches, self._mechanism)
         self._mechanism.begin(mbs)
         end = end_time(mbs, static is not None) if self.has_tangents else None
-        self.end = np.inf if end is None else end - SAME * abs(end)
+        self.end = np.inf if end is None else end - SAME_TIME * abs(end)
         # load steps are few, and their loads may be changed before the next solve asks for a block
         return static is not None or any(watch.tolerance for watch in self.watches)
 
