@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..estimates.estimate import estimated
 from ..report.provenance import made_here
 from ..report.report import BoundReport, OutputReport
 from ..report.scope import FROZEN, NOT_CERTIFIED
@@ -95,7 +96,8 @@ def _output_report(
     tolerance: float | None,
 ) -> OutputReport:
     bound = _with_best(streams["total"], widest)
-    corrected, corrected_bound = _corrected(value, [streams["total"][name] for name in widest])
+    known = _sharpest(streams["total"], widest)
+    estimate = None if known is None else estimated(streams, known)
     return OutputReport(
         name=out.name,
         unit=out.unit,
@@ -104,9 +106,13 @@ def _output_report(
         round_off=round_off,
         bound=bound,
         reduction_bound=_with_best(streams["reduction"], widest),
-        corrected=corrected,
-        corrected_bound=corrected_bound,
+        corrected=None if known is None else value + streams["total"][known].correction,
+        corrected_bound=None if known is None else streams["total"][known].correction_bound,
         causes=_causes(bound["best"], streams, widest, interfaces),
+        estimate=None if estimate is None else estimate.total,
+        estimate_parts={} if estimate is None else estimate.parts,
+        uncertainty=None if estimate is None else estimate.uncertainty,
+        uncertainty_parts={} if estimate is None else estimate.half_widths,
         labels=out.labels,
         tolerance=tolerance,
     )
@@ -117,12 +123,10 @@ def _with_best(bounds: dict[str, Bounds], widest: list[str]) -> dict[str, np.nda
     return {**outputs, "best": np.min([outputs[name] for name in widest], axis=0)}
 
 
-def _corrected(value: np.ndarray, bounds: list[Bounds]) -> tuple[np.ndarray | None, np.ndarray | None]:
-    known = [b for b in bounds if b.correction is not None]
-    if not known:
-        return None, None
-    best = min(known, key=lambda b: np.max(b.correction_bound))
-    return value + best.correction, best.correction_bound
+def _sharpest(bounds: dict[str, Bounds], widest: list[str]) -> str | None:
+    """Return the estimator that leaves least of an output's error unknown; None if none knows any of it."""
+    known = [name for name in widest if bounds[name].correction is not None]
+    return min(known, key=lambda name: np.max(bounds[name].correction_bound), default=None)
 
 
 def _causes(

@@ -45,6 +45,10 @@ class OutputData:
     corrected: np.ndarray | None
     corrected_bound: np.ndarray | None
     causes: dict[str, np.ndarray]
+    estimate: np.ndarray | None = None
+    estimate_parts: dict[str, np.ndarray] = field(default_factory=dict)
+    uncertainty: np.ndarray | None = None
+    uncertainty_parts: dict[str, np.ndarray] = field(default_factory=dict)
     error: np.ndarray | None = None
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
     labels: tuple[str, ...] = ()

@@ -44,6 +44,10 @@ class OutputReport(OutputData):
     the truth; None without auxiliary modes. round_off (T, r) : what rounding of the matrices, loads and samples, as
     they came in, may move the output by; a bound below it says nothing about the body. causes[cause] : (T, r), shares
     of bound["best"]: "basis", "interfaces" (what rigid interfaces stiffen), "time step", "initial", "jumps".
+    estimate (T, r) : the error y_full - y_reduced as well as it can be told, signed, within about uncertainty (T, r);
+    no bound. None where nothing of it is known. estimate_parts[cause] : (T, r), signed, sum `estimate`, keys as in
+    causes. uncertainty_parts[check] : (T, r), what each check adds to uncertainty: "steps", "vectors",
+    "linearisation", "loads"; "proved" where a bound of the rest is all of it.
     error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared. labels : names of
     the rows, or (). tolerance : what attach was asked to keep the bound below, None: nothing.
     """

@@ -19,7 +19,7 @@ class Bounds:
 
     jumped : (S, R), the share of load jumps in outputs; None: no jumps so far. correction : (S, R), the part of the
     outputs' error that is known with its sign; correction_bound : (S, R), what is left of the error then. None where
-    an estimator has none, or nobody asks (of_outputs).
+    an estimator has none. position, velocity: None where nobody asks (of_outputs).
     """
 
     position: np.ndarray | None
@@ -55,7 +55,7 @@ class Bounds:
 
     def of_outputs(self) -> Bounds:
         """Return the bounds of the outputs alone."""
-        return Bounds(None, None, self.outputs)
+        return Bounds(None, None, self.outputs, None, self.correction, self.correction_bound)
 
 
 class Worst(NamedTuple):

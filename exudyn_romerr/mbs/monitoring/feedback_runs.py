@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
+from ...estimates.mechanism_feedback import Feedback, Tangent
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
-from ...online.mechanism_feedback import Feedback, Tangent
 from ...online.run import Run
 from ...trajectory.segments import Added
 

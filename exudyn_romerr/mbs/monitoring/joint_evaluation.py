@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError, InputError, RunError
+from ...estimates.mechanism_feedback import Feedback, Scheme
 from ...online.coupled_runs import join_extensions, joined_openings
-from ...online.mechanism_feedback import Feedback, Scheme
 from ..access.linearisation import Tangents
 from ..mechanism.late_readings import LateReadings
 from .feedback_runs import Reaction

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
     from ..data import ReportData
 
-DICTS = ("bound", "reduction_bound", "causes", "effectivity")  # fields of an output that are dicts of arrays
-OPTIONAL = ("corrected", "corrected_bound", "error")  # fields that may be None
+# fields of an output that are dicts of arrays, and fields that may be None
+DICTS = ("bound", "reduction_bound", "causes", "effectivity", "estimate_parts", "uncertainty_parts")
+OPTIONAL = ("corrected", "corrected_bound", "estimate", "uncertainty", "error")
 FORMAT = 2  # of the saved file; a file of another format is refused
 
 

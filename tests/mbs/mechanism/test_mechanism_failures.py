@@ -6,9 +6,9 @@ import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr import AssumptionError
+from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.access.linearisation import Tangents
 from exudyn_romerr.mbs.monitoring import step_hook as hook
-from exudyn_romerr.online.mechanism_feedback import Feedback
 from exudyn_romerr.online.run import Run
 from models import floating, mechanisms
 from tests.helpers.mechanism_runs import (

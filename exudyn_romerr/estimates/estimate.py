@@ -1,0 +1,42 @@
+"""Estimate: the error itself as far as it is known, by cause, and how far that can be trusted (estimates.md)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..trajectory.bounds import Bounds
+
+CAUSES = ("basis", "interfaces", "time step", "initial", "jumps")
+
+
+class Estimate(NamedTuple):
+    """Signed error of an output by cause, its half width by check; each (T, r)."""
+
+    parts: dict[str, np.ndarray]
+    half_widths: dict[str, np.ndarray]
+
+    @property
+    def total(self) -> np.ndarray:
+        """The estimate (T, r)."""
+        return sum(self.parts.values())
+
+    @property
+    def uncertainty(self) -> np.ndarray:
+        """Its half width (T, r)."""
+        return sum(self.half_widths.values())
+
+
+def estimated(streams: dict[str, dict[str, Bounds]], name: str) -> Estimate:
+    """Return what estimator `name` knows of an output's error; what it leaves is bounded, which is the half width.
+
+    Where the scope is complete that is proved; elsewhere it holds under what the scope says.
+    """
+    total, reduction = streams["total"][name], streams["reduction"][name].correction
+    none = np.zeros_like(total.correction)
+    initial = streams["initial"][name].correction if "initial" in streams else None
+    initial = none if initial is None else initial
+    known = (reduction - initial, none, total.correction - reduction, initial, none)
+    return Estimate(dict(zip(CAUSES, known, strict=True)), {"proved": total.correction_bound})
