@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from ...estimates.mechanism_feedback import Feedback, Tangent
+from ...estimates.march import Tangent
+from ...estimates.mechanism_feedback import Feedback
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run

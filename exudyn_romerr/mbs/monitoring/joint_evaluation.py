@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError, InputError, RunError
-from ...estimates.mechanism_feedback import Feedback, Scheme
+from ...estimates.march import Scheme
+from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import join_extensions, joined_openings
 from ..access.linearisation import Tangents
 from ..mechanism.late_readings import LateReadings
