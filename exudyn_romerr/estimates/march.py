@@ -78,20 +78,20 @@ class Steps:
     [[mass M + damping D + K, G^T], [C, 0]]^-1, nearly; they hold until Track, which made them, makes the next ones.
     """
 
-    def __init__(self, scheme: Scheme, h: np.ndarray, wide: list[np.ndarray], inverses: list[np.ndarray]):
+    def __init__(self, scheme: Scheme | None, h: np.ndarray, wide: list[np.ndarray], inverses: list[np.ndarray]):
         self.scheme, self.h, self.wide, self.inverses = scheme, h, wide, inverses
 
     @classmethod
-    def none(cls, scheme: Scheme) -> Steps:
+    def none(cls) -> Steps:
         """No steps: where a sum begins."""
-        return cls(scheme, np.zeros(0), [], [])
+        return cls(None, np.zeros(0), [], [])
 
     def __len__(self) -> int:
         return len(self.h)
 
     def __add__(self, other: Steps) -> Steps:
         h = np.concatenate([self.h, other.h])
-        return Steps(self.scheme, h, self.wide + other.wide, self.inverses + other.inverses)
+        return Steps(other.scheme, h, self.wide + other.wide, self.inverses + other.inverses)
 
     def __getitem__(self, part: slice) -> Steps:
         return Steps(self.scheme, self.h[part], self.wide[part], self.inverses[part])

@@ -44,7 +44,7 @@ class Track:
         self._allocate(tangent(0))
         after = np.minimum(np.searchsorted(times, t, side="left"), len(times) - 1)
         other = np.flatnonzero((np.diff(after) > 0) | (np.abs(np.diff(h)) > SAME_STEP * h[1:])) + 1
-        borders, found, done = {0, *other.tolist()}, Steps.none(self.scheme), 0
+        borders, found, done = {0, *other.tolist()}, Steps.none(), 0
         counts = dict(zip(sorted(borders), np.diff([0, *other, S]).tolist(), strict=True))
         for a, b in pairwise(sorted({*borders, *range(0, S, self._room), S})):
             if a in borders:
@@ -53,7 +53,7 @@ class Track:
             found = found + self._made(slice(a - done, b - done), h[a:b], _share(t[a:b], *ends))
             if b == S or b - done == self._room:
                 yield slice(done, b), found
-                found, done = Steps.none(self.scheme), b
+                found, done = Steps.none(), b
 
     def _begin(self, first: Tangent, last: Tangent, h: float, many: bool) -> None:
         """Begin with steps of size h between two tangents."""
