@@ -51,12 +51,12 @@ class Feedback:
         force: np.ndarray,
         times: np.ndarray,
         tangent: Callable[[int], Tangent],
-        others: Sequence[Callable[[slice, Steps], None]] = (),
+        others: Sequence[Callable[[Steps], None]] = (),
     ) -> tuple[np.ndarray, np.ndarray]:
         """Go on to times t (S,) under forces (S, k); return e, e', e'' (3, S, k) and the mass norm (S,) of e'.
 
         times : (T,) of tangents, the first not after the last time before t; the last one is held. tangent : i -> it.
-        others : what else goes through the same steps; given the numbers of some of them, and these.
+        others : what else goes through the same steps, some of them at a time.
         """
         found, speed = np.zeros((len(t), 4, force.shape[1])), np.zeros(len(t))
         for i, steps in self._track.steps(self.t, t, times, tangent):
@@ -64,7 +64,7 @@ class Feedback:
             speed[i] = steps.speed(found[i, 1])
             self._moving = found[i.stop - 1]
             for other in others:
-                other(i, steps)
+                other(steps)
         self.t = float(t[-1]) if len(t) else self.t
         check_size(found)
         return found[:, :3].swapaxes(0, 1), speed

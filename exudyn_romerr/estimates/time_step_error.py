@@ -27,9 +27,9 @@ LAG = 3  # steps that x2 stays behind x, which it depends on
 class TimeStep(NamedTuple):
     """Error by time steps at some samples, computed minus exact.
 
-    x, x2 : (3, S, size), of coordinates, velocities and accelerations, and the error of x. loads : likewise, what loads
-    between the samples make uncertain; None where they were not looked at. replaced : so many of the first samples are
-    the last ones that were returned before, better known.
+    x, x2 : (3, S, size), of coordinates, velocities and accelerations, and the error of x. loads : likewise, what
+    loads between the samples make uncertain; None where they were not looked at. replaced : so many of the first
+    samples are the last ones that were returned before, better known.
     """
 
     x: np.ndarray
@@ -46,10 +46,10 @@ class TimeStep(NamedTuple):
 class TimeStepError:
     """Fed with samples in blocks: open, then for every block add, begin, go (its steps, in parts), found.
 
-    size : number of coordinates, those of the simulation first; others have no samples, but take part. loads : whether
-    it is asked for what loads make uncertain. rows : t (W,), q, v, a (W, n) and what else is given with them, of all
-    samples that are needed still, with those added. first : number among these of the last sample whose error is
-    settled: residuals are needed in the steps from there.
+    size : number of coordinates, those of the simulation first; others have no samples, but take part. loads :
+    whether it is asked for what loads make uncertain. rows : t (W,), q, v, a (W, n) and what else is given with them,
+    of all samples that are needed still, with those added. defects : dq, dv (W - 1, n) of the steps between them.
+    first : number among these of the last sample whose error is settled; residuals are needed in steps from it on.
     """
 
     def __init__(self, size: int, loads: bool = False):
@@ -59,7 +59,7 @@ class TimeStepError:
 
     def open(self, rows: Sequence[np.ndarray]) -> TimeStep:
         """Begin with one sample, or go on from the last one: rows t (1,), q, v, a (1, n), ..."""
-        self.rows, self.first, self._recent = tuple(rows), 0, None
+        self.rows, self.first, self._recent = tuple(np.array(x) for x in rows), 0, None
         self._x, self._x2, self._values = self._x[-1:], self._x2[-1:], None
         return self._result(0, 0)
 
@@ -73,11 +73,11 @@ class TimeStepError:
             if self._values is not None:
                 known[: -len(values)] = self._values
             self._values = known
+        self.defects = defects(*self.rows[:4])
 
     def begin(self, r: np.ndarray | None = None, uncertain: np.ndarray | None = None) -> None:
-        """Begin to march: residuals r (S, n) in the middle of the steps from `first` on, and what is uncertain of them."""
-        t, *states = self.rows[:4]
-        self._defects = defects(t, *states)
+        """Begin to march: residuals r (S, n) in the middle of the steps from `first` on, and their uncertainty."""
+        t = self.rows[0]
         W, columns = len(t), self._x.shape[-1]
         self._force = np.zeros((W, self.size, columns))
         for column, load in enumerate((r, uncertain)[:columns]):
@@ -92,7 +92,7 @@ class TimeStepError:
     def go(self, steps: Steps) -> None:
         """March through the next of the steps."""
         i = slice(self._at + 1, self._at + 1 + len(steps))  # samples
-        kicks = self._kicks(self._defects, i, self._x.shape[-1])
+        kicks = self._kicks(self.defects, i, self._x.shape[-1])
         values = None
         if self._values is not None:
             values = np.zeros((*self._values[i].shape, self._x.shape[-1]))
@@ -125,7 +125,7 @@ class TimeStepError:
         around = slice(before, self._at + 1)
         t, x = self.rows[0][around], self._x[around, :3, :, 0]
         found = [np.zeros((self._at, self.size)) for _ in range(2)]
-        for all_of, of, known in zip(found, defects(t, *x.swapaxes(0, 1)), self._defects, strict=True):
+        for all_of, of, known in zip(found, defects(t, *x.swapaxes(0, 1)), self.defects, strict=True):
             all_of[before:] = of
             all_of[before:, : known.shape[1]] -= known[before : self._at]
         i = slice(self._at2 + 1, self._at2 + 1 + count)
