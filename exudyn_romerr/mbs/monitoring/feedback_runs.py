@@ -14,6 +14,7 @@ from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
 from ...trajectory.segments import Added
+from ..mechanism.output_estimates import OutputEstimates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,6 +36,7 @@ class Reaction:
 
     def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
+        self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
         for body in (watch.enriched for watch in watches):
@@ -69,6 +71,8 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
+        self._take_basis(first[1:], e)
+        for watch in self._watches:
             if self._tangents.redundant:
                 watch.note(
                     f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"
@@ -91,6 +95,13 @@ class Reaction:
         join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
+        self._take_basis(rows[1:], e)
+
+    def _take_basis(self, states: Sequence[np.ndarray], e: np.ndarray) -> None:
+        """Let estimates of outputs have what auxiliary vectors predict."""
+        for watch, outputs, part in zip(self._watches, self._estimates, self.parts, strict=True):
+            here, moved = (self._states(*part, states, added) for added in (0 * e, e))
+            outputs.take_basis(watch.run, here, moved)
 
     def _forces(self, samples: Sequence[tuple]) -> np.ndarray:
         """-P^T R (S, all coordinates) of the reduced bodies, from samples q, q_t, q_tt, u, frame of each."""

@@ -206,7 +206,7 @@ def attach(
         kernels=kernels,
         time=time,
         auxiliary_modes=auxiliary_modes,
-        live=tolerance is not None,
+        tolerance=tolerance,
     )
     check_choice("scope", scope, ASKABLE)
     subject = make_subject(mbs, flex, options, scope)
