@@ -38,9 +38,9 @@ IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turn
 
 
 IN_GLOBAL_AXES = (
-    "no bound of {} (inf): the motion of the frame is in it, whose error has no bound; see the estimate. An output in "
-    "the body's frame is bounded ('NAME in the frame' of a sensor, or frame='body'); scope='inputs frozen' gives a "
-    "bound under the motion of the frame in this run"
+    "no bound of {} (inf): the motion of the frame is in it, whose error has no bound; see the estimate. An output "
+    "in the body's frame is bounded ('NAME in the frame' of a sensor, or frame='body'); scope='inputs frozen' gives "
+    "a bound under the motion of the frame in this run"
 )
 ALONE = Scene()  # of a body without a frame
 

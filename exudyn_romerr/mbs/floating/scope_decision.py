@@ -129,8 +129,8 @@ def _refusals(
     watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
     if watched:
         yield (
-            f"the tolerance on {', '.join(map(repr, watched))} asks for a bound, and they see the motion of the frame, "
-            "whose error has none; pass node_displacement(...) with frame='body', or a sensor of DisplacementLocal"
+            f"the tolerance on {', '.join(map(repr, watched))} asks for a bound, and they see the motion of the "
+            "frame, whose error has none; pass node_displacement(..., frame='body') or a sensor of DisplacementLocal"
         )
     if options.initial is not None or len(options.jumps):
         yield "initial= and jumps= are covered with frozen inputs only"
