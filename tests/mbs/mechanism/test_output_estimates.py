@@ -16,7 +16,6 @@ from tests.helpers.mechanism_runs import (
     COUPLED,
     FROZEN,
     LIE,
-    STEP,
     from_to,
     pendulum,
     reports,
@@ -36,6 +35,7 @@ CASES = [
 # static modes to 1e-5.
 MATTERS = 1e-6
 FIRST = 20  # steps
+CONTINUED = 0.01  # of the largest: tangents are read at other steps
 
 
 @cache
@@ -115,9 +115,8 @@ def test_first_steps_of_the_truth_are_those_stored():
 def test_all_steps_of_the_truth_are_those_stored(name):
     wanted = output_truths.stored(name)
     for key, found in output_truths.solved(name).items():
-        np.testing.assert_allclose(
-            found, wanted[key], rtol=0, atol=tol.MECHANISM_NEWTON * np.max(np.abs(wanted[key]))
-        )
+        allowed = tol.MECHANISM_NEWTON * np.max(np.abs(wanted[key]))
+        np.testing.assert_allclose(found, wanted[key], rtol=0, atol=allowed)
 
 
 # --- where the mechanism does not answer -------------------------------------------
@@ -201,9 +200,5 @@ def test_continued_solve_goes_on_with_its_estimate():
     later = monitors[0].report().output("probe")
     assert later.estimate_of == "mechanism"
     assert len(later.value) == 7
-    size = np.max(np.abs(whole.estimate))
-    np.testing.assert_allclose(later.estimate, whole.estimate[6:], rtol=0, atol=0.01 * size)
-    np.testing.assert_allclose(
-        later.uncertainty, whole.uncertainty[6:], rtol=0, atol=0.01 * np.max(whole.uncertainty)
-    )
-    assert STEP > 0
+    for one, other in ((later.estimate, whole.estimate), (later.uncertainty, whole.uncertainty)):
+        np.testing.assert_allclose(one, other[6:], rtol=0, atol=CONTINUED * np.max(np.abs(other)))

@@ -339,6 +339,7 @@ def test_sensors_on_the_body_are_outputs(bar):
     report = monitor.report()
     assert list(report.outputs) == list(asked.outputs) == ["sensor0", "sensor1", "sensor2"]
     for name, out in report.outputs.items():
+        assert out.estimate_of == "full model"
         # modes by eigsh have other last digits each time, and the fixture's sensor makes other blocks
         np.testing.assert_allclose(out.value, asked.output(name).value, rtol=0, atol=1e-9 * np.max(np.abs(out.value)))
         np.testing.assert_allclose(out.bound["best"].max(), asked.output(name).bound["best"].max(), rtol=1e-4)
