@@ -229,7 +229,6 @@ class Watch:
         else:
             offline = self._offline.from_static() if before.is_static else before.offline
         run = self._kind(offline, self._solver, self.tolerance)
-        run.messages.extend(self.subject.notes)
         if changed:
             run.messages.append("the mbs was changed since the run before: its error so far is not carried over")
         first = self.succession.first_sample(self.subject, before, t, *states)

@@ -1,0 +1,51 @@
+"""KeptEstimate: the estimate of all outputs of a body along a run, where a mechanism answers its errors."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..trajectory.growing_array import GrowingArray
+from .estimate import CAUSES, Estimate
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class KeptEstimate:
+    """Signed parts of the errors of all outputs as shown, and sizes of what checks them: (S, r) at every instant.
+
+    The last instants may be handed over again, with better values. A half width is the largest size since the start:
+    a difference passes zero.
+    """
+
+    def __init__(self) -> None:
+        self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
+        self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
+        self._before: dict[str, np.ndarray] = {}  # largest sizes (r,) of a run that this one goes on from
+
+    def go_on(self, before: KeptEstimate) -> None:
+        """Begin with the half widths that another run ended with."""
+        self._before = {check: before._half_width(check)[-1] for check in before._sizes}
+
+    def put(self, parts: Mapping[str, np.ndarray], sizes: Mapping[str, np.ndarray], replaced: int = 0) -> None:
+        """Add instants: parts by cause and sizes by check, (S, r) each, the first of them in place of the last."""
+        for kept, given in ((self._parts, parts), (self._sizes, sizes)):
+            for name, rows in given.items():
+                kept[name].cut(len(kept[name]) - replaced)
+                kept[name].append(rows)
+
+    def read(self, index: slice) -> Estimate | None:
+        """Return the estimate at some of the instants; None if there is none."""
+        if not self._parts:
+            return None
+        parts = {cause: kept.read()[index].copy() for cause, kept in self._parts.items()}
+        none = np.zeros_like(next(iter(parts.values())))
+        half_widths = {check: self._half_width(check)[index] for check in self._sizes}
+        return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, half_widths)
+
+    def _half_width(self, check: str) -> np.ndarray:
+        largest = np.maximum.accumulate(self._sizes[check].read(), axis=0)
+        return np.maximum(largest, self._before.get(check, 0.0))

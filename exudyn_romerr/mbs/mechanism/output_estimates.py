@@ -1,0 +1,70 @@
+"""OutputEstimates: from errors of a mechanism's coordinates to those of a body's outputs as they are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...estimates.time_step_error import PROVISIONAL
+from ...estimators.coupled_energy import LINEARISED
+
+if TYPE_CHECKING:
+    from ...estimates.time_step_error import TimeStep
+    from ...online.run import Run
+    from .enriched_body import EnrichedBody
+
+States = Sequence[np.ndarray]  # q, q_t, q_tt (S, k + m) of frame, modes and vectors
+
+
+class OutputEstimates:
+    """What moves a body's outputs, instant by instant; its run keeps it.
+
+    Outputs are read in the moved motion and in the computed one, and subtracted: the frame's motion is in what is
+    shown in global axes, its rotation with it. Parameters of a rotation that are off to first order leave their
+    constraint to second order, as what was linearised does.
+    """
+
+    def __init__(self, body: EnrichedBody):
+        self._body, self._last = body, [np.zeros((0, 0))] * 3
+
+    def take_basis(self, run: Run, here: States, moved: States) -> None:
+        """Take the computed motion, and where auxiliary vectors move it.
+
+        The static rest -C K^-1 R(u + du) in the frame, which the companion of the run has, is part of it.
+        """
+        at, base = self._shown(here), self._rows(here)[0]
+        values, frame = self._rows(moved)
+        rest = run.companion.corrections(len(base)) - (values - base)
+        change = self._body.offline.shown(values + rest, frame) - at
+        missed = change - (self._body.offline.shown(values, frame) - at)
+        run.estimate.put({"basis": change}, {"vectors": np.abs(missed), "linearisation": LINEARISED * np.abs(change)})
+
+    def take_time_step(self, run: Run, here: States, found: TimeStep) -> None:
+        """Take the error by time steps, computed minus exact, and what checks it; some instants once more."""
+        here = [np.vstack([before, new]) for before, new in zip(self._kept(here), here, strict=True)]
+        self._last = [state[-PROVISIONAL:] for state in here]
+        here = [state[len(state) - len(found.x[0]) :] for state in here]
+        sizes = {"steps": found.x2, **({} if found.loads is None else {"loads": found.loads})}
+        run.estimate.put(
+            {"time step": -self._change(here, found.x)},
+            {check: np.abs(self._change(here, size)) for check, size in sizes.items()},
+            found.replaced,
+        )
+
+    def _kept(self, here: States) -> States:
+        return self._last if self._last[0].size else [state[:0] for state in here]
+
+    def _change(self, here: States, x: States) -> np.ndarray:
+        return self._shown([state + dx for state, dx in zip(here, x, strict=True)]) - self._shown(here)
+
+    def _shown(self, states: States) -> np.ndarray:
+        return self._body.offline.shown(*self._rows(states))
+
+    def _rows(self, states: States) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of outputs (S, R) in the frame, and the motion of the frame (S, 24)."""
+        size = self._body.frame_size
+        frame = self._body.sampler.frame.motion(*(state[:, :size] for state in states))
+        q, q_t = (state[:, size:] for state in states[:2])
+        return self._body.offline.outputs_of(q, q_t), frame.rows()
