@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...checks import check_count
-from ..estimate_wording import estimated_under
+from ..estimate_wording import estimated_kind, estimated_under
 from ..wording import at_round_off, error_kind, rounded_up, under
 from .style import (
     CAUSE_STYLES,
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ..data import OutputData, ReportData
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
+GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
 BAR = 12  # points: how wide a band is at a single instant
 
 
@@ -49,7 +50,8 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     """
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
-    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound{under(report.scope)}, {at_most(bound, out.unit)}")
+    label = f"value ± bound{_of_what(report, out)}{under(report.scope)}, {at_most(bound, out.unit)}"
+    _band(ax, t, value, bound, COLOURS["fast"], label)
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
     if (best := _corrected(report, out, row)) is not None:
         corrected, half, label, name_of_line = best
@@ -70,7 +72,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     out, t = _row_of(report, name, row), report.t
     for place, e in enumerate(e for e in out.bound if e != "best"):
         style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
-        label = f"bound '{e}'{under(report.scope, e)}"
+        label = f"bound '{e}'{_of_what(report, out)}{under(report.scope, e)}"
         log_line(ax, t, out.bound[e][:, row], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
     if out.estimate is not None:
         _estimate(ax, report, out, row)
@@ -82,7 +84,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
     title = f"{out.row_names[row]}: bounds{'' if out.estimate is None else ' and estimate'} of its error"
-    ylabel = f"{error_kind(report.time)} of {out.row_names[row]} / {out.unit}"
+    ylabel = f"{estimated_kind(out, report.time)} of {out.row_names[row]} / {out.unit}"
     ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)
     finish(ax)
 
@@ -135,16 +137,23 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
 
 
 def _estimate(ax: Any, report: ReportData, out: OutputData, row: int) -> None:
-    """|estimate| as a dashed line in a band; below, the band ends where the axes do."""
+    """|estimate| as a dashed line in a band, which ends where the smallest of them is: a logarithm has no zero."""
     size, half, t = np.abs(out.estimate[:, row]), out.uncertainty[:, row], report.t
-    known = np.isfinite(half) & (size + half > 0)
-    shown = np.concatenate([size[size > 0], (size + half)[known]])
-    low = np.maximum(size - half, np.min(shown, initial=np.inf))
-    style = {"facecolor": COLOURS["estimate"], "alpha": 0.25, "linewidth": 0, "label": "its half width"}
-    if known.any():
-        _fill(ax, t, np.where(known, low, 1.0), np.where(known, size + half, 1.0), known, **style)
-    style = {"color": COLOURS["estimate"], "linestyle": "--", "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
+    style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
+    style["zorder"] = 2.5  # above the other lines
     log_line(ax, t, size, label=f"|estimate|{estimated_under(out, report.scope)}", **style)
+    known = np.isfinite(half) & (size + half > 0)
+    if known.any():
+        high = np.where(known, size + half, 1.0)
+        low = np.maximum(size - half, min(np.min(high[known]), np.min(size, where=size > 0, initial=np.inf)))
+        style = {"facecolor": COLOURS["estimate"], "alpha": 0.25, "linewidth": 0}
+        _fill(ax, t, np.where(known, low, 1.0), high, known, label="half width of the estimate", **style)
+
+
+def _of_what(report: ReportData, out: OutputData) -> str:
+    """What a bound bounds, where the estimate beside it is of more."""
+    kind = error_kind(report.time)
+    return "" if kind == estimated_kind(out, report.time) else f" of the {kind}"
 
 
 def _row_of(report: ReportData, name: str, row: int) -> OutputData:
