@@ -133,7 +133,7 @@ def permitted(out: OutputData) -> tuple[float, str]:
     that stays zero nothing is enough unless a tolerance says so.
     """
     if out.tolerance is not None:
-        return out.tolerance, f"the tolerance of {out.tolerance:g} {out.unit}"
+        return out.tolerance, f"the tolerance of {out.tolerance:.4g} {out.unit}"
     moves = out.of == "position"
     largest = np.max(np.ptp(out.value, axis=0) if moves else np.abs(out.value), initial=0.0)
     of_all = f" of {out.name}" if out.value.shape[1] > 1 else ""
