@@ -85,8 +85,9 @@ def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | 
     if not is_enough(out, known(out, row)):
         return f"{said} at round-off"
     bound = np.max((out.bound["best"] + out.round_off)[:, _rows(row)])
+    condition = f"{under(scope)}," if under(scope) else ""
     which = f" of the {of_bound}" if kind != of_bound else ""
-    too = f", the bound{which}{under(scope)} is {'too' if bound <= allowed else 'not'}" if np.isfinite(bound) else ""
+    too = f", the bound{which}{condition} is {'too' if bound <= allowed else 'not'}" if np.isfinite(bound) else ""
     return f"{said} within {of}{too}"
 
 

@@ -51,11 +51,21 @@ def known(out: OutputData, row: int | None = None) -> Known | None:
     if out.estimate is None or not np.isfinite(out.estimate[:, rows]).all():
         return None
     size, half, floor = np.abs(out.estimate[:, rows]), out.uncertainty[:, rows], out.round_off[:, rows]
-    parts = {cause: _largest(part[:, rows]) for cause, part in out.estimate_parts.items()}
+    parts = {cause: _largest(part[:, rows]) for cause, part in parts_of(out).items()}
     most, least = _largest(size + half), max(float(np.max(size - half, initial=0.0)), 0.0)
     off = max(most - _largest(size), _largest(size) - least)
     largest = (_largest(size), _largest(half), off, _largest(size + half + floor), _largest(floor))
     return Known(*largest, _check(out, rows), parts)
+
+
+def parts_of(out: OutputData) -> dict[str, np.ndarray]:
+    """Return the estimate by cause; rigid interfaces that it does not tell from missing modes as the bound does."""
+    parts, zero = dict(out.estimate_parts), np.zeros_like(out.estimate)
+    stiff, modes = (out.causes.get(cause, zero) for cause in ("interfaces", "basis"))
+    if np.any(parts.get("interfaces", zero)) or not np.any(stiff):
+        return parts
+    share = np.divide(stiff, stiff + modes, out=zero, where=(stiff > 0) & np.isfinite(modes))
+    return {**parts, "basis": (1 - share) * parts["basis"], "interfaces": share * parts["basis"]}
 
 
 def _check(out: OutputData, rows: slice) -> str:
@@ -133,7 +143,8 @@ def about_all(out: OutputData, scope: dict[str, str]) -> str:
 def number(found: Known) -> str:
     """Return the largest estimate, how far off it may be where that shows, and no more digits than that leaves."""
     size = f"{found.size:.{3 if found.off <= THREE_DIGITS * found.size else 2}g}"
-    return f"{size} +- {rounded_up(found.off, 1)}" if found.off > SHOWN * found.size else size
+    off = float(f"{found.off:.3g}")  # a difference, whose last digits are rounding
+    return f"{size} +- {rounded_up(off, 1)}" if found.off > SHOWN * found.size else size
 
 
 def off_by(out: OutputData, row: int | None = None) -> str:
@@ -148,7 +159,7 @@ def off_by(out: OutputData, row: int | None = None) -> str:
 def rest(out: OutputData, cause: str, row: int | None) -> str:
     """Return in words how wrong the output would be without one part of the estimate; empty: not at all."""
     rows = slice(None) if row is None else slice(row, row + 1)
-    left, half = np.abs(out.estimate - out.estimate_parts[cause])[:, rows], out.uncertainty[:, rows]
+    left, half = np.abs(out.estimate - parts_of(out)[cause])[:, rows], out.uncertainty[:, rows]
     size, most = _largest(left), _largest(left + half)
     if not 0 < most < np.inf:
         return ""
