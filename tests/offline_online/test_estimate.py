@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.report.scope import COMPLETE
 from models.exact import full_solution, reduced_solution, reduced_trajectory
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model
@@ -40,7 +41,7 @@ def test_estimate_is_the_error(run):
         out = report.output(name)
         error = y - out.value
         np.testing.assert_allclose(out.estimate, error, rtol=0, atol=tol.CLOSED_FORM * np.max(np.abs(error)))
-        assert out.estimate_of == "full model"
+        assert out.estimate_scope == COMPLETE
         assert (np.abs(error - out.estimate) <= out.uncertainty + out.round_off).all()
 
 

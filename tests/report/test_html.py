@@ -13,7 +13,8 @@ from exudyn_romerr import Output, load_report
 from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.overview import overview
 from exudyn_romerr.report.scope import NOT_CERTIFIED
-from exudyn_romerr.report.wording import rounded_up, sentence
+from exudyn_romerr.report.verdict import sentence
+from exudyn_romerr.report.wording import rounded_up
 from tests.helpers.theorem import random_case
 
 VOID = {"meta", "link", "img", "br", "hr"}

@@ -517,7 +517,7 @@ def test_report_saved_without_bounds_at_nodes_says_so():
 
 
 def test_every_estimator_has_a_look_of_its_own_in_grey():
-    names = set(COLOURS) - {"value", "error"}
+    names = set(COLOURS) - {"value", "error", "estimate"}
     assert names == set(STYLES) == set(MARKERS)
     looks = [(str(STYLES[e]), MARKERS[e]) for e in names - {"static"}]  # which is never beside the others
     assert len(set(looks)) == len(looks)

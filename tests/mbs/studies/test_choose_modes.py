@@ -9,7 +9,7 @@ import pytest
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.studies.scene_run import build_trial
 from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
-from exudyn_romerr.mode_selection.mode_choice import BASIS, SLACK, STEP
+from exudyn_romerr.mode_selection.tried_run import BASIS, SLACK, STEP
 from models import exact, floating, linkage, mechanism_truths, mechanisms
 from tests.helpers import tolerances as tol
 
