@@ -178,10 +178,10 @@ def test_static_responses_to_wrenches_are_held(which, m):
 
 @pytest.mark.parametrize("which", BARS)
 def test_responses_to_all_that_was_asked_for_are_held(which):
-    """Inertia of frame and modes, loads: as many vectors as columns; fewer hold the largest of them better."""
+    """Inertia of frame and modes, loads: in half of the vectors; fewer hold the largest of them better."""
     body, V, inertia, loads, wrenches = bar(*which)
     asked = np.hstack([inertia, loads, body.M @ V])
-    found = enriched(body, V, inertia, loads, wrenches, asked.shape[1])
+    found = enriched(body, V, inertia, loads, wrenches, 2 * asked.shape[1])
     assert found.missed(asked).max() < tol.STATIC_MODES
     few, none = (enriched(body, V, inertia, loads, wrenches, m).missed(loads).max() for m in (8, 0))
     assert few < 0.05 < none

@@ -21,6 +21,8 @@ from ..floating.sampler import Sampler
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import scipy.sparse as sp
+
     from ...model.body import ElasticBody
     from ...offline.prepared import Offline
     from ...report.scope import Scene
@@ -29,7 +31,9 @@ if TYPE_CHECKING:
     from ..floating.frame_support import Support
 
 DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
-AUTO_VECTORS = 20  # vectors a body: responses to the inertia of 14 modes and of the frame are 26, of unequal weight
+# vectors a body: 20 static responses (those to the inertia of 14 modes and of the frame are 26, of unequal weight), and
+# a round of responses to their own inertia
+AUTO_VECTORS = 26
 
 
 class Couplings(NamedTuple):
@@ -47,7 +51,8 @@ class EnrichedBody:
 
     Attributes
     ----------
-    m : number of vectors. columns, modal : coordinates of the body in the mbs, and those of its modes. offline,
+    m : number of vectors. keeps : (m,) bool, whether a vector leaves the interfaces rigid that the modes make rigid;
+    these come first, and all do where modes make none rigid. columns, modal : coordinates of the body in the mbs, and those of its modes. offline,
     sampler : of the body on modes and vectors. note : line for the plan.
     """
 
@@ -79,11 +84,11 @@ class EnrichedBody:
         V_y = Z.coordinates("V", V)
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
-            found = Enrichment(body, V_y, inertia, loads, wrenches, asked)
+            found = Enrichment(body, V_y, inertia, loads, wrenches, asked, _stiff_columns(body, scene))
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
         P = Z.expand(found.P)
-        self.m = P.shape[1]
+        self.m, self.keeps = P.shape[1], found.keeps
         highest = found.omega.max(initial=0.0)
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
         self._couple(flex, V, P, model.rayleigh)
@@ -119,7 +124,7 @@ class EnrichedBody:
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
             BoundOptions(inputs=terms.columns, estimators="auxiliary", **kept),
             sampled_inputs=True,
-            scene=replace(scene, corrected=True, minor=terms.minor, stiff=None),
+            scene=replace(scene, corrected=True, minor=terms.minor),
         )
         self.sampler = Sampler.of(self._frame, actions, terms, self.offline)
 
@@ -202,6 +207,11 @@ def _moment(products: np.ndarray) -> np.ndarray:
 def _contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
     """Sum over i, j of turning_ij of_ij (T, k, m), of (3, 3, k, m)."""
     return np.tensordot(turning, of, axes=2)
+
+
+def _stiff_columns(body: ElasticBody, scene: Scene) -> sp.spmatrix | None:
+    """The body's displacements with its interfaces as rigid as the modes make them; None if these make none rigid."""
+    return None if scene.stiff is None else scene.stiff.Z.tocsr()[body.free]
 
 
 def _side_by_side(parts: list[np.ndarray], N: int) -> np.ndarray:

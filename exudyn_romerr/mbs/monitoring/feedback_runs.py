@@ -14,6 +14,7 @@ from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
 from ...trajectory.segments import Added
+from ..mechanism.rigid_march import RigidMarch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,6 +32,8 @@ class Reaction:
     Attributes
     ----------
     size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are among these.
+    rigid : the march without vectors that deform interfaces which modes make rigid; None if there are none.
+    e_rigid : (3, S, size) of the steps that were advanced by last, or (3, 1, size) of the first; None without `rigid`.
     """
 
     def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents):
@@ -40,6 +43,7 @@ class Reaction:
         for body in (watch.enriched for watch in watches):
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
+        self.rigid, self.e_rigid = RigidMarch.of(feedback.scheme, self.parts, self.size), None
 
     def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None) -> None:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs."""
@@ -47,12 +51,18 @@ class Reaction:
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
         if goes_on:
             self._feedback = before._feedback
+            if self.rigid is not None:
+                self.rigid.go_on(before.rigid)
         else:
             t = float(first[0][0])
             tangent = _Extended([reading for reading in self._tangents.readings if reading.t <= t][-1:], self)[0]
             samples = [watch.sampled(*first) for watch in self._watches]
-            self._feedback.start(tangent, self._forces(samples)[0], self._forces_at_rest(), t)
+            start = tangent, self._forces(samples)[0], self._forces_at_rest(), t
+            self._feedback.start(*start)
+            if self.rigid is not None:
+                self.rigid.start(*start)
         e = self._feedback.state[:, None]
+        self.e_rigid = None if self.rigid is None else self.rigid.state[:, None]
         runs, openings = [], []
         for watch, (body, own) in zip(self._watches, self.parts, strict=True):
             rest = watch.opening.rest
@@ -79,6 +89,8 @@ class Reaction:
         extended = _Extended(self._tangents.readings, self)
         forces = self._forces([watch.rows[1:] for watch in self._watches])
         e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__)
+        if self.rigid is not None:
+            self.e_rigid = self.rigid.advance(rows[0], forces, extended.t, extended.__getitem__)
         self._tangents.forget()
         runs, extensions = [watch.run.companion for watch in self._watches], []
         for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
