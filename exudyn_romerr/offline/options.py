@@ -18,7 +18,8 @@ class BoundOptions:
     """Arguments of evaluate and attach, whose docstrings describe them; checked where they are used.
 
     outputs : None until sensors tell them, of a floating body. inputs, input_function : of a floating body those that
-    its scene makes. live : bounds are looked at every step, which the plan says.
+    its scene makes. midpoint_residual : of estimates in mechanisms. live : bounds are looked at every step, which the
+    plan says.
     """
 
     inputs: Any = None
@@ -31,4 +32,5 @@ class BoundOptions:
     kernels: str = "certified"
     time: str = "reconstructed"
     auxiliary_modes: int | str = "auto"
+    midpoint_residual: bool = True
     live: bool = False
