@@ -18,7 +18,7 @@ class KeptEstimate:
     """Signed parts of the errors of all outputs as shown, and sizes of what checks them: (S, r) at every instant.
 
     The last instants may be handed over again, with better values. A half width is the largest size since the start:
-    a difference passes zero.
+    a difference passes zero. Where a check has ended, nothing is known: its half width is inf from there on.
     """
 
     def __init__(self) -> None:
@@ -41,11 +41,17 @@ class KeptEstimate:
         """Return the estimate at some of the instants; None if there is none."""
         if not self._parts:
             return None
-        parts = {cause: kept.read()[index].copy() for cause, kept in self._parts.items()}
+        count = max(map(len, self._parts.values()))
+        parts = {cause: _filled(kept.read(), count, 0.0)[index] for cause, kept in self._parts.items()}
         none = np.zeros_like(next(iter(parts.values())))
-        half_widths = {check: self._half_width(check)[index] for check in self._sizes}
+        half_widths = {check: _filled(self._half_width(check), count, np.inf)[index] for check in self._sizes}
         return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, half_widths)
 
     def _half_width(self, check: str) -> np.ndarray:
         largest = np.maximum.accumulate(self._sizes[check].read(), axis=0)
         return np.maximum(largest, self._before.get(check, 0.0))
+
+
+def _filled(rows: np.ndarray, count: int, value: float) -> np.ndarray:
+    """Return a copy of rows (S, r), with more of one value up to so many."""
+    return np.concatenate([rows, np.full((count - len(rows), *rows.shape[1:]), value)])

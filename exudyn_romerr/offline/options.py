@@ -18,7 +18,7 @@ class BoundOptions:
     """Arguments of evaluate and attach, whose docstrings describe them; checked where they are used.
 
     outputs : None until sensors tell them, of a floating body. inputs, input_function : of a floating body those that
-    its scene makes.
+    its scene makes. midpoint_residual : of estimates in mechanisms.
     """
 
     inputs: Any = None
@@ -31,6 +31,7 @@ class BoundOptions:
     kernels: str = "certified"
     time: str = "reconstructed"
     auxiliary_modes: int | str = "auto"
+    midpoint_residual: bool = True
     tolerance: Any = None
 
     @property

@@ -54,3 +54,11 @@ def test_what_was_read_stays_as_it_was():
 
 def test_there_is_no_estimate_of_nothing():
     assert KeptEstimate().read(slice(None)) is None
+
+
+def test_where_a_check_has_ended_the_half_width_is_infinite():
+    run = kept()
+    run.put({"basis": column(8, 8)}, {"vectors": column(0, 0)})
+    found = run.read(slice(None))
+    np.testing.assert_array_equal(found.total, column(0, 0, 0, 0, 8, 8))
+    np.testing.assert_array_equal(found.uncertainty, column(6, 8, 8, 9, np.inf, np.inf))

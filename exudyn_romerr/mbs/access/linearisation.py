@@ -107,18 +107,31 @@ class Tangents:
 
     def differences(self, mbs: Any, dq: np.ndarray) -> np.ndarray:
         """K dq in the current state: all forces at both sides of it, over twice the distance."""
-        system = mbs.systemData
-        q_tt, multipliers = system.GetODE2Coordinates_tt(), system.GetAECoordinates()
         step = DIFFERENCE / np.abs(dq).max()
 
         def force(at: np.ndarray) -> np.ndarray:
-            system.SetODE2Coordinates(at)
-            self._solver.ComputeODE2RHS(mbs)
-            forces = self._solver.GetSystemResidual()[: self.size].copy()
-            return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers - forces
+            mbs.systemData.SetODE2Coordinates(at)
+            return self.residual(mbs)
 
-        with coordinates_kept(system) as (q, _):
+        with coordinates_kept(mbs.systemData) as (q, _):
             return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
+
+    def residual(self, mbs: Any) -> np.ndarray:
+        """M q'' + G^T l less all other forces (n,), in the current state."""
+        self._solver.ComputeODE2RHS(mbs)
+        forces = self._solver.GetSystemResidual()[: self.size].copy()
+        _, _, q_tt, multipliers = current_state(mbs.systemData)
+        return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers - forces
+
+    def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
+        """What the independent constraints keep zero (S, c) in rows of t, q, q_t, q_tt, multipliers."""
+        found = []
+        with state_kept(mbs.systemData):
+            for t, *state in zip(*rows, strict=True):
+                set_state(mbs.systemData, t, state)
+                self._solver.ComputeAlgebraicEquations(mbs, False)
+                found.append(self._solver.GetSystemResidual()[self._first_constraint :][self._rows])
+        return np.array(found)
 
     def _read(self, mbs: Any, t: float) -> Reading:
         state = current_state(mbs.systemData)

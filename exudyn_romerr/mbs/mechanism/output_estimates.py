@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 
 if TYPE_CHECKING:
+    from ...estimates.time_step_error import TimeStep
     from ...online.run import Run
     from .enriched_body import EnrichedBody
 
 States = Sequence[np.ndarray]  # q, q_t, q_tt (S, k + m) of frame, modes and vectors
-REPLACED = 4  # instants whose time-step error may be handed over again
 
 
 class OutputEstimates:
@@ -26,7 +27,8 @@ class OutputEstimates:
     """
 
     def __init__(self, body: EnrichedBody):
-        self._body, self._last = body, [np.zeros((0, 0))] * 3
+        self._body = body
+        self._last: States = ()  # computed motion where the time-step error is provisional
 
     def take_basis(self, run: Run, here: States, moved: States) -> None:
         """Take the computed motion, and where auxiliary vectors move it.
@@ -40,22 +42,19 @@ class OutputEstimates:
         missed = change - (self._body.offline.shown(values, frame) - at)
         run.estimate.put({"basis": change}, {"vectors": np.abs(missed), "linearisation": LINEARISED * np.abs(change)})
 
-    def take_time_step(self, run: Run, here: States, x: States, sizes: dict[str, States], replaced: int = 0) -> None:
-        """Take what is computed minus exact, x, and what checks it, sizes by check; some instants once more."""
-        here = [np.vstack([before, new]) for before, new in zip(self._kept(here), here, strict=True)]
-        self._last = [state[-REPLACED:] for state in here]
-        here = [state[len(state) - len(x[0]) :] for state in here]
-        run.estimate.put(
-            {"time step": -self._change(here, x)},
-            {check: np.abs(self._change(here, size)) for check, size in sizes.items()},
-            replaced,
-        )
-
-    def _kept(self, here: States) -> States:
-        return self._last if self._last[0].size else [state[:0] for state in here]
-
-    def _change(self, here: States, x: States) -> np.ndarray:
-        return self._shown([state + dx for state, dx in zip(here, x, strict=True)]) - self._shown(here)
+    def take_time_step(self, run: Run, here: States, step: TimeStep) -> None:
+        """Take the computed motion, and what time steps make wrong there and, once more, at some instants before."""
+        here = [np.vstack(pair) for pair in zip(self._last, here, strict=True)] if self._last else here
+        self._last = [states[-PROVISIONAL:] for states in here]
+        here = [states[len(states) - step.x.shape[1] :] for states in here]
+        at = self._shown(here)
+        changes = {
+            name: self._shown([states + dx for states, dx in zip(here, x, strict=True)]) - at
+            for name, x in (("time step", step.x), ("steps", step.x2), ("loads", step.loads))
+            if x is not None
+        }
+        parts = {"time step": -changes.pop("time step")}
+        run.estimate.put(parts, {check: np.abs(size) for check, size in changes.items()}, step.replaced)
 
     def _shown(self, states: States) -> np.ndarray:
         return self._body.offline.shown(*self._rows(states))

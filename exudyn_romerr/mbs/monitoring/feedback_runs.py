@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from ...estimates.mechanism_feedback import Feedback, Tangent
+from ...estimates.march import Tangent
+from ...estimates.mechanism_feedback import Feedback
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
@@ -19,8 +20,10 @@ from ..mechanism.output_estimates import OutputEstimates
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from ...estimates.time_step_error import TimeStep
     from ..access.linearisation import Reading, Tangents
     from ..mechanism.enriched_body import EnrichedBody
+    from ..mechanism.step_errors import StepErrors
     from .body_monitor import Watch
 
 PARTS = 16  # tangents to a reading, for inverses of second degree in between
@@ -34,8 +37,9 @@ class Reaction:
     size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are among these.
     """
 
-    def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents):
+    def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents, step_errors: StepErrors):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
+        self._step_errors = step_errors
         self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
@@ -43,17 +47,31 @@ class Reaction:
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
 
+    @property
+    def time_step(self) -> TimeStep | None:
+        """Error by time steps of all coordinates, at the rows of the last call of open or advance, or None."""
+        return self._step_errors.found
+
+    def time_step_of(self, i: int) -> TimeStep | None:
+        """The same of the frame, the modes and the vectors of body i."""
+        if self.time_step is None:
+            return None
+        body, own = self.parts[i]
+        return self.time_step.of(np.concatenate([body.columns, np.arange(own.start, own.stop)]))
+
     def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None) -> None:
-        """Open the companions of runs that have just opened, at the first of the rows of the mbs."""
-        first = [x[:1] for x in rows]
+        """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
+        *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
         if goes_on:
             self._feedback = before._feedback
+            self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             t = float(first[0][0])
             tangent = _Extended([reading for reading in self._tangents.readings if reading.t <= t][-1:], self)[0]
             samples = [watch.sampled(*first) for watch in self._watches]
-            self._feedback.start(tangent, self._forces(samples)[0], self._forces_at_rest(), t)
+            self._feedback.start(tangent, self._forces(samples, 1)[0], self._forces_at_rest(), t)
+            self._step_errors.open(self.size, (*first, multipliers), None)
         e = self._feedback.state[:, None]
         runs, openings = [], []
         for watch, (body, own) in zip(self._watches, self.parts, strict=True):
@@ -71,19 +89,21 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
-        self._take_basis(first[1:], e)
-        for watch in self._watches:
-            if self._tangents.redundant:
-                watch.note(
-                    f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"
-                )
+        self._take_errors(first[1:], e)
+        if self._tangents.redundant:
+            self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
+        self._say(self._step_errors.notes)
 
-    def advance(self, rows: tuple[np.ndarray, ...]) -> None:
-        """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates)."""
-        extended = _Extended(self._tangents.readings, self)
-        forces = self._forces([watch.rows[1:] for watch in self._watches])
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__)
+    def advance(self, rows: tuple[np.ndarray, ...], mbs: Any) -> None:
+        """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates), multipliers (S, ...)."""
+        extended, steps = _Extended(self._tangents.readings, self), self._step_errors
+        steps.begin(mbs, rows)
+        *rows, _ = rows
+        forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
+        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, [steps.go])
+        steps.finish()
         self._tangents.forget()
+        self._say(steps.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
         for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
             sample = body.sampler(rows[0], *self._states(body, own, rows[1:], e))
@@ -95,30 +115,39 @@ class Reaction:
         join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
-        self._take_basis(rows[1:], e)
+        self._take_errors(rows[1:], e)
 
-    def _take_basis(self, states: Sequence[np.ndarray], e: np.ndarray) -> None:
-        """Let estimates of outputs have what auxiliary vectors predict."""
-        for watch, outputs, part in zip(self._watches, self._estimates, self.parts, strict=True):
+    def _take_errors(self, states: Sequence[np.ndarray], e: np.ndarray) -> None:
+        """Let estimates of outputs have what auxiliary vectors predict, and what time steps make wrong."""
+        for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
             here, moved = (self._states(*part, states, added) for added in (0 * e, e))
             outputs.take_basis(watch.run, here, moved)
+            if (step := self.time_step_of(i)) is not None:
+                outputs.take_time_step(watch.run, here, step)
 
-    def _forces(self, samples: Sequence[tuple]) -> np.ndarray:
-        """-P^T R (S, all coordinates) of the reduced bodies, from samples q, q_t, q_tt, u, frame of each."""
-        forces = np.zeros((len(samples[0][0]), self.size))
+    def _say(self, notes: list[str]) -> None:
+        """Say it once, in the reports of all bodies."""
+        for note in notes:
+            for watch in self._watches:
+                watch.note(note)
+        notes.clear()
+
+    def _forces(self, samples: Sequence[tuple], count: int) -> np.ndarray:
+        """-P^T R (S, all coordinates) of the reduced bodies, from S samples q, q_t, q_tt, u, frame of each."""
+        forces = np.zeros((count, self.size))
         for (body, own), sample in zip(self.parts, samples, strict=True):
             forces[:, own] = body.forces(*sample[:4])
         return forces
 
     def _forces_at_rest(self) -> np.ndarray | None:
         """The same in the equilibrium that the full bodies start in; None if they start as the reduced ones."""
-        if any(watch.opening.rest is None for watch in self._watches):
+        if not self._watches or any(watch.opening.rest is None for watch in self._watches):
             return None
         samples = []
         for opening in (watch.opening for watch in self._watches):
             none = np.zeros_like(opening.first.q)
             samples.append((opening.first.q, none, none, opening.rest[None]))
-        return self._forces(samples)[0]
+        return self._forces(samples, 1)[0]
 
     @staticmethod
     def _added(body: EnrichedBody, own: slice, e: np.ndarray, speed: np.ndarray) -> Added:

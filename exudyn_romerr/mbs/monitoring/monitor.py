@@ -146,6 +146,7 @@ def attach(
     kernels: str = "certified",
     time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
+    midpoint_residual: bool = True,
     scope: str = "auto",
 ) -> Monitor:
     """Bound the error of a reduced body in every following solve of its mbs.
@@ -175,6 +176,9 @@ def attach(
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
         vectors made for the body ("auto": 20), and bounds are of the reduction error, whatever time says.
+    midpoint_residual : bool
+        Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
+        samples: Exudyn's equations are evaluated in the middle of every step.
     scope : {"auto", "coupled (linearised)", "inputs frozen"}
         What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
         that can be had (all flexible bodies attached, nothing that switches), else, and with "inputs frozen", the
@@ -208,9 +212,12 @@ def attach(
         kernels=kernels,
         time=time,
         auxiliary_modes=auxiliary_modes,
+        midpoint_residual=midpoint_residual,
         tolerance=tolerance,
     )
     check_choice("scope", scope, ASKABLE)
+    if not isinstance(midpoint_residual, bool):
+        raise InputError(f"midpoint_residual={midpoint_residual!r}; needed: True or False")
     subject = make_subject(mbs, flex, options, scope)
     watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in subject.outputs]))
     return Monitor(mbs, shared_hook(mbs, hook, watch), watch)
