@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...estimates.time_step_error import PROVISIONAL
-from ...estimators.coupled_energy import LINEARISED
 
 if TYPE_CHECKING:
     from ...estimates.time_step_error import TimeStep
@@ -40,7 +39,7 @@ class OutputEstimates:
         rest = run.companion.corrections(len(base)) - (values - base)
         change = self._body.offline.shown(values + rest, frame) - at
         missed = change - (self._body.offline.shown(values, frame) - at)
-        run.estimate.put({"basis": change}, {"vectors": np.abs(missed), "linearisation": LINEARISED * np.abs(change)})
+        run.estimate.put({"basis": change}, {"vectors": missed})
 
     def take_time_step(self, run: Run, here: States, step: TimeStep) -> None:
         """Take the computed motion, and what time steps make wrong there and, once more, at some instants before."""
@@ -53,8 +52,7 @@ class OutputEstimates:
             for name, x in (("time step", step.x), ("steps", step.x2), ("loads", step.loads))
             if x is not None
         }
-        parts = {"time step": -changes.pop("time step")}
-        run.estimate.put(parts, {check: np.abs(size) for check, size in changes.items()}, step.replaced)
+        run.estimate.put({"time step": -changes.pop("time step")}, changes, step.replaced)
 
     def _shown(self, states: States) -> np.ndarray:
         return self._body.offline.shown(*self._rows(states))
