@@ -18,6 +18,10 @@ class Estimate(NamedTuple):
     parts: dict[str, np.ndarray]
     half_widths: dict[str, np.ndarray]
 
+    def of_rows(self, part: slice) -> Estimate:
+        """Return the estimate of some of the rows."""
+        return Estimate(*({name: x[:, part] for name, x in kept.items()} for kept in self))
+
     @property
     def total(self) -> np.ndarray:
         """The estimate (T, r)."""

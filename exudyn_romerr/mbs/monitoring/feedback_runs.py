@@ -15,6 +15,7 @@ from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
 from ...trajectory.segments import Added
+from ..mechanism.output_estimates import OutputEstimates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -39,6 +40,7 @@ class Reaction:
     def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents, step_errors: StepErrors):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
         self._step_errors = step_errors
+        self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
         for body in (watch.enriched for watch in watches):
@@ -87,6 +89,7 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
+        self._take_errors(first[1:], e)
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
         self._say(self._step_errors.notes)
@@ -112,6 +115,15 @@ class Reaction:
         join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
+        self._take_errors(rows[1:], e)
+
+    def _take_errors(self, states: Sequence[np.ndarray], e: np.ndarray) -> None:
+        """Let estimates of outputs have what auxiliary vectors predict, and what time steps make wrong."""
+        for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
+            here, moved = (self._states(*part, states, added) for added in (0 * e, e))
+            outputs.take_basis(watch.run, here, moved)
+            if (step := self.time_step_of(i)) is not None:
+                outputs.take_time_step(watch.run, here, step)
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""

@@ -51,7 +51,6 @@ class MovingSubject:
     def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str):
         self.item, self._flex, self._options = flex.number, flex, options
         self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
-        self.notes: tuple[str, ...] = ()  # what the reader of a report must know of its outputs
         self._wanted = Wanted(scope, options)
         self._use(options.outputs or ())
         self.enriched: EnrichedBody | None = None
@@ -111,14 +110,11 @@ class MovingSubject:
         self._use([*self._options.outputs, *outputs])
 
     def _find_scope(self, mbs: Any, *scene: Any) -> Found:
-        """Return the scope; where no outputs were asked for, choose those that the sensors show."""
+        """Return the scope; where no outputs were asked for, take those that the sensors show."""
         if not self._by_sensors:
             return find_scope(mbs, self._wanted, *scene)
-        seen = body_sensors(mbs, self._flex)
-        framed = seen.in_the_frame()
-        scope = find_scope(mbs, replace(self._wanted, options=self._options_with(framed)), *scene)
-        sensors = seen if scope.name == COMPLETE else framed
-        self.notes = sensors.notes
+        scope, sensors = find_scope(mbs, self._wanted, *scene), body_sensors(mbs, self._flex)
+        sensors = sensors if scope.name == COMPLETE else sensors.in_the_frame_too()
         if sensors != self._sensors:
             options, self._sensors = self._options_with(sensors), sensors
             self._use(options.outputs)
