@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .mechanism_feedback import Feedback
+from .mechanism_feedback import held
 
 if TYPE_CHECKING:
-    from .march import Scheme, Steps, Tangent
+    from .march import Steps, Tangent
 
 
 class NarrowMarches:
@@ -26,8 +26,8 @@ class NarrowMarches:
         Coordinates of each march that are held.
     """
 
-    def __init__(self, scheme: Scheme, left_out: Sequence[np.ndarray]):
-        self._scheme, self._left_out = scheme, left_out
+    def __init__(self, left_out: Sequence[np.ndarray]):
+        self._left_out = left_out
         self._columns = [np.flatnonzero(left) for left in left_out]
 
     def start(self, tangent: Tangent, force: np.ndarray, rest: np.ndarray | None) -> None:
@@ -36,10 +36,10 @@ class NarrowMarches:
         self._moving = np.zeros((4, k, len(self._left_out)))
         for i, left in enumerate(self._left_out):
             kept = np.flatnonzero(~left)
-            alone = Feedback(self._scheme)
-            alone.start(_part(tangent, kept), force[kept], None if rest is None else rest[kept])
-            self._moving[:3, kept, i] = alone.state
-        self._moving[3] = self._moving[2]
+            part = _part(tangent, kept)
+            e = np.zeros(kept.size) if rest is None else held(part.K, part, rest[kept])
+            self._moving[0, kept, i] = e
+            self._moving[2:, kept, i] = held(part.M, part, force[kept] - part.K @ e)
 
     def go_on(self, before: NarrowMarches) -> None:
         """Go on from the state of others."""
@@ -72,7 +72,11 @@ class NarrowMarches:
         mass, damping = steps.scheme.mass_and_damping(steps.h)
         inverses = np.array(steps.inverses)
         holds = [inverses[:, :, J] @ np.linalg.inv(inverses[:, J[:, None], J]) for J in self._columns]
-        found, last, tried = np.empty((S, 4, k, columns)), self._moving, np.empty((inverses.shape[1] + 2 * k, columns))
+        found, last, tried = (
+            np.empty((S, 4, k, columns)),
+            self._moving,
+            np.empty((inverses.shape[1] + 2 * k, columns)),
+        )
         r = np.zeros((inverses.shape[1], columns))
         for i, (Q, inverse) in enumerate(zip(steps.wide, inverses, strict=True)):
             known = (ahead[i] @ last.reshape(4, -1)).reshape(3, k, columns)

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from ..floating.frame_support import Support
 
 DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
-# vectors a body: 20 static responses (those to the inertia of 14 modes and of the frame are 26, of unequal weight), and
-# a round of responses to their own inertia
+# vectors a body: 20 static responses (those to the inertia of 14 modes and of the frame are 26, of unequal weight),
+# and a round of responses to their own inertia
 AUTO_VECTORS = 26
 
 
@@ -51,9 +51,10 @@ class EnrichedBody:
 
     Attributes
     ----------
-    m : number of vectors. keeps : (m,) bool, whether a vector leaves the interfaces rigid that the modes make rigid;
-    these come first, and all do where modes make none rigid. columns, modal : coordinates of the body in the mbs, and those of its modes. offline,
-    sampler : of the body on modes and vectors. note : line for the plan.
+    m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
+    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal : coordinates
+    of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors. note : line
+    for the plan.
     """
 
     def __init__(
@@ -88,7 +89,7 @@ class EnrichedBody:
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
         P = Z.expand(found.P)
-        self.m, self.keeps = P.shape[1], found.keeps
+        self.m, self.keeps, self.first = P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
         self._couple(flex, V, P, model.rayleigh)
@@ -143,6 +144,19 @@ class EnrichedBody:
     def forces(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return -P^T R (S, m) of samples of the reduced body."""
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
+
+    def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool) -> np.ndarray:
+        """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.
+
+        keeps : K^-1 of the body with interfaces as rigid as its modes make them; where these make none rigid, as free.
+        """
+        q, q_t, q_tt, u, _ = self.sampler(t, *states)
+        if self.offline.packing is not None:
+            u, _ = self.offline.packing(u)
+        z = self.offline.coordinates(q, q_t, q_tt, u)
+        if keeps and self.offline.static_errors is not None:
+            return z @ self.offline.static_errors[1].T
+        return -(z @ self.offline.estimators["auxiliary"].static_rows.T)
 
     def couplings(self, t: np.ndarray, states: Sequence[np.ndarray]) -> Couplings:
         """Return what couples P to the mechanism at times t (T,), states q, q_t, q_tt (T, k) of the body in the mbs.
