@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import RunError
 from ..estimates.kept_estimate import KeptEstimate
 from ..trajectory.reconstruction import Linear, Quintic
-from ..trajectory.samples import Samples, checked_states, make_jumps
+from ..trajectory.samples import Extension, Samples, checked_states, make_jumps
 from ..trajectory.segments import Cut, turn_of
 from .bound_stream import Stream, best_outputs
 from .galerkin_defect import Defect
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..report.report import BoundReport
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
-    from ..trajectory.segments import Block, Start
+    from ..trajectory.segments import Start
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
 
@@ -40,17 +40,6 @@ class Opening(NamedTuple):
     before: Run | None
     start: Start | None
     rest: np.ndarray | None = None
-
-
-class Extension(NamedTuple):
-    """Further samples, and stream -> (their segments, index of the segment that ends each step).
-
-    frame : (S, 24), where a frame that moves as a function of time says is at the samples; None: as the run has it.
-    """
-
-    new: Samples
-    segments: dict[str, tuple[Block, np.ndarray]]
-    frame: np.ndarray | None = None
 
 
 class Run:

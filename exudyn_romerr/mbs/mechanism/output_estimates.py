@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...estimates.time_step_error import PROVISIONAL
-from ...estimators.coupled_energy import LINEARISED
 
 if TYPE_CHECKING:
     from ...estimates.time_step_error import TimeStep
@@ -27,37 +26,45 @@ class OutputEstimates:
     """
 
     def __init__(self, body: EnrichedBody):
-        self._body, self._last = body, [np.zeros((0, 0))] * 3
+        self._body = body
+        self._last: States = ()  # computed motion where the time-step error is provisional
 
-    def take_basis(self, run: Run, here: States, moved: States) -> None:
-        """Take the computed motion, and where auxiliary vectors move it.
+    def take_basis(
+        self, run: Run, t: np.ndarray, here: States, moved: States, fewer: States, rigid: States | None = None
+    ) -> None:
+        """Take the computed motion at times t (S,), and where auxiliary vectors move it.
 
-        The static rest -C K^-1 R(u + du) in the frame, which the companion of the run has, is part of it.
+        The static rest -C K^-1 R(u + du) in the frame is part of it. fewer : by so many vectors less that the
+        difference tells how far the prediction can be trusted; rigid : by those that keep interfaces as rigid as the
+        modes make them, None: these make none rigid. What is above the latter is the part "interfaces".
         """
         at, base = self._shown(here), self._rows(here)[0]
         values, frame = self._rows(moved)
         rest = run.companion.corrections(len(base)) - (values - base)
         change = self._body.offline.shown(values + rest, frame) - at
-        missed = change - (self._body.offline.shown(values, frame) - at)
-        run.estimate.put({"basis": change}, {"vectors": np.abs(missed), "linearisation": LINEARISED * np.abs(change)})
+        parts, checks = {"basis": change}, {"vectors": change - (self._completed(t, fewer) - at)}
+        if rigid is not None:
+            parts["basis"] = self._completed(t, rigid, keeps=True) - at
+            parts["interfaces"] = change - parts["basis"]
+        run.estimate.put(parts, checks)
 
-    def take_time_step(self, run: Run, here: States, found: TimeStep) -> None:
-        """Take the error by time steps, computed minus exact, and what checks it; some instants once more."""
-        here = [np.vstack([before, new]) for before, new in zip(self._kept(here), here, strict=True)]
-        self._last = [state[-PROVISIONAL:] for state in here]
-        here = [state[len(state) - len(found.x[0]) :] for state in here]
-        sizes = {"steps": found.x2, **({} if found.loads is None else {"loads": found.loads})}
-        run.estimate.put(
-            {"time step": -self._change(here, found.x)},
-            {check: np.abs(self._change(here, size)) for check, size in sizes.items()},
-            found.replaced,
-        )
+    def _completed(self, t: np.ndarray, states: States, keeps: bool = False) -> np.ndarray:
+        """Outputs as shown in a motion, with its static rest; keeps: the one with rigid interfaces."""
+        values, frame = self._rows(states)
+        return self._body.offline.shown(values + self._body.static_rest(t, states, keeps), frame)
 
-    def _kept(self, here: States) -> States:
-        return self._last if self._last[0].size else [state[:0] for state in here]
-
-    def _change(self, here: States, x: States) -> np.ndarray:
-        return self._shown([state + dx for state, dx in zip(here, x, strict=True)]) - self._shown(here)
+    def take_time_step(self, run: Run, here: States, step: TimeStep) -> None:
+        """Take the computed motion, and what time steps make wrong there and, once more, at some instants before."""
+        here = [np.vstack(pair) for pair in zip(self._last, here, strict=True)] if self._last else here
+        self._last = [states[-PROVISIONAL:] for states in here]
+        here = [states[len(states) - step.x.shape[1] :] for states in here]
+        at = self._shown(here)
+        changes = {
+            name: self._shown([states + dx for states, dx in zip(here, x, strict=True)]) - at
+            for name, x in (("time step", step.x), ("steps", step.x2), ("loads", step.loads))
+            if x is not None
+        }
+        run.estimate.put({"time step": -changes.pop("time step")}, changes, step.replaced)
 
     def _shown(self, states: States) -> np.ndarray:
         return self._body.offline.shown(*self._rows(states))

@@ -20,7 +20,8 @@ from .run_succession import Succession
 
 if TYPE_CHECKING:
     from ...offline.prepared import Offline
-    from ...online.run import Extension, Opening
+    from ...online.run import Opening
+    from ...trajectory.samples import Extension
     from ..access.linear_adapter import LinearSubject
     from ..mechanism.enriched_body import EnrichedBody
     from .floating_adapter import MovingSubject
