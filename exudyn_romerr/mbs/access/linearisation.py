@@ -14,22 +14,23 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg as la
 
 from ...errors import AssumptionError
+from .dependence import Dependences, normalised
 from .load_functions import controllers, loads_with_functions
-from .state_guard import coordinates_kept, current_state, own_solver, set_state, state_kept, state_set
+from .state_guard import coordinates_kept, current_state, of_coordinates, own_solver, state_kept, state_set
 from .tangent_reading import (
     INCREMENTS,
     PARAMETERS,
     REDUNDANT,
-    TINY,
     Carried,
     Reading,
+    carried_of,
     change_of,
     hashed,
     independent_rows,
     masses_of,
+    quaternions_of,
     rotations_of,
     turned_share,
 )
@@ -65,6 +66,8 @@ class Tangents:
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
         self._stride, self._active, self._rows = 1, None, None
+        self._quaternions = quaternions_of(mbs)
+        self._depends: Dependences | None = None
         self.redundant = 0
 
     def read(self, mbs: Any, t: float) -> int:
@@ -137,7 +140,7 @@ class Tangents:
         state = current_state(mbs.systemData)
         M, G = self._mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
-        D, own, carried, C, C_t = self._forces(mbs, G)
+        D, own, carried, C, C_t = self._forces(mbs, M, G)
         K = own + carried
         springs = np.abs(np.diag(K))
         springs[[j for rotation in self._rotations for j in rotation]] = 0.0
@@ -177,7 +180,7 @@ class Tangents:
                 "from there on: pass scope='inputs frozen', or solve up to there and go on with a second solve"
             )
         G = G[self._rows]
-        values = la.svd(G, compute_uv=False) if len(G) else np.ones(1)
+        values = np.linalg.svd(G, compute_uv=False) if len(G) else np.ones(1)
         if values[-1] <= REDUNDANT * values[0]:
             raise AssumptionError(
                 f"constraints have become redundant before t = {t:g} s (a singular position), where the linearised "
@@ -185,13 +188,21 @@ class Tangents:
             )
         return G
 
-    def _forces(self, mbs: Any, G: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _forces(self, mbs: Any, M: np.ndarray, G: np.ndarray) -> tuple[np.ndarray, ...]:
         """D, K in two parts, C, C_t by numerical differentiation; what user functions leave half done is set back."""
         try:
             with state_kept(mbs.systemData) as (q, *_):
-                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), *self._kept(mbs)
+                if self._depends is None or not self._depends.hold_for(M, G):
+                    self._depends = self._found(mbs, q)
+                    mbs.systemData.SetODE2Coordinates(q)
+                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), *self._kept(mbs, q)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
+
+    def _found(self, mbs: Any, q: np.ndarray) -> Dependences:
+        """What depends on which coordinates."""
+        of = [of_coordinates(mbs, value) for value in (self._mass, self._all_constraints, self._positions)]
+        return Dependences.at(q, np.flatnonzero(self.differentiable), self._rows, self._quaternions, of)
 
     def _jacobians(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
         return self._jacobian(mbs, 0.0, -1.0, 0), self._jacobian(mbs, -1.0, 0.0, 1)
@@ -205,52 +216,39 @@ class Tangents:
 
         By rotations and by modal coordinates: arms of joints' forces follow the deformation.
         """
-        system = mbs.systemData
-        moving = np.concatenate([system.GetODE2Coordinates_tt(), system.GetAECoordinates()])
-        n, t = self.size, system.GetTime()
-
-        def by_moving(at: np.ndarray) -> np.ndarray:
-            system.SetODE2Coordinates(at)
-            return np.hstack([self._mass(mbs), self._all_constraints(mbs).T])
-
-        before, carried = by_moving(q), np.zeros((n, n))
-        changes = np.zeros((n, *before.shape), np.float32) if self._is_due(t, G) else None
-        for j in np.flatnonzero(self.differentiable):
-            moved = q.copy()
-            moved[j] += DIFFERENCE
-            change = (by_moving(moved) - before) / DIFFERENCE
-            carried[:, j] = change @ moving
-            if changes is not None:
-                changes[j] = change
-        if changes is not None:
-            j, i = np.nonzero(changes.any(axis=2))
-            turning = np.linalg.norm(changes[:, :, n:], axis=(1, 2)) / max(np.linalg.norm(before[:, n:]), TINY)
-            self.carried.append(Carried(t, G, j, i, changes[j, i], turning))
+        system, carried = mbs.systemData, np.zeros((self.size, self.size))
+        parts = []
+        for depends, value, moving in (
+            (self._depends.mass, self._mass, system.GetODE2Coordinates_tt()),
+            (self._depends.forces, lambda mbs: self._all_constraints(mbs).T, system.GetAECoordinates()),
+        ):
+            by = depends.forward(of_coordinates(mbs, value), q, DIFFERENCE)
+            carried[depends.i, depends.j] += by @ moving
+            parts.append((depends, by))
+        if self._is_due(system.GetTime(), G):
+            self.carried.append(carried_of(system.GetTime(), G, *parts))
         return carried
 
-    def _kept(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _kept(self, mbs: Any, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """C and C_t, along the motion and over time; Exudyn's G by coordinates that are increments."""
         system = mbs.systemData
-        t, (q, q_t, *rest) = system.GetTime(), current_state(system)
+        t, q_t = system.GetTime(), system.GetODE2Coordinates_t()
         dt = WIDE / max(1.0, np.abs(q_t).max())
-        after, before = (self._differences(mbs, t + dt, (q + dt * q_t, q_t, *rest)) for dt in (dt, -dt))
+        after, before = (
+            self._derivative(mbs, t + dt, normalised(q + dt * q_t, self._quaternions)) for dt in (dt, -dt)
+        )
         return (after + before) / 2, (after - before) / (2 * dt)
 
-    def _differences(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
-        """C at another time and state."""
-        system = mbs.systemData
-        set_state(system, t, state)
-        C = self._all_constraints(mbs)[self._rows]
-        for j in np.flatnonzero(self.differentiable) if len(C) else ():
-            left = []
-            for step in (WIDE, -WIDE):
-                moved = state[0].copy()
-                moved[j] += step
-                system.SetODE2Coordinates(moved)
-                self._solver.ComputeAlgebraicEquations(mbs, False)
-                left.append(self._solver.GetSystemResidual()[self._first_constraint :][self._rows])
-            C[:, j] = (left[0] - left[1]) / (2 * WIDE)
-        return C
+    def _derivative(self, mbs: Any, t: float, q: np.ndarray) -> np.ndarray:
+        """C at another time and place: G, and differences of positions where it is not their derivative."""
+        mbs.systemData.SetTime(t)
+        G = of_coordinates(mbs, self._all_constraints)(q)
+        return self._depends.unlike.corrected(G, of_coordinates(mbs, self._positions), q, WIDE)[self._rows]
+
+    def _positions(self, mbs: Any) -> np.ndarray:
+        """What constraints keep zero."""
+        self._solver.ComputeAlgebraicEquations(mbs, False)
+        return self._solver.GetSystemResidual()[self._first_constraint :]
 
     def _is_due(self, t: float, G: np.ndarray) -> bool:
         """Whether changes of M and G are kept: where steps are read one by one, nothing is interpolated."""
