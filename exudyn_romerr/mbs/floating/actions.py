@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...model.admissible_space import MeanMotion
 from ...model.floating_frame import left_jacobian
@@ -73,6 +72,8 @@ class Load:
         """Return what acts in body axes (S, 3); theta (S, 3): mean rotation of its interface, if it follows that."""
         vectors = over_time(self.vector, t)
         if self.body_fixed:
+            from scipy.spatial.transform import Rotation  # here, for it takes long to import, and few loads need it
+
             vectors = Rotation.from_rotvec(theta).apply(vectors @ self.place.axes.T)
         else:
             vectors = motion.local(vectors)
