@@ -52,9 +52,7 @@ def lowest_modes(M: sp.csc_matrix, K: sp.csc_matrix, m: int, factor: SymmetricFa
     return modes
 
 
-def check_no_mode_missed(
-    M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes, order: np.ndarray | None = None
-) -> None:
+def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes, order: np.ndarray | None = None) -> None:
     """Compare the modes below `cut` with the negative pivots of K - cut^2 M (Sylvester's law of inertia).
 
     order : coordinates in the order that K is eliminated in, if it is known.

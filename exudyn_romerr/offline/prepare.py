@@ -137,7 +137,7 @@ def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> Inp
 def _made_problem(
     body, basis, options: BoundOptions, names: tuple[str, ...], scene: Scene, with_modes: bool
 ) -> Problem:
-    """Packed where there are estimators, all look at R in the K^-1 norm only, and nothing but R has to be measured."""
+    """Packed where all estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
     given = {name: getattr(options, name) for name in OF_PROBLEM}
     packed = names and scene.minor is not None and set(names) <= {"energy", "auxiliary"}
     if not packed or options.initial is not None or options.residual != "orthonormal":

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...basis.basis import Basis
-from ...model.body import ElasticBody
 from ...model.floating_frame import FramePose, Jitter, translations
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
@@ -21,6 +20,7 @@ from ..access.mbs_items import load_factor
 from ..floating.driven_frame import PrescribedMotion
 from ..floating.floating_body import read_object
 from ..floating.frame_support import read_support
+from ..floating.full_body import full_body
 from ..floating.input_terms import InputTerms
 from ..floating.loads_and_joints import read_actions
 from ..floating.reference_search import find_reference, stiff_space
@@ -32,6 +32,7 @@ from ..mechanism.enriched_body import EnrichedBody
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from ...model.body import ElasticBody
     from ...model.outputs import Output
     from ...offline.prepared import Offline
     from ...trajectory.driven_inputs import Inputs
@@ -162,19 +163,9 @@ class MovingSubject:
         return self._sampler(t, *states)
 
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
-        body, flex = self._body, self._flex
         key = (model.rayleigh, reference.source, reference.fixed, reference.rigid)
-        if body is None or self._body_key != key:
-            self._body = ElasticBody(
-                flex.mass,
-                flex.stiffness,
-                rayleigh=model.rayleigh,
-                fixed=reference.fixed,
-                positions=flex.positions,
-                reference=reference.conditions,
-                rigid=reference.rigid,
-            )
-            self._body_key = key
+        if self._body is None or self._body_key != key:
+            self._body, self._body_key = full_body(self._flex, model.rayleigh, reference), key
         return self._body
 
     def _prepare(self, body: ElasticBody, model: ReducedMatrices, terms: InputTerms, scene: Scene) -> Offline:
