@@ -11,7 +11,7 @@ import numpy as np
 from ..checks import check_array
 from ..errors import InputError
 
-COMPARED = 64  # of the values that one call gives for many times every so many-th, and the last, is called singly
+COMPARED = 256  # of the values that one call gives for many times every so many-th, and the last, is called singly
 FEW = 3  # times that are called one by one
 
 
