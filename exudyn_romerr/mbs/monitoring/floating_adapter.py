@@ -12,6 +12,7 @@ import numpy as np
 
 from ...basis.basis import Basis
 from ...model.floating_frame import FramePose, Jitter, translations
+from ...model.shared_body import shared_body
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...report.scope import COMPLETE, FULL_MODEL, Scene
@@ -20,7 +21,6 @@ from ..access.mbs_items import load_factor
 from ..floating.driven_frame import PrescribedMotion
 from ..floating.floating_body import read_object
 from ..floating.frame_support import read_support
-from ..floating.full_body import full_body
 from ..floating.input_terms import InputTerms
 from ..floating.loads_and_joints import read_actions
 from ..floating.reference_search import find_reference, stiff_space
@@ -163,9 +163,10 @@ class MovingSubject:
         return self._sampler(t, *states)
 
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
-        key = (model.rayleigh, reference.source, reference.fixed, reference.rigid)
-        if self._body is None or self._body_key != key:
-            self._body, self._body_key = full_body(self._flex, model.rayleigh, reference), key
+        flex, held = self._flex, (model.rayleigh, reference.fixed, reference.rigid)
+        if self._body is None or self._body_key != (reference.source, *held):
+            self._body = shared_body(flex.mass, flex.stiffness, flex.positions, *held, reference.conditions)
+            self._body_key = (reference.source, *held)
         return self._body
 
     def _prepare(self, body: ElasticBody, model: ReducedMatrices, terms: InputTerms, scene: Scene) -> Offline:
