@@ -76,12 +76,16 @@ class SymmetricFactor:
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
         """Return right in the coordinates of half_solve: Y (n, k) with |Y z|_2 = |right z|_A."""
-        return (self._lu.L.T @ (right * self._scale[:, None])[self.order]) * self._root
+        return (self._lower.T @ (right * self._scale[:, None])[self.order]) * self._root
 
     @cached_property
     def order(self) -> np.ndarray:
         """Coordinates in the order of their elimination, (n,)."""
         return np.argsort(self._lu.perm_r)
+
+    @cached_property
+    def _lower(self) -> sp.csr_matrix:
+        return self._lu.L.tocsr()
 
     @cached_property
     def _forward(self) -> SuperLU:
