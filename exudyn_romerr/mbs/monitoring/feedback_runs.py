@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from ...estimates.march import Tangent
 from ...estimates.mechanism_feedback import Feedback
@@ -196,6 +195,8 @@ class _Extended:
         self.t = np.sort(np.concatenate([times, *between]))
         self._spline, self._turning = _held(whole[0]), _held(readings[0].C)
         if len(times) > 1:
+            from scipy.interpolate import CubicHermiteSpline, CubicSpline  # here, for it takes long to import
+
             self._spline = CubicSpline(times, whole)
             # rates of the motion itself: where pieces of splines meet, C would have a kink
             C, C_t = (np.array([getattr(reading, name) for reading in readings]) for name in ("C", "C_t"))

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...basis.basis import Basis
-from ...model.body import ElasticBody
 from ...model.floating_frame import FramePose, Jitter, translations
+from ...model.shared_body import shared_body
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...report.scope import COMPLETE, FULL_MODEL, Scene
@@ -32,6 +32,7 @@ from ..mechanism.enriched_body import EnrichedBody
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from ...model.body import ElasticBody
     from ...model.outputs import Output
     from ...offline.prepared import Offline
     from ...trajectory.driven_inputs import Inputs
@@ -163,19 +164,10 @@ class MovingSubject:
         return self._sampler(t, *states)
 
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
-        body, flex = self._body, self._flex
-        key = (model.rayleigh, reference.source, reference.fixed, reference.rigid)
-        if body is None or self._body_key != key:
-            self._body = ElasticBody(
-                flex.mass,
-                flex.stiffness,
-                rayleigh=model.rayleigh,
-                fixed=reference.fixed,
-                positions=flex.positions,
-                reference=reference.conditions,
-                rigid=reference.rigid,
-            )
-            self._body_key = key
+        flex, held = self._flex, (model.rayleigh, reference.fixed, reference.rigid)
+        if self._body is None or self._body_key != (reference.source, *held):
+            self._body = shared_body(flex.mass, flex.stiffness, flex.positions, *held, reference.conditions)
+            self._body_key = (reference.source, *held)
         return self._body
 
     def _prepare(self, body: ElasticBody, model: ReducedMatrices, terms: InputTerms, scene: Scene) -> Offline:
