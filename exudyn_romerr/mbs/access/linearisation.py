@@ -18,7 +18,15 @@ import numpy as np
 from ...errors import AssumptionError
 from .dependence import Dependences, normalised
 from .load_functions import controllers, loads_with_functions
-from .state_guard import coordinates_kept, current_state, of_coordinates, own_solver, state_kept, state_set
+from .state_guard import (
+    coordinates_kept,
+    current_state,
+    of_coordinates,
+    own_solver,
+    set_state,
+    state_kept,
+    state_set,
+)
 from .tangent_reading import (
     INCREMENTS,
     PARAMETERS,

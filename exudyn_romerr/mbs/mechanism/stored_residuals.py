@@ -50,7 +50,7 @@ class StoredResiduals:
             with memory_kept(mbs, self._functions) as memory, state_kept(mbs.systemData):
                 self._check(mbs, rows, dv)
                 found = self._between(mbs, rows, first, dv)
-                self.failure = MEMORY if memory.changed else ""
+                self.failure = MEMORY if memory.was_changed else ""
         except Exception as error:  # of a user function, or of a state that cannot be
             self.failure = FAILED.format(error)
         return (None, None) if self.failure else found
@@ -95,7 +95,7 @@ class StoredResiduals:
 
 def user_functions(mbs: Any) -> list[Callable]:
     """Return the user functions of loads and objects."""
-    found = [f for i in loads_with_functions(mbs) for f in load_functions(mbs, i)]
+    found = [f for i in loads_with_functions(mbs) for f in load_functions(mbs.GetLoad(i))]
     for i in range(mbs.systemData.NumberOfObjects()):
         values = [value for key, value in mbs.GetObject(i).items() if key.endswith("UserFunction") and value]
         found += [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]
