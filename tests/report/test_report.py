@@ -199,7 +199,7 @@ def test_compare_adds_error_and_effectivity(report, case):
 
 
 def test_compare_adds_how_far_the_estimate_was_off(report, case):
-    """max |error - estimate| / max |error| of each row; 0 where both are zero, none without an estimate."""
+    """Largest |error - estimate| / max |error| of each row; 0 where both are zero, none without an estimate."""
     assert compared(report, case).output("y").estimate_off is None
     out = report.output("y")
     error = case.full[0] @ case.C.T - out.value
