@@ -20,10 +20,10 @@ SHOWN = 0.005  # of the largest estimate: a part or half width below it is not s
 class Known(NamedTuple):
     """What the estimate says of rows of an output over the whole run.
 
-    size : the largest |estimate|. half : the largest half width. off : how far the largest error may be from size:
-    less than half where half widths are large at other instants. most : the largest sum of estimate, half width and
-    rounding. floor : what rounding of the input may move. check : makes most of the half width. parts : the largest
-    |part| by cause, each at its own instant: two that cancel at one are both seen.
+    size : the largest |estimate|. off : how far the largest error may be from it, by the half widths of all instants.
+    half : the largest half width, or, where that is proved, off: a proof needs no margin. most : the largest sum of
+    estimate, half width and rounding. floor : what rounding of the input may move. check : makes most of the half
+    width. parts : the largest |part| by cause, each at its own instant: two that cancel at one are both seen.
     """
 
     size: float
@@ -54,7 +54,8 @@ def known(out: OutputData, row: int | None = None) -> Known | None:
     parts = {cause: _largest(part[:, rows]) for cause, part in parts_of(out).items()}
     most, least = _largest(size + half), max(float(np.max(size - half, initial=0.0)), 0.0)
     off = max(most - _largest(size), _largest(size) - least)
-    largest = (_largest(size), _largest(half), off, _largest(size + half + floor), _largest(floor))
+    doubt = off if set(out.uncertainty_parts) == {"proved"} else _largest(half)
+    largest = (_largest(size), doubt, off, _largest(size + half + floor), _largest(floor))
     return Known(*largest, _check(out, rows), parts)
 
 

@@ -334,6 +334,17 @@ def test_an_estimate_that_is_not_known_throughout_is_none():
     assert "about" not in text
 
 
+@pytest.mark.parametrize(("check", "resolved"), [("proved", True), ("vectors", False)])
+def test_a_proof_needs_no_margin_at_other_instants(check, resolved):
+    """The largest error is where the half width is small: known if that is proved; checks may miss something."""
+    out, scope = estimated(2.0, 1.0, {"basis": 0.0})
+    out.estimate, half = np.array([[0.1], [0.0]]), np.array([[1e-4], [0.05]])
+    out.estimate_parts, out.uncertainty, out.uncertainty_parts = {"basis": out.estimate}, half, {check: half}
+    text = sentence(out, 0, "reconstructed", scope)
+    assert (", error about 0.1 m (5 %; basis)" in text) == resolved
+    assert (", error not resolved: more vectors" in text) != resolved
+
+
 def test_rows_have_estimates_of_their_own():
     out, scope = estimated(2.0, 1.0, {"basis": 0.9}, {"vectors": 0.01})
     for name in ("value", "round_off", "estimate", "uncertainty"):
