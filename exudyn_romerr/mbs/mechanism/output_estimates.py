@@ -29,17 +29,24 @@ class OutputEstimates:
         self._body = body
         self._last: States = ()  # computed motion where the time-step error is provisional
 
-    def take_basis(self, run: Run, here: States, moved: States) -> None:
-        """Take the computed motion, and where auxiliary vectors move it.
+    def take_basis(self, run: Run, here: States, moved: States, rigid: States | None = None) -> None:
+        """Take the computed motion, where auxiliary vectors move it, and where those that keep rigid interfaces do.
+
+        rigid : None: all vectors do.
 
         The static rest -C K^-1 R(u + du) in the frame, which the companion of the run has, is part of it.
         """
-        at, base = self._shown(here), self._rows(here)[0]
-        values, frame = self._rows(moved)
-        rest = run.companion.corrections(len(base)) - (values - base)
-        change = self._body.offline.shown(values + rest, frame) - at
-        missed = change - (self._body.offline.shown(values, frame) - at)
-        run.estimate.put({"basis": change}, {"vectors": missed})
+        shown, (base, frame) = self._body.offline.shown, self._rows(here)
+        at, (values, frame) = shown(base, frame), self._rows(moved)
+        known, static = run.companion.corrections(len(base))
+        rest = known - (values - base)
+        change, missed = shown(values + rest, frame) - at, shown(values + rest, frame) - shown(values, frame)
+        parts = {"basis": change}
+        if static.size:  # with free interfaces, and rigid ones
+            values, frame = self._rows(moved if rigid is None else rigid)
+            parts["basis"] = shown(values + rest - static[:, 0], frame) - at
+            parts["interfaces"] = change - parts["basis"]
+        run.estimate.put(parts, {"vectors": missed})
 
     def take_time_step(self, run: Run, here: States, step: TimeStep) -> None:
         """Take the computed motion, and what time steps make wrong there and, once more, at some instants before."""
