@@ -149,10 +149,9 @@ class Run:
         now = [bounds for total in totals for bounds in total.now(widest)]
         return best_outputs(self.offline, now, frame, self._recorded.read(slice(-1, None)))
 
-    def corrections(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what "auxiliary" knows of the error of output rows (S, R) at the last samples, and static_errors."""
-        last = slice(-count, None)
-        return self._total.bounds()["auxiliary"].correction[last], self._recorded.read(last)["static_errors"]
+    def corrections(self, count: int) -> np.ndarray:
+        """Return what "auxiliary" knows of the error of output rows (S, R) at the last samples."""
+        return self._total.bounds()["auxiliary"].correction[-count:]
 
     def estimators(self, stream: str) -> dict[str, Any]:
         """Return the estimators of a stream as they stand now."""

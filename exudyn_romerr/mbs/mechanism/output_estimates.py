@@ -29,24 +29,29 @@ class OutputEstimates:
         self._body = body
         self._last: States = ()  # computed motion where the time-step error is provisional
 
-    def take_basis(self, run: Run, here: States, moved: States, rigid: States | None = None) -> None:
-        """Take the computed motion, where auxiliary vectors move it, and where those that keep rigid interfaces do.
+    def take_basis(
+        self, run: Run, t: np.ndarray, here: States, moved: States, fewer: States, rigid: States | None = None
+    ) -> None:
+        """Take the computed motion at times t (S,), and where auxiliary vectors move it.
 
-        rigid : None: all vectors do.
-
-        The static rest -C K^-1 R(u + du) in the frame, which the companion of the run has, is part of it.
+        The static rest -C K^-1 R(u + du) in the frame is part of it. fewer : by so many vectors less that the
+        difference tells how far the prediction can be trusted; rigid : by those that keep interfaces as rigid as the
+        modes make them, None: these make none rigid. What is above the latter is the part "interfaces".
         """
-        shown, (base, frame) = self._body.offline.shown, self._rows(here)
-        at, (values, frame) = shown(base, frame), self._rows(moved)
-        known, static = run.companion.corrections(len(base))
-        rest = known - (values - base)
-        change, missed = shown(values + rest, frame) - at, shown(values + rest, frame) - shown(values, frame)
-        parts = {"basis": change}
-        if static.size:  # with free interfaces, and rigid ones
-            values, frame = self._rows(moved if rigid is None else rigid)
-            parts["basis"] = shown(values + rest - static[:, 0], frame) - at
+        at, base = self._shown(here), self._rows(here)[0]
+        values, frame = self._rows(moved)
+        rest = run.companion.corrections(len(base)) - (values - base)
+        change = self._body.offline.shown(values + rest, frame) - at
+        parts, checks = {"basis": change}, {"vectors": change - (self._completed(t, fewer) - at)}
+        if rigid is not None:
+            parts["basis"] = self._completed(t, rigid, keeps=True) - at
             parts["interfaces"] = change - parts["basis"]
-        run.estimate.put(parts, {"vectors": missed})
+        run.estimate.put(parts, checks)
+
+    def _completed(self, t: np.ndarray, states: States, keeps: bool = False) -> np.ndarray:
+        """Outputs as shown in a motion, with its static rest; keeps: the one with rigid interfaces."""
+        values, frame = self._rows(states)
+        return self._body.offline.shown(values + self._body.static_rest(t, states, keeps), frame)
 
     def take_time_step(self, run: Run, here: States, step: TimeStep) -> None:
         """Take the computed motion, and what time steps make wrong there and, once more, at some instants before."""

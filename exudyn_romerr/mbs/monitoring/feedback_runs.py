@@ -11,6 +11,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from ...estimates.march import Tangent
 from ...estimates.mechanism_feedback import Feedback
+from ...estimates.narrow_marches import NarrowMarches
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
@@ -46,6 +47,14 @@ class Reaction:
         for body in (watch.enriched for watch in watches):
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
+        self._narrow = NarrowMarches(self._left_out())
+
+    def _left_out(self) -> list[np.ndarray]:
+        """Vectors (size,) without which the prediction is made once more: to check it, and with rigid interfaces."""
+        checked, rigid = np.zeros((2, self.size), dtype=bool)
+        for body, own in self.parts:
+            checked[own], rigid[own] = ~body.first, ~body.keeps
+        return [checked, rigid][: len(self.parts) and 1 + rigid.any()]
 
     @property
     def time_step(self) -> TimeStep | None:
@@ -65,12 +74,15 @@ class Reaction:
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
         if goes_on:
             self._feedback = before._feedback
+            self._narrow.go_on(before._narrow)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             t = float(first[0][0])
             tangent = _Extended([reading for reading in self._tangents.readings if reading.t <= t][-1:], self)[0]
             samples = [watch.sampled(*first) for watch in self._watches]
-            self._feedback.start(tangent, self._forces(samples, 1)[0], self._forces_at_rest(), t)
+            start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
+            self._feedback.start(*start, t)
+            self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
         e = self._feedback.state[:, None]
         runs, openings = [], []
@@ -89,7 +101,7 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
-        self._take_errors(first[1:], e)
+        self._take_errors(first, e, self._narrow.states[:, :, None])
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
         self._say(self._step_errors.notes)
@@ -100,7 +112,9 @@ class Reaction:
         steps.begin(mbs, rows)
         *rows, _ = rows
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, [steps.go])
+        self._narrow.begin(forces)
+        others = [steps.go, self._narrow.go]
+        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others)
         steps.finish()
         self._tangents.forget()
         self._say(steps.notes)
@@ -115,13 +129,14 @@ class Reaction:
         join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
-        self._take_errors(rows[1:], e)
+        self._take_errors(rows, e, self._narrow.found())
 
-    def _take_errors(self, states: Sequence[np.ndarray], e: np.ndarray) -> None:
-        """Let estimates of outputs have what auxiliary vectors predict, and what time steps make wrong."""
+    def _take_errors(self, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
+        """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
+        t, *states = rows
         for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
-            here, moved = (self._states(*part, states, added) for added in (0 * e, e))
-            outputs.take_basis(watch.run, here, moved)
+            here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
+            outputs.take_basis(watch.run, t, here, *moved)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
 
