@@ -5,7 +5,8 @@ Computed minus exact, e of all coordinates, answers to the local errors dq, dv o
     M e'' + D e' + K e + G^T l = (2/3) mean(r) ,   C e = g     at every sample,
     e and e' moved by dq + (h/2) dv and by dv on the way to the next; r: the residual in the middle of a step.
 
-Marched with the run's own generalised-alpha; for steps that vary, too. Applied to e itself the same gives its error.
+Marched with the run's own generalised-alpha; for steps that vary, too. Steps of one size share dq and dv with their
+neighbours, which is as good as loads made of their differences. The same of e itself, unshared, gives the error of e.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .local_errors import defects
+from .local_errors import defects, shared
 from .march import Steps
 
 # samples whose values are provisional: the error at one depends on two samples after it, the error of that error on
@@ -79,6 +80,7 @@ class TimeStepError:
         """Begin to march: residuals r (S, n) in the middle of the steps from `first` on, and their uncertainty."""
         t = self.rows[0]
         W, columns = len(t), self._x.shape[-1]
+        self._shared = [shared(np.diff(t), d) for d in self.defects]
         self._force = np.zeros((W, self.size, columns))
         for column, load in enumerate((r, uncertain)[:columns]):
             if load is not None:
@@ -92,7 +94,7 @@ class TimeStepError:
     def go(self, steps: Steps) -> None:
         """March through the next of the steps."""
         i = slice(self._at + 1, self._at + 1 + len(steps))  # samples
-        kicks = self._kicks(self.defects, i, self._x.shape[-1])
+        kicks = self._kicks(self._shared, i, self._x.shape[-1])
         values = None
         if self._values is not None:
             values = np.zeros((*self._values[i].shape, self._x.shape[-1]))
@@ -110,7 +112,7 @@ class TimeStepError:
         found = self._result(self.first + 1, self._replaced)
         last = len(self.rows[0]) - 1
         settled = max(self.first, last - PROVISIONAL)
-        kept = max(settled - 1, 0)
+        kept = max(settled - 2, 0)
         self.rows = tuple(x[kept:] for x in self.rows)
         self._x, self._x2, self.first = self._x[kept:], self._x2[kept:], settled - kept
         self._values = None if self._values is None else self._values[kept:]

@@ -48,7 +48,7 @@ class EnrichedBody:
     Attributes
     ----------
     m : number of vectors. columns, modal : coordinates of the body in the mbs, and those of its modes. offline,
-    sampler : of the body on modes and vectors. note : line for the plan.
+    sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class EnrichedBody:
         terms: InputTerms,
         options: BoundOptions,
     ):
-        self._actions, self._terms = actions, terms
+        self._actions, self._terms, self.midpoint_residual = actions, terms, options.midpoint_residual
         self._frame, self.frame_size = model.frame, model.frame.size
         self.columns, self.modal = columns, columns[model.frame.size :]
         V, Z = model.V, body.space
