@@ -57,11 +57,13 @@ class TimeStepError:
         self.size = size
         # e, e', e'', algorithmic a (W, 4, size, columns) at the samples: of x and what loads make uncertain, of x2
         self._x, self._x2 = np.zeros((1, 4, size, 1 + loads)), np.zeros((1, 4, size, 1))
+        self._force = np.zeros((1, size, 1 + loads))  # at samples
 
     def open(self, rows: Sequence[np.ndarray]) -> TimeStep:
         """Begin with one sample, or go on from the last one: rows t (1,), q, v, a (1, n), ..."""
         self.rows, self.first, self._recent = tuple(np.array(x) for x in rows), 0, None
         self._x, self._x2, self._values = self._x[-1:], self._x2[-1:], None
+        self._opened, self._pushed = self._x[0].copy(), self._force[-1]
         return self._result(0, 0)
 
     def add(self, rows: Sequence[np.ndarray], values: np.ndarray | None = None) -> None:
@@ -84,7 +86,7 @@ class TimeStepError:
         self._force = np.zeros((W, self.size, columns))
         for column, load in enumerate((r, uncertain)[:columns]):
             if load is not None:
-                self._force[self.first + 1 :, : load.shape[1], column] = at_samples(np.diff(t)[self.first :], load)
+                self._force[self.first :, : load.shape[1], column] = at_samples(np.diff(t)[self.first :], load)
         self._x, self._x2 = (_longer(of, self.first + 1, W) for of in (self._x, self._x2))
         self._at = self._at2 = self.first
         recent, self._recent = self._recent, Steps.none()
@@ -94,6 +96,9 @@ class TimeStepError:
     def go(self, steps: Steps) -> None:
         """March through the next of the steps."""
         i = slice(self._at + 1, self._at + 1 + len(steps))  # samples
+        if self._at == self.first and self._opened is not None:
+            self._x[self._at] = self._opened
+            self._x[self._at, 2:] += steps.pushed(self._force[self._at] - self._pushed)
         kicks = self._kicks(self._shared, i, self._x.shape[-1])
         values = None
         if self._values is not None:
@@ -116,6 +121,7 @@ class TimeStepError:
         self.rows = tuple(x[kept:] for x in self.rows)
         self._x, self._x2, self.first = self._x[kept:], self._x2[kept:], settled - kept
         self._values = None if self._values is None else self._values[kept:]
+        self._opened = None if settled else self._opened
         return found
 
     def _go_second(self, steps: Steps, lag: int) -> None:
@@ -150,12 +156,13 @@ class TimeStepError:
 
 
 def at_samples(h: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Return the loads (S, n) at the ends of steps h (S,) that act as a residual does, r (S, n) in their middle.
+    """Return the loads (S + 1, n) at samples that act as a residual does, r (S, n) in the middle of steps h (S,).
 
     It is 0 at the samples, where the equations of motion hold: over a step its mean is 2/3 of r.
     """
     impulse = 2 / 3 * h[:, None] * r
-    return np.vstack([(impulse[:-1] + impulse[1:]) / (h[:-1] + h[1:])[:, None], impulse[-1:] / h[-1]])
+    within = (impulse[:-1] + impulse[1:]) / (h[:-1] + h[1:])[:, None]
+    return np.vstack([impulse[:1] / h[0], within, impulse[-1:] / h[-1]])
 
 
 def _longer(x: np.ndarray, known: int, length: int) -> np.ndarray:

@@ -50,7 +50,7 @@ class Tangents:
 
     Attributes
     ----------
-    equations : in the current state. size : number of coordinates. differentiable (size,) : whether K holds all forces
+    equations : in any state. size : number of coordinates. differentiable (size,) : whether K holds all forces
     by them. readings : list of Reading, in the order of time. carried : list of Carried, where G has turned since.
     redundant : number of constraints that follow from others. threads : of the running solver.
     """
