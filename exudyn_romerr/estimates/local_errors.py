@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 NODES = 4  # samples that a cubic goes through
+SAME_STEP = 1e-6  # of a step size: times of samples are rounded
 
 
 def in_the_middle(t: np.ndarray, x: np.ndarray, share: float = 0.5) -> np.ndarray:
@@ -38,3 +39,18 @@ def defects(t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple
     dq = np.diff(q, axis=0) - h / 2 * (v[1:] + v[:-1]) + h**2 / 12 * np.diff(a, axis=0)
     dv = np.diff(v, axis=0) - h / 6 * (a[1:] + a[:-1] + 4 * in_the_middle(t, a))
     return dq, dv
+
+
+def shared(h: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return local errors d (S, ...) of which each step of size h (S,) gives a quarter to either neighbour.
+
+    To neighbours of the same size, that is: what rings from step to step, which is not resolved, cancels there. Steps
+    beside another size keep that quarter, so the sum stays but for the last step's.
+    """
+    found = d.copy()
+    same = (np.abs(np.diff(h)) <= SAME_STEP * h[1:]).reshape(-1, *np.ones(d.ndim - 1, dtype=int))
+    given = same * (d[1:] - d[:-1]) / 4
+    found[:-1] += given
+    found[1:] -= given
+    found[-1:] = d[-1:]  # what follows is taken to give and take alike
+    return found

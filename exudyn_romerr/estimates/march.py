@@ -106,6 +106,14 @@ class Steps:
         squares = [v.dot(Q[:k, 2 * k : 3 * k].dot(v)) for v, Q in zip(e_t, self.wide, strict=True)]
         return np.sqrt(np.maximum(squares, 0.0))
 
+    def pushed(self, force: np.ndarray) -> np.ndarray:
+        """What forces (k, columns) accelerate (k, columns), where the steps begin."""
+        k, Q = len(force), self.wide[0]
+        whole = np.zeros((len(Q), len(Q)))
+        scale = np.abs(np.diag(Q[:k, 2 * k : 3 * k])).max()
+        whole[:k, :k], whole[:k, k:], whole[k:, :k] = Q[:k, 2 * k : 3 * k], scale * Q[:k, 3 * k :], scale * Q[k:, :k]
+        return np.linalg.solve(whole, np.vstack([force, np.zeros((len(Q) - k, force.shape[1]))]))[:k]
+
     def march(
         self,
         moving: np.ndarray,

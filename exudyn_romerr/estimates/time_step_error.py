@@ -5,7 +5,8 @@ Computed minus exact, e of all coordinates, answers to the local errors dq, dv o
     M e'' + D e' + K e + G^T l = (2/3) mean(r) ,   C e = g     at every sample,
     e and e' moved by dq + (h/2) dv and by dv on the way to the next; r: the residual in the middle of a step.
 
-Marched with the run's own generalised-alpha; for steps that vary, too. Applied to e itself the same gives its error.
+Marched with the run's own generalised-alpha; for steps that vary, too. Steps of one size share dq and dv with their
+neighbours, which is as good as loads made of their differences. The same of e itself, unshared, gives the error of e.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .local_errors import defects
+from .local_errors import defects, shared
 from .march import Steps
 
 # samples whose values are provisional: the error at one depends on two samples after it, the error of that error on
@@ -56,11 +57,13 @@ class TimeStepError:
         self.size = size
         # e, e', e'', algorithmic a (W, 4, size, columns) at the samples: of x and what loads make uncertain, of x2
         self._x, self._x2 = np.zeros((1, 4, size, 1 + loads)), np.zeros((1, 4, size, 1))
+        self._force = np.zeros((1, size, 1 + loads))  # at samples
 
     def open(self, rows: Sequence[np.ndarray]) -> TimeStep:
         """Begin with one sample, or go on from the last one: rows t (1,), q, v, a (1, n), ..."""
         self.rows, self.first, self._recent = tuple(np.array(x) for x in rows), 0, None
         self._x, self._x2, self._values = self._x[-1:], self._x2[-1:], None
+        self._opened, self._pushed = self._x[0].copy(), self._force[-1]
         return self._result(0, 0)
 
     def add(self, rows: Sequence[np.ndarray], values: np.ndarray | None = None) -> None:
@@ -79,10 +82,11 @@ class TimeStepError:
         """Begin to march: residuals r (S, n) in the middle of the steps from `first` on, and their uncertainty."""
         t = self.rows[0]
         W, columns = len(t), self._x.shape[-1]
+        self._shared = [shared(np.diff(t), d) for d in self.defects]
         self._force = np.zeros((W, self.size, columns))
         for column, load in enumerate((r, uncertain)[:columns]):
             if load is not None:
-                self._force[self.first + 1 :, : load.shape[1], column] = at_samples(np.diff(t)[self.first :], load)
+                self._force[self.first :, : load.shape[1], column] = at_samples(np.diff(t)[self.first :], load)
         self._x, self._x2 = (_longer(of, self.first + 1, W) for of in (self._x, self._x2))
         self._at = self._at2 = self.first
         recent, self._recent = self._recent, Steps.none()
@@ -92,7 +96,10 @@ class TimeStepError:
     def go(self, steps: Steps) -> None:
         """March through the next of the steps."""
         i = slice(self._at + 1, self._at + 1 + len(steps))  # samples
-        kicks = self._kicks(self.defects, i, self._x.shape[-1])
+        if self._at == self.first and self._opened is not None:
+            self._x[self._at] = self._opened
+            self._x[self._at, 2:] += steps.pushed(self._force[self._at] - self._pushed)
+        kicks = self._kicks(self._shared, i, self._x.shape[-1])
         values = None
         if self._values is not None:
             values = np.zeros((*self._values[i].shape, self._x.shape[-1]))
@@ -110,10 +117,11 @@ class TimeStepError:
         found = self._result(self.first + 1, self._replaced)
         last = len(self.rows[0]) - 1
         settled = max(self.first, last - PROVISIONAL)
-        kept = max(settled - 1, 0)
+        kept = max(settled - 2, 0)
         self.rows = tuple(x[kept:] for x in self.rows)
         self._x, self._x2, self.first = self._x[kept:], self._x2[kept:], settled - kept
         self._values = None if self._values is None else self._values[kept:]
+        self._opened = None if settled else self._opened
         return found
 
     def _go_second(self, steps: Steps, lag: int) -> None:
@@ -148,12 +156,13 @@ class TimeStepError:
 
 
 def at_samples(h: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """Return the loads (S, n) at the ends of steps h (S,) that act as a residual does, r (S, n) in their middle.
+    """Return the loads (S + 1, n) at samples that act as a residual does, r (S, n) in the middle of steps h (S,).
 
     It is 0 at the samples, where the equations of motion hold: over a step its mean is 2/3 of r.
     """
     impulse = 2 / 3 * h[:, None] * r
-    return np.vstack([(impulse[:-1] + impulse[1:]) / (h[:-1] + h[1:])[:, None], impulse[-1:] / h[-1]])
+    within = (impulse[:-1] + impulse[1:]) / (h[:-1] + h[1:])[:, None]
+    return np.vstack([impulse[:1] / h[0], within, impulse[-1:] / h[-1]])
 
 
 def _longer(x: np.ndarray, known: int, length: int) -> np.ndarray:

@@ -56,9 +56,10 @@ def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputRepor
         if out.is_requested == is_requested:
             rows = _Seen(run.values[:, part], run.round_off[:, part], _rows_of(run.streams, part))
             seen = rows if view is None else _turned(view, rows, run)
-            known = _estimate(run, i, seen.streams)
+            share = _interface_share(run, part, view)
+            known = _estimate(run, i, seen.streams, share)
             seen = seen if view is None or not offline.scene.coupled else seen.without(offline.scene)
-            more = _interface_share(run, part, view), known, run.tolerances.get(out.name)
+            more = share, known, run.tolerances.get(out.name)
             found[out.name] = _output_report(out, seen, widest, *more)
     return found
 
@@ -86,7 +87,9 @@ class _Known(NamedTuple):
     scope: str
 
 
-def _estimate(run: RunRecord, i: int, streams: dict[str, dict[str, Bounds]]) -> _Known:
+def _estimate(
+    run: RunRecord, i: int, streams: dict[str, dict[str, Bounds]], interfaces: np.ndarray | float
+) -> _Known:
     """Return what is known of the error of output i: by the mechanism, else by the estimator that leaves least."""
     scene = run.offline.scene
     if run.estimate is not None:
@@ -96,7 +99,7 @@ def _estimate(run: RunRecord, i: int, streams: dict[str, dict[str, Bounds]]) -> 
     known = _sharpest(streams["total"], names)
     if known is None:
         return _Known(None, "")
-    return _Known(estimated(streams, known), COMPLETE if scene.scope == COMPLETE else FROZEN)
+    return _Known(estimated(streams, known, interfaces), COMPLETE if scene.scope == COMPLETE else FROZEN)
 
 
 def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarray | float:

@@ -17,13 +17,12 @@ import numpy as np
 
 from ...errors import AssumptionError
 from .dependence import Dependences, normalised
+from .equations import Equations
 from .load_functions import controllers, loads_with_functions
 from .state_guard import (
     coordinates_kept,
     current_state,
     of_coordinates,
-    own_solver,
-    set_state,
     state_kept,
     state_set,
 )
@@ -58,16 +57,14 @@ class Tangents:
 
     Attributes
     ----------
-    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. readings : list of
-    Reading, in the order of time. carried : list of Carried, where G has turned since. redundant : number of
-    constraints that follow from others. threads : of the running solver.
+    equations : in any state. size : number of coordinates. differentiable (size,) : whether K holds all forces
+    by them. readings : list of Reading, in the order of time. carried : list of Carried, where G has turned since.
+    redundant : number of constraints that follow from others. threads : of the running solver.
     """
 
     def __init__(self, mbs: Any, threads: int = 1):
-        self._solver = own_solver(mbs, threads)
-        self.size = self._solver.GetODE2size()
-        self._no_jacobian = np.zeros((self.size + self._solver.GetODE1size() + self._solver.GetAEsize(),) * 2)
-        self._first_constraint = self.size + self._solver.GetODE1size()
+        self.equations = Equations(mbs, threads)
+        self.size = self.equations.size
         increments = {j for rotation in rotations_of(mbs, INCREMENTS) for j in rotation}
         self.differentiable = np.array([j not in increments for j in range(self.size)])
         self._rotations, self._loads = rotations_of(mbs, PARAMETERS), loads_with_functions(mbs)
@@ -104,7 +101,7 @@ class Tangents:
     def reads_the_same(self, mbs: Any, reading: Reading) -> bool:
         """Whether Exudyn gives now, in the state of a reading, what it gave then: nothing else has changed."""
         with state_set(mbs.systemData, reading.t, reading.state):
-            own = self._mass(mbs), self._constraints(mbs, reading.t), *self._jacobians(mbs)
+            own = self.equations.mass(mbs), self._constraints(mbs, reading.t), *self._jacobians(mbs)
         return hashed(*own) == reading.own
 
     def end_before(self, t: float) -> None:
@@ -122,31 +119,18 @@ class Tangents:
 
         def force(at: np.ndarray) -> np.ndarray:
             mbs.systemData.SetODE2Coordinates(at)
-            return self.residual(mbs)
+            return self.equations.residual(mbs)
 
         with coordinates_kept(mbs.systemData) as (q, _):
             return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
 
-    def residual(self, mbs: Any) -> np.ndarray:
-        """M q'' + G^T l less all other forces (n,), in the current state."""
-        self._solver.ComputeODE2RHS(mbs)
-        forces = self._solver.GetSystemResidual()[: self.size].copy()
-        _, _, q_tt, multipliers = current_state(mbs.systemData)
-        return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers - forces
-
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
-        """What the independent constraints keep zero (S, c) in rows of t, q, q_t, q_tt, multipliers."""
-        found = []
-        with state_kept(mbs.systemData):
-            for t, *state in zip(*rows, strict=True):
-                set_state(mbs.systemData, t, state)
-                self._solver.ComputeAlgebraicEquations(mbs, False)
-                found.append(self._solver.GetSystemResidual()[self._first_constraint :][self._rows])
-        return np.array(found)
+        """What independent constraints keep zero (S, c), in rows of t, q, q_t, q_tt, multipliers."""
+        return self.equations.drifts(mbs, rows)[:, self._rows]
 
     def _read(self, mbs: Any, t: float) -> Reading:
         state = current_state(mbs.systemData)
-        M, G = self._mass(mbs), self._constraints(mbs, t)
+        M, G = self.equations.mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
         D, own, carried, C, C_t = self._forces(mbs, M, G)
         K = own + carried
@@ -165,19 +149,9 @@ class Tangents:
                 f"{', '.join(found.values())} depend on the motion or on earlier calls: pass scope='inputs frozen'"
             )
 
-    def _mass(self, mbs: Any) -> np.ndarray:
-        self._solver.ComputeMassMatrix(mbs)
-        return self._solver.GetSystemMassMatrix()[: self.size, : self.size]
-
-    def _all_constraints(self, mbs: Any) -> np.ndarray:
-        self._solver.SetSystemJacobian(self._no_jacobian)
-        if self._solver.GetAEsize():
-            self._solver.ComputeJacobianAE(mbs, 1.0, 0.0, 0.0, False)
-        return self._solver.GetSystemJacobian()[self._first_constraint :, : self.size]
-
     def _constraints(self, mbs: Any, t: float) -> np.ndarray:
         """G; AssumptionError if other constraints are active than at the first reading."""
-        G = self._all_constraints(mbs)
+        G = self.equations.constraints(mbs)
         active = G.any(axis=1)
         if self._active is None:
             self._active, self._rows = active, independent_rows(G, active)
@@ -209,15 +183,12 @@ class Tangents:
 
     def _found(self, mbs: Any, q: np.ndarray) -> Dependences:
         """What depends on which coordinates."""
-        of = [of_coordinates(mbs, value) for value in (self._mass, self._all_constraints, self._positions)]
+        own = self.equations
+        of = [of_coordinates(mbs, value) for value in (own.mass, own.constraints, own.drift)]
         return Dependences.at(q, np.flatnonzero(self.differentiable), self._rows, self._quaternions, of)
 
     def _jacobians(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
-        return self._jacobian(mbs, 0.0, -1.0, 0), self._jacobian(mbs, -1.0, 0.0, 1)
-
-    def _jacobian(self, mbs: Any, positions: float, rates: float, with_loads: int) -> np.ndarray:
-        self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
-        return self._solver.GetSystemJacobian()[: self.size, : self.size]
+        return self.equations.jacobian(mbs, 0.0, -1.0, 0), self.equations.jacobian(mbs, -1.0, 0.0, 1)
 
     def _carried_forces(self, mbs: Any, q: np.ndarray, G: np.ndarray) -> np.ndarray:
         """d(M q'' + G^T l)/dq (n, n), which Exudyn's Jacobians leave out.
@@ -227,8 +198,8 @@ class Tangents:
         system, carried = mbs.systemData, np.zeros((self.size, self.size))
         parts = []
         for depends, value, moving in (
-            (self._depends.mass, self._mass, system.GetODE2Coordinates_tt()),
-            (self._depends.forces, lambda mbs: self._all_constraints(mbs).T, system.GetAECoordinates()),
+            (self._depends.mass, self.equations.mass, system.GetODE2Coordinates_tt()),
+            (self._depends.forces, lambda mbs: self.equations.constraints(mbs).T, system.GetAECoordinates()),
         ):
             by = depends.forward(of_coordinates(mbs, value), q, DIFFERENCE)
             carried[depends.i, depends.j] += by @ moving
@@ -250,13 +221,8 @@ class Tangents:
     def _derivative(self, mbs: Any, t: float, q: np.ndarray) -> np.ndarray:
         """C at another time and place: G, and differences of positions where it is not their derivative."""
         mbs.systemData.SetTime(t)
-        G = of_coordinates(mbs, self._all_constraints)(q)
-        return self._depends.unlike.corrected(G, of_coordinates(mbs, self._positions), q, WIDE)[self._rows]
-
-    def _positions(self, mbs: Any) -> np.ndarray:
-        """What constraints keep zero."""
-        self._solver.ComputeAlgebraicEquations(mbs, False)
-        return self._solver.GetSystemResidual()[self._first_constraint :]
+        G = of_coordinates(mbs, self.equations.constraints)(q)
+        return self._depends.unlike.corrected(G, of_coordinates(mbs, self.equations.drift), q, WIDE)[self._rows]
 
     def _is_due(self, t: float, G: np.ndarray) -> bool:
         """Whether changes of M and G are kept: where steps are read one by one, nothing is interpolated."""

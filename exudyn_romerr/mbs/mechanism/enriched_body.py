@@ -54,7 +54,7 @@ class EnrichedBody:
     m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
     if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal :
     coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors.
-    note : line for the plan.
+    midpoint_residual : as asked for. note : line for the plan.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class EnrichedBody:
         terms: InputTerms,
         options: BoundOptions,
     ):
-        self._actions, self._terms = actions, terms
+        self._actions, self._terms, self.midpoint_residual = actions, terms, options.midpoint_residual
         self._frame, self.frame_size = model.frame, model.frame.size
         self.columns, self.modal = columns, columns[model.frame.size :]
         V, Z = model.V, body.space
@@ -148,7 +148,7 @@ class EnrichedBody:
     def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool) -> np.ndarray:
         """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.
 
-        keeps : K^-1 of the body with interfaces as rigid as its modes make them; as free where these make none so.
+        keeps : K^-1 of the body with interfaces as rigid as its modes make them; as free, if these make none rigid.
         """
         q, q_t, q_tt, u, _ = self.sampler(t, *states)
         if self.offline.packing is not None:

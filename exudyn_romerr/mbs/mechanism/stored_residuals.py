@@ -81,7 +81,7 @@ class StoredResiduals:
 
     def _residual(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
         set_state(mbs.systemData, t, state)
-        return self._tangents.residual(mbs)
+        return self._tangents.equations.residual(mbs)
 
     def _check(self, mbs: Any, rows: Sequence[np.ndarray], dv: np.ndarray) -> None:
         """RunError if the equations of the run are not these: something acts on it that its state does not tell."""

@@ -84,11 +84,6 @@ class Watch:
         return self.shares_energy, self._offline.time
 
     @property
-    def midpoint_residual(self) -> bool:
-        """Whether loads between samples belong to the error by time steps."""
-        return self.subject.midpoint_residual
-
-    @property
     def shares_energy(self) -> bool:
         """Whether the energy of the modes alone is bounded."""
         return "energy" in self._offline.estimators

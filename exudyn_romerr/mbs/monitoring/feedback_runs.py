@@ -125,7 +125,8 @@ class Reaction:
             for block, _ in extension.segments.values():
                 block.added = self._added(body, own, e, speed)._replace(veer=veer)
             extensions.append(extension)
-        join_extensions(runs, extensions)
+        if extensions:
+            join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
         self._take_errors(rows, e, self._narrow.found())

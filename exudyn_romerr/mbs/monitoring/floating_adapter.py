@@ -121,11 +121,6 @@ class MovingSubject:
             self._use(options.outputs)
         return scope
 
-    @property
-    def midpoint_residual(self) -> bool:
-        """Whether loads between samples belong to the error by time steps."""
-        return self._options.midpoint_residual
-
     def _options_with(self, sensors: BodySensors) -> BoundOptions:
         """Return the options with other sensors as outputs; those that were added stay."""
         added = self._options.outputs[len(self._sensors.measured) :]

@@ -132,7 +132,7 @@ class Mechanism:
             scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
             settings = mbs.sys["simulationSettings"]
             self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
-            residuals = StoredResiduals(self.tangents, mbs) if self._coupled[0].midpoint_residual else None
+            residuals = StoredResiduals(self.tangents, mbs) if self._coupled[0].enriched.midpoint_residual else None
             holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
             steps = StepErrors(self.tangents, residuals, holds_rates)
             self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents, steps)
