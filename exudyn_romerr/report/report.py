@@ -105,7 +105,7 @@ class BoundReport(ReportData):
         Returns
         -------
         OutputReport
-            The output, now with `.error` = y - value, `.effectivity` and, if it has an estimate, `.estimate_scopef`.
+            The output, now with `.error` = y - value, `.effectivity` and, if it has an estimate, `.estimate_off`.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class BoundReport(ReportData):
         truth = np.max(np.abs(out.error), axis=0)
         out.effectivity = {e: _ratio(np.max(bound, axis=0), truth) for e, bound in out.bound.items()}
         if out.estimate is not None:
-            out.estimate_scopef = _ratio(np.max(np.abs(out.error - out.estimate), axis=0), truth, both_zero=0.0)
+            out.estimate_off = _ratio(np.max(np.abs(out.error - out.estimate), axis=0), truth, both_zero=0.0)
         return out
 
     def __repr__(self) -> str:

@@ -168,7 +168,7 @@ def _tried(mbs: Any, driven: DrivenFrame, now: FrameMotion, t: float, goes_on: b
             values = [driven.offset(t), driven.offset(t)]
             reason = _starts_off(driven, now, t, goes_on)
             values.append(driven.offset(t))  # after others
-            remembers = memory.was_changed or not all(np.array_equal(values[0], x) for x in values)
+            remembers = memory.changed or not all(np.array_equal(values[0], x) for x in values)
     except Exception as error:  # whatever a user's function cannot do
         return f"the function cannot be called away from the run: {type(error).__name__}: {error}"
     return REMEMBERS if remembers else reason

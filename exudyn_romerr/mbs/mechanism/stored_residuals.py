@@ -50,7 +50,7 @@ class StoredResiduals:
             with memory_kept(mbs, self._functions) as memory, state_kept(mbs.systemData):
                 self._check(mbs, rows, dv)
                 found = self._between(mbs, rows, first, dv)
-                self.failure = MEMORY if memory.was_changed else ""
+                self.failure = MEMORY if memory.changed else ""
         except Exception as error:  # of a user function, or of a state that cannot be
             self.failure = FAILED.format(error)
         return (None, None) if self.failure else found
