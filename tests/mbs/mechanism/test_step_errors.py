@@ -97,7 +97,7 @@ class Estimated:
         self.mbs.SolveDynamic(settings)
         self.rows = joined(self.taken)
         x, x2, loads, _ = self.parts[0] or (None,) * 4
-        for part in self.parts[1:] if x is not None else ():
+        for part in filter(None, self.parts[1:]):
             known = x.shape[1] - part.replaced
             x, x2 = (np.hstack([old[:, :known], new]) for old, new in ((x, part.x), (x2, part.x2)))
             loads = None if loads is None else np.hstack([loads[:, :known], part.loads])
@@ -216,3 +216,12 @@ def test_rotations_that_are_increments_have_no_estimate():
     found = Estimated(5e-3, 0.02, node=exu.NodeType.RotationRotationVector)
     assert found.x is None
     assert found.notes == [step_errors.INCREMENTS]
+
+
+def test_what_fails_ends_the_estimate_alone(monkeypatch):
+    whole = estimated(5e-3, 0.6)
+    monkeypatch.setattr(step_errors, "GROWN", np.abs(whole.x[0]).max() / 2)
+    found = Estimated(5e-3, 0.6, block=40)
+    assert found.parts[0] is not None
+    assert found.parts[-1] is None
+    assert [step_errors.TOO_LARGE in note for note in found.notes] == [True]
