@@ -59,6 +59,14 @@ def test_parts_are_those_of_their_causes(run):
         assert not out.estimate_parts["jumps"].any()
 
 
+def test_estimate_is_saved_with_what_it_follows(run, tmp_path):
+    run[0].save(tmp_path / "run.npz")
+    loaded = romerr.load_report(tmp_path / "run.npz")
+    for name, out in run[0].outputs.items():
+        assert loaded.output(name).estimate_of == "full model"
+        np.testing.assert_array_equal(loaded.output(name).estimate, out.estimate)
+
+
 def test_correction_is_the_estimate(run):
     for out in run[0].outputs.values():
         np.testing.assert_allclose(out.value + out.estimate, out.corrected, rtol=0, atol=tol.SUMS * np.max(out.value))
