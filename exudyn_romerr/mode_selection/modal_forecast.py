@@ -103,7 +103,7 @@ def forecasts(
         C, velocity, _ = stacked_rows([asked], body)
         amounts = {name: x[:, ladder.always :] for name, x in found.items()}
         parts = _parts(C @ modes_y, velocity, amounts, None if view is None else view.matrices(frames))
-        known = out.estimate if out.corrected is None else out.corrected - out.value
+        known = out.corrected - out.value
         slack = out.bound["best"] - np.abs(known)
         forecast[asked.name] = Forecast(tuple(modes), known, slack, parts)
     return forecast

@@ -9,7 +9,7 @@ import numpy as np
 from ..estimates.estimate import Estimate, estimated
 from ..report.provenance import made_here
 from ..report.report import BoundReport, OutputReport
-from ..report.scope import COMPLETE, COUPLED, FROZEN, FULL_BODY, MECHANISM, NOT_CERTIFIED
+from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in, unbounded
 from .run_messages import is_balanced, run_messages
@@ -81,10 +81,10 @@ class _Seen(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """An estimate, and of what: see OutputReport.estimate_of."""
+    """An estimate, and what it covers, as bounds have it: see OutputReport.estimate_scope."""
 
     estimate: Estimate | None
-    of: str
+    scope: str
 
 
 def _estimate(
@@ -93,13 +93,13 @@ def _estimate(
     """Return what is known of the error of output i: by the mechanism, else by the estimator that leaves least."""
     scene = run.offline.scene
     if run.estimate is not None:
-        return _Known(run.estimate.of_rows(run.offline.shown_slices[i]), MECHANISM)
+        return _Known(run.estimate.of_rows(run.offline.shown_slices[i]), COUPLED)
     # in a mechanism that does not answer: under frozen inputs
     names = list(streams["total"]) if scene.coupled else scene.widest(streams["total"])
     known = _sharpest(streams["total"], names)
     if known is None:
         return _Known(None, "")
-    return _Known(estimated(streams, known, interfaces), FULL_BODY if scene.scope == COMPLETE else FROZEN)
+    return _Known(estimated(streams, known, interfaces), scene.scope_of(known))
 
 
 def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarray | float:
@@ -154,7 +154,7 @@ def _output_report(
         estimate_parts={} if estimate is None else estimate.parts,
         uncertainty=None if estimate is None else estimate.uncertainty,
         uncertainty_parts={} if estimate is None else estimate.half_widths,
-        estimate_of=found.of,
+        estimate_scope=found.scope,
         labels=out.labels,
         tolerance=tolerance,
     )

@@ -49,7 +49,6 @@ class OutputData:
     estimate_parts: dict[str, np.ndarray] = field(default_factory=dict)
     uncertainty: np.ndarray | None = None
     uncertainty_parts: dict[str, np.ndarray] = field(default_factory=dict)
-    estimate_of: str = ""
     error: np.ndarray | None = None
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
     labels: tuple[str, ...] = ()

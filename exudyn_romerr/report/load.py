@@ -46,8 +46,6 @@ def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
         _load_output(arrays, i, *names, tuple(rows), limit)
         for i, (names, rows, limit) in enumerate(zip(meta["outputs"], labels, tolerances, strict=True))
     ]
-    for out, of in zip(outputs, meta.get("estimate_of", ()), strict=False):  # older files: none
-        out.estimate_of = of
     computed, left_out = meta["plan"]
     return BoundReport(
         t=arrays["t"],

@@ -47,9 +47,7 @@ class OutputReport(OutputData):
     estimate (T, r) : the error y_full - y_reduced as well as it can be told, signed, within about uncertainty (T, r);
     no bound. None where nothing of it is known. estimate_parts[cause] : (T, r), signed, sum `estimate`, keys as in
     causes. uncertainty_parts[check] : (T, r), what each check adds to uncertainty: "steps", "vectors",
-    "linearisation", "loads"; "proved" where a bound of the rest is all of it. estimate_of : what it follows,
-    "full model" (scope complete), "mechanism" (linearised; motion of the frame and answers of joints are in it),
-    "inputs frozen" (the body alone, under the frame motion, loads and joint forces of this run), "" without one.
+    "linearisation", "loads"; "proved" where a bound of the rest is all of it.
     error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared. labels : names of
     the rows, or (). tolerance : what attach was asked to keep the bound below, None: nothing.
     """

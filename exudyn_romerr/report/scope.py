@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from ..trajectory.driven_inputs import Inputs
 
 COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "inputs frozen")  # the widest first
-FULL_BODY, MECHANISM = "full model", "mechanism"  # beside FROZEN: what an estimate is the error of
 COVERS = {
     COMPLETE: "the whole error",
     COUPLED: "modes, to first order",

@@ -40,7 +40,7 @@ def test_estimate_is_the_error(run):
         out = report.output(name)
         error = y - out.value
         np.testing.assert_allclose(out.estimate, error, rtol=0, atol=tol.CLOSED_FORM * np.max(np.abs(error)))
-        assert out.estimate_of == "full model"
+        assert out.estimate_scope == "complete"
         assert (np.abs(error - out.estimate) <= out.uncertainty + out.round_off).all()
 
 
@@ -63,7 +63,7 @@ def test_estimate_is_saved_with_what_it_follows(run, tmp_path):
     run[0].save(tmp_path / "run.npz")
     loaded = romerr.load_report(tmp_path / "run.npz")
     for name, out in run[0].outputs.items():
-        assert loaded.output(name).estimate_of == "full model"
+        assert loaded.output(name).estimate_scope == "complete"
         np.testing.assert_array_equal(loaded.output(name).estimate, out.estimate)
 
 

@@ -47,7 +47,6 @@ def _meta(report: ReportData) -> dict:
         "format": FORMAT,
         "outputs": [(out.name, out.unit, out.of) for out in report.outputs.values()],
         "labels": [out.labels for out in report.outputs.values()],
-        "estimate_of": [out.estimate_of for out in report.outputs.values()],
         "tolerances": [out.tolerance for out in report.outputs.values()],
         "made": report.made,
         "scope": report.scope,

@@ -121,7 +121,7 @@ def test_where_the_frame_is_counts_in_global_outputs():
     out = report.output("position")
     error = expected["position"] - out.value
     assert np.abs(error).max() > 1e-2
-    assert out.estimate_of == "full model"
+    assert out.estimate_scope == "complete"
     np.testing.assert_allclose(out.value + out.estimate, out.corrected, rtol=0, atol=tol.ENTRIES)
     # of the frame's place the basis knows nothing
     np.testing.assert_allclose(out.estimate_parts["time step"], error, rtol=0, atol=1e-3 * np.abs(error).max())

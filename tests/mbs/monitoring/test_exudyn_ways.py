@@ -339,7 +339,7 @@ def test_sensors_on_the_body_are_outputs(bar):
     report = monitor.report()
     assert list(report.outputs) == list(asked.outputs) == ["sensor0", "sensor1", "sensor2"]
     for name, out in report.outputs.items():
-        assert out.estimate_of == "full model"
+        assert out.estimate_scope == "complete"
         # modes by eigsh have other last digits each time, and the fixture's sensor makes other blocks
         np.testing.assert_allclose(out.value, asked.output(name).value, rtol=0, atol=1e-9 * np.max(np.abs(out.value)))
         np.testing.assert_allclose(out.bound["best"].max(), asked.output(name).bound["best"].max(), rtol=1e-4)
@@ -367,7 +367,7 @@ def test_sensors_in_a_mechanism_keep_their_names():
         for name, out in report.outputs.items():
             in_global_axes = name in ("sensor0", "sensor1", "sensor3", "sensor5")
             assert np.isinf(out.bound["best"]).all() == in_global_axes
-            assert out.estimate_of == "mechanism"
+            assert out.estimate_scope == "coupled (linearised)"
             assert 0 < np.max(np.abs(out.estimate)) < np.inf
     told = [line for line in str(reports[0]).splitlines() if "the motion of the frame is in it" in line]
     assert len(told) == 1  # one line, of both sensors
