@@ -99,7 +99,7 @@ def _estimate(
     known = _sharpest(streams["total"], names)
     if known is None:
         return _Known(None, "")
-    return _Known(estimated(streams, known, interfaces), scene.scope_of(known))
+    return _Known(estimated(streams, known, interfaces), FROZEN if scene.coupled else scene.scope_of(known))
 
 
 def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarray | float:
