@@ -110,6 +110,7 @@ def forecasts(
 
 def _known_and_slack(out: OutputReport, by: str) -> tuple[np.ndarray, np.ndarray]:
     if by == BOUND:
+        # in global axes of a mechanism there is no bound: none is forecast with more modes either
         known = out.estimate if out.corrected is None else out.corrected - out.value
         return known, out.bound["best"] - np.abs(known)
     if out.estimate is None:

@@ -9,7 +9,7 @@ import numpy as np
 from ..estimates.estimate import Estimate, estimated
 from ..report.provenance import made_here
 from ..report.report import BoundReport, OutputReport
-from ..report.scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
+from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in, unbounded
 from .run_messages import is_balanced, run_messages
@@ -81,7 +81,7 @@ class _Seen(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """An estimate, and of what: see OutputReport.estimate_scope."""
+    """An estimate, and what it covers, as bounds have it: see OutputReport.estimate_scope."""
 
     estimate: Estimate | None
     scope: str
@@ -99,7 +99,7 @@ def _estimate(
     known = _sharpest(streams["total"], names)
     if known is None:
         return _Known(None, "")
-    return _Known(estimated(streams, known, interfaces), COMPLETE if scene.scope == COMPLETE else FROZEN)
+    return _Known(estimated(streams, known, interfaces), FROZEN if scene.coupled else scene.scope_of(known))
 
 
 def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarray | float:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.report.scope import COMPLETE
 from models.exact import full_solution, reduced_solution, reduced_trajectory
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model
@@ -41,7 +40,7 @@ def test_estimate_is_the_error(run):
         out = report.output(name)
         error = y - out.value
         np.testing.assert_allclose(out.estimate, error, rtol=0, atol=tol.CLOSED_FORM * np.max(np.abs(error)))
-        assert out.estimate_scope == COMPLETE
+        assert out.estimate_scope == "complete"
         assert (np.abs(error - out.estimate) <= out.uncertainty + out.round_off).all()
 
 
@@ -58,6 +57,14 @@ def test_parts_are_those_of_their_causes(run):
         np.testing.assert_allclose(out.estimate_parts["basis"], error - free, rtol=0, atol=LINEAR_STEPS * largest)
         assert min(np.max(np.abs(free)), np.max(np.abs(error - free))) > 0.01 * largest
         assert not out.estimate_parts["jumps"].any()
+
+
+def test_estimate_is_saved_with_what_it_follows(run, tmp_path):
+    run[0].save(tmp_path / "run.npz")
+    loaded = romerr.load_report(tmp_path / "run.npz")
+    for name, out in run[0].outputs.items():
+        assert loaded.output(name).estimate_scope == "complete"
+        np.testing.assert_array_equal(loaded.output(name).estimate, out.estimate)
 
 
 def test_correction_is_the_estimate(run):

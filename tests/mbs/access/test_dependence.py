@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.mbs.access.dependence import Dependence, Dependences, normalised
+from exudyn_romerr.mbs.access.equations import Equations
 from exudyn_romerr.mbs.access.linearisation import DIFFERENCE, Tangents
 from exudyn_romerr.mbs.access.state_guard import current_state, of_coordinates, state_kept
 from models import chain, mechanisms, wishbone
@@ -44,7 +45,7 @@ def at_a_step(scene, at, look):
 def derivative(mbs, tangents, t, q):
     """C by every coordinate, differences of sixth order."""
     mbs.systemData.SetTime(t)
-    kept, step = of_coordinates(mbs, tangents._positions), 1e-3
+    kept, step = of_coordinates(mbs, tangents.equations.drift), 1e-3
     columns = []
     for unit in step * np.eye(len(q)):
         near, far, farthest = (kept(q + k * unit) - kept(q - k * unit) for k in (1, 2, 3))
@@ -80,7 +81,7 @@ def test_forces_are_those_of_coordinates_moved_one_by_one(name):
 
         def by_moving(at):
             system.SetODE2Coordinates(at)
-            return np.hstack([tangents._mass(mbs), tangents._all_constraints(mbs).T])
+            return np.hstack([tangents.equations.mass(mbs), tangents.equations.constraints(mbs).T])
 
         alone = [(by_moving(q + dq) - by_moving(q - dq)) / (2 * step) for dq in step * np.eye(len(q))]
         carried = tangents._carried_forces(mbs, q, tangents.readings[0].G)
@@ -118,7 +119,7 @@ def test_less_is_moved_than_there_are_coordinates(monkeypatch):
 
     def look(mbs, tangents):
         def counted(name):
-            original = getattr(Tangents, name)
+            original = getattr(Equations, name)
 
             def count(self, mbs):
                 counts[name] = counts.get(name, 0) + 1
@@ -126,16 +127,16 @@ def test_less_is_moved_than_there_are_coordinates(monkeypatch):
 
             return count
 
-        for name in ("_mass", "_all_constraints", "_positions"):
-            monkeypatch.setattr(Tangents, name, counted(name))
+        for name in ("mass", "constraints", "drift"):
+            monkeypatch.setattr(Equations, name, counted(name))
         tangents._read(mbs, mbs.systemData.GetTime())
         return True
 
     make, at = SCENES["double pendulum"]
     at_a_step(make(), at, look)
-    assert counts["_mass"] <= 14  # 4 Euler parameters and 7 modes of both bars at a time
-    assert counts["_all_constraints"] <= 19
-    assert counts["_positions"] <= 20
+    assert counts["mass"] <= 14  # 4 Euler parameters and 7 modes of both bars at a time
+    assert counts["constraints"] <= 19
+    assert counts["drift"] <= 20
 
 
 @pytest.mark.parametrize("is_looked_for", [True, False])

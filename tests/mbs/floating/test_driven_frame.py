@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.report.scope import COMPLETE
 from exudyn_romerr.trajectory import prescribed
 from exudyn_romerr.trajectory.prescribed import resolved
 from models import driven_bar, driven_truth, floating
@@ -122,7 +121,7 @@ def test_where_the_frame_is_counts_in_global_outputs():
     out = report.output("position")
     error = expected["position"] - out.value
     assert np.abs(error).max() > 1e-2
-    assert out.estimate_scope == COMPLETE
+    assert out.estimate_scope == "complete"
     np.testing.assert_allclose(out.value + out.estimate, out.corrected, rtol=0, atol=tol.ENTRIES)
     # of the frame's place the basis knows nothing
     np.testing.assert_allclose(out.estimate_parts["time step"], error, rtol=0, atol=1e-3 * np.abs(error).max())

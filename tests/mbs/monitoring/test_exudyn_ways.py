@@ -21,7 +21,7 @@ from exudyn_romerr import progress as bars
 from exudyn_romerr.errors import InputError
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
 from exudyn_romerr.online.run import Run
-from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
+from exudyn_romerr.report.scope import FROZEN
 from exudyn_romerr.report.wording import rounded_up
 from models import floating
 from tests.helpers import mechanism_runs
@@ -344,7 +344,7 @@ def test_sensors_on_the_body_are_outputs(bar):
     report = monitor.report()
     assert list(report.outputs) == list(asked.outputs) == ["sensor0", "sensor1", "sensor2"]
     for name, out in report.outputs.items():
-        assert out.estimate_scope == COMPLETE
+        assert out.estimate_scope == "complete"
         # modes by eigsh have other last digits each time, and the fixture's sensor makes other blocks
         np.testing.assert_allclose(out.value, asked.output(name).value, rtol=0, atol=1e-9 * np.max(np.abs(out.value)))
         np.testing.assert_allclose(out.bound["best"].max(), asked.output(name).bound["best"].max(), rtol=1e-4)
@@ -372,7 +372,7 @@ def test_sensors_in_a_mechanism_keep_their_names():
         for name, out in report.outputs.items():
             in_global_axes = name in ("sensor0", "sensor1", "sensor3", "sensor5")
             assert np.isinf(out.bound["best"]).all() == in_global_axes
-            assert out.estimate_scope == COUPLED
+            assert out.estimate_scope == "coupled (linearised)"
             assert 0 < np.max(np.abs(out.estimate)) < np.inf
     told = [line for line in str(reports[0]).splitlines() if "the motion of the frame is in it" in line]
     assert len(told) == 1  # one line, of both sensors
