@@ -99,12 +99,15 @@ class TimeStepError:
         if self._at == self.first and self._opened is not None:
             self._x[self._at] = self._opened
             self._x[self._at, 2:] += steps.pushed(self._force[self._at] - self._pushed)
-        kicks = self._kicks(self._shared, i, self._x.shape[-1])
+        # the second column is 0 as long as loads are certain
+        columns = 1 + bool(self._force[..., 1:].any() or self._x[self._at, ..., 1:].any())
+        kicks = self._kicks(self._shared, i, columns)
         values = None
         if self._values is not None:
-            values = np.zeros((*self._values[i].shape, self._x.shape[-1]))
+            values = np.zeros((*self._values[i].shape, columns))
             values[..., 0] = self._values[i]
-        self._x[i] = steps.march(self._x[self._at], self._force[i], values, kicks)
+        start, force = self._x[self._at, ..., :columns], self._force[i, :, :columns]
+        self._x[i, ..., :columns] = steps.march(start, force, values, kicks)
         waiting = self._at - self._at2
         self._at += len(steps)
         recent = self._recent + steps

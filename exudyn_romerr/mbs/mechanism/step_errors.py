@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
+from ...errors import AssumptionError
 from ...estimates.march import Steps
 from ...estimates.mechanism_feedback import GROWN
 from ...estimates.time_step_error import TimeStep, TimeStepError
@@ -15,7 +16,8 @@ from .stored_residuals import StoredResiduals
 
 INCREMENTS = "no estimate of the error by time steps: rotations of Lie group nodes have no rates that are velocities"
 LEFT_OUT = "what loads do between samples is left out of the error by time steps: {}"
-LOST = "the estimate of the error by time steps ends before t = {:g} s: it has grown beyond all numbers"
+LOST = "the estimate of the error by time steps ends at t = {:g} s: {}"
+TOO_LARGE = "it has grown beyond all numbers"
 
 
 class StepErrors:
@@ -47,29 +49,43 @@ class StepErrors:
 
     def begin(self, mbs: Any, rows: Sequence[np.ndarray]) -> None:
         """Take rows that follow; steps are to go through."""
-        error = self._error
-        if error is None:
-            return
+        self._do(lambda error: self._begin(error, mbs, rows))
+
+    def _begin(self, error: TimeStepError, mbs: Any, rows: Sequence[np.ndarray]) -> None:
         drifts = self._holds_rates and mbs is not None
         error.add(rows, self._tangents.drifts(mbs, rows) if drifts else None)
-        r = uncertain = None
-        if self._residuals is not None:
-            r, uncertain = self._residuals.between(mbs, error.rows, error.first, error.defects[1])
-            if self._residuals.failure:
-                self.notes.append(LEFT_OUT.format(self._residuals.failure))
-        error.begin(r, uncertain)
+        error.begin(*self._between(mbs, error))
+
+    def _between(self, mbs: Any, error: TimeStepError) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Residuals between the samples, and how uncertain they are."""
+        if self._residuals is None:
+            return None, None
+        found = self._residuals.between(mbs, error.rows, error.first, error.defects[1])
+        if self._residuals.failure:
+            self.notes.append(LEFT_OUT.format(self._residuals.failure))
+            self._residuals = None
+        return found
 
     def go(self, steps: Steps) -> None:
         """Go through the next steps."""
-        if self._error is not None:
-            self._error.go(steps)
+        self._do(lambda error: error.go(steps))
 
     def finish(self) -> None:
         """All steps were gone through."""
-        if self._error is None:
-            return
-        t, self.found = self._error.rows[0][self._error.first], self._error.found()
+        self._do(self._finish)
+
+    def _finish(self, error: TimeStepError) -> None:
+        self.found = error.found()
         largest = max(np.abs(x).max(initial=0.0) for x in self.found[:3] if x is not None)
         if not largest < GROWN:  # or nan
-            self.notes.append(LOST.format(t))
+            raise AssumptionError(TOO_LARGE)
+
+    def _do(self, work: Callable[[TimeStepError], None]) -> None:
+        """What fails ends the estimate, and nothing else."""
+        if self._error is None:
+            return
+        try:
+            work(self._error)
+        except Exception as failure:
+            self.notes.append(LOST.format(self._error.rows[0][-1], failure))
             self._error = self.found = None

@@ -20,6 +20,14 @@ from .feedback_runs import Reaction
 if TYPE_CHECKING:
     from .body_monitor import Watch
 
+# Exudyn holds rates of constraints with the trapezoidal rule only, which here, where their positions are held, rings
+DAMPED = 0.8
+
+
+def scheme_of(solver: Any) -> Scheme:
+    """Return the parameters of a running solver."""
+    return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
+
 
 class Mechanism:
     """All watches of one solve. Those of scope "coupled (linearised)" share one energy.
@@ -129,11 +137,11 @@ class Mechanism:
                 raise AssumptionError(
                     "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
                 )
-            scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
             settings = mbs.sys["simulationSettings"]
             self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
             residuals = StoredResiduals(self.tangents, mbs) if self._coupled[0].enriched.midpoint_residual else None
             holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
+            scheme = Scheme.of_radius(DAMPED) if holds_rates else scheme_of(solver)
             steps = StepErrors(self.tangents, residuals, holds_rates)
             self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents, steps)
 

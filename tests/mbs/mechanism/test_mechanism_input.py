@@ -7,6 +7,7 @@ from exudyn import itemInterface
 
 import exudyn_romerr as romerr
 from exudyn_romerr import AssumptionError, InputError, attach, floating_body
+from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
 from models import floating, mechanisms
 from tests.helpers.mechanism_runs import (
     BOTH,
@@ -240,3 +241,17 @@ def test_joint_on_nodes_without_static_modes_is_refused(estimators, kind, n, joi
     assert type(error) is AssumptionError
     assert "static modes" in str(error)
     assert f"marker {int(middle)}" in str(error)
+
+
+def test_midpoint_residual_is_yes_or_no():
+    with pytest.raises(InputError, match="midpoint_residual='on'; needed: True or False"):
+        watch(pendulum(), midpoint_residual="on")
+
+
+@pytest.mark.parametrize("midpoint_residual", [False, True])
+def test_loads_between_samples_are_evaluated_where_asked_for(midpoint_residual, monkeypatch):
+    seen = []
+    monkeypatch.setattr(StoredResiduals, "between", lambda self, *rest: seen.append(rest) or (None, None))
+    for report in reports(pendulum(steps=5), estimators="auxiliary", midpoint_residual=midpoint_residual):
+        assert np.isfinite(report.output("probe").bound["auxiliary"]).all()
+    assert bool(seen) == midpoint_residual
