@@ -52,9 +52,9 @@ class EnrichedBody:
     Attributes
     ----------
     m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
-    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal : coordinates
-    of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors. note : line
-    for the plan.
+    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal :
+    coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors.
+    note : line for the plan.
     """
 
     def __init__(
@@ -145,10 +145,10 @@ class EnrichedBody:
         """Return -P^T R (S, m) of samples of the reduced body."""
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
 
-    def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool) -> np.ndarray:
+    def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool = False) -> np.ndarray:
         """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.
 
-        keeps : K^-1 of the body with interfaces as rigid as its modes make them; where these make none rigid, as free.
+        keeps : K^-1 of the body with interfaces as rigid as its modes make them, if these make some rigid.
         """
         q, q_t, q_tt, u, _ = self.sampler(t, *states)
         if self.offline.packing is not None:
