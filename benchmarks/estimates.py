@@ -6,7 +6,7 @@ steps do to it is ringing that they do not resolve (scope complete: whatever rin
 
 Ringing: a mode of the reduced mechanism about its initial state has the phase error phi = c (omega h)^2 omega t with
 c = 1/12 + 3/8 ((1 - rho)/(1 + rho))^2 at the end, or when its damping forgets it, t = 1/decay rate, if that is
-earlier. The part of the steps' error (truth less full model at the same steps) above half of the frequency that
+earlier. The part of the steps' error (truth less full model at the same steps) above 3/4 of the frequency that
 generalised-alpha gives to the slowest mode of phi > 0.1 is taken for ringing: loads of the scenes are slower.
 
     python -m benchmarks.estimates [--only SCENES] [--table docs/estimates_measured.md]
@@ -38,6 +38,7 @@ ABOVE = 1e-6  # of an output: smaller errors are Newton's tolerance and rounding
 KNOWN = 0.01  # of an error: what a truth may be off by
 PHASE = 0.1  # rad: modes beyond it are not resolved
 RINGING = 0.05  # of the steps' error
+BELOW = 0.75  # of the slowest unresolved frequency: what is faster counts as ringing
 RESOLVED = 0.3  # of an estimate: a larger uncertainty makes it "not resolved"
 TINY = np.finfo(float).tiny
 TIMES = 2.0  # uncertainties that errors are to lie within
@@ -104,10 +105,10 @@ def slowest_unresolved(made, h: float, t_end: float) -> float:
 
 
 def ringing_of(error: np.ndarray, h: float, slowest: float) -> np.ndarray:
-    """Return the part of errors (T, r) by time steps that is above half of a frequency."""
+    """Return the part of errors (T, r) by time steps that is above BELOW of a frequency."""
     if not np.isfinite(slowest):
         return np.zeros_like(error)
-    sections = signal.butter(4, slowest / 2, "highpass", fs=2 * np.pi / h, output="sos")
+    sections = signal.butter(4, BELOW * slowest, "highpass", fs=2 * np.pi / h, output="sos")
     return signal.sosfiltfilt(sections, error, axis=0)
 
 

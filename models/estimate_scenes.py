@@ -52,7 +52,8 @@ class LinearScene(RigidScene):
 class EstimateScene:
     """make: (n, kind, h) -> scene; h, t_end in s and n of the reduced runs; full: (n, kind) of the truth.
 
-    axes : names of the sensors that are compared, those in the frames of bodies and those in global axes.
+    local, turned : names of the sensors that are compared, in the frames of bodies and in global axes. finer : steps
+    of the truth in one of the reduced runs.
     """
 
     make: Callable[[int, str, float], Any]
@@ -62,6 +63,7 @@ class EstimateScene:
     local: tuple[str, ...]
     turned: tuple[str, ...] = ()
     full: tuple[int, str] = (0, "complete")
+    finer: tuple[int, int, int] = (8, 16, 32)
 
 
 def rigid_pendulum(h: float, t_end: float) -> RigidScene:
@@ -223,7 +225,13 @@ SCENES = {
         _timed(hinged_bar, 0.1), 5e-4, 0.1, (2, 8), ("tip local", "middle local"), ("tip", "middle")
     ),
     "hinged_bar_fine": EstimateScene(
-        _timed(hinged_bar, 0.05), 1.25e-4, 0.05, (2,), ("tip local", "middle local"), ("tip", "middle")
+        _timed(hinged_bar, 0.05),
+        1.25e-4,
+        0.05,
+        (2,),
+        ("tip local", "middle local"),
+        ("tip", "middle"),
+        finer=(2, 4, 8),
     ),
     "clamped_bar": EstimateScene(_timed(clamped_bar, 0.04), 2e-4, 0.04, (4,), ("tip local",), ("tip", "right")),
     "linear_bar": EstimateScene(_timed(linear_bar, 0.04), 2e-4, 0.04, (4,), ("tip local", "middle local")),

@@ -22,7 +22,6 @@ from models import floating
 from models.estimate_scenes import SCENES
 
 FILE = floating.DATA / "estimate_truths.npz"
-FINER = (8, 16, 32)  # steps in one of the reduced runs
 
 
 class Truth(NamedTuple):
@@ -56,7 +55,7 @@ def motion(made, h: float, finer: int = 1, steps: int | None = None) -> dict[str
 
 def extrapolated(name: str, steps: int | None = None) -> dict[str, Truth]:
     """Solve the full model with all steps; return the truths of all sensors."""
-    same, coarse, middle, fine = (shown(name, finer, steps) for finer in (1, *FINER))
+    same, coarse, middle, fine = (shown(name, finer, steps) for finer in (1, *SCENES[name].finer))
     found = {}
     for key, y in fine.items():
         value, other = (16 * y - coarse[key]) / 15, (4 * y - middle[key]) / 3
