@@ -202,6 +202,7 @@ def _timed(make: Callable, t_end: float) -> Callable[[int, str, float], Any]:
     return lambda n, kind, h: make(n, kind, h, t_end)
 
 
+WISHBONE = ("ball node local",), ("wheel", "ball joint")
 BOTH = ("tip 1", "middle 1", "tip 2", "middle 2")
 SCENES = {
     "rigid_pendulum": EstimateScene(
@@ -236,7 +237,8 @@ SCENES = {
     "clamped_bar": EstimateScene(_timed(clamped_bar, 0.04), 2e-4, 0.04, (4,), ("tip local",), ("tip", "right")),
     "linear_bar": EstimateScene(_timed(linear_bar, 0.04), 2e-4, 0.04, (4,), ("tip local", "middle local")),
     "driven_bar": EstimateScene(_timed(driven, 0.04), 1e-3, 0.04, (4,), ("displacement local",), ("displacement",)),
-    "wishbone": EstimateScene(
-        _timed(quarter_car, 0.2), 1e-3, 0.2, (4,), ("ball node local",), ("wheel", "ball joint"), (MANY, "RBE3")
+    "wishbone": EstimateScene(_timed(quarter_car, 0.2), 1e-3, 0.2, (4,), *WISHBONE, (MANY, "RBE3")),
+    "wishbone_fine": EstimateScene(
+        _timed(quarter_car, 0.2), 5e-4, 0.2, (4,), *WISHBONE, (MANY, "RBE3"), finer=(4, 8, 16)
     ),
 }
