@@ -9,7 +9,7 @@ c = 1/12 + 3/8 ((1 - rho)/(1 + rho))^2 at the end, or when its damping forgets i
 earlier. The part of the steps' error (truth less full model at the same steps) above 3/4 of the frequency that
 generalised-alpha gives to the slowest mode of phi > 0.1 is taken for ringing: loads of the scenes are slower.
 
-    python -m benchmarks.estimates [--only SCENES] [--table docs/estimates_measured.md]
+    python benchmarks/estimates.py [--only SCENES] [--table docs/estimates_measured.md]
 """
 
 import argparse

@@ -5,7 +5,7 @@ what that changes y_{h/8} by is the floor that it adds to the one of sweep_mecha
 of modes). Outputs: those in the frames of the bars, and displacements of their tips in global axes. Compared are
 outputs whose largest error is a hundred times the floor; how many are not is said.
 
-    python -m benchmarks.sweep_estimates FOLDER [--count 200] [--seed 0] [--table docs/estimates_measured.md]
+    python benchmarks/sweep_estimates.py FOLDER [--count 200] [--seed 0] [--table docs/estimates_measured.md]
 
 Truths are stored in the folder, one file a mechanism, and not computed again; reduced runs are.
 """
