@@ -1,13 +1,13 @@
 """Estimates of the whole error beside runs of reduced models, against truths: all modes, steps that do not matter.
 
-Scenes and truths: models/estimate_scenes.py, models/estimate_truths.py. A component of an output is compared where
-its largest error is above 1e-6 of the output, the truth is known to 1 % of that error, and less than 5 % of what time
-steps do to it is ringing that they do not resolve (scope complete: whatever rings); what is left out is listed.
+Scenes and truths: models/estimate_scenes.py, models/estimate_truths.py. A component of an output is compared where its
+largest error is above 1e-6 of the output, the truth is known to 1 % of that error, and less than 5 % of it is ringing
+that the steps do not resolve (scope complete: whatever rings); what is left out is listed.
 
 Ringing: a mode of the reduced mechanism about its initial state has the phase error phi = c (omega h)^2 omega t with
 c = 1/12 + 3/8 ((1 - rho)/(1 + rho))^2 at the end, or when its damping forgets it, t = 1/decay rate, if that is
-earlier. The part of the steps' error (truth less full model at the same steps) above 3/4 of the frequency that
-generalised-alpha gives to the slowest mode of phi > 0.1 is taken for ringing: loads of the scenes are slower.
+earlier. The part of the error above 3/4 of the frequency that generalised-alpha gives to the slowest mode of phi
+above 0.1 is taken for ringing: loads of the scenes are slower.
 
     python benchmarks/estimates.py [--only SCENES] [--table docs/estimates_measured.md]
 """
@@ -37,7 +37,7 @@ from models.estimate_scenes import SCENES, EstimateScene, LinearScene
 ABOVE = 1e-6  # of an output: smaller errors are Newton's tolerance and rounding
 KNOWN = 0.01  # of an error: what a truth may be off by
 PHASE = 0.1  # rad: modes beyond it are not resolved
-RINGING = 0.05  # of the steps' error
+RINGING = 0.05  # of the error
 BELOW = 0.75  # of the slowest unresolved frequency: what is faster counts as ringing
 RESOLVED = 0.3  # of an estimate: a larger uncertainty makes it "not resolved"
 TINY = np.finfo(float).tiny
@@ -57,7 +57,7 @@ class Row:
     error : of the run. share : of the output. steps, basis : error by cause, true and estimated. off : of the
     estimate, by error. within : share of instants with an error inside estimate +- 2 uncertainties. wide :
     uncertainty by what the estimate is off. resolved : whether the uncertainty is small beside the estimate.
-    ringing : of the steps' error. left_out : why it is not compared.
+    ringing : its share of the error. left_out : why it is not compared.
     """
 
     scene: str
@@ -105,7 +105,7 @@ def slowest_unresolved(made, h: float, t_end: float) -> float:
 
 
 def ringing_of(error: np.ndarray, h: float, slowest: float) -> np.ndarray:
-    """Return the part of errors (T, r) by time steps that is above BELOW of a frequency."""
+    """Return the part of errors (T, r) that is above BELOW of a frequency."""
     if not np.isfinite(slowest):
         return np.zeros_like(error)
     sections = signal.butter(4, BELOW * slowest, "highpass", fs=2 * np.pi / h, output="sos")
@@ -138,7 +138,7 @@ def rows_of(name: str, n: int) -> tuple[list[Row], list[str]]:
         if report is None or report.output(key).estimate is None:
             none.append(f"{name}, n = {n}: {key}: no estimate")
             continue
-        rings = ringing_of(truth.value - truth.same_steps, scene.h, slowest)
+        rings = ringing_of(truth.value - shown[key], scene.h, slowest)
         axes = "frame" if key in scene.local else "global"
         allowed = np.inf if COMPLETE in report.scope.values() else RINGING
         for row in range(truth.value.shape[1]):
@@ -158,7 +158,7 @@ def compared(
         out.estimate_parts["time step"][:, row],
     )
     error, size = value - y, largest(truth.value)
-    off, ringing = np.abs(estimate - error), largest(rings) / max(largest(value - same_steps), TINY)
+    off, ringing = np.abs(estimate - error), largest(rings) / max(largest(error), TINY)
     return {
         "error": largest(error),
         "share": largest(error) / size,
@@ -184,7 +184,7 @@ def why_not(error: float, size: float, off: float, ringing: float, allowed: floa
         return f"error {error / size:.0e} of the output"
     if off > KNOWN * error:
         return f"truth known to {off / error:.0e} of the error"
-    return f"{100 * ringing:.2g} % of the steps' error rings unresolved" if ringing > allowed else ""
+    return f"{100 * ringing:.2g} % of the error rings unresolved" if ringing > allowed else ""
 
 
 def table(rows: list[Row], none: list[str]) -> str:
