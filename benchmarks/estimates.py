@@ -1,6 +1,6 @@
 """Estimates of the whole error beside runs of reduced models, against truths: all modes, steps that do not matter.
 
-Scenes and truths: models/estimate_scenes.py, models/estimate_truths.py. A component of an output is compared where its
+Scenes and truths: models/estimate_scenes.py, models/estimate_truths.py. A component of an output is compared if its
 largest error is above 1e-6 of the output, the truth is known to 1 % of that error, and less than 5 % of it is ringing
 that the steps do not resolve (scope complete: whatever rings); what is left out is listed.
 
