@@ -206,7 +206,7 @@ WISHBONE = ("ball node local",), ("wheel", "ball joint")
 BOTH = ("tip 1", "middle 1", "tip 2", "middle 2")
 SCENES = {
     "rigid_pendulum": EstimateScene(
-        lambda n, kind, h: rigid_pendulum(h, 1.0), 5e-3, 1.0, (0,), (), ("end 1", "end 2")
+        lambda n, kind, h: rigid_pendulum(h, 0.5), 5e-3, 0.5, (0,), (), ("end 1", "end 2")
     ),
     "slider_crank": EstimateScene(
         _timed(slider_crank, 0.12),

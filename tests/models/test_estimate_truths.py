@@ -8,7 +8,7 @@ from models.estimate_scenes import SCENES
 from tests.helpers import tolerances as tol
 
 # steps of the reduced run that are solved again: in less than a second, and bodies move; of other scenes all, slow
-CHEAP = {"rigid_pendulum": 200, "linear_bar": 40, "driven_bar": 20, "hinged_bar": 4, "hinged_bar_fine": 8}
+CHEAP = {"rigid_pendulum": 100, "linear_bar": 40, "driven_bar": 20, "hinged_bar": 4, "hinged_bar_fine": 8}
 
 
 def assert_stored(name, steps):
