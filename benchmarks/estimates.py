@@ -88,7 +88,7 @@ def bar_of(row: Row) -> float:
     """Return what the estimate may be off by."""
     if row.scene == "rigid_pendulum":
         return 5e-3
-    return 0.03 if row.axes == "global" and row.scene in ("slider_crank", "sprung_body", "double_pendulum") else 0.05
+    return 0.03 if row.axes != "frame" and row.scene in ("slider_crank", "sprung_body", "double_pendulum") else 0.05
 
 
 def slowest_unresolved(made, h: float, t_end: float) -> float:
@@ -139,12 +139,17 @@ def rows_of(name: str, n: int) -> tuple[list[Row], list[str]]:
             none.append(f"{name}, n = {n}: {key}: no estimate")
             continue
         rings = ringing_of(truth.value - shown[key], scene.h, slowest)
-        axes = "frame" if key in scene.local else "global"
+        axes = axes_of(scene, key)
         allowed = np.inf if COMPLETE in report.scope.values() else RINGING
         for row in range(truth.value.shape[1]):
             found = compared(row, report.output(key), shown[key], truth, rings, allowed)
             made.append(Row(name, n, scene.h, f"{key} {COMPONENTS[row]}", axes, **found))
     return made, none
+
+
+def axes_of(scene: EstimateScene, key: str) -> str:
+    """Return what a sensor's values are seen from: the frame of its body, the ground; or that its body is rigid."""
+    return "frame" if key in scene.local else "rigid" if key in scene.rigid else "global"
 
 
 def compared(

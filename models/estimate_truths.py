@@ -37,7 +37,7 @@ def shown(name: str, finer: int = 1, steps: int | None = None) -> dict[str, np.n
     """Solve the full model with steps h/finer; return what sensors show, (T, 3), at every h; steps: how many h."""
     scene = SCENES[name]
     found = motion(scene.make(*scene.full, scene.h), scene.h, finer, steps)
-    return {key: found[key] for key in scene.local + scene.turned}
+    return {key: found[key] for key in scene.sensors}
 
 
 def motion(made, h: float, finer: int = 1, steps: int | None = None) -> dict[str, np.ndarray]:

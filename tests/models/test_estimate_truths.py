@@ -14,7 +14,7 @@ CHEAP = {"rigid_pendulum": 100, "linear_bar": 40, "driven_bar": 20, "hinged_bar"
 def assert_stored(name, steps):
     """What is found is what is stored."""
     found, wanted = estimate_truths.extrapolated(name, steps), estimate_truths.stored(name)
-    assert found.keys() == wanted.keys() == {*SCENES[name].local, *SCENES[name].turned}
+    assert found.keys() == wanted.keys() == {*SCENES[name].sensors}
     for key, truth in found.items():
         largest = np.abs(wanted[key].value[: len(truth.t)]).max()
         for values, kept in ((truth.value, wanted[key].value), (truth.same_steps, wanted[key].same_steps)):
@@ -36,7 +36,7 @@ def test_all_steps_are_those_stored(name):
 def test_truths_are_better_than_what_is_compared_with_them(name):
     """A tenth of the strictest bar, 0.5 % of the error by time steps."""
     truths = estimate_truths.stored(name)
-    assert truths.keys() == {*SCENES[name].local, *SCENES[name].turned}
+    assert truths.keys() == {*SCENES[name].sensors}
     for truth in truths.values():
         assert truth.value.shape == truth.same_steps.shape == (round(SCENES[name].t_end / SCENES[name].h) + 1, 3)
         assert truth.off.max() <= 5e-4 * np.abs(truth.value - truth.same_steps).max()

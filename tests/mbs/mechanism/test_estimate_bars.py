@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks import estimates
 from benchmarks.estimates import Row
+from models.estimate_scenes import SCENES
 
 WAITING = pytest.mark.xfail(strict=True, reason="estimates have no part of the time steps in a mechanism yet")
 MANY = 3.0  # deviations that an uncertainty may be
@@ -24,7 +25,7 @@ def rows(scene: str, n: int) -> tuple[list[Row], list[str]]:
 def compared(scene: str, n: int, axes: str) -> list[Row]:
     """Rows of the outputs in some axes that bars are for; all of them have an estimate."""
     found, none = rows(scene, n)
-    assert not [text for text in none if (text.split(": ")[1] in estimates.SCENES[scene].local) == (axes == "frame")]
+    assert axes not in {estimates.axes_of(SCENES[scene], text.split(": ")[1]) for text in none}
     found = [row for row in found if row.axes == axes and not row.left_out]
     assert found
     return found
@@ -50,6 +51,8 @@ def worst(found: list[Row]) -> float:
         pytest.param("double_pendulum", "frame", marks=WAITING),
         pytest.param("double_pendulum", "global", marks=WAITING),
         pytest.param("wishbone_fine", "global", marks=[WAITING, pytest.mark.slow]),
+        pytest.param("slider_crank", "rigid", marks=WAITING),
+        pytest.param("wishbone_fine", "rigid", marks=[WAITING, pytest.mark.slow]),
     ],
 )
 def test_estimate_is_the_error(scene, axes):
@@ -58,7 +61,7 @@ def test_estimate_is_the_error(scene, axes):
 
 @WAITING
 def test_rigid_mechanism():
-    assert worst(compared("rigid_pendulum", 0, "global")) <= 1
+    assert worst(compared("rigid_pendulum", 0, "rigid")) <= 1
 
 
 def test_sudden_gravity_that_steps_resolve():
@@ -68,10 +71,10 @@ def test_sudden_gravity_that_steps_resolve():
 @WAITING
 @pytest.mark.parametrize("n", [2, 8])
 def test_sudden_gravity_that_steps_do_not_resolve(n):
-    """The estimate says how far it is off: the error is within twice its uncertainty, which is no excuse."""
+    """The estimate says how far it is off: at most twice its uncertainty, which is no excuse."""
     found = [row for row in rows("hinged_bar", n)[0] if row.axes == "frame" and row.share > estimates.ABOVE]
     assert len(found) == 6
-    assert min(row.within for row in found) == 1
+    assert min(row.wide for row in found) >= 1 / estimates.TIMES
     assert max(row.wide for row in found) <= MANY
 
 
