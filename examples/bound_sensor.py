@@ -1,4 +1,4 @@
-"""Bounds in Exudyn's own ways: a sensor of the bound, and a band on a plot of PlotSensor.
+"""Bounds in Exudyn's own ways: a sensor of the bound, the estimate beside it, and a band on a plot of PlotSensor.
 
     python examples/bound_sensor.py [FOLDER]     writes FOLDER/bound_sensor.png
 
@@ -35,11 +35,13 @@ def simulate(h: float = 4e-4, t_end: float = 0.02) -> tuple[Any, dict[str, int],
 
 
 def plot(mbs: Any, sensors: dict[str, int], report: romerr.BoundReport) -> Any:
-    """Draw the tip with its band, and its bound, with PlotSensor; return the figure."""
+    """Draw the tip with its band, and its bound with the estimate beside it, with PlotSensor; return the figure."""
     style = {"fontSize": 10, "majorTicksX": 5, "sizeInches": [7, 3.2], "components": [Z]}
     signal = mbs.PlotSensor(sensors["tip"], labels="tip z", yLabel="tip z / m", subPlot=[1, 2, 1], **style)
     options = {"labels": "its error bound", "newFigure": False, "logScaleY": True, "colors": ["#0072B2"], **style}
-    mbs.PlotSensor(sensors["bound"], yLabel="bound of tip z / m", subPlot=[1, 2, 2], **options)
+    bound = mbs.PlotSensor(sensors["bound"], yLabel="error of tip z / m", subPlot=[1, 2, 2], **options)
+    size = np.abs(report.output("tip").estimate[:, Z])
+    bound[2].plot(report.t, np.where(size > 0, size, np.nan), "--", color="#000000", label="its error, estimated")
     romerr.add_bands(signal, report, "tip", components=Z)  # last: it makes one legend of all
     return signal[2].figure
 
@@ -50,7 +52,8 @@ def main(folder: str | Path = RESULTS, h: float = 4e-4, t_end: float = 0.02) -> 
     Path(folder).mkdir(parents=True, exist_ok=True)
     plot(mbs, sensors, report).savefig(Path(folder) / "bound_sensor.png", dpi=150)
     data = mbs.GetSensorStoredData(sensors["bound"])
-    print(f"tip z is wrong by at most {data[:, 1 + Z].max():.3g} m, says its sensor")
+    about, most = np.abs(report.output("tip").estimate[:, Z]).max(), data[:, 1 + Z].max()
+    print(f"tip z is wrong by about {about:.3g} m, says the report, and by at most {most:.3g} m, says its sensor")
     return data
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from .report.report import BoundReport
 
-ABOUT = "Error bounds of a reduced simulation, from the file that report.save(...) wrote."
+ABOUT = "Errors of a reduced simulation, estimated and bounded, from the file that report.save(...) wrote."
 ENDINGS = {"html": (".html", ".htm"), "csv": (".csv", ".txt")}  # a script of another ending is not written over
 STATUS = "exit status: 0 fine; 1 something given is wrong, the message says what to do; 2 wrong usage"
 
@@ -49,13 +49,18 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="command")
     _add(commands, "show", _show, "print the summary", "romerr show run.npz")
     plot = _add(
-        commands, "plot", _plot, "draw outputs with their bounds", 'romerr plot run.npz --output "tip z"', "png"
+        commands,
+        "plot",
+        _plot,
+        "draw outputs and their errors",
+        'romerr plot run.npz --output "tip z"',
+        "png",
     )
     plot.add_argument(
         "--output", action="extend", nargs="+", metavar="NAME", help="only these outputs (default: all)"
     )
     _add(commands, "report", _report, "write an HTML page", "romerr report run.npz -o run.html", "html")
-    _add(commands, "csv", _csv, "write values and bounds over time", "romerr csv run.npz -o run.csv", "csv")
+    _add(commands, "csv", _csv, "write values and errors over time", "romerr csv run.npz -o run.csv", "csv")
     return parser
 
 

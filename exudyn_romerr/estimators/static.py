@@ -23,8 +23,8 @@ class StaticError:
 
     def __call__(self, z: np.ndarray) -> Bounds:
         """Return the errors at load steps z (S, k)."""
-        self._z = z
-        return Bounds(self.norm(z), np.zeros(len(z)), np.abs(z @ self.rows.T))
+        self._z, known = z, -(z @ self.rows.T)
+        return Bounds(self.norm(z), np.zeros(len(z)), np.abs(known), None, known, np.zeros_like(known))
 
     def instant(self, i: int) -> tuple:
         """Return z at entry i of the errors returned last."""

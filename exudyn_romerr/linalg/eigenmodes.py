@@ -48,24 +48,26 @@ def lowest_modes(M: sp.csc_matrix, K: sp.csc_matrix, m: int, factor: SymmetricFa
         return Modes(omega[:m], shapes[:, :m], cut)
     omega, shapes = _refined(M, factor, _lanczos_shapes(M, K, m, factor))
     modes = Modes(omega, shapes, float(omega[-1]) * (1 - GAP))
-    check_no_mode_missed(M, K, modes)
+    check_no_mode_missed(M, K, modes, factor.order)
     return modes
 
 
-def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes) -> None:
+def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes, order: np.ndarray | None = None) -> None:
     """Compare the modes below `cut` with the negative pivots of K - cut^2 M (Sylvester's law of inertia).
+
+    order : coordinates in the order that K is eliminated in, if it is known.
 
     Raises
     ------
     AssumptionError
         Modes are missing; the message names the narrowest interval between computed modes that lacks one.
     """
-    if _missing_below(M, K, modes.omega, modes.cut) == 0:
+    if _missing_below(M, K, modes.omega, modes.cut, order) == 0:
         return
     lo, hi = -1, modes.omega.size  # bisection over the gaps: missing below omega[hi], none below omega[lo]
     while hi - lo > 1:
         middle = (lo + hi) // 2
-        missing = _missing_below(M, K, modes.omega, modes.omega[middle] * (1 - GAP))
+        missing = _missing_below(M, K, modes.omega, modes.omega[middle] * (1 - GAP), order)
         lo, hi = (lo, middle) if missing else (middle, hi)
     upper = modes.omega[hi] if hi < modes.omega.size else modes.cut
     lower = modes.omega[lo] if lo >= 0 else 0.0
@@ -75,23 +77,27 @@ def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes) -> No
     )
 
 
-def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float) -> int:
+def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float, order: np.ndarray | None = None) -> int:
     """Return the number of modes with omega < limit (rad/s), by Sylvester's law of inertia.
+
+    order : coordinates in the order that K is eliminated in, if it is known.
 
     Raises
     ------
     AssumptionError
         No factorisation of K - limit^2 M without pivoting, nor of neighbours of it.
     """
+    known = order is not None
+    M, K = (A[order][:, order] for A in (M, K)) if known else (M, K)
     for retry in range(RETRIES):  # a shift that meets an eigenvalue of a leading block: the next one does not
-        factor = SymmetricFactor(K - (limit * (1 - 0.1 * GAP * retry)) ** 2 * M)
+        factor = SymmetricFactor(K - (limit * (1 - 0.1 * GAP * retry)) ** 2 * M, in_order=known)
         if factor.complete:
             return factor.negative_pivots
     raise AssumptionError(f"the modes below {limit:.6g} rad/s cannot be counted: K - sigma M has no L D L^T there")
 
 
-def _missing_below(M, K, omega, limit) -> int:
-    return count_below(M, K, limit) - int(np.sum(omega < limit))
+def _missing_below(M, K, omega, limit, order) -> int:
+    return count_below(M, K, limit, order) - int(np.sum(omega < limit))
 
 
 def _dense_shapes(M: np.ndarray, K: np.ndarray, m: int) -> np.ndarray:

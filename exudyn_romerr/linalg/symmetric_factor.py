@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu, spsolve_triangular
+from scipy.sparse.linalg import SuperLU, splu
 
 from ..errors import AssumptionError
 
@@ -25,9 +25,11 @@ class SymmetricFactor:
     ----------
     matrix : sparse matrix, (n, n)
         Symmetric.
+    in_order : bool
+        Its coordinates come in a good order of elimination already: to find one is half of the work.
     """
 
-    def __init__(self, matrix: sp.spmatrix):
+    def __init__(self, matrix: sp.spmatrix, in_order: bool = False):
         matrix = sp.csc_matrix(matrix)
         scale = np.sqrt(np.abs(matrix.diagonal()))
         # Symmetric scaling to a unit diagonal: units of translation and rotation no longer mix in the pivots.
@@ -36,9 +38,7 @@ class SymmetricFactor:
         scaled = sp.csc_matrix(inverse @ matrix @ inverse)
         self.pivots, self.complete = np.zeros(matrix.shape[0]), False
         try:
-            self._lu = splu(
-                scaled, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-            )
+            self._lu = _eliminated(scaled, "NATURAL" if in_order else "MMD_AT_PLUS_A")
         except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
             return
         except (MemoryError, SystemError) as error:  # SuperLU, out of memory or of 32-bit indices
@@ -72,16 +72,15 @@ class SymmetricFactor:
 
         Norms are taken there because products with A itself lose the square of the digits that this loses.
         """
-        scaled = (right / self._scale[:, None])[self._order]
-        return spsolve_triangular(self._lower, scaled, unit_diagonal=True) / self._root
+        return self._forward.solve((right / self._scale[:, None])[self.order]) / self._root
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
         """Return right in the coordinates of half_solve: Y (n, k) with |Y z|_2 = |right z|_A."""
-        scaled = (right * self._scale[:, None])[self._order]
-        return (self._lower.T @ scaled) * self._root
+        return (self._lower.T @ (right * self._scale[:, None])[self.order]) * self._root
 
     @cached_property
-    def _order(self) -> np.ndarray:
+    def order(self) -> np.ndarray:
+        """Coordinates in the order of their elimination, (n,)."""
         return np.argsort(self._lu.perm_r)
 
     @cached_property
@@ -89,8 +88,17 @@ class SymmetricFactor:
         return self._lu.L.tocsr()
 
     @cached_property
+    def _forward(self) -> SuperLU:
+        """L as a factor of its own: SuperLU solves by blocks of columns, SciPy's triangular solver one by one."""
+        return _eliminated(self._lu.L, "NATURAL")
+
+    @cached_property
     def _root(self) -> np.ndarray:
         return np.sqrt(self.pivots)[:, None]
+
+
+def _eliminated(matrix: sp.csc_matrix, order: str) -> SuperLU:
+    return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def idle_motion(matrix: sp.spmatrix) -> np.ndarray | None:

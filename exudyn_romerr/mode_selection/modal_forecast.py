@@ -1,4 +1,4 @@
-"""Forecast: what the bounds of a run would be with other modes, from the modal content of its error.
+"""Forecast: what bounds or estimates of a run would be with other modes, from the modal content of its error.
 
 The corrected trajectory x of a run is close to that of the full model. Galerkin's with the modes v_1 .. v_n,
 K-orthonormal, is close to sum_j v_j a_j, a_j = v_j^T K x: exactly so for static solutions, and for eigenmodes that
@@ -25,9 +25,10 @@ if TYPE_CHECKING:
     from ..model.body import ElasticBody
     from ..model.outputs import Output
     from ..online.run import Run
-    from ..report.report import BoundReport
+    from ..report.report import BoundReport, OutputReport
 
 CONTENT, RATE = "(modal content)", "(rate of the modal content)"
+BOUND, ESTIMATE = BY = ("bound", "estimate")  # what decides
 TINY = np.finfo(float).tiny
 
 
@@ -63,8 +64,8 @@ class Ladder:
 class Forecast:
     """One output (T, r) of a run, and what it would be with other modes.
 
-    modes : of the run. known : (T, r) error that auxiliary vectors tell. slack : (T, r), what the bound has above it.
-    parts : (most, T, r) of every mode.
+    modes : of the run. known : (T, r) error that auxiliary vectors tell, or the estimate. slack : (T, r), what the
+    bound has above it, or the estimate's half width. parts : (most, T, r) of every mode.
     """
 
     modes: tuple[int, ...]
@@ -78,7 +79,7 @@ class Forecast:
         return self.known - self.parts[added].sum(axis=0) + self.parts[dropped].sum(axis=0)
 
     def bound(self, modes: Sequence[int]) -> float:
-        """Return the largest bound there would be with these modes."""
+        """Return the largest bound, or estimate with its half width, there would be with these modes."""
         return float(np.max(np.abs(self.left(modes)) + self.slack))
 
     @property
@@ -88,9 +89,9 @@ class Forecast:
 
 
 def forecasts(
-    report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, modes: Sequence[int]
+    report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, modes: Sequence[int], by: str = BOUND
 ) -> dict[str, Forecast]:
-    """Return output -> Forecast from a run with internal_outputs."""
+    """Return output -> Forecast from a run with internal_outputs, of its bounds or (by=ESTIMATE) its estimates."""
     record = run.record()
     found = {name: out.corrected for name, out in internal_reports(record).items()}
     if found[CONTENT] is None:
@@ -103,10 +104,18 @@ def forecasts(
         C, velocity, _ = stacked_rows([asked], body)
         amounts = {name: x[:, ladder.always :] for name, x in found.items()}
         parts = _parts(C @ modes_y, velocity, amounts, None if view is None else view.matrices(frames))
-        known = out.corrected - out.value
-        slack = out.bound["best"] - np.abs(known)
-        forecast[asked.name] = Forecast(tuple(modes), known, slack, parts)
+        forecast[asked.name] = Forecast(tuple(modes), *_known_and_slack(out, by), parts)
     return forecast
+
+
+def _known_and_slack(out: OutputReport, by: str) -> tuple[np.ndarray, np.ndarray]:
+    if by == BOUND:
+        # in global axes of a mechanism there is no bound: none is forecast with more modes either
+        known = out.estimate if out.corrected is None else out.corrected - out.value
+        return known, out.bound["best"] - np.abs(known)
+    if out.estimate is None:
+        raise InputError(f"output {out.name!r} has no estimate of its error; let its bound decide: by={BOUND!r}")
+    return out.estimate, out.uncertainty
 
 
 def _parts(CV: np.ndarray, velocity: np.ndarray, amounts: dict, shown: np.ndarray | None) -> np.ndarray:

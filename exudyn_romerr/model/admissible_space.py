@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from ..checks import check_array, check_nodes
 from ..errors import AssumptionError, InputError
+from .floating_frame import skew
 
 RIGID_MODES = 6
 NOT_HELD = 1e-10  # of scaled reference rows; below, some rigid motion is not held
@@ -28,11 +29,11 @@ class MeanMotion:
     def rows(self, positions: np.ndarray, mass: sp.csc_matrix | None = None) -> np.ndarray:
         """Return C_0 (6, 3 nodes): sum w_i u_i and sum w_i (x_i - x_mean) x u_i."""
         where = positions[check_nodes(self.nodes, len(positions))]
-        C = np.zeros((RIGID_MODES, *positions.shape))
-        for node, arm, w in zip(self.nodes, where - self.weights @ where, self.weights, strict=True):
-            C[:3, node] += w * np.eye(3)
-            C[3:, node] += w * np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
-        return C.reshape(RIGID_MODES, -1)
+        shifts = np.broadcast_to(np.eye(3), (len(where), 3, 3))
+        parts = self.weights[:, None, None] * np.hstack([shifts, skew(where - self.weights @ where)])
+        C = np.zeros((len(positions), RIGID_MODES, 3))
+        np.add.at(C, self.nodes, parts)
+        return C.swapaxes(0, 1).reshape(RIGID_MODES, -1)
 
     def motion_rows(self, positions: np.ndarray) -> np.ndarray:
         """Return the mean displacement and the mean rotation (about the mean position) as rows (6, 3 nodes)."""

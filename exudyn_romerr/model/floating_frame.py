@@ -193,9 +193,12 @@ def translations(mass: sp.csc_matrix) -> np.ndarray:
 
 
 def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Return M e_j (3), M E_ij x (9), M E_ij V (9 n): what inertia_coordinates multiply, (N, 12 + 9 n)."""
+    """Return M e_j (3), M E_ij x (9), M E_ij V (9 n): what inertia_coordinates multiply, (N, 12 + 9 n).
+
+    M E_ij = E_ij M, for M is the same in all directions (require_isotropic_mass).
+    """
     x = positions.reshape(-1, 1)
-    return np.hstack([translations(mass), mass @ _unit_products(x), mass @ _unit_products(V)])
+    return np.hstack([translations(mass), _unit_products(mass @ x), _unit_products(mass @ V)])
 
 
 def modal_inertia(n: int) -> slice:

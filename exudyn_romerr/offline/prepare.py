@@ -37,6 +37,11 @@ OF_PROBLEM = ("inputs", "outputs", "initial", "residual", "kernels", "auxiliary_
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
 
+IN_GLOBAL_AXES = (
+    "no bound of {} (inf): the motion of the frame is in it, whose error has no bound; see the estimate. An output "
+    "in the body's frame is bounded ('NAME in the frame' of a sensor, or frame='body'); scope='inputs frozen' gives "
+    "a bound under the motion of the frame in this run"
+)
 ALONE = Scene()  # of a body without a frame
 
 
@@ -66,7 +71,8 @@ def prepare(
     with_modes = "auxiliary" in names and not scene.corrected
     problem = _made_problem(body, basis, options, names, scene, with_modes)
     _check_frame(problem, names, options.jumps, scene)
-    measure = _sharpest_norm(problem, names, scene, with_modes)  # first, for it takes most modes: none made twice
+    if with_modes:
+        _ = problem.split  # first, for it takes most modes: none made twice
     signal = _made_signal(options.input_function, problem.B.shape[1], sampled_inputs)
     V, W, B = problem.V, problem.W, problem.B
     eps, single = of_input(problem, samples_precision)
@@ -88,7 +94,7 @@ def prepare(
         input_rounding=RoundOff(problem, eps) if single else None,
         single=tuple(single),
         samples_precision=samples_precision,
-        measure=measure,
+        measure=lambda z: _sharpest_norm(problem, names, scene, with_modes)(z),
         omega_1=float(body.modes(1).omega[0]),
         jumps=_checked_jumps(options.jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
@@ -136,9 +142,9 @@ def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> Inp
 def _made_problem(
     body, basis, options: BoundOptions, names: tuple[str, ...], scene: Scene, with_modes: bool
 ) -> Problem:
-    """Packed where the estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
+    """Packed where all estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
     given = {name: getattr(options, name) for name in OF_PROBLEM}
-    packed = scene.minor is not None and set(names) <= {"energy", "auxiliary"}
+    packed = names and scene.minor is not None and set(names) <= {"energy", "auxiliary"}
     if not packed or options.initial is not None or options.residual != "orthonormal":
         return Problem(body, basis, **given)
     return PackedProblem(body, basis, cut=scene.minor, with_modes=with_modes, **given)
@@ -186,6 +192,9 @@ def _without_sight(problem: Problem, scene: Scene) -> tuple[list[View | None], s
         if np.max(np.abs(problem.rows.C[part])) <= UNMOVED * np.max(np.abs(out.resolve(problem.body))):
             views[i] = replace(views[i], blind=True)
             names += [repr(out.name)] if out.is_requested else []
+    if scene.coupled:
+        names = [repr(out.name) for out in problem.outputs if out.is_requested and out.frame == "global"]
+        return views, IN_GLOBAL_AXES.format(", ".join(names)) if names else None
     if not names:
         return views, None
     return views, (

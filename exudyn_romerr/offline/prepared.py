@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -93,6 +95,22 @@ class Offline:
         """Return the output rows (S, R) of the reduced body at q, q_t (S, n)."""
         rows = self.value_rows.T
         return np.where(self.velocity_rows, q_t @ rows, q @ rows)
+
+    @cached_property
+    def shown_slices(self) -> tuple[slice, ...]:
+        """Where each output is in `shown`."""
+        views = zip(self.slices, self.views, strict=True)
+        counts = [p.stop - p.start if view is None else len(view.places) * len(view.axes) for p, view in views]
+        return tuple(slice(a, b) for a, b in pairwise(np.cumsum([0, *counts]).tolist()))
+
+    def shown(self, values: np.ndarray, frame: np.ndarray) -> np.ndarray:
+        """Return all outputs (S, r) as they are shown, side by side, of their rows (S, R) and the frame (S, 24)."""
+        parts = zip(self.slices, self.views, strict=True)
+        seen = [
+            values[:, part] if view is None else view.values(values[:, part], frame, self.scene.pose)
+            for part, view in parts
+        ]
+        return np.hstack([*seen, np.zeros((len(values), 0))])
 
     def distance_of(self, skipped: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return |V dq|_M, |V dq'|_M (S,), and |outputs| (S, R) of dq, dq' (S, 2, n)."""

@@ -90,7 +90,9 @@ def best_outputs(
     """Return the smallest bound of each output (r,) at the last instant; frame, last: samples recorded there."""
     rows = list(zip(offline.outputs, offline.slices, offline.views, strict=True))
     if offline.driven is None:
-        return {out.name: best_output(now, part, view, frame) for out, part, view in rows}
+        best = {out.name: best_output(now, part, view, frame) for out, part, view in rows}
+        errs = [out.name for out, _, view in rows if view is not None and offline.scene.coupled]  # as the frame does
+        return best | {name: np.full_like(best[name], np.inf) for name in errs}
     values, driven, pose = last["values"], last["driven_frames"], offline.scene.pose
     shifts = (v and v.shift_between(values[:, part], frame, driven, pose) for _, part, v in rows)
     return {out.name: best_output(now, *row, driven, x) for (out, *row), x in zip(rows, shifts, strict=True)}

@@ -12,7 +12,8 @@ from ..estimators.coupled_energy import MechanismEnergy, joint_variation
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from .run import Extension, Opening, Run
+    from ..trajectory.samples import Extension
+    from .run import Opening, Run
 
 
 def shared_energy(run: Run, stream: str) -> MechanismEnergy:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import RunError
+from ..estimates.kept_estimate import KeptEstimate
 from ..trajectory.reconstruction import Linear, Quintic
-from ..trajectory.samples import Samples, checked_states, make_jumps
+from ..trajectory.samples import Extension, Samples, checked_states, make_jumps
 from ..trajectory.segments import Cut, turn_of
 from .bound_stream import Stream, best_outputs
 from .galerkin_defect import Defect
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from ..report.report import BoundReport
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
-    from ..trajectory.segments import Block, Start
+    from ..trajectory.segments import Start
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
 
@@ -41,17 +42,6 @@ class Opening(NamedTuple):
     rest: np.ndarray | None = None
 
 
-class Extension(NamedTuple):
-    """Further samples, and stream -> (their segments, index of the segment that ends each step).
-
-    frame : (S, 24), where a frame that moves as a function of time says is at the samples; None: as the run has it.
-    """
-
-    new: Samples
-    segments: dict[str, tuple[Block, np.ndarray]]
-    frame: np.ndarray | None = None
-
-
 class Run:
     """The bounds along one dynamic solve."""
 
@@ -61,6 +51,7 @@ class Run:
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
         self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
         self.messages: list[str] = []
+        self.estimate = KeptEstimate()  # of the mechanism, if it answers what is wrong with this body
         self._defect = Defect()
         self._recorded = RecordedSamples(offline)
         self._last: Samples | None = None
@@ -117,6 +108,7 @@ class Run:
                 stream.go_on(before._streams[name])
             self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
             self._defect.go_on(before._defect)
+            self.estimate.go_on(before.estimate)
         self._record(first, rounded, self.offline.driven_frame(first))
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
@@ -156,6 +148,10 @@ class Run:
         totals = [run._total for run in (self, self.companion) if run is not None]
         now = [bounds for total in totals for bounds in total.now(widest)]
         return best_outputs(self.offline, now, frame, self._recorded.read(slice(-1, None)))
+
+    def corrections(self, count: int) -> np.ndarray:
+        """Return what "auxiliary" knows of the error of output rows (S, R) at the last samples."""
+        return self._total.bounds()["auxiliary"].correction[-count:]
 
     def estimators(self, stream: str) -> dict[str, Any]:
         """Return the estimators of a stream as they stand now."""
@@ -200,6 +196,7 @@ class Run:
             time=self.time,
             **self._recorded.read(self._settled),
             streams=self.streams(),
+            estimate=self.estimate.read(self._settled),
             assumptions=self.assumptions(),
             nodes=self.node_bounds,
             messages=tuple(self.messages),

@@ -12,6 +12,7 @@ from ..trajectory.growing_array import GrowingArray
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from ..estimates.estimate import Estimate
     from ..offline.prepared import Offline
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
@@ -42,6 +43,7 @@ class RunRecord:
     reduced body, what rounding of the input may move these by, motion of the frame if outputs need it, as the run has
     it, and as a function of time says, if one does.
     static_errors (T, 2, R) : see residual/interface_stiffening.py; (0,) if modes make no interface rigid.
+    estimate : of all outputs as shown, side by side, from the linearised mechanism; None: there is none.
     streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
     nodes : bounds at every node, on demand. messages : what was noted along the run.
     defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
@@ -59,6 +61,7 @@ class RunRecord:
     driven_frames: np.ndarray
     static_errors: np.ndarray
     streams: dict[str, dict[str, Bounds]]
+    estimate: Estimate | None
     assumptions: dict[str, str]
     nodes: Callable[[], dict[str, np.ndarray]]
     messages: tuple[str, ...]

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..trajectory.samples import Extension
 from .bound_stream import Stream
-from .run import Extension, Opening, Run
+from .run import Opening, Run
 from .run_record import UNKNOWN
 
 if TYPE_CHECKING:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..estimates.estimate import estimated
+from ..estimates.estimate import Estimate, estimated
 from ..report.provenance import made_here
 from ..report.report import BoundReport, OutputReport
-from ..report.scope import FROZEN, NOT_CERTIFIED
+from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..residual.interface_stiffening import interface_share
-from ..trajectory.bounds import seen_in
+from ..trajectory.bounds import seen_in, unbounded
 from .run_messages import is_balanced, run_messages
 
 if TYPE_CHECKING:
     from ..model.global_axes import View
     from ..model.outputs import Output
     from ..offline.prepared import Offline
+    from ..report.scope import Scene
     from ..trajectory.bounds import Bounds
     from .run_record import RunRecord
 
@@ -49,15 +50,56 @@ def internal_reports(run: RunRecord) -> dict[str, OutputReport]:
 
 def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputReport]:
     """Return the outputs that were asked for, or (is_requested=False) the internal ones beside them."""
-    offline, streams = run.offline, run.streams
-    widest, found = offline.scene.widest(streams["total"]), {}
-    for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
+    offline, found = run.offline, {}
+    widest = offline.scene.widest(run.streams["total"])
+    for i, (out, part, view) in enumerate(zip(offline.outputs, offline.slices, offline.views, strict=True)):
         if out.is_requested == is_requested:
-            rows = (run.values[:, part], run.round_off[:, part], _rows_of(streams, part))
-            seen = rows if view is None else _seen(view, rows, run.frames, run.driven_frames, offline)
-            more = _interface_share(run, part, view), run.tolerances.get(out.name)
-            found[out.name] = _output_report(out, *seen, widest, *more)
+            rows = _Seen(run.values[:, part], run.round_off[:, part], _rows_of(run.streams, part))
+            seen = rows if view is None else _turned(view, rows, run)
+            share = _interface_share(run, part, view)
+            known = _estimate(run, i, seen.streams, share)
+            seen = seen if view is None or not offline.scene.coupled else seen.without(offline.scene)
+            more = share, known, run.tolerances.get(out.name)
+            found[out.name] = _output_report(out, seen, widest, *more)
     return found
+
+
+class _Seen(NamedTuple):
+    """One output as it is shown: values (T, r), what rounding may move them by, stream -> estimator -> bounds."""
+
+    values: np.ndarray
+    round_off: np.ndarray
+    streams: dict[str, dict[str, Bounds]]
+
+    def without(self, scene: Scene) -> _Seen:
+        """Return the same without bounds of scope coupled: the motion of the frame has an error without a bound."""
+        streams = {
+            stream: {e: unbounded(b) if scene.scope_of(e) == COUPLED else b for e, b in bounds.items()}
+            for stream, bounds in self.streams.items()
+        }
+        return self._replace(streams=streams)
+
+
+class _Known(NamedTuple):
+    """An estimate, and what it covers, as bounds have it: see OutputReport.estimate_scope."""
+
+    estimate: Estimate | None
+    scope: str
+
+
+def _estimate(
+    run: RunRecord, i: int, streams: dict[str, dict[str, Bounds]], interfaces: np.ndarray | float
+) -> _Known:
+    """Return what is known of the error of output i: by the mechanism, else by the estimator that leaves least."""
+    scene = run.offline.scene
+    if run.estimate is not None:
+        return _Known(run.estimate.of_rows(run.offline.shown_slices[i]), COUPLED)
+    # in a mechanism that does not answer: under frozen inputs
+    names = list(streams["total"]) if scene.coupled else scene.widest(streams["total"])
+    known = _sharpest(streams["total"], names)
+    if known is None:
+        return _Known(None, "")
+    return _Known(estimated(streams, known, interfaces), FROZEN if scene.coupled else scene.scope_of(known))
 
 
 def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarray | float:
@@ -75,29 +117,28 @@ def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, di
     return {stream: {name: b.of_rows(part) for name, b in bounds.items()} for stream, bounds in streams.items()}
 
 
-def _seen(view: View, rows: tuple, frames: np.ndarray, driven: np.ndarray, offline: Offline) -> tuple:
-    """Values, round-off and bounds of an output in global axes; the total error holds where the frame really is."""
-    values, round_off, streams = rows
+def _turned(view: View, rows: _Seen, run: RunRecord) -> _Seen:
+    """An output in global axes; the total error holds where the frame really is."""
+    (values, round_off, streams), frames, driven, offline = rows, run.frames, run.driven_frames, run.offline
     turned = {name: {e: seen_in(view, b, frames) for e, b in bounds.items()} for name, bounds in streams.items()}
     if offline.driven is not None:
         shift = view.shift_between(values, frames, driven, offline.scene.pose)
         turned["total"] = {e: seen_in(view, b, driven, shift) for e, b in streams["total"].items()}
     spread = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
-    return view.values(values, frames, offline.scene.pose), spread, turned
+    return _Seen(view.values(values, frames, offline.scene.pose), spread, turned)
 
 
 def _output_report(
     out: Output,
-    value: np.ndarray,
-    round_off: np.ndarray,
-    streams: dict[str, dict[str, Bounds]],
+    seen: _Seen,
     widest: list[str],
     interfaces: np.ndarray | float,
+    found: _Known,
     tolerance: float | None,
 ) -> OutputReport:
-    bound = _with_best(streams["total"], widest)
+    value, round_off, streams = seen
+    bound, estimate = _with_best(streams["total"], widest), found.estimate
     known = _sharpest(streams["total"], widest)
-    estimate = None if known is None else estimated(streams, known)
     return OutputReport(
         name=out.name,
         unit=out.unit,
@@ -113,6 +154,7 @@ def _output_report(
         estimate_parts={} if estimate is None else estimate.parts,
         uncertainty=None if estimate is None else estimate.uncertainty,
         uncertainty_parts={} if estimate is None else estimate.half_widths,
+        estimate_scope=found.scope,
         labels=out.labels,
         tolerance=tolerance,
     )

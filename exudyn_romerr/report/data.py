@@ -49,6 +49,8 @@ class OutputData:
     estimate_parts: dict[str, np.ndarray] = field(default_factory=dict)
     uncertainty: np.ndarray | None = None
     uncertainty_parts: dict[str, np.ndarray] = field(default_factory=dict)
+    estimate_scope: str = ""
+    estimate_off: np.ndarray | None = None
     error: np.ndarray | None = None
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
     labels: tuple[str, ...] = ()

@@ -41,10 +41,11 @@ def load_report(path: str | os.PathLike) -> BoundReport:
 
 def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
     count = len(meta["outputs"])
-    labels, tolerances = meta.get("labels", [()] * count), meta.get("tolerances", [None] * count)  # older files: none
+    older = {"labels": (), "tolerances": None, "estimate_scopes": ""}  # what older files lack
+    more = zip(*(meta.get(key, [nothing] * count) for key, nothing in older.items()), strict=True)
     outputs = [
-        _load_output(arrays, i, *names, tuple(rows), limit)
-        for i, (names, rows, limit) in enumerate(zip(meta["outputs"], labels, tolerances, strict=True))
+        _load_output(arrays, i, *names, *known)
+        for i, (names, known) in enumerate(zip(meta["outputs"], more, strict=True))
     ]
     computed, left_out = meta["plan"]
     return BoundReport(
@@ -61,12 +62,13 @@ def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
 
 
 def _load_output(
-    arrays: dict, i: int, name: str, unit: str, of: str, labels: tuple, tolerance: float | None
+    arrays: dict, i: int, name: str, unit: str, of: str, labels: list, tolerance: float | None, scope: str
 ) -> OutputReport:
     dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
     optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
     plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
-    return OutputReport(name, unit, of, **plain, **dicts, **optional, labels=labels, tolerance=tolerance)
+    known = {"labels": tuple(labels), "tolerance": tolerance, "estimate_scope": scope}
+    return OutputReport(name, unit, of, **plain, **dicts, **optional, **known)
 
 
 def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:

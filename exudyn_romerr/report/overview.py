@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .advice import by_bound, next_step
+from .estimate_wording import about_all, estimated_kind
 from .scope import NOT_CERTIFIED
-from .wording import STEPS, advises, error_kind, is_uncertified, judged, percent, rounded_up, under, widest_scope
+from .wording import advises, error_kind, is_uncertified, percent, rounded_up, under, widest_scope
 
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
@@ -17,9 +19,8 @@ def overview(report: ReportData) -> list[tuple[str, ...]]:
     """Return head and lines of the table, of every output all rows together; empty if there is only one output."""
     if len(report.outputs) < 2:
         return []
-    head = ("output", "largest value", f"{error_kind(report.time)} at most", "scope", "next step")
-    scope = widest_scope(report.scope) + (f", {NOT_CERTIFIED}" if is_uncertified(report) else "")
-    return [head, *((out.name, *_verdict(report, out), scope, _next(report, out)) for out in report.outputs.values())]
+    head = ("output", "largest value", *_heads(report), "scope", "next step")
+    return [head, *(_line(report, out, len(head)) for out in report.outputs.values())]
 
 
 def aligned(rows: list[tuple[str, ...]]) -> list[str]:
@@ -28,21 +29,31 @@ def aligned(rows: list[tuple[str, ...]]) -> list[str]:
     return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
-def _verdict(report: ReportData, out: OutputData) -> tuple[str, str]:
-    """The largest value, and the largest bound with what it holds under: nothing else is said "at most"."""
-    largest, most, unit = np.max(np.abs(out.value)), np.max(out.bound["best"]), out.unit
-    if judged(out) == "round-off":
-        said = f"{rounded_up(np.max(out.bound['best'] + out.round_off), 1)} {unit}, at round-off{under(report.scope)}"
-    elif np.isfinite(most):
-        share = (percent(most / largest) or " (> 1000 %)") if largest > 0 else ""
-        said = f"{rounded_up(most)} {unit}{share}{under(report.scope)}"
-    else:
-        said = "not bounded"
-    return f"{largest:.4g} {unit}", said
+def _heads(report: ReportData) -> list[str]:
+    """Of estimates, if there are any, and bounds; what both are of is said once."""
+    kind = error_kind(report.time)
+    estimated = [estimated_kind(out, report.time) for out in report.outputs.values() if out.estimate is not None]
+    if not estimated:
+        return [f"{kind} at most"]
+    of = min(estimated, key=len)  # "error" if any estimate has the time steps in it
+    return [f"{of} about", "at most" if of == kind else f"{kind} at most"]
 
 
-def _next(report: ReportData, out: OutputData) -> str:
-    if not advises(report):
-        return "see the messages"
-    found = judged(out)
-    return f"enough{under(report.scope)}" if found == "enough" else STEPS[found]
+def _line(report: ReportData, out: OutputData, columns: int) -> tuple[str, ...]:
+    estimate = [about_all(out, report.scope)] if columns == 6 else []
+    scope = widest_scope(report.scope) + (f", {NOT_CERTIFIED}" if is_uncertified(report) else "")
+    step = next_step(out, report.time, report.scope) if advises(report) else "see the messages"
+    largest = np.max(np.abs(out.value))
+    return (out.name, f"{largest:.4g} {out.unit}", *estimate, _at_most(report, out, largest), scope, step)
+
+
+def _at_most(report: ReportData, out: OutputData, largest: float) -> str:
+    """The largest bound with what it holds under: nothing else is said "at most"."""
+    most = np.max(out.bound["best"])
+    if by_bound(out) == "round-off":
+        floor = rounded_up(np.max(out.bound["best"] + out.round_off), 1)
+        return f"{floor} {out.unit}, at round-off{under(report.scope)}"
+    if not np.isfinite(most):
+        return "not bounded"
+    share = (percent(most / largest) or "> 1000 %") if largest > 0 else ""
+    return f"{rounded_up(most)} {out.unit}{share and f' ({share})'}{under(report.scope)}"

@@ -11,18 +11,19 @@ import numpy as np
 from ..checks import check_array, check_choice, real_array
 from ..errors import InputError
 from ..trajectory.samples import SAME_TIMES
+from .advice import advice
 from .data import OutputData, ReportData
+from .estimate_wording import covers_time, off_by
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .overview import aligned, overview
+from .verdict import row_verdict
 from .wording import (
-    advice,
     advises,
     at_round_off,
     corrected_within,
     outside,
     rounded_up,
-    row_verdict,
     scope_lines,
     under,
     widest_scope,
@@ -47,13 +48,16 @@ class OutputReport(OutputData):
     estimate (T, r) : the error y_full - y_reduced as well as it can be told, signed, within about uncertainty (T, r);
     no bound. None where nothing of it is known. estimate_parts[cause] : (T, r), signed, sum `estimate`, keys as in
     causes. uncertainty_parts[check] : (T, r), what each check adds to uncertainty: "steps", "vectors",
-    "linearisation", "loads"; "proved" where a bound of the rest is all of it.
-    error (T, r) and effectivity[e] (r,) = max_t bound / max_t |error| once a truth was compared. labels : names of
-    the rows, or (). tolerance : what attach was asked to keep the bound below, None: nothing.
+    "linearisation", "loads"; "proved" where a bound of the rest is all of it. estimate_scope : what the estimate
+    covers, as in BoundReport.scope: "coupled (linearised)": motion of the frame and answers of joints are in it, to
+    first order; "inputs frozen": the body alone, under the frame motion, loads and joint forces of this run.
+    error (T, r), effectivity[e] (r,) = max_t bound / max_t |error| and, with an estimate, estimate_off (r,) =
+    max_t |error - estimate| / max_t |error| once a truth was compared. labels : names of the rows, or ().
+    tolerance : what attach, or choose_modes, was asked to keep the bound below, None: nothing.
     """
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
-        """Return a line for each row: largest value, bound at the worst instant, the estimator that gave it."""
+        """Return a line for each row: largest value, estimate of its error, largest bound, whose bound that is."""
         return [row_verdict(self, row, time, scope) for row in range(self.value.shape[1])]
 
     def at_round_off(self) -> np.ndarray:
@@ -61,7 +65,7 @@ class OutputReport(OutputData):
         return at_round_off(self)
 
     def advice(self, time: str, scope: dict[str, str]) -> str:
-        """Return one line: the cause that dominates the bound at its worst instant and what to do, or "enough"."""
+        """Return one line: what makes most of the error and what to do, or "enough"; see docs/reading_a_bound.md."""
         return advice(self, time, scope)
 
 
@@ -101,7 +105,7 @@ class BoundReport(ReportData):
         Returns
         -------
         OutputReport
-            The output, now with `.error` = y - value and `.effectivity`.
+            The output, now with `.error` = y - value, `.effectivity` and, if it has an estimate, `.estimate_off`.
 
         Raises
         ------
@@ -121,6 +125,8 @@ class BoundReport(ReportData):
         out.error = y[at] - out.value
         truth = np.max(np.abs(out.error), axis=0)
         out.effectivity = {e: _ratio(np.max(bound, axis=0), truth) for e, bound in out.bound.items()}
+        if out.estimate is not None:
+            out.estimate_off = _ratio(np.max(np.abs(out.error - out.estimate), axis=0), truth, both_zero=0.0)
         return out
 
     def __repr__(self) -> str:
@@ -135,7 +141,10 @@ class BoundReport(ReportData):
         lines += [*aligned(table), ""] if table else []
         lines += [f"! {message}" for message in self.messages]
         if self.time == "sampled":
-            lines.append(f"! {SAMPLED}")
+            only_bounds = any(
+                out.estimate is not None and covers_time(out, self.time) for out in self.outputs.values()
+            )
+            lines.append(f"! {'bounds: ' if only_bounds else ''}{SAMPLED}")
         for out in self.outputs.values():
             lines += out.verdict(self.time, self.scope)
             if advises(self):
@@ -145,8 +154,11 @@ class BoundReport(ReportData):
             if out.effectivity:
                 largest = np.max(np.abs(out.error))
                 ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")
-                lines.append(f"  true error up to {largest:.3g} {out.unit}; bound / error: {ratios}")
-                lines += [f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row))]
+                off = "" if out.estimate is None else f"; {off_by(out)}"
+                lines.append(f"  true error up to {largest:.3g} {out.unit}; bound / error: {ratios}{off}")
+                lines += [
+                    f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row, self.time))
+                ]
         return "\n".join(lines + self._estimator_lines())
 
     def _estimator_lines(self) -> list[str]:
@@ -204,8 +216,7 @@ class BoundReport(ReportData):
         write_page(self, path)
 
 
-def _ratio(bound: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Bound / truth; 1 where both are zero, inf where only the truth is."""
-    both_zero = (bound == 0) & (truth == 0)
+def _ratio(x: np.ndarray, truth: np.ndarray, both_zero: float = 1.0) -> np.ndarray:
+    """Quotient of largest values; inf where only the truth is zero."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(both_zero, 1.0, bound / truth)
+        return np.where((x == 0) & (truth == 0), both_zero, x / truth)

@@ -104,13 +104,18 @@ def seen_in(view: View, base: Bounds, frame: np.ndarray, shift: np.ndarray | Non
     """
     H, shift = view.matrices(frame), 0.0 if shift is None else shift
     if view.blind:
-        none = np.zeros(H.shape[:2])
-        return replace(base, outputs=none + np.inf, jumped=None, correction=None, correction_bound=None)
+        return unbounded(replace(base, outputs=np.zeros(H.shape[:2])))
     jumped = None if base.jumped is None else _spread(H, base.jumped)
     if base.correction is None:
         return replace(base, outputs=_spread(H, base.outputs) + np.abs(shift), jumped=jumped)
     known, left = np.einsum("srk,sk->sr", H, base.correction) + shift, _spread(H, base.correction_bound)
     return replace(base, outputs=np.abs(known) + left, jumped=jumped, correction=known, correction_bound=left)
+
+
+def unbounded(bounds: Bounds) -> Bounds:
+    """Return bounds of an output that none are known of."""
+    none = np.full_like(bounds.outputs, np.inf)
+    return replace(bounds, outputs=none, jumped=None, correction=None, correction_bound=None)
 
 
 def _spread(H: np.ndarray, bounds: np.ndarray) -> np.ndarray:

@@ -22,6 +22,10 @@ class GrowingArray:
             self._held = held
         self._held[before : self._count] = rows
 
+    def cut(self, count: int) -> None:
+        """Forget the rows from `count` on; what was read of them before changes with those that are added then."""
+        self._count = min(count, self._count)
+
     def __len__(self) -> int:
         return self._count
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -10,26 +11,50 @@ import numpy as np
 from ..checks import check_array
 from ..errors import InputError
 
+COMPARED = 256  # of the values that one call gives for many times every so many-th, and the last, is called singly
+FEW = 3  # times that are called one by one
+
+
+def values_at_once(f: Callable, t: np.ndarray, p: int) -> np.ndarray | None:
+    """Return f at times t (T,) from one call, (T, p); None unless it takes arrays as NumPy functions do.
+
+    Values that are the same at all times may be single numbers. Some are compared with single calls.
+    """
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # they would be of our call, not of the user's
+            found = f(t.copy())
+            parts = [found] if p == 1 and np.shape(found) == t.shape else found
+            values = np.stack([np.broadcast_to(np.asarray(x, dtype=float), t.shape) for x in parts], axis=1)
+            compared = np.append(np.arange(0, len(t) - 1, COMPARED), len(t) - 1)
+            single = np.array([f(x) for x in t[compared].tolist()], dtype=float).reshape(len(compared), p)
+    except Exception:  # whatever a user's function does with an array it was not written for
+        return None
+    return values if values.shape[1] == p and np.array_equal(values[compared], single) else None
+
 
 class InputSignal:
     """u(t) of a function f(t) -> (p,), or a float if p = 1.
 
-    A function of one input that also takes arrays (NumPy functions do) is called once for many times; it is used so
-    only where three of the values agree with single calls.
+    A function that also takes arrays (NumPy functions do) is called once for many times, see values_at_once.
     """
 
     def __init__(self, f: Callable | None, p: int):
         if p and not callable(f):
             raise InputError(f"input_function={f!r}; needed: a function f(t) -> ({p},), or a float if p = 1")
         self._f, self.p = f, p
-        self._takes_arrays = p == 1
+        self._takes_arrays = True
 
     def __call__(self, t: np.ndarray) -> np.ndarray:
         """Return u (T, p) at times t (T,)."""
         if not self.p:
             return np.zeros((len(t), 0))
-        u = self._at_once(t) if self._takes_arrays and len(t) > 3 else None
-        return self._one_by_one(t) if u is None else u
+        if self._takes_arrays and len(t) > FEW:
+            u = values_at_once(self._f, t, self.p)
+            self._takes_arrays = u is not None
+            if u is not None:
+                return check_array("input_function's values", u, (len(t), self.p))
+        return self._one_by_one(t)
 
     def at(self, t: float) -> np.ndarray:
         """Return u (p,) at one time."""
@@ -44,17 +69,6 @@ class InputSignal:
             return self._f(t)
         except Exception as error:
             raise InputError(f"input_function({t:g}) raised {type(error).__name__}: {error}") from error
-
-    def _at_once(self, t: np.ndarray) -> np.ndarray | None:
-        try:
-            values = np.asarray(self._f(t), dtype=float)
-        except Exception:  # whatever a user's function does with an array it was not written for
-            values = None
-        probe = [0, len(t) // 2, len(t) - 1]
-        if values is None or values.shape != t.shape or np.any(values[probe] != self._one_by_one(t[probe])[:, 0]):
-            self._takes_arrays = False
-            return None
-        return check_array("input_function's values", values[:, None], (len(t), 1))
 
 
 class SampledSignal(InputSignal):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,17 @@ class Samples:
     def part(self, which: slice) -> Samples:
         """Return some of the samples."""
         return Samples(*(x[which] for x in vars(self).values()))
+
+
+class Extension(NamedTuple):
+    """Further samples, and stream -> (their segments, index of the segment that ends each step).
+
+    frame : (S, 24), where a frame that moves as a function of time says is at the samples; None: as the run has it.
+    """
+
+    new: Samples
+    segments: dict[str, tuple[Block, np.ndarray]]
+    frame: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

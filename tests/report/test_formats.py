@@ -26,7 +26,7 @@ from exudyn_romerr import (
     relative_displacement,
 )
 from exudyn_romerr.report.provenance import made_here
-from exudyn_romerr.report.scope import COUPLED, FROZEN
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
 from models import floating
 from tests.helpers.bad_input import T, trajectory
 from tests.helpers.theorem import random_case
@@ -85,6 +85,28 @@ def test_columns_have_truth_and_corrected_output_where_there_are_any(report, cas
     assert np.array_equal(columns["tip z corrected [m]"], 2 * out.value[:, 0])
     assert np.array_equal(columns["tip z corrected bound [m]"], 3 * out.value[:, 0])
     assert not any("corner" in name and ("corrected" in name or "true" in name) for name in columns)
+
+
+def with_estimate(out):
+    """An estimate of two parts and two checks, told apart by their sizes."""
+    out.estimate_parts = {"basis": 2 * out.value, "time step": -5 * out.value}
+    out.uncertainty_parts = {"steps": np.abs(out.value), "vectors": 7 * np.abs(out.value)}
+    out.estimate, out.uncertainty = -3 * out.value, 8 * np.abs(out.value)
+
+
+@pytest.mark.parametrize(("scope", "said"), [(COMPLETE, ""), (COUPLED, ""), (FROZEN, ", inputs frozen")])
+def test_columns_have_estimates_where_there_are_any(report, scope, said):
+    """In every scope; what holds under frozen inputs only says so, "about" says the rest."""
+    with_estimate(report.output("tip z"))
+    report.scope = dict.fromkeys(report.scope, scope)
+    columns, value = report.to_dict(), report.output("tip z").value[:, 0]
+    assert np.array_equal(columns[f"tip z estimate{said} [m]"], -3 * value)
+    assert np.array_equal(columns[f"tip z uncertainty{said} [m]"], 8 * np.abs(value))
+    assert np.array_equal(columns[f"tip z estimate time step{said} [m]"], -5 * value)
+    assert np.array_equal(columns[f"tip z uncertainty vectors{said} [m]"], 7 * np.abs(value))
+    assert sum("estimate" in name or "uncertainty" in name for name in columns) == 6  # of tip z alone
+    report.output("tip z").estimate_scope = COUPLED
+    assert "tip z estimate [m]" in report.to_dict()
 
 
 @pytest.mark.parametrize(("scope", "said"), [(COUPLED, ", to first order"), (FROZEN, ", inputs frozen")])
@@ -236,6 +258,33 @@ def test_labels_and_origin_are_saved(report, tmp_path):
     assert again.output("corner").labels == ("x", "y")
     assert again.made == report.made
     assert again.origin == report.origin == str(path)
+
+
+def test_estimates_are_saved_and_files_without_are_still_read(report, case, tmp_path):
+    """Those of 0.1 have no arrays of them, and no scope."""
+    path, out = tmp_path / "run.npz", report.output("tip z")
+    with_estimate(out)
+    out.estimate_scope = COUPLED
+    report.compare("tip z", report.t, case.full[0] @ case.C[0])
+    report.save(path)
+    again = load_report(path).output("tip z")
+    for name in ("estimate", "uncertainty", "estimate_off"):
+        assert np.array_equal(getattr(again, name), getattr(out, name))
+    for name in ("estimate_parts", "uncertainty_parts"):
+        kept, saved = getattr(again, name), getattr(out, name)
+        assert list(kept) == list(saved)
+        assert all(np.array_equal(kept[key], saved[key]) for key in saved)
+    assert again.estimate_scope == COUPLED
+    assert str(load_report(path)) == str(report)
+    with np.load(path) as file:
+        arrays = {key: file[key] for key in file.files if "estimate" not in key and "uncertainty" not in key}
+    meta = json.loads(str(arrays.pop("meta")))
+    del meta["estimate_scopes"]
+    np.savez(path, meta=np.array(json.dumps(meta)), **arrays)
+    old = load_report(path)
+    assert (old.output("tip z").estimate, old.output("tip z").estimate_scope) == (None, "")
+    assert " about " not in str(old)
+    assert "tip z: up to" in str(old)
 
 
 def test_files_without_labels_are_still_read(report, tmp_path):

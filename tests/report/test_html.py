@@ -13,7 +13,8 @@ from exudyn_romerr import Output, load_report
 from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.overview import overview
 from exudyn_romerr.report.scope import NOT_CERTIFIED
-from exudyn_romerr.report.wording import rounded_up, sentence
+from exudyn_romerr.report.verdict import sentence
+from exudyn_romerr.report.wording import rounded_up
 from tests.helpers.theorem import random_case
 
 VOID = {"meta", "link", "img", "br", "hr"}
@@ -181,6 +182,23 @@ def test_tables_have_the_largest_bounds_and_when(report, case):
             assert f"{rounded_up(whole.max())} at t = {report.t[np.argmax(whole)]:.4g} s" in text
     assert f"The true error is up to {np.abs(out.error).max():.3g} m" in text
     assert "above the bound" not in text
+
+
+@pytest.mark.usefixtures("quick")
+def test_estimates_have_a_table_of_their_own(report, case):
+    """What they are is said, with parts, half width and how far off they were."""
+    assert "An estimate is" not in read(report).words
+    out = report.output("tip z")
+    out.estimate, out.uncertainty = 0.1 * out.value, 0.01 * np.abs(out.value)
+    out.estimate_parts, out.uncertainty_parts = {"basis": out.estimate}, {"vectors": out.uncertainty}
+    report.compare("tip z", report.t, case.full[0] @ case.C[0])
+    found, largest = read(report), np.max(np.abs(out.value))
+    assert page.ABOUT in found.words
+    at = report.t[np.argmax(np.abs(out.value))]
+    row = f"tip z{0.1 * largest:.3g} m at t = {at:.4g} s{rounded_up(0.01 * largest)} m"
+    assert f"{row}basis {0.1 * largest:.3g}vectors {0.01 * largest:.3g}" in found.words
+    assert "Estimates of the error, largest values over time" in found.of("caption")
+    assert "; the estimate is off by up to " in found.words
 
 
 @pytest.mark.usefixtures("quick")

@@ -31,6 +31,7 @@ from exudyn_romerr.report.plots.style import (
     LETTERS,
     MARKERS,
     STYLES,
+    WIDE,
     ends,
     isolated,
     log_line,
@@ -128,6 +129,72 @@ def test_signal_without_auxiliary_modes_and_truth_promises_neither():
         "value ± bound, at most 2 mm",
         "reduced model",
     ]
+
+
+def with_estimate(report, half, checks=("steps",)):
+    """Estimate 0.25 t less 0.1 of the first output; its half width."""
+    out = report.output("tip")
+    out.estimate = np.column_stack([0.25 * report.t - 0.1] * out.value.shape[1])
+    out.uncertainty = np.full_like(out.value, half)
+    out.estimate_parts = {"basis": out.estimate}
+    out.uncertainty_parts = dict.fromkeys(checks, out.uncertainty / len(checks))
+    return report
+
+
+def test_signal_has_the_best_guess_where_it_is_not_the_corrected_output():
+    report = with_estimate(made_up(), 0.05, ("steps", "vectors"))
+    ax = axes_of(draw_signal, report, "tip")
+    guess = ["value + estimate ± half width, up to 0.05 mm", "value + estimate"]
+    assert legend(ax) == ["value ± bound, at most 2 mm", "reduced model", *guess, "truth"]
+    np.testing.assert_allclose(line(ax, guess[1])[1], 9.9 + 1.25 * report.t)
+    np.testing.assert_allclose(area(ax, "value + estimate"), (9.85, 11.2))
+    assert "corrected output" in legend(axes_of(draw_signal, with_estimate(made_up(), 0.05, ("proved",)), "tip"))
+
+
+def test_estimate_is_told_from_bounds_and_true_error():
+    """By its dashes and the band, also in grey; the legend says each."""
+    report = with_estimate(made_up(), 0.05)
+    ax = axes_of(draw_bounds, report, "tip")
+    assert legend(ax) == [
+        "bound 'energy'",
+        "bound 'auxiliary'",
+        "|estimate|",
+        "half width of the estimate",
+        "|true error|",
+    ]
+    size = np.abs(report.output("tip").estimate[:, 0])
+    np.testing.assert_array_equal(line(ax, "|estimate|")[1], size)
+    np.testing.assert_allclose(area(ax, "half width"), (size.min(), 0.2))  # a logarithm has no zero
+    (dashed,) = [found for found in ax.lines if found.get_label() == "|estimate|"]
+    assert dashed.get_linestyle() == "--"  # the true error is solid, bounds are wide
+    assert dashed.get_linewidth() < WIDE
+    assert dashed.get_zorder() > max(found.get_zorder() for found in ax.lines if found is not dashed)
+
+
+def test_pictures_say_what_estimate_and_bound_are_of():
+    """The estimate has time steps in it, the bound has not; and what both hold under."""
+    report = with_estimate(made_up(time="sampled"), 0.05)
+    assert axes_of(draw_bounds, report, "tip").get_ylabel() == "reduction error of tip / mm"
+    report.output("tip").estimate_parts["time step"] = report.output("tip").estimate
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    ax = axes_of(draw_bounds, report, "tip")
+    assert ax.get_ylabel() == "error of tip / mm"
+    assert legend(ax)[1:3] == ["bound 'auxiliary' of the reduction error, inputs frozen", "|estimate|, inputs frozen"]
+    said = legend(axes_of(draw_signal, report, "tip"))
+    assert said[0].startswith("value ± bound of the reduction error, inputs frozen, at most")
+    assert said[2] == "value + estimate ± half width, inputs frozen, up to 0.05 mm"
+
+
+@pytest.mark.parametrize(("estimate", "half"), [(0.0, 0.0), (0.0, 0.1), (0.2, np.inf), (0.2, 0.0)])
+@pytest.mark.parametrize("draw", OVER_TIME)
+def test_estimates_of_any_size_are_drawn(draw, estimate, half):
+    """Zero, and half widths that are not known: marks and no band, never a warning."""
+    report = with_estimate(made_up(truth=False), half)
+    report.output("tip").estimate[:] = estimate
+    ax = axes_of(draw, report, "tip")
+    if draw is draw_bounds:
+        assert ("half width of the estimate" in legend(ax)) == (np.isfinite(half) and estimate + half > 0)
+        assert (ZERO in legend(ax)) == (estimate == 0)
 
 
 def test_infinite_band_is_marked_and_not_drawn():
@@ -517,7 +584,7 @@ def test_report_saved_without_bounds_at_nodes_says_so():
 
 
 def test_every_estimator_has_a_look_of_its_own_in_grey():
-    names = set(COLOURS) - {"value", "error"}
+    names = set(COLOURS) - {"value", "error", "estimate"}
     assert names == set(STYLES) == set(MARKERS)
     looks = [(str(STYLES[e]), MARKERS[e]) for e in names - {"static"}]  # which is never beside the others
     assert len(set(looks)) == len(looks)

@@ -198,6 +198,46 @@ def test_compare_adds_error_and_effectivity(report, case):
         assert np.all(out.effectivity[e] >= 1)
 
 
+def test_compare_adds_how_far_the_estimate_was_off(report, case):
+    """Largest |error - estimate| / max |error| of each row; 0 where both are zero, none without an estimate."""
+    assert compared(report, case).output("y").estimate_off is None
+    out = report.output("y")
+    error = case.full[0] @ case.C.T - out.value
+    out.estimate = error + 0.02 * np.max(np.abs(error), axis=0) * np.sin(report.t)[:, None]
+    out.estimate_parts, out.uncertainty, out.uncertainty_parts = (
+        {"basis": out.estimate},
+        0 * error,
+        {"proved": 0 * error},
+    )
+    out.estimate[:, 1] = 0.0
+    wanted = [0.02 * np.max(np.abs(np.sin(report.t))), 1.0]
+    assert compared(report, case).output("y").estimate_off == pytest.approx(wanted, rel=tol.SUMS)
+    assert "; the estimate is off by up to " in str(report)
+    assert np.all(report.compare("y", report.t, out.value + out.estimate).estimate_off == 0)
+
+
+def test_table_has_a_column_of_estimates_where_there_are_any(report):
+    """What it is of, and what it holds under, is said; an output without one is not known."""
+    out = report.output("y")
+    out.estimate, out.uncertainty = 0.1 * out.value, np.zeros_like(out.value)
+    out.estimate_parts, out.uncertainty_parts = {"basis": out.estimate}, {"steps": out.uncertainty}
+    heads = ["output", "largest value", "reduction error about", "at most", "scope", "next step"]
+    _, head, y, v, *_ = str(report).splitlines()
+    assert re.split(r"  +", head) == heads
+    largest = np.abs(out.value).max()
+    assert re.split(r"  +", y)[2] == f"{0.1 * largest:.3g} m (10 %)"
+    assert re.split(r"  +", v)[2] == "not known"
+    out.estimate_parts["time step"] = out.estimate
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    _, head, y, *_ = str(report).splitlines()
+    assert re.split(r"  +", head)[2:4] == ["error about", "reduction error at most"]
+    assert re.split(r"  +", y)[2].endswith(" (10 %), inputs frozen")
+    out.uncertainty_parts["steps"] = out.uncertainty = 0.04 * np.abs(out.value)
+    assert re.split(r"  +", str(report).splitlines()[2])[2::3] == ["not resolved, inputs frozen", "halve the step"]
+    out.round_off = np.full_like(out.value, largest)
+    assert "or less, at round-off" in str(report).splitlines()[2]
+
+
 def test_compare_takes_a_truth_at_more_instants(report, case):
     """The truth may be finer than the report, and one row may come as a vector."""
     t = np.sort(np.concatenate([report.t, report.t[:-1] + np.diff(report.t) / 3]))

@@ -9,13 +9,13 @@ import pytest
 from exudyn_romerr.report.plots.style import CAUSE_STYLES
 from exudyn_romerr.report.report import OutputReport
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, PAGE, SCOPES
+from exudyn_romerr.report.verdict import sentence
 from exudyn_romerr.report.wording import (
     CURES_OF_CAUSES,
     STEPS,
     corrected_within,
     rounded_up,
     scope_lines,
-    sentence,
     under,
 )
 
@@ -43,57 +43,56 @@ ONE = {"auxiliary": COMPLETE}
             output(4.27e-2, {"auxiliary": 4e-4}, ONE),
             ONE,
             "reconstructed",
-            "tip z is up to 0.0427 m, wrong by at most 0.0004 m (0.94 %), 75 % of it from the step size, not the "
+            "tip z is up to 0.0427 m, error at most 0.0004 m (0.94 %); 75 % of it from the step size, not the "
             "basis: halve it; the rest alone bounds it by 0.0001 m.",
         ),
         (
             output(4.27e-2, {"auxiliary": 4e-6}, ONE),
             ONE,
             "reconstructed",
-            "tip z is up to 0.0427 m, wrong by at most 4e-06 m (0.0094 %), enough: the bound of the error is within "
+            "tip z is up to 0.0427 m, error at most 4e-06 m (0.0094 %); enough: the bound of the error is within "
             "0.1 % of the largest value.",
         ),
         (
             output(4.27e-2, {"auxiliary": 4e-4}, ONE, tolerance=1e-3),
             ONE,
             "static",
-            "tip z is up to 0.0427 m, wrong by at most 0.0004 m (0.94 %), enough: the bound of the error is within "
+            "tip z is up to 0.0427 m, error at most 0.0004 m (0.94 %); enough: the bound of the error is within "
             "the tolerance of 0.001 m.",
         ),
         (
             output(4.27e-2, {"auxiliary": 4e-6}, ONE, round_off=3e-6),
             ONE,
             "reconstructed",
-            "tip z is up to 0.0427 m, wrong by at most 7e-06 m, which is round-off: nothing to improve: more modes "
-            "or shorter steps do not show above rounding of the input.",
+            "tip z is up to 0.0427 m, error at round-off: at most 7e-06 m, rounding of the input included; nothing "
+            "to improve: more modes or shorter steps do not show above rounding of the input.",
         ),
         (
             output(4.27e-2, {"auxiliary": np.inf}, ONE),
             ONE,
             "reconstructed",
-            "tip z is up to 0.0427 m; how wrong it may be is not known: no finite bound: the messages or "
-            "reasons say why.",
+            "tip z is up to 0.0427 m, error not bounded; no finite bound: the messages or reasons say why.",
         ),
         (
             output(0.0, {"auxiliary": 0.0}, ONE),
             ONE,
             "reconstructed",
-            "tip z is up to 0 m, wrong by at most 0 m, nothing to improve.",
+            "tip z is up to 0 m, error at most 0 m; nothing to improve.",
         ),
         (
             output(2.0, {"auxiliary": 1.0}, {"auxiliary": FROZEN}, shares=(1.0, 0.0, 0.0, 0.0)),
             {"auxiliary": FROZEN},
             "reconstructed",
-            "tip z is up to 2 m; under the frame motion, loads and joint forces of this run it is wrong by at most "
-            "1 m (50 %) (the mechanism's answer is not covered and may be several times larger), 100 % of it from "
+            "tip z is up to 2 m; under the frame motion, loads and joint forces of this run the error is at most "
+            "1 m (50 %) (the mechanism's answer is not covered and may be several times larger); 100 % of it from "
             "the basis: add modes.",
         ),
         (
             output(2.0, {"auxiliary": 1.0}, {"auxiliary": COUPLED}, shares=(0.0, 0.0, 0.0, 1.0)),
             {"auxiliary": COUPLED},
             "sampled",
-            "tip z is up to 2 m, to first order wrong by at most 1 m (50 %) (time integration not covered), 100 % of "
-            "it from the load jumps: add modes, or let the load grow over a short time.",
+            "tip z is up to 2 m, reduction error, to first order, at most 1 m (50 %); 100 % of it from the load "
+            "jumps: add modes, or let the load grow over a short time.",
         ),
     ],
     ids=["bound", "enough", "tolerance", "round-off", "infinite", "zero", "frozen", "coupled"],
@@ -170,7 +169,7 @@ def test_percentages_are_plain_numbers(bound, share):
 @pytest.mark.parametrize("bound", [0.0, 1.0, np.inf])
 def test_sentences_without_advice(bound):
     said = sentence(output(2.0, {"auxiliary": bound}, ONE), 0, "reconstructed", ONE, advised=False)
-    ends = {0.0: "0 m (0 %).", 1.0: "1 m (50 %).", np.inf: "is not known."}
+    ends = {0.0: "0 m (0 %).", 1.0: "1 m (50 %).", np.inf: "error not bounded."}
     assert said.endswith(ends[bound])
 
 

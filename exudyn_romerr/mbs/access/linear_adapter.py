@@ -22,12 +22,10 @@ if TYPE_CHECKING:
 class LinearSubject:
     """Its offline work is done when it is attached; the mbs is read for what it must not contain.
 
-    body : the full body. enriched : None, auxiliary vectors of its own need a frame. notes : what the reader of a
-    report must know of its outputs.
+    body : the full body. enriched : None, auxiliary vectors of its own need a frame.
     """
 
     enriched = None
-    notes = ()
 
     def __init__(self, flex: ReducedBody, options: BoundOptions):
         self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))

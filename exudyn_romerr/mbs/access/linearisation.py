@@ -14,22 +14,30 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.linalg as la
 
 from ...errors import AssumptionError
+from .dependence import Dependences, normalised
+from .equations import Equations
 from .load_functions import controllers, loads_with_functions
-from .state_guard import coordinates_kept, current_state, own_solver, set_state, state_kept, state_set
+from .state_guard import (
+    coordinates_kept,
+    current_state,
+    of_coordinates,
+    state_kept,
+    state_set,
+)
 from .tangent_reading import (
     INCREMENTS,
     PARAMETERS,
     REDUNDANT,
-    TINY,
     Carried,
     Reading,
+    carried_of,
     change_of,
     hashed,
     independent_rows,
     masses_of,
+    quaternions_of,
     rotations_of,
     turned_share,
 )
@@ -49,22 +57,22 @@ class Tangents:
 
     Attributes
     ----------
-    size : number of coordinates. differentiable (size,) : whether K holds all forces by them. readings : list of
-    Reading, in the order of time. carried : list of Carried, where G has turned since. redundant : number of
-    constraints that follow from others. threads : of the running solver.
+    equations : in any state. size : number of coordinates. differentiable (size,) : whether K holds all forces
+    by them. readings : list of Reading, in the order of time. carried : list of Carried, where G has turned since.
+    redundant : number of constraints that follow from others. threads : of the running solver.
     """
 
     def __init__(self, mbs: Any, threads: int = 1):
-        self._solver = own_solver(mbs, threads)
-        self.size = self._solver.GetODE2size()
-        self._no_jacobian = np.zeros((self.size + self._solver.GetODE1size() + self._solver.GetAEsize(),) * 2)
-        self._first_constraint = self.size + self._solver.GetODE1size()
+        self.equations = Equations(mbs, threads)
+        self.size = self.equations.size
         increments = {j for rotation in rotations_of(mbs, INCREMENTS) for j in rotation}
         self.differentiable = np.array([j not in increments for j in range(self.size)])
         self._rotations, self._loads = rotations_of(mbs, PARAMETERS), loads_with_functions(mbs)
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
         self._stride, self._active, self._rows = 1, None, None
+        self._quaternions = quaternions_of(mbs)
+        self._depends: Dependences | None = None
         self.redundant = 0
 
     def read(self, mbs: Any, t: float) -> int:
@@ -93,7 +101,7 @@ class Tangents:
     def reads_the_same(self, mbs: Any, reading: Reading) -> bool:
         """Whether Exudyn gives now, in the state of a reading, what it gave then: nothing else has changed."""
         with state_set(mbs.systemData, reading.t, reading.state):
-            own = self._mass(mbs), self._constraints(mbs, reading.t), *self._jacobians(mbs)
+            own = self.equations.mass(mbs), self._constraints(mbs, reading.t), *self._jacobians(mbs)
         return hashed(*own) == reading.own
 
     def end_before(self, t: float) -> None:
@@ -107,24 +115,24 @@ class Tangents:
 
     def differences(self, mbs: Any, dq: np.ndarray) -> np.ndarray:
         """K dq in the current state: all forces at both sides of it, over twice the distance."""
-        system = mbs.systemData
-        q_tt, multipliers = system.GetODE2Coordinates_tt(), system.GetAECoordinates()
         step = DIFFERENCE / np.abs(dq).max()
 
         def force(at: np.ndarray) -> np.ndarray:
-            system.SetODE2Coordinates(at)
-            self._solver.ComputeODE2RHS(mbs)
-            forces = self._solver.GetSystemResidual()[: self.size].copy()
-            return self._mass(mbs) @ q_tt + self._all_constraints(mbs).T @ multipliers - forces
+            mbs.systemData.SetODE2Coordinates(at)
+            return self.equations.residual(mbs)
 
-        with coordinates_kept(system) as (q, _):
+        with coordinates_kept(mbs.systemData) as (q, _):
             return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
+
+    def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
+        """What independent constraints keep zero (S, c), in rows of t, q, q_t, q_tt, multipliers."""
+        return self.equations.drifts(mbs, rows)[:, self._rows]
 
     def _read(self, mbs: Any, t: float) -> Reading:
         state = current_state(mbs.systemData)
-        M, G = self._mass(mbs), self._constraints(mbs, t)
+        M, G = self.equations.mass(mbs), self._constraints(mbs, t)
         self._check_loads(mbs)
-        D, own, carried, C, C_t = self._forces(mbs, G)
+        D, own, carried, C, C_t = self._forces(mbs, M, G)
         K = own + carried
         springs = np.abs(np.diag(K))
         springs[[j for rotation in self._rotations for j in rotation]] = 0.0
@@ -141,19 +149,9 @@ class Tangents:
                 f"{', '.join(found.values())} depend on the motion or on earlier calls: pass scope='inputs frozen'"
             )
 
-    def _mass(self, mbs: Any) -> np.ndarray:
-        self._solver.ComputeMassMatrix(mbs)
-        return self._solver.GetSystemMassMatrix()[: self.size, : self.size]
-
-    def _all_constraints(self, mbs: Any) -> np.ndarray:
-        self._solver.SetSystemJacobian(self._no_jacobian)
-        if self._solver.GetAEsize():
-            self._solver.ComputeJacobianAE(mbs, 1.0, 0.0, 0.0, False)
-        return self._solver.GetSystemJacobian()[self._first_constraint :, : self.size]
-
     def _constraints(self, mbs: Any, t: float) -> np.ndarray:
         """G; AssumptionError if other constraints are active than at the first reading."""
-        G = self._all_constraints(mbs)
+        G = self.equations.constraints(mbs)
         active = G.any(axis=1)
         if self._active is None:
             self._active, self._rows = active, independent_rows(G, active)
@@ -164,7 +162,7 @@ class Tangents:
                 "from there on: pass scope='inputs frozen', or solve up to there and go on with a second solve"
             )
         G = G[self._rows]
-        values = la.svd(G, compute_uv=False) if len(G) else np.ones(1)
+        values = np.linalg.svd(G, compute_uv=False) if len(G) else np.ones(1)
         if values[-1] <= REDUNDANT * values[0]:
             raise AssumptionError(
                 f"constraints have become redundant before t = {t:g} s (a singular position), where the linearised "
@@ -172,72 +170,59 @@ class Tangents:
             )
         return G
 
-    def _forces(self, mbs: Any, G: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _forces(self, mbs: Any, M: np.ndarray, G: np.ndarray) -> tuple[np.ndarray, ...]:
         """D, K in two parts, C, C_t by numerical differentiation; what user functions leave half done is set back."""
         try:
             with state_kept(mbs.systemData) as (q, *_):
-                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), *self._kept(mbs)
+                if self._depends is None or not self._depends.hold_for(M, G):
+                    self._depends = self._found(mbs, q)
+                    mbs.systemData.SetODE2Coordinates(q)
+                return *self._jacobians(mbs), self._carried_forces(mbs, q, G), *self._kept(mbs, q)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
 
-    def _jacobians(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
-        return self._jacobian(mbs, 0.0, -1.0, 0), self._jacobian(mbs, -1.0, 0.0, 1)
+    def _found(self, mbs: Any, q: np.ndarray) -> Dependences:
+        """What depends on which coordinates."""
+        own = self.equations
+        of = [of_coordinates(mbs, value) for value in (own.mass, own.constraints, own.drift)]
+        return Dependences.at(q, np.flatnonzero(self.differentiable), self._rows, self._quaternions, of)
 
-    def _jacobian(self, mbs: Any, positions: float, rates: float, with_loads: int) -> np.ndarray:
-        self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
-        return self._solver.GetSystemJacobian()[: self.size, : self.size]
+    def _jacobians(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+        return self.equations.jacobian(mbs, 0.0, -1.0, 0), self.equations.jacobian(mbs, -1.0, 0.0, 1)
 
     def _carried_forces(self, mbs: Any, q: np.ndarray, G: np.ndarray) -> np.ndarray:
         """d(M q'' + G^T l)/dq (n, n), which Exudyn's Jacobians leave out.
 
         By rotations and by modal coordinates: arms of joints' forces follow the deformation.
         """
-        system = mbs.systemData
-        moving = np.concatenate([system.GetODE2Coordinates_tt(), system.GetAECoordinates()])
-        n, t = self.size, system.GetTime()
-
-        def by_moving(at: np.ndarray) -> np.ndarray:
-            system.SetODE2Coordinates(at)
-            return np.hstack([self._mass(mbs), self._all_constraints(mbs).T])
-
-        before, carried = by_moving(q), np.zeros((n, n))
-        changes = np.zeros((n, *before.shape), np.float32) if self._is_due(t, G) else None
-        for j in np.flatnonzero(self.differentiable):
-            moved = q.copy()
-            moved[j] += DIFFERENCE
-            change = (by_moving(moved) - before) / DIFFERENCE
-            carried[:, j] = change @ moving
-            if changes is not None:
-                changes[j] = change
-        if changes is not None:
-            j, i = np.nonzero(changes.any(axis=2))
-            turning = np.linalg.norm(changes[:, :, n:], axis=(1, 2)) / max(np.linalg.norm(before[:, n:]), TINY)
-            self.carried.append(Carried(t, G, j, i, changes[j, i], turning))
+        system, carried = mbs.systemData, np.zeros((self.size, self.size))
+        parts = []
+        for depends, value, moving in (
+            (self._depends.mass, self.equations.mass, system.GetODE2Coordinates_tt()),
+            (self._depends.forces, lambda mbs: self.equations.constraints(mbs).T, system.GetAECoordinates()),
+        ):
+            by = depends.forward(of_coordinates(mbs, value), q, DIFFERENCE)
+            carried[depends.i, depends.j] += by @ moving
+            parts.append((depends, by))
+        if self._is_due(system.GetTime(), G):
+            self.carried.append(carried_of(system.GetTime(), G, *parts))
         return carried
 
-    def _kept(self, mbs: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _kept(self, mbs: Any, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """C and C_t, along the motion and over time; Exudyn's G by coordinates that are increments."""
         system = mbs.systemData
-        t, (q, q_t, *rest) = system.GetTime(), current_state(system)
+        t, q_t = system.GetTime(), system.GetODE2Coordinates_t()
         dt = WIDE / max(1.0, np.abs(q_t).max())
-        after, before = (self._differences(mbs, t + dt, (q + dt * q_t, q_t, *rest)) for dt in (dt, -dt))
+        after, before = (
+            self._derivative(mbs, t + dt, normalised(q + dt * q_t, self._quaternions)) for dt in (dt, -dt)
+        )
         return (after + before) / 2, (after - before) / (2 * dt)
 
-    def _differences(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
-        """C at another time and state."""
-        system = mbs.systemData
-        set_state(system, t, state)
-        C = self._all_constraints(mbs)[self._rows]
-        for j in np.flatnonzero(self.differentiable) if len(C) else ():
-            left = []
-            for step in (WIDE, -WIDE):
-                moved = state[0].copy()
-                moved[j] += step
-                system.SetODE2Coordinates(moved)
-                self._solver.ComputeAlgebraicEquations(mbs, False)
-                left.append(self._solver.GetSystemResidual()[self._first_constraint :][self._rows])
-            C[:, j] = (left[0] - left[1]) / (2 * WIDE)
-        return C
+    def _derivative(self, mbs: Any, t: float, q: np.ndarray) -> np.ndarray:
+        """C at another time and place: G, and differences of positions where it is not their derivative."""
+        mbs.systemData.SetTime(t)
+        G = of_coordinates(mbs, self.equations.constraints)(q)
+        return self._depends.unlike.corrected(G, of_coordinates(mbs, self.equations.drift), q, WIDE)[self._rows]
 
     def _is_due(self, t: float, G: np.ndarray) -> bool:
         """Whether changes of M and G are kept: where steps are read one by one, nothing is interpolated."""

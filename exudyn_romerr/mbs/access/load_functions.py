@@ -24,30 +24,39 @@ def loads_with_functions(mbs: Any) -> list[int]:
 def controllers(mbs: Any, numbers: list[int]) -> dict[int, str]:
     """Number -> name of those loads that are not functions of time alone: they see the motion, or keep something.
 
-    They are called in this state twice, in another one and a little later; what they keep is put back.
+    They are called in this state twice, in another one and a little later; what they keep is put back. All together,
+    for most often there is none; one by one, where there is.
     """
-    return {i: f"load {i} ({mbs.GetLoad(i)['name']})" for i in numbers if not _by_time_alone(mbs, i)}
+    if not numbers or _by_time_alone(mbs, numbers):
+        return {}
+    found = [i for i in numbers if not _by_time_alone(mbs, [i])] or numbers
+    return {i: f"load {i} ({mbs.GetLoad(i)['name']})" for i in found}
 
 
-def _by_time_alone(mbs: Any, number: int) -> bool:
-    system, functions = mbs.systemData, load_functions(mbs, number)
-    with memory_kept(mbs, functions) as memory:
-        values = [mbs.GetLoadValues(number)]
+def _by_time_alone(mbs: Any, numbers: list[int]) -> bool:
+    system, values, t = mbs.systemData, [], mbs.systemData.GetTime()
+    loads = [mbs.GetLoad(i) for i in numbers]
+    functions = [load_functions(load) for load in loads]
+
+    def keep() -> None:
+        values.append([mbs.GetLoadValues(i) for i in numbers])
+
+    with memory_kept(mbs, [f for own in functions for f in own]) as memory:
+        keep()
         with coordinates_kept(system) as (q, q_t):
             system.SetODE2Coordinates(q + MOVED * (1 + np.sin(np.arange(len(q)))))
             system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
-            values.append(mbs.GetLoadValues(number))
-        load, t = mbs.GetLoad(number), system.GetTime()
-        for f in functions:
-            with suppress(Exception):  # a table that ends here
-                f(mbs, t + LATER * max(abs(t), 1.0), load.get("loadVector", load.get("load")))
-        values.append(mbs.GetLoadValues(number))
-        same = all(np.array_equal(values[0], value, equal_nan=True) for value in values)
-        return same and not memory.changed
+            keep()
+        for load, own in zip(loads, functions, strict=True):
+            for f in own:
+                with suppress(Exception):  # a table that ends here
+                    f(mbs, t + LATER * max(abs(t), 1.0), load.get("loadVector", load.get("load")))
+        keep()
+    first, *others = (np.hstack(rows) for rows in values)
+    return not memory.was_changed and all(np.array_equal(first, row, equal_nan=True) for row in others)
 
 
-def load_functions(mbs: Any, number: int) -> list[Callable]:
-    """Return the user functions of a load; symbolic ones keep nothing."""
-    load = mbs.GetLoad(number)
+def load_functions(load: dict[str, Any]) -> list[Callable]:
+    """Return the user functions of a load, as mbs.GetLoad gives it; symbolic ones keep nothing."""
     found = (load[key]["function"] for key in LOAD_FUNCTIONS if load.get(key))
     return [f for f in found if callable(f)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -73,6 +73,16 @@ def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[No
     with state_kept(system):
         set_state(system, t, state)
         yield
+
+
+def of_coordinates(mbs: Any, value: Callable[[Any], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what is read of an mbs as a function of its coordinates q, which stay as they were set last."""
+
+    def at(q: np.ndarray) -> np.ndarray:
+        mbs.systemData.SetODE2Coordinates(q)
+        return value(mbs)
+
+    return at
 
 
 def own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:

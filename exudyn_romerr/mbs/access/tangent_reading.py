@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
-PARAMETERS = ("RigidBodyEP", "RigidBodyRxyz")  # node types whose rotations are coordinates like others
+from .dependence import Dependence, Quaternion
+
+QUATERNIONS = "RigidBodyEP"
+PARAMETERS = (QUATERNIONS, "RigidBodyRxyz")  # node types whose rotations are coordinates like others
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
 REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
 TINY = np.finfo(float).tiny
@@ -58,6 +61,30 @@ class Carried:
     i: np.ndarray
     by: np.ndarray
     turning: np.ndarray
+
+
+def carried_of(t: float, G: np.ndarray, *parts: tuple[Dependence, np.ndarray]) -> Carried:
+    """Put together how M and G^T change: where, and by how much."""
+    n = G.shape[1]
+    (_, by_M), (forces, by_G) = parts
+    at, entries = np.unique(np.concatenate([part.j * n + part.i for part, _ in parts]), return_inverse=True)
+    by = np.zeros((len(at), by_M.shape[1] + by_G.shape[1]), np.float32)
+    by[entries[: len(by_M)], : by_M.shape[1]] = by_M
+    by[entries[len(by_M) :], by_M.shape[1] :] = by_G
+    turning = np.sqrt(np.bincount(forces.j, (by_G**2).sum(axis=1), n)) / max(np.linalg.norm(G), TINY)
+    return Carried(t, G, *np.divmod(at, n), by, turning)
+
+
+def quaternions_of(mbs: Any) -> list[Quaternion]:
+    """Euler parameters of every node that has such."""
+    found = []
+    for node in range(mbs.systemData.NumberOfNodes()):
+        item = mbs.GetNode(node)
+        if item["nodeType"] == QUATERNIONS:
+            first = mbs.GetNodeODE2Index(node)
+            own = [*range(first + 3, first + 7)]
+            found.append(Quaternion(own, np.array(item["referenceCoordinates"][3:], float)))
+    return found
 
 
 def rotations_of(mbs: Any, types: Sequence[str]) -> list[list[int]]:

@@ -30,7 +30,13 @@ class UserMemory:
     Those of functions that they call too, if these are of the same module; and the generators of random numbers of
     random and numpy. Objects are put back in place, since other functions may hold them. Does not cover: what cannot
     be pickled (generators with yield, open files), and what functions of other modules keep.
+
+    Attributes
+    ----------
+    was_changed : whether a variable was another one when they were put back.
     """
+
+    was_changed = False
 
     def __init__(self, mbs: Any, functions: Sequence[Callable]):
         self._open = [(space, set(space)) for space in (mbs.variables, *map(_attributes, functions))]
@@ -47,10 +53,12 @@ class UserMemory:
 
     def restore(self) -> None:
         """Put all variables back."""
+        self.was_changed = any(set(space) != names for space, names in self._open)
         for space, names in self._open:
             for name in set(space) - names:
                 del space[name]
         for slot in filter(_has_changed, self._slots):
+            self.was_changed = True
             slot.write(_put_back(slot.read(), pickle.loads(slot.kept)))
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...model.admissible_space import MeanMotion
 from ...model.floating_frame import left_jacobian
+from ...trajectory.input_signal import FEW, values_at_once
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,6 +73,8 @@ class Load:
         """Return what acts in body axes (S, 3); theta (S, 3): mean rotation of its interface, if it follows that."""
         vectors = over_time(self.vector, t)
         if self.body_fixed:
+            from scipy.spatial.transform import Rotation  # here, for it takes long to import, and few loads need it
+
             vectors = Rotation.from_rotvec(theta).apply(vectors @ self.place.axes.T)
         else:
             vectors = motion.local(vectors)
@@ -124,7 +126,10 @@ class Actions:
 def over_time(vector: Callable[[float], Any], t: np.ndarray) -> np.ndarray:
     """Return what a user's function gives at times t (S,), called once for times that repeat: (S, 3)."""
     times, again = np.unique(t, return_inverse=True)
-    return np.array([vector(x) for x in times.tolist()], dtype=float).reshape(-1, 3)[again]
+    values = values_at_once(vector, times, 3) if len(times) > FEW else None
+    if values is None:
+        values = np.array([vector(x) for x in times.tolist()], dtype=float).reshape(-1, 3)
+    return values[again]
 
 
 def load_vector(mbs: Any, load: dict, load_factor: Callable | None) -> Callable[[float], Any]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...model.floating_frame import FrameMotion
 from ...trajectory.driven_inputs import Inputs
@@ -74,6 +73,8 @@ class DrivenFrame:
 
     def motion(self, d: Derivatives) -> FrameMotion:
         """Return the motion of the frame."""
+        from scipy.spatial.transform import Rotation  # here, for it takes long to import, and few frames need it
+
         sign = -1.0 if self.back else 1.0
         Q = Rotation.from_euler("XYZ", d.f[:, 3:]).as_matrix()
         w, al = _turning(d)

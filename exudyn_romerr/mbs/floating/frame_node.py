@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...errors import AssumptionError
 from ...model.floating_frame import FrameMotion, skew
@@ -66,6 +65,8 @@ def _euler_parameters(p, p_t, p_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 def _rotation_vector(v, v_t, v_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A = exp(v~); the node's velocities and accelerations are the angular ones in body axes."""
+    from scipy.spatial.transform import Rotation  # here, for it takes long to import, and few nodes need it
+
     return Rotation.from_rotvec(v).as_matrix(), v_t, v_tt
 
 

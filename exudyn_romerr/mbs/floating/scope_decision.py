@@ -126,11 +126,11 @@ def _refusals(
         yield f"scope={FROZEN!r} was asked for"
     if static:
         yield "a static solve"
-    outputs = [out.name for out in options.outputs if out.frame == "global"]
-    if outputs:
+    watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
+    if watched:
         yield (
-            f"outputs {', '.join(map(repr, outputs))} see the motion of the frame, whose error has no bound; pass "
-            "node_displacement(...) with frame='body', or a sensor of DisplacementLocal"
+            f"the tolerance on {', '.join(map(repr, watched))} asks for a bound, and they see the motion of the "
+            "frame, whose error has none; pass node_displacement(..., frame='body') or a sensor of DisplacementLocal"
         )
     if options.initial is not None or len(options.jumps):
         yield "initial= and jumps= are covered with frozen inputs only"

@@ -23,18 +23,10 @@ QUANTITIES = {
     exu.OutputVariableType.DisplacementLocal: ("displacement", "body"),
     exu.OutputVariableType.VelocityLocal: ("velocity", "body"),
 }
-IN_PLACE = (
-    "bounded: {}; a sensor in global axes shows the motion of the frame too, whose error has no bound: pass its "
-    "number in outputs= for a bound with inputs frozen"
-)
 KNOWN = ", ".join(quantity.name for quantity in QUANTITIES)
 NO_SENSOR = (
     f"no sensor of {KNOWN} on a mesh node of the body; add one, or pass "
     "outputs=[romerr.node_displacement('tip', node=..., component='z')] to attach"
-)
-FRAMED = (
-    "the motion of the frame is in it, whose error has no bound; bounded is what the frame sees of the same nodes. "
-    "Pass the sensor's number in outputs= to bound the rest, with inputs frozen"
 )
 
 
@@ -65,28 +57,17 @@ class Measured:
 
 @dataclass(frozen=True)
 class BodySensors:
-    """Sensors on mesh nodes of a body: those that bounds are known for, and (sensor, why not) of the others.
-
-    notes : what is bounded in place of sensors, in one line; empty if nothing is.
-    """
+    """Sensors on mesh nodes of a body: those that can be outputs, and (sensor, why not) of the others."""
 
     measured: tuple[Measured, ...]
     left_out: tuple[tuple[str, str], ...]
-    notes: tuple[str, ...] = ()
 
-    def in_the_frame(self) -> BodySensors:
-        """Return the same nodes as the body's frame sees them, each once; the error of its motion has no bound."""
-        moving = [item for item in self.measured if item.frame == "global"]
-        seen = {item.key: item for item in self.measured if item not in moving}
-        for item in moving:
-            framed = item.in_the_frame()
-            seen.setdefault(framed.key, framed)
-        shown = [f"{seen[item.in_the_frame().key].name!r} in place of {item.name!r}" for item in moving]
-        return BodySensors(
-            tuple(seen.values()),
-            self.left_out + tuple((f"what {item.name!r} shows", FRAMED) for item in moving),
-            (IN_PLACE.format(", ".join(shown)),) if shown else (),
-        )
+    def in_the_frame_too(self) -> BodySensors:
+        """Return all, and what the body's frame sees of nodes whose sensors are in global axes, each once."""
+        seen = {item.key for item in self.measured}
+        framed = {f.key: f for f in (item.in_the_frame() for item in self.measured if item.frame == "global")}
+        added = tuple(item for key, item in framed.items() if key not in seen)
+        return BodySensors(self.measured + added, self.left_out)
 
 
 def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:

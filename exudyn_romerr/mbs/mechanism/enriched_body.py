@@ -21,6 +21,8 @@ from ..floating.sampler import Sampler
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import scipy.sparse as sp
+
     from ...model.body import ElasticBody
     from ...offline.prepared import Offline
     from ...report.scope import Scene
@@ -29,7 +31,9 @@ if TYPE_CHECKING:
     from ..floating.frame_support import Support
 
 DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
-AUTO_VECTORS = 20  # vectors a body: responses to the inertia of 14 modes and of the frame are 26, of unequal weight
+# vectors a body: 20 static responses (those to the inertia of 14 modes and of the frame are 26, of unequal weight),
+# and a round of responses to their own inertia
+AUTO_VECTORS = 26
 
 
 class Couplings(NamedTuple):
@@ -47,8 +51,10 @@ class EnrichedBody:
 
     Attributes
     ----------
-    m : number of vectors. columns, modal : coordinates of the body in the mbs, and those of its modes. offline,
-    sampler : of the body on modes and vectors. note : line for the plan.
+    m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
+    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal :
+    coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors.
+    midpoint_residual : as asked for. note : line for the plan.
     """
 
     def __init__(
@@ -63,7 +69,7 @@ class EnrichedBody:
         terms: InputTerms,
         options: BoundOptions,
     ):
-        self._actions, self._terms = actions, terms
+        self._actions, self._terms, self.midpoint_residual = actions, terms, options.midpoint_residual
         self._frame, self.frame_size = model.frame, model.frame.size
         self.columns, self.modal = columns, columns[model.frame.size :]
         V, Z = model.V, body.space
@@ -79,11 +85,11 @@ class EnrichedBody:
         V_y = Z.coordinates("V", V)
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
-            found = Enrichment(body, V_y, inertia, loads, wrenches, asked)
+            found = Enrichment(body, V_y, inertia, loads, wrenches, asked, _stiff_columns(body, scene))
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
         P = Z.expand(found.P)
-        self.m = P.shape[1]
+        self.m, self.keeps, self.first = P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
         self._couple(flex, V, P, model.rayleigh)
@@ -119,7 +125,7 @@ class EnrichedBody:
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
             BoundOptions(inputs=terms.columns, estimators="auxiliary", **kept),
             sampled_inputs=True,
-            scene=replace(scene, corrected=True, minor=terms.minor, stiff=None),
+            scene=replace(scene, corrected=True, minor=terms.minor),
         )
         self.sampler = Sampler.of(self._frame, actions, terms, self.offline)
 
@@ -138,6 +144,19 @@ class EnrichedBody:
     def forces(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return -P^T R (S, m) of samples of the reduced body."""
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
+
+    def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool) -> np.ndarray:
+        """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.
+
+        keeps : K^-1 of the body with interfaces as rigid as its modes make them; as free, if these make none rigid.
+        """
+        q, q_t, q_tt, u, _ = self.sampler(t, *states)
+        if self.offline.packing is not None:
+            u, _ = self.offline.packing(u)
+        z = self.offline.coordinates(q, q_t, q_tt, u)
+        if keeps and self.offline.static_errors is not None:
+            return z @ self.offline.static_errors[1].T
+        return -(z @ self.offline.estimators["auxiliary"].static_rows.T)
 
     def couplings(self, t: np.ndarray, states: Sequence[np.ndarray]) -> Couplings:
         """Return what couples P to the mechanism at times t (T,), states q, q_t, q_tt (T, k) of the body in the mbs.
@@ -202,6 +221,11 @@ def _moment(products: np.ndarray) -> np.ndarray:
 def _contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
     """Sum over i, j of turning_ij of_ij (T, k, m), of (3, 3, k, m)."""
     return np.tensordot(turning, of, axes=2)
+
+
+def _stiff_columns(body: ElasticBody, scene: Scene) -> sp.spmatrix | None:
+    """The body's displacements with its interfaces as rigid as the modes make them; None if these make none rigid."""
+    return None if scene.stiff is None else scene.stiff.Z.tocsr()[body.free]
 
 
 def _side_by_side(parts: list[np.ndarray], N: int) -> np.ndarray:

@@ -12,8 +12,6 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicSpline
 
 from ..access.linearisation import Reading, Tangents
 from ..access.state_guard import state_set
@@ -70,6 +68,8 @@ class LateReadings:
 
     def _interpolate(self) -> bool:
         """Compare q'' and multipliers of the rows with a spline through those of readings; K has one such."""
+        from scipy.interpolate import CubicSpline  # here, for it takes long to import
+
         readings = self._tangents.readings
         times, at = (
             [*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True)
@@ -144,6 +144,8 @@ class LateReadings:
         What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
         twice, if that is less.
         """
+        from scipy.integrate import cumulative_trapezoid  # here, for it takes long to import
+
         carried, scale = self._tangents.carried_near(self._t[interval.middle]), interval.scale
         x = self._moving[interval.rows]
         both = scale[carried.i] * scale[carried.j]

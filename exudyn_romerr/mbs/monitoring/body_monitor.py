@@ -20,7 +20,8 @@ from .run_succession import Succession
 
 if TYPE_CHECKING:
     from ...offline.prepared import Offline
-    from ...online.run import Extension, Opening
+    from ...online.run import Opening
+    from ...trajectory.samples import Extension
     from ..access.linear_adapter import LinearSubject
     from ..mechanism.enriched_body import EnrichedBody
     from .floating_adapter import MovingSubject
@@ -224,7 +225,6 @@ class Watch:
         else:
             offline = self._offline.from_static() if before.is_static else before.offline
         run = self._kind(offline, self._solver, self.tolerance)
-        run.messages.extend(self.subject.notes)
         if changed:
             run.messages.append("the mbs was changed since the run before: its error so far is not carried over")
         first = self.succession.first_sample(self.subject, before, t, *states)

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from ...estimates.mechanism_feedback import Feedback, Tangent
+from ...estimates.march import Tangent
+from ...estimates.mechanism_feedback import Feedback
+from ...estimates.narrow_marches import NarrowMarches
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
 from ...trajectory.segments import Added
+from ..mechanism.output_estimates import OutputEstimates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from ...estimates.time_step_error import TimeStep
     from ..access.linearisation import Reading, Tangents
     from ..mechanism.enriched_body import EnrichedBody
+    from ..mechanism.step_errors import StepErrors
     from .body_monitor import Watch
 
 PARTS = 16  # tangents to a reading, for inverses of second degree in between
@@ -33,25 +37,52 @@ class Reaction:
     size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are among these.
     """
 
-    def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents):
+    def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents, step_errors: StepErrors):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
+        self._step_errors = step_errors
+        self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
         for body in (watch.enriched for watch in watches):
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
+        self._narrow = NarrowMarches(self._left_out())
+
+    def _left_out(self) -> list[np.ndarray]:
+        """Vectors (size,) without which the prediction is made once more: to check it, and with rigid interfaces."""
+        checked, rigid = np.zeros((2, self.size), dtype=bool)
+        for body, own in self.parts:
+            checked[own], rigid[own] = ~body.first, ~body.keeps
+        return [checked, rigid][: len(self.parts) and 1 + rigid.any()]
+
+    @property
+    def time_step(self) -> TimeStep | None:
+        """Error by time steps of all coordinates, at the rows of the last call of open or advance, or None."""
+        return self._step_errors.found
+
+    def time_step_of(self, i: int) -> TimeStep | None:
+        """The same of the frame, the modes and the vectors of body i."""
+        if self.time_step is None:
+            return None
+        body, own = self.parts[i]
+        return self.time_step.of(np.concatenate([body.columns, np.arange(own.start, own.stop)]))
 
     def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None) -> None:
-        """Open the companions of runs that have just opened, at the first of the rows of the mbs."""
-        first = [x[:1] for x in rows]
+        """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
+        *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
         if goes_on:
             self._feedback = before._feedback
+            self._narrow.go_on(before._narrow)
+            self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             t = float(first[0][0])
             tangent = _Extended([reading for reading in self._tangents.readings if reading.t <= t][-1:], self)[0]
             samples = [watch.sampled(*first) for watch in self._watches]
-            self._feedback.start(tangent, self._forces(samples)[0], self._forces_at_rest(), t)
+            start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
+            self._feedback.start(*start, t)
+            self._narrow.start(*start)
+            self._step_errors.open(self.size, (*first, multipliers), None)
         e = self._feedback.state[:, None]
         runs, openings = [], []
         for watch, (body, own) in zip(self._watches, self.parts, strict=True):
@@ -69,17 +100,23 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
-            if self._tangents.redundant:
-                watch.note(
-                    f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"
-                )
+        self._take_errors(first, e, self._narrow.states[:, :, None])
+        if self._tangents.redundant:
+            self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
+        self._say(self._step_errors.notes)
 
-    def advance(self, rows: tuple[np.ndarray, ...]) -> None:
-        """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates)."""
-        extended = _Extended(self._tangents.readings, self)
-        forces = self._forces([watch.rows[1:] for watch in self._watches])
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__)
+    def advance(self, rows: tuple[np.ndarray, ...], mbs: Any) -> None:
+        """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates), multipliers (S, ...)."""
+        extended, steps = _Extended(self._tangents.readings, self), self._step_errors
+        steps.begin(mbs, rows)
+        *rows, _ = rows
+        forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
+        self._narrow.begin(forces)
+        others = [steps.go, self._narrow.go]
+        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others)
+        steps.finish()
         self._tangents.forget()
+        self._say(steps.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
         for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
             sample = body.sampler(rows[0], *self._states(body, own, rows[1:], e))
@@ -88,26 +125,44 @@ class Reaction:
             for block, _ in extension.segments.values():
                 block.added = self._added(body, own, e, speed)._replace(veer=veer)
             extensions.append(extension)
-        join_extensions(runs, extensions)
+        if extensions:
+            join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
+        self._take_errors(rows, e, self._narrow.found())
 
-    def _forces(self, samples: Sequence[tuple]) -> np.ndarray:
-        """-P^T R (S, all coordinates) of the reduced bodies, from samples q, q_t, q_tt, u, frame of each."""
-        forces = np.zeros((len(samples[0][0]), self.size))
+    def _take_errors(self, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
+        """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
+        t, *states = rows
+        for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
+            here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
+            outputs.take_basis(watch.run, t, here, *moved)
+            if (step := self.time_step_of(i)) is not None:
+                outputs.take_time_step(watch.run, here, step)
+
+    def _say(self, notes: list[str]) -> None:
+        """Say it once, in the reports of all bodies."""
+        for note in notes:
+            for watch in self._watches:
+                watch.note(note)
+        notes.clear()
+
+    def _forces(self, samples: Sequence[tuple], count: int) -> np.ndarray:
+        """-P^T R (S, all coordinates) of the reduced bodies, from S samples q, q_t, q_tt, u, frame of each."""
+        forces = np.zeros((count, self.size))
         for (body, own), sample in zip(self.parts, samples, strict=True):
             forces[:, own] = body.forces(*sample[:4])
         return forces
 
     def _forces_at_rest(self) -> np.ndarray | None:
         """The same in the equilibrium that the full bodies start in; None if they start as the reduced ones."""
-        if any(watch.opening.rest is None for watch in self._watches):
+        if not self._watches or any(watch.opening.rest is None for watch in self._watches):
             return None
         samples = []
         for opening in (watch.opening for watch in self._watches):
             none = np.zeros_like(opening.first.q)
             samples.append((opening.first.q, none, none, opening.rest[None]))
-        return self._forces(samples)[0]
+        return self._forces(samples, 1)[0]
 
     @staticmethod
     def _added(body: EnrichedBody, own: slice, e: np.ndarray, speed: np.ndarray) -> Added:
@@ -141,6 +196,8 @@ class _Extended:
         self.t = np.sort(np.concatenate([times, *between]))
         self._spline, self._turning = _held(whole[0]), _held(readings[0].C)
         if len(times) > 1:
+            from scipy.interpolate import CubicHermiteSpline, CubicSpline  # here, for it takes long to import
+
             self._spline = CubicSpline(times, whole)
             # rates of the motion itself: where pieces of splines meet, C would have a kink
             C, C_t = (np.array([getattr(reading, name) for reading in readings]) for name in ("C", "C_t"))

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...basis.basis import Basis
-from ...model.body import ElasticBody
 from ...model.floating_frame import FramePose, Jitter, translations
+from ...model.shared_body import shared_body
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...report.scope import COMPLETE, FULL_MODEL, Scene
@@ -32,6 +32,7 @@ from ..mechanism.enriched_body import EnrichedBody
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
+    from ...model.body import ElasticBody
     from ...model.outputs import Output
     from ...offline.prepared import Offline
     from ...trajectory.driven_inputs import Inputs
@@ -51,7 +52,6 @@ class MovingSubject:
     def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str):
         self.item, self._flex, self._options = flex.number, flex, options
         self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
-        self.notes: tuple[str, ...] = ()  # what the reader of a report must know of its outputs
         self._wanted = Wanted(scope, options)
         self._use(options.outputs or ())
         self.enriched: EnrichedBody | None = None
@@ -111,14 +111,11 @@ class MovingSubject:
         self._use([*self._options.outputs, *outputs])
 
     def _find_scope(self, mbs: Any, *scene: Any) -> Found:
-        """Return the scope; where no outputs were asked for, choose those that the sensors show."""
+        """Return the scope; where no outputs were asked for, take those that the sensors show."""
         if not self._by_sensors:
             return find_scope(mbs, self._wanted, *scene)
-        seen = body_sensors(mbs, self._flex)
-        framed = seen.in_the_frame()
-        scope = find_scope(mbs, replace(self._wanted, options=self._options_with(framed)), *scene)
-        sensors = seen if scope.name == COMPLETE else framed
-        self.notes = sensors.notes
+        scope, sensors = find_scope(mbs, self._wanted, *scene), body_sensors(mbs, self._flex)
+        sensors = sensors if scope.name == COMPLETE else sensors.in_the_frame_too()
         if sensors != self._sensors:
             options, self._sensors = self._options_with(sensors), sensors
             self._use(options.outputs)
@@ -162,19 +159,10 @@ class MovingSubject:
         return self._sampler(t, *states)
 
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
-        body, flex = self._body, self._flex
-        key = (model.rayleigh, reference.source, reference.fixed, reference.rigid)
-        if body is None or self._body_key != key:
-            self._body = ElasticBody(
-                flex.mass,
-                flex.stiffness,
-                rayleigh=model.rayleigh,
-                fixed=reference.fixed,
-                positions=flex.positions,
-                reference=reference.conditions,
-                rigid=reference.rigid,
-            )
-            self._body_key = key
+        flex, held = self._flex, (model.rayleigh, reference.fixed, reference.rigid)
+        if self._body is None or self._body_key != (reference.source, *held):
+            self._body = shared_body(flex.mass, flex.stiffness, flex.positions, *held, reference.conditions)
+            self._body_key = (reference.source, *held)
         return self._body
 
     def _prepare(self, body: ElasticBody, model: ReducedMatrices, terms: InputTerms, scene: Scene) -> Offline:

@@ -8,14 +8,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError, InputError, RunError
-from ...estimates.mechanism_feedback import Feedback, Scheme
+from ...estimates.march import Scheme
+from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import join_extensions, joined_openings
 from ..access.linearisation import Tangents
 from ..mechanism.late_readings import LateReadings
+from ..mechanism.step_errors import StepErrors
+from ..mechanism.stored_residuals import StoredResiduals
 from .feedback_runs import Reaction
 
 if TYPE_CHECKING:
     from .body_monitor import Watch
+
+# Exudyn holds rates of constraints with the trapezoidal rule only, which here, where their positions are held, rings
+DAMPED = 0.8
+
+
+def scheme_of(solver: Any) -> Scheme:
+    """Return the parameters of a running solver."""
+    return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
 
 
 class Mechanism:
@@ -33,6 +44,7 @@ class Mechanism:
         self._coupled: list[Watch] = []
         self._reaction: Reaction | None = None
         self._failure: Exception | None = None  # of the tangent
+        self._at_hand: tuple = (None, None)  # while rows are evaluated: the mbs, their multipliers
 
     def begin(self, mbs: Any) -> None:
         """A solve begins, and the watches have read the mbs."""
@@ -55,6 +67,15 @@ class Mechanism:
     def _has_failed(self) -> bool:
         """Whether coupled bounds have ended in this solve."""
         return self._failure is not None or any(watch.error for watch in self._coupled)
+
+    def evaluate(self, mbs: Any, *rows: np.ndarray) -> None:
+        """Evaluate accepted steps: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
+        self.read_late(mbs, *rows)
+        self._at_hand = mbs, rows[-1]
+        try:
+            self.take(*rows[:-1])
+        finally:
+            self._at_hand = None, None
 
     def read_late(self, mbs: Any, t: np.ndarray, *states: np.ndarray) -> None:
         """Read the tangents that stored steps need: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
@@ -116,9 +137,13 @@ class Mechanism:
                 raise AssumptionError(
                     "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
                 )
-            scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
-            self.tangents = Tangents(mbs, mbs.sys["simulationSettings"].parallel.numberOfThreads)
-            self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents)
+            settings = mbs.sys["simulationSettings"]
+            self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
+            residuals = StoredResiduals(self.tangents, mbs) if self._coupled[0].enriched.midpoint_residual else None
+            holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
+            scheme = Scheme.of_radius(DAMPED) if holds_rates else scheme_of(solver)
+            steps = StepErrors(self.tangents, residuals, holds_rates)
+            self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents, steps)
 
     def _join_openings(self) -> None:
         if self._opens:
@@ -135,7 +160,7 @@ class Mechanism:
         if self._reaction is not None and self._opens:
             if not self.tangents.readings:
                 raise RunError("the solve was interrupted before anything was bounded; solve again")
-            self._reaction.open(rows, self._before)
+            self._reaction.open(self._with_multipliers(rows), self._before)
             self._before = None
 
     def _join_extensions(self) -> None:
@@ -146,7 +171,13 @@ class Mechanism:
     def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
         first = int(self._opens)
         if self._reaction is not None and all(watch.extension is not None for watch in self._coupled):
-            self._reaction.advance(tuple(x[first:].copy() for x in rows))
+            rows = self._with_multipliers(rows)
+            self._reaction.advance(tuple(x[first:].copy() for x in rows), self._at_hand[0])
+
+    def _with_multipliers(self, rows: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+        """The rows, which may be the first of those at hand."""
+        multipliers = self._at_hand[1]
+        return *rows, np.zeros((len(rows[0]), 0)) if multipliers is None else multipliers[: len(rows[0])]
 
     def _together(self, work: Callable, *arguments: Any) -> None:
         """Do what concerns all coupled bodies; an error is one of all of them."""

@@ -146,6 +146,7 @@ def attach(
     kernels: str = "certified",
     time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
+    midpoint_residual: bool = True,
     scope: str = "auto",
 ) -> Monitor:
     """Bound the error of a reduced body in every following solve of its mbs.
@@ -160,24 +161,29 @@ def attach(
         From add_reduced_body or floating_body.
     outputs : sequence of Output or sensor numbers, optional
         Sensors on mesh nodes of a floating body; they give their output its name. Default: all of displacement,
-        position or velocity that are there when a solve begins, in a mechanism as the body's frame sees them.
+        position or velocity that are there when a solve begins; in a mechanism, beside those in global axes, "NAME in
+        the frame", which have a bound.
     initial : None, ((N,), (N,)) or "equilibrium"
         State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
     jumps : sequence of float
         Times in s at which the inputs jump.
     tolerance : dict or float, optional
         Output name -> value in the output's unit (a float if there is one output). The best bound is
-        compared with it at every step; when it is exceeded the solve is stopped, and the report says when.
+        compared with it at every step; when it is exceeded the solve is stopped, and the report says when. One on an
+        output in global axes of a mechanism asks for the scope "inputs frozen", which alone has a bound for it.
     hook : callable, optional
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
         vectors made for the body ("auto": 20), and bounds are of the reduction error, whatever time says.
+    midpoint_residual : bool
+        Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
+        samples: Exudyn's equations are evaluated in the middle of every step.
     scope : {"auto", "coupled (linearised)", "inputs frozen"}
         What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
-        that can be had (all flexible bodies attached, outputs in the body's frame, nothing that switches), else, and
-        with "inputs frozen", the error under the loads, wrenches and frame motion of the reduced simulation. The
-        report says which, and why.
+        that can be had (all flexible bodies attached, nothing that switches), else, and with "inputs frozen", the
+        error under the loads, wrenches and frame motion of the reduced simulation. The report says which, and why.
+        Outputs in global axes have a bound in the latter, in the former an estimate of their error.
 
     Returns
     -------
@@ -206,9 +212,12 @@ def attach(
         kernels=kernels,
         time=time,
         auxiliary_modes=auxiliary_modes,
-        live=tolerance is not None,
+        midpoint_residual=midpoint_residual,
+        tolerance=tolerance,
     )
     check_choice("scope", scope, ASKABLE)
+    if not isinstance(midpoint_residual, bool):
+        raise InputError(f"midpoint_residual={midpoint_residual!r}; needed: True or False")
     subject = make_subject(mbs, flex, options, scope)
     watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in subject.outputs]))
     return Monitor(mbs, shared_hook(mbs, hook, watch), watch)

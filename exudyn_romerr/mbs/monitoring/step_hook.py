@@ -95,8 +95,7 @@ class StepHook:
             if not rows:
                 return
             with self._run_goes_on():
-                self._mechanism.read_late(self._mbs(), *rows, multipliers)
-                self._mechanism.take(*rows)
+                self._mechanism.evaluate(self._mbs(), *rows, multipliers)
                 if self._verbose:
                     exu.Print(live_line(self.watches, rows[0][-1]))
             for watch in self.watches:

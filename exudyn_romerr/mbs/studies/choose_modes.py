@@ -7,20 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...checks import check_count
+from ...checks import check_choice, check_count
 from ...errors import InputError
-from ...mode_selection.modal_forecast import Ladder, fewest_modes, forecasts
+from ...mode_selection.modal_forecast import BOUND, BY, Ladder, fewest_modes, forecasts
 from ...mode_selection.mode_choice import (
     SECOND_ORDER,
-    STEP,
     ModeChoice,
-    TriedRun,
     fewest_without_slack,
-    outputs_of,
     slack_between,
     smallest_basis,
     stricter_tolerances,
 )
+from ...mode_selection.tried_run import STEP, TriedRun, outputs_of
 from ...progress import progress
 from ..monitoring.requests import checked_tolerance
 from .scene_run import Trial, build_trial, same_times
@@ -44,6 +42,7 @@ def choose_modes(
     kinds: Sequence[str] = (),
     first: int | None = None,
     most: int = 32,
+    by: str = BOUND,
 ) -> ModeChoice:
     """Find the smallest basis with max_t bound(t) <= tolerance for every output, in at most four simulations.
 
@@ -68,6 +67,8 @@ def choose_modes(
         Kinds of bases to choose from, such as ("RBE2", "RBE3"); of equal n the first one.
     first, most : int
         Modes of the first simulation (default: 4), and how many there may be.
+    by : "bound" or "estimate"
+        What decides. "estimate": max_t (|estimate| + uncertainty) <= tolerance, no proof; `.met` stays with bounds.
 
     Returns
     -------
@@ -89,7 +90,8 @@ def choose_modes(
     """
     most = check_count("most", most, MOST_MODES, "modes")
     first = check_count("first", min(FIRST, most) if first is None else first, most, "modes, up to most", least=0)
-    search = _Search(build, (tolerance, relative), pick, _checked_kinds(kinds), most)
+    check_choice("by", by, BY)
+    search = _Search(build, (tolerance, relative), pick, _checked_kinds(kinds), most, by)
     for kind in search.kinds:
         search.run(tuple(range(first)), kind)
     for basis in progress(search.bases(), "choose_modes: further simulations", RUNS - len(search.tried)):
@@ -108,8 +110,8 @@ def _checked_kinds(kinds: Any) -> tuple:
 class _Search:
     """The runs so far, and which one is next."""
 
-    def __init__(self, build: Callable, tolerance: tuple[Any, bool], pick: bool, kinds: tuple, most: int):
-        self._build, (self._tolerance, self._relative), self._pick = build, tolerance, pick
+    def __init__(self, build: Callable, tolerance: tuple[Any, bool], pick: bool, kinds: tuple, most: int, by: str):
+        self._build, (self._tolerance, self._relative), self._pick, self._by = build, tolerance, pick, by
         self.kinds, self._all = kinds, tuple(range(most))
         self.tried: list[TriedRun] = []
         self._failed: str | None = None
@@ -152,14 +154,16 @@ class _Search:
             monitor.subject.add(ladder.internal_outputs(monitor.subject.outputs))
         reports, forecast = trial.solve(), {}
         for monitor, report, ladder in zip(trial.monitors, reports, ladders, strict=True):
-            forecast |= forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, modes)
+            forecast |= forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, modes, self._by)
         outputs = outputs_of(reports)
         scale = {name: float(np.max(np.abs(outputs[name].value))) if self._relative else 1.0 for name in self._limits}
         if 0 in scale.values():
             zero = [name for name, size in scale.items() if not size]
             raise InputError(f"output {zero[0]!r} stays zero; relative=True has nothing to refer to, leave it out")
         tolerance = {name: limit * scale[name] for name, limit in self._limits.items()}
-        self.tried.append(TriedRun(modes, kind, tolerance, reports, forecast, self._pick))
+        for name, limit in tolerance.items():
+            outputs[name].tolerance = limit  # what the advice of its report is about
+        self.tried.append(TriedRun(modes, kind, tolerance, reports, forecast, self._pick, self._by))
 
     def next_basis(self) -> tuple[tuple[int, ...], str | None] | None:
         """Return the smallest basis that may be enough and was not tried; None if there is none."""
@@ -185,8 +189,8 @@ class _Search:
             enough = fewest_modes(latest.forecast, stricter_tolerances(latest, runs))
             return fewest_without_slack(latest) if enough is None and len(runs) == 1 else enough
         below = len(self._all) + 1 if met is None else met.n
-        above = max((run.n for run in runs if not run.met and run.n < below), default=self._least(kind) - 1)
-        if met is not None and not runs[-1].met:  # a forecast was wrong: halve what is left
+        above = max((run.n for run in runs if not run.is_enough and run.n < below), default=self._least(kind) - 1)
+        if met is not None and not runs[-1].is_enough:  # a forecast was wrong: halve what is left
             above = max(above, (above + below) // 2 - 1)
         first = [self._all[:n] for n in range(above + 1, below)]
         known = next((modes for modes in first if latest.would_meet(modes, slack_between(runs, len(modes)))), None)
@@ -208,7 +212,7 @@ class _Search:
     def choice(self) -> ModeChoice:
         """Return what was found."""
         chosen = smallest_basis(self.tried) or self._closest()
-        left = len(self.tried) < RUNS and chosen.met and chosen.reports[0].time == "sampled"
+        left = len(self.tried) < RUNS and chosen.is_enough and not chosen.covers_steps
         return ModeChoice(chosen, tuple(self.tried), self._step_error(chosen) if left else None, self._failed)
 
     def _step_error(self, chosen: TriedRun) -> dict[str, float] | None:

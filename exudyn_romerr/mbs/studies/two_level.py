@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...checks import check_count
+from ...checks import check_choice, check_count
 from ...errors import InputError
-from ...mode_selection.mode_choice import outputs_of
+from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
+from ...mode_selection.tried_run import outputs_of
+from ...report.estimate_wording import RESOLVED, estimated_kind
 from ...report.scope import COUPLED, FROZEN
-from ...report.wording import NOT_THE_MECHANISM, rounded_up, widest_scope
+from ...report.wording import NOT_THE_MECHANISM, error_kind, rounded_up, widest_scope
 from .scene_run import build_trial, same_times
 
 if TYPE_CHECKING:
@@ -27,7 +29,10 @@ class LevelOutput:
     """One output of the coarse run.
 
     value : (T, r). difference : (T, r), the fine run's value less this. bound : (T, r) of this run's error: size of
-    the difference plus the fine run's own bound. scope : of that.
+    the difference plus the fine run's own bound. scope : of that. estimate : (T, r) of this run's error: the
+    difference plus the fine run's own estimate; uncertainty : (T, r), that one's; None if the fine run has none. by :
+    what is printed, "bound" or "estimate" beside it. kinds : what bound and estimate are of, "error" or "reduction
+    error".
     """
 
     name: str
@@ -36,14 +41,30 @@ class LevelOutput:
     difference: np.ndarray
     bound: np.ndarray
     scope: str
+    estimate: np.ndarray | None
+    uncertainty: np.ndarray | None
+    by: str
+    kinds: tuple[str, str]
 
     def __str__(self) -> str:
         largest, apart, bound = (np.max(np.abs(x)) for x in (self.value, self.difference, self.bound))
         text = f"{self.name}: up to {largest:.4g} {self.unit}, {apart:.3g} {self.unit} from the finer run"
-        most = f"at most {rounded_up(bound)} {self.unit}"
+        most = f"{', to first order,' if self.scope == COUPLED else ''} at most {rounded_up(bound)} {self.unit}"
+        said = f"{self.kinds[0]}{most}"
+        if self.by == ESTIMATE:
+            said = f"{self.kinds[1]} {self._about()}, {said if len(set(self.kinds)) > 1 else most.lstrip(', ')}"
         if self.scope == FROZEN:
-            return f"{text}; if the finer run's inputs were the truth's, error {most} ({NOT_THE_MECHANISM})"
-        return f"{text}, error, to first order, {most}" if self.scope == COUPLED else f"{text}, error {most}"
+            return f"{text}; if the finer run's inputs were the truth's, {said} ({NOT_THE_MECHANISM})"
+        return f"{text}, {said}"
+
+    def _about(self) -> str:
+        """How wrong the coarse run is, as far as the finer run's estimate can tell."""
+        if self.estimate is None:
+            return "not estimated"
+        size, half = (np.max(np.abs(x)) for x in (self.estimate, self.uncertainty))
+        if half > RESOLVED * size:
+            return f"about {np.max(np.abs(self.estimate) + self.uncertainty):.2g} {self.unit} or less"
+        return f"about {size:.3g} +- {rounded_up(half, 1)} {self.unit}"
 
 
 @dataclass(frozen=True)
@@ -72,7 +93,7 @@ class TwoLevel:
         return "\n".join([head, *map(str, self.outputs.values())])
 
 
-def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
+def two_level(build: Callable[[int], tuple], n: int, m: int, *, by: str = BOUND) -> TwoLevel:
     """Run a scene with n and with n + m modes, and bound the coarse run by way of the fine one.
 
         |true - coarse| <= |fine - coarse| + bound of the fine run
@@ -86,6 +107,9 @@ def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
         Outputs have the same names in both, and differ from monitor to monitor.
     n, m : int
         Modes of the coarse run, and how many more the fine one has.
+    by : "bound" or "estimate"
+        What is printed: the bound alone, or beside it what the coarse run's error is about: fine - coarse + estimate
+        of the fine run, within about that one's uncertainty; no proof.
 
     Returns
     -------
@@ -102,6 +126,7 @@ def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
     -----
     Source: docs/theory.md, mechanisms. Does not cover: more than the scope of the fine run's bound says.
     """
+    check_choice("by", by, BY)
     n = check_count("n", n, NO_LIMIT, "modes", least=0)
     modes = n, n + check_count("m", m, NO_LIMIT, "modes")
     coarse, fine = (build_trial(build, count).solve() for count in modes)
@@ -116,13 +141,15 @@ def two_level(build: Callable[[int], tuple], n: int, m: int) -> TwoLevel:
         raise InputError(
             f"outputs of n = {modes[0]} are {list(found)}, of n = {modes[1]} {list(finer)}; give both the same"
         )
-    covers = {name: widest_scope(report.scope) for report in fine for name in report.outputs}
-    outputs = {name: _level(out, finer[name], covers[name]) for name, out in found.items()}
+    covers = {name: (widest_scope(report.scope), report.time) for report in fine for name in report.outputs}
+    outputs = {name: _level(out, finer[name], *covers[name], by) for name, out in found.items()}
     scopes = {scope for report in fine for scope in report.scope.values()}
     return TwoLevel(modes, t, outputs, coarse, fine, ", ".join(sorted(scopes)))
 
 
-def _level(coarse: Any, fine: Any, scope: str) -> LevelOutput:
+def _level(coarse: Any, fine: Any, scope: str, time: str, by: str) -> LevelOutput:
     difference = fine.value - coarse.value
     bound = np.abs(difference) + fine.bound["best"]
-    return LevelOutput(coarse.name, coarse.unit, coarse.value, difference, bound, scope)
+    estimate = None if fine.estimate is None else difference + fine.estimate
+    known = (coarse.name, coarse.unit, coarse.value, difference, bound, scope)
+    return LevelOutput(*known, estimate, fine.uncertainty, by, (error_kind(time), estimated_kind(fine, time)))

@@ -7,6 +7,7 @@ import io
 from itertools import count
 from typing import TYPE_CHECKING
 
+from ..estimate_wording import estimated_under
 from ..wording import under
 from .atomic_write import write_whole
 
@@ -32,9 +33,12 @@ def columns(report: ReportData) -> dict[str, np.ndarray]:
     dict
         Name -> (T,). "t [s]" ("load factor" of a static solve); then for every row of every output, here tip z in m,
         "tip z [m]", "tip z bound [m]" (the best), "tip z bound auxiliary [m]" (each estimator), "tip z corrected [m]"
-        and "tip z corrected bound [m]" (with auxiliary modes), "tip z round-off [m]", "tip z true error [m]" (if a
-        truth was compared); then "position bound auxiliary" and "velocity bound auxiliary" of |e|_M and |e'|_M. Where
-        the scope is not complete the names of bounds say so: "tip z bound, inputs frozen [m]", or ", to first order".
+        and "tip z corrected bound [m]" (with auxiliary modes), "tip z estimate [m]" and "tip z uncertainty [m]" (its
+        half width) with their parts, such as "tip z estimate basis [m]" and "tip z uncertainty steps [m]" (where an
+        estimate is known), "tip z round-off [m]", "tip z true error [m]" (if a truth was compared); then "position
+        bound auxiliary" and "velocity bound auxiliary" of |e|_M and |e'|_M. Where the scope is not complete the names
+        of bounds say so: "tip z bound, inputs frozen [m]", or ", to first order"; those of estimates only with inputs
+        frozen.
 
     Notes
     -----
@@ -77,6 +81,12 @@ def _series(out: OutputData, scope: dict[str, str]) -> Iterator[tuple[str, np.nd
     if out.corrected is not None:
         yield "corrected", out.corrected
         yield f"corrected bound{under(scope)}", out.corrected_bound
+    if out.estimate is not None:
+        condition = estimated_under(out, scope)
+        yield f"estimate{condition}", out.estimate
+        yield f"uncertainty{condition}", out.uncertainty
+        yield from ((f"estimate {cause}{condition}", x) for cause, x in out.estimate_parts.items())
+        yield from ((f"uncertainty {check}{condition}", x) for check, x in out.uncertainty_parts.items())
     yield "round-off", out.round_off
     if out.error is not None:
         yield "true error", out.error

@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..estimate_wording import estimated_under, known, off_by
 from ..overview import overview
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
 from ..provenance import made_here
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
+from ..verdict import sentence
 from ..wording import (
     advises,
     best_estimator,
@@ -23,7 +25,6 @@ from ..wording import (
     is_uncertified,
     outside,
     rounded_up,
-    sentence,
     under,
 )
 from .atomic_write import write_whole
@@ -45,6 +46,10 @@ TIME_WORDS = {
     "sampled": "The error of the time integration is not covered, nor what the residual does between the samples.",
     "static": "A static solve: there is no time integration.",
 }
+ABOUT = (
+    "An estimate is the error of the reduced output as well as it can be told, with its half width; it is no bound. "
+    "Value + estimate is the best guess of the full model's output."
+)
 NEVER = "Never covered: the finite-element model itself, its mesh, material and linearity."
 RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
 
@@ -125,8 +130,9 @@ def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
         yield f"{said[0].upper()}{said[1:]}."
     if out.error is not None:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
-        yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}."
-        if words_of := outside(out, row):
+        off = "" if out.estimate is None else f"; {off_by(out, row)}"
+        yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}{off}."
+        if words_of := outside(out, row, report.time):
             yield f"{words_of}."
 
 
@@ -135,12 +141,13 @@ def _scope(report: ReportData) -> Iterator[str]:
     yield table("", ("estimator", "scope", "which means", "assumptions"), rows)
     if report.scope_reason:
         yield paragraph(f"Why: {report.scope_reason}.")
-    yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}")
+    has_estimates = any(out.estimate is not None for out in report.outputs.values())
+    yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
 
 def _figures(report: ReportData) -> Iterator[str]:
     for out, row, name in _rows(report):
-        text = f"{name}: signal with its error bound; bounds over time; where the bound comes from"
+        text = f"{name}: signal with its error bound; error over time; where the bound comes from"
         source = _picture(report, out.name, row)
         yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
 
@@ -171,6 +178,10 @@ def _tables(report: ReportData) -> Iterator[str]:
         )
         rows = [_output_row(report, out, row, name, estimators) for out, row, name in _rows(report)]
         yield numbers("Largest bounds of outputs, and when", head, rows)
+    if estimated := [found for found in _rows(report) if known(found[0], found[1]) is not None]:
+        head = ("output", "largest estimate", "half width", "parts", "parts of the half width")
+        rows = [_estimate_row(report, out, row, name) for out, row, name in estimated]
+        yield numbers("Estimates of the error, largest values over time", head, rows)
     divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
     what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
     rows = [
@@ -192,6 +203,16 @@ def _output_row(report: ReportData, out: OutputData, row: int, name: str, estima
     corrected = "" if out.corrected is None else _largest(report, out.corrected_bound[:, row], out.unit)
     values, floor = (f"{np.max(np.abs(x[:, row])):.3g} {out.unit}" for x in (out.value, out.round_off))
     return [name, values, *bounds, corrected, floor]
+
+
+def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> list[str]:
+    parts, checks = (
+        "\n".join(f"{key} {np.max(np.abs(x[:, row])):.3g}" for key, x in found.items())
+        for found in (out.estimate_parts, out.uncertainty_parts)
+    )
+    size, half = np.abs(out.estimate[:, row]), np.max(out.uncertainty[:, row])
+    largest = f"{np.max(size):.3g} {out.unit}\nat {instant(report.time, report.t[np.argmax(size)])}"
+    return [f"{name}{estimated_under(out, report.scope)}", largest, f"{rounded_up(half)} {out.unit}", parts, checks]
 
 
 def _largest(report: ReportData, bound: np.ndarray, unit: str = "") -> str:

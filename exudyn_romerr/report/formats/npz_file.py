@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 # fields of an output that are dicts of arrays, and fields that may be None
 DICTS = ("bound", "reduction_bound", "causes", "effectivity", "estimate_parts", "uncertainty_parts")
-OPTIONAL = ("corrected", "corrected_bound", "estimate", "uncertainty", "error")
+OPTIONAL = ("corrected", "corrected_bound", "estimate", "uncertainty", "estimate_off", "error")
 FORMAT = 2  # of the saved file; a file of another format is refused
 
 
@@ -47,6 +47,7 @@ def _meta(report: ReportData) -> dict:
         "format": FORMAT,
         "outputs": [(out.name, out.unit, out.of) for out in report.outputs.values()],
         "labels": [out.labels for out in report.outputs.values()],
+        "estimate_scopes": [out.estimate_scope for out in report.outputs.values()],
         "tolerances": [out.tolerance for out in report.outputs.values()],
         "made": report.made,
         "scope": report.scope,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...checks import check_count
+from ..estimate_wording import estimated_kind, estimated_under
 from ..wording import at_round_off, error_kind, rounded_up, under
 from .style import (
     CAUSE_STYLES,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from ..data import OutputData, ReportData
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
+GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
 BAR = 12  # points: how wide a band is at a single instant
 
 
@@ -48,14 +50,13 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     """
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
-    _band(ax, t, value, bound, COLOURS["fast"], f"value ± bound{under(report.scope)}, {at_most(bound, out.unit)}")
+    label = f"value ± bound{_of_what(report, out)}{under(report.scope)}, {at_most(bound, out.unit)}"
+    _band(ax, t, value, bound, COLOURS["fast"], label)
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
-    if out.corrected is not None:
-        corrected, bound = out.corrected[:, row], out.corrected_bound[:, row]
-        by = "auxiliary" if "auxiliary" in report.scope else "best"  # coupled, "energy" knows a correction too
-        label = f"corrected ± its bound{under(report.scope, by)}, {at_most(bound, out.unit)}"
-        _band(ax, t, corrected, bound, COLOURS["auxiliary"], label)
-        ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label="corrected output")
+    if (best := _corrected(report, out, row)) is not None:
+        corrected, half, label, name_of_line = best
+        _band(ax, t, corrected, half, COLOURS["auxiliary"], label)
+        ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label=name_of_line)
     if out.error is not None:
         ax.plot(t, value + out.error[:, row], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
     title = f"{out.row_names[row]}: reduced model with its error bound"
@@ -64,15 +65,17 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
 
 
 def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
-    """Draw the bounds of one row of an output by all estimators, and |true error| if one was compared, semilog.
+    """Draw the bounds of one row of an output by all estimators, |estimate| and |true error| if known, semilog.
 
-    Parameters and errors as in draw_signal.
+    The estimate has a band, its half width to both sides. Parameters and errors as in draw_signal.
     """
     out, t = _row_of(report, name, row), report.t
     for place, e in enumerate(e for e in out.bound if e != "best"):
         style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
-        label = f"bound '{e}'{under(report.scope, e)}"
+        label = f"bound '{e}'{_of_what(report, out)}{under(report.scope, e)}"
         log_line(ax, t, out.bound[e][:, row], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
+    if out.estimate is not None:
+        _estimate(ax, report, out, row)
     if out.error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, np.abs(out.error[:, row]), label="|true error|", **style)
@@ -80,8 +83,8 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         label = "rounding of the input: nothing below is known"
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
-    title = f"{out.row_names[row]}: bounds of its error"
-    ylabel = f"{error_kind(report.time)} of {out.row_names[row]} / {out.unit}"
+    title = f"{out.row_names[row]}: bounds{'' if out.estimate is None else ' and estimate'} of its error"
+    ylabel = f"{estimated_kind(out, report.time)} of {out.row_names[row]} / {out.unit}"
     ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)
     finish(ax)
 
@@ -119,6 +122,40 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     finish(ax)
 
 
+def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
+    """Best guess of the full model's output, half width, labels; the corrected output where that is proved."""
+    if out.estimate is not None and set(out.uncertainty_parts) != {"proved"}:
+        half = out.uncertainty[:, row]
+        within = f"half width{estimated_under(out, report.scope)}, {at_most(half, out.unit, 'up to')}"
+        return out.value[:, row] + out.estimate[:, row], half, f"value + estimate ± {within}", "value + estimate"
+    if out.corrected is None:
+        return None
+    bound = out.corrected_bound[:, row]
+    by = "auxiliary" if "auxiliary" in report.scope else "best"  # coupled, "energy" knows a correction too
+    label = f"corrected ± its bound{under(report.scope, by)}, {at_most(bound, out.unit)}"
+    return out.corrected[:, row], bound, label, "corrected output"
+
+
+def _estimate(ax: Any, report: ReportData, out: OutputData, row: int) -> None:
+    """|estimate| as a dashed line in a band, which ends where the smallest of them is: a logarithm has no zero."""
+    size, half, t = np.abs(out.estimate[:, row]), out.uncertainty[:, row], report.t
+    style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
+    style["zorder"] = 2.5  # above the other lines
+    log_line(ax, t, size, label=f"|estimate|{estimated_under(out, report.scope)}", **style)
+    known = np.isfinite(half) & (size + half > 0)
+    if known.any():
+        high = np.where(known, size + half, 1.0)
+        low = np.maximum(size - half, min(np.min(high[known]), np.min(size, where=size > 0, initial=np.inf)))
+        style = {"facecolor": COLOURS["estimate"], "alpha": 0.25, "linewidth": 0}
+        _fill(ax, t, np.where(known, low, 1.0), high, known, label="half width of the estimate", **style)
+
+
+def _of_what(report: ReportData, out: OutputData) -> str:
+    """What a bound bounds, where the estimate beside it is of more."""
+    kind = error_kind(report.time)
+    return "" if kind == estimated_kind(out, report.time) else f" of the {kind}"
+
+
 def _row_of(report: ReportData, name: str, row: int) -> OutputData:
     out = report.output(name)
     check_count(f"row of output {name!r}", row, out.value.shape[1] - 1, "its rows, from 0", least=0)
@@ -133,10 +170,10 @@ def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour:
     mark_edges(ax, t, np.where(known, 1.0, np.inf), colour)
 
 
-def at_most(bound: np.ndarray, unit: str) -> str:
-    """Return the largest bound in words."""
+def at_most(bound: np.ndarray, unit: str, words: str = "at most") -> str:
+    """Return the largest bound in words; half widths of estimates are "up to"."""
     finite = bound[np.isfinite(bound)]
-    largest = f"at most {rounded_up(np.max(finite), 2)} {unit}" if finite.size else "nowhere finite"
+    largest = f"{words} {rounded_up(np.max(finite), 2)} {unit}" if finite.size else "nowhere finite"
     return largest if finite.size in (0, bound.size) else f"{largest} where finite"
 
 

@@ -19,6 +19,7 @@ LETTERS = 10  # points
 COLOURS = {
     "value": "#000000",
     "error": "#D55E00",
+    "estimate": "#000000",
     "state-space": "#999999",
     "fast": "#56B4E9",
     "convolution": "#0072B2",

@@ -27,7 +27,7 @@ def running(scene, at):
     def hook(mbs, t):
         if t >= at and not found:
             tangents.read(mbs, t)
-            exudyns = tangents._jacobian(mbs, -1.0, 0.0, 1)
+            exudyns = tangents.equations.jacobian(mbs, -1.0, 0.0, 1)
             found.extend([tangents, exudyns, *differences(mbs, tangents)])
         return True
 
@@ -37,15 +37,13 @@ def running(scene, at):
 
 
 def differences(mbs, tangents):
-    system, solver = mbs.systemData, tangents._solver
+    system, equations = mbs.systemData, tangents.equations
     q, q_tt, multipliers = system.GetODE2Coordinates(), system.GetODE2Coordinates_tt(), system.GetAECoordinates()
 
     def left(moved):
         system.SetODE2Coordinates(moved)
-        solver.ComputeODE2RHS(mbs)
-        forces = solver.GetSystemResidual()[: len(q)].copy()
-        carried = tangents._mass(mbs) @ q_tt + tangents._all_constraints(mbs).T @ multipliers
-        return np.array([carried - forces, carried])
+        carried = equations.mass(mbs) @ q_tt + equations.constraints(mbs).T @ multipliers
+        return np.array([equations.residual(mbs), carried])
 
     columns = [(left(q + step) - left(q - step)) / (2 * STEP) for step in STEP * np.eye(len(q))]
     system.SetODE2Coordinates(q)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
+from exudyn_romerr.mbs.access import load_functions
 from exudyn_romerr.mbs.access.user_memory import memory_kept
 from tests.helpers.mechanism_runs import FROZEN, STEP, add_load, pendulum, reports, solve, watch
 
@@ -231,3 +232,24 @@ def test_memory_is_put_back_in_place():
     assert array.tolist() == [0.0, 0.0]
     assert owner.seen == []
     assert not vars(write)
+
+
+def test_loads_are_tried_together_and_told_apart(monkeypatch):
+    """Where all are functions of time alone, what they keep is looked at once, not once for each load."""
+    scene, looks = pendulum(0, steps=1), []
+
+    def looked(*arguments):
+        looks.append(len(arguments[1]))
+        return memory_kept(*arguments)
+
+    monkeypatch.setattr(load_functions, "memory_kept", looked)
+    add_load(scene, loadVectorUserFunction=lambda mbs, t, vector: [0.0, t, 0.0], name="ramp")
+    numbers = load_functions.loads_with_functions(scene.mbs)
+    scene.mbs.Assemble()
+    assert load_functions.controllers(scene.mbs, numbers) == {}
+    assert looks == [len(numbers)]
+    assert len(numbers) > 1
+    add_load(scene, loadVectorUserFunction=counting(scene), name="motor")
+    scene.mbs.Assemble()
+    numbers = load_functions.loads_with_functions(scene.mbs)
+    assert load_functions.controllers(scene.mbs, numbers) == {numbers[-1]: f"load {numbers[-1]} (motor)"}

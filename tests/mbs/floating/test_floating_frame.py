@@ -294,7 +294,7 @@ def sensed(name):
                 if kind == "node"
                 else itemInterface.SensorMarker(markerNumber=markers[kind], **common)
             )
-    monitor = watched(scene, outputs=sensors.values())
+    monitor = watched(scene, outputs=sensors.values(), scope="inputs frozen")
     scene.mbs.Assemble()
     scene.mbs.SolveDynamic(simulation)
     stored = {key: scene.mbs.GetSensorStoredData(number)[:, 1:] for key, number in sensors.items()}

@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 
 from exudyn_romerr import AssumptionError
 from exudyn_romerr.basis.enrichment import Enrichment
-from exudyn_romerr.estimates import mechanism_feedback as module
-from exudyn_romerr.estimates.mechanism_feedback import Feedback, Scheme, Tangent
+from exudyn_romerr.estimates import track as module
+from exudyn_romerr.estimates.march import Scheme, Tangent
+from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.estimators.coupled_energy import LINEARISED
 from tests.helpers import tolerances as tol
 from tests.mbs.mechanism.test_mechanism_energy import Reduced, norms, scenario, violations
@@ -256,3 +257,29 @@ def test_all_vectors_leave_the_known_error(seed):
 def test_forgetting_a_part_of_what_is_added_is_noticed(seed):
     found = violations(corrected(seed, 100, share=0.9))
     assert {"position", "velocity", "y", "v", "corrected y", "corrected v"} <= set(found)
+
+
+def test_columns_are_marches_of_their_own():
+    """Forces, values of constraints, kicks: the march is linear in each, and columns do not touch one another."""
+    made, t, rng = tangents(9, 5, 2), grid(60), np.random.default_rng(9)
+    times = np.array([tangent.t for tangent in made])
+    moving, force = rng.standard_normal((4, SIZE, 3)), rng.standard_normal((60, SIZE, 3))
+    values, kicks = rng.standard_normal((60, 2, 3)), rng.standard_normal((2, 60, SIZE, 3))
+    marched, alone = [], []
+    last, lasts = moving, [moving[..., j : j + 1] for j in range(3)]
+    first = 0
+    for part, steps in module.Track(scheme(0.8)).steps(t[0], t[1:], times, made.__getitem__):
+        assert part.start == first
+        first = part.stop
+        marched.append(steps.march(last, force[part], values[part], kicks[:, part]))
+        alone.append([])
+        for j in range(3):
+            j = slice(j, j + 1)
+            x = steps.march(lasts[j.start], force[part, :, j], values[part, :, j], kicks[:, part, :, j])
+            alone[-1].append(x)
+            lasts[j.start] = x[-1]
+        last = marched[-1][-1]
+    assert first == 60
+    marched, alone = np.concatenate(marched), np.concatenate([np.concatenate(x, axis=-1) for x in alone])
+    assert off(marched, alone) < tol.MARCHED
+    assert off(np.einsum("ck,skj->scj", made[0].C, marched[:, 0]), values) < tol.MARCHED

@@ -129,7 +129,7 @@ def test_two_levels_bound_the_coarse_run(name):
 
     levels = romerr.two_level(build, 0, 4)
     assert levels.scope == COUPLED
-    assert str(levels).count("from the finer run, error, to first order, at most") == len(levels.outputs)
+    assert str(levels).count("from the finer run, reduction error, to first order, at most") == len(levels.outputs)
     for key, out in levels.outputs.items():
         error = np.abs(truth(name)[key] - out.value)
         assert np.all(error <= out.bound + tol.MECHANISM_NEWTON * np.abs(out.value).max())

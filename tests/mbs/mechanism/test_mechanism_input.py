@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr import AssumptionError, InputError
+import exudyn_romerr as romerr
+from exudyn_romerr import AssumptionError, InputError, attach, floating_body
+from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
 from models import floating, mechanisms
 from tests.helpers.mechanism_runs import (
     BOTH,
@@ -60,13 +62,23 @@ def test_bar_that_is_not_attached_is_refused_where_the_coupled_scope_was_asked_f
     assert type(error) is AssumptionError
 
 
-def test_output_in_global_axes_is_frozen_and_told_what_to_do():
-    assert_frozen(reports(pendulum(), outputs="tip {}"), "'probe'", "frame='body'", "DisplacementLocal")
+def test_tolerance_on_an_output_in_global_axes_asks_for_a_bound():
+    """There is one with frozen inputs alone; inf would stop the solve. A tolerance on another output does not ask."""
+    asked = {"outputs": "tip {}", "tolerance": {"probe": 1.0}}
+    assert_frozen(reports(pendulum(), **asked), "'probe'", "frame='body'", "DisplacementLocal")
+    scene = pendulum()
+    local = romerr.node_displacement("here", node=mechanisms.MIDDLE)
+    seen = romerr.node_displacement("there", node=mechanisms.MIDDLE, frame="global")
+    flex = [floating_body(scene.fem, items) for items in scene.bodies]
+    monitors = [attach(scene.mbs, body, outputs=[local, seen], tolerance={"here": 1.0}) for body in flex]
+    solve(scene)
+    assert ran_to_its_end(scene)
+    assert {scope for monitor in monitors for scope in monitor.report().scope.values()} == {COUPLED}
 
 
 FROZEN_FIRST = {
     "scope": {"scope": FROZEN},
-    "outputs": {"outputs": "tip {}"},
+    "tolerance": {"outputs": "tip {}", "tolerance": 1.0},
     "initial": {"initial": "equilibrium"},
 }
 
@@ -229,3 +241,17 @@ def test_joint_on_nodes_without_static_modes_is_refused(estimators, kind, n, joi
     assert type(error) is AssumptionError
     assert "static modes" in str(error)
     assert f"marker {int(middle)}" in str(error)
+
+
+def test_midpoint_residual_is_yes_or_no():
+    with pytest.raises(InputError, match="midpoint_residual='on'; needed: True or False"):
+        watch(pendulum(), midpoint_residual="on")
+
+
+@pytest.mark.parametrize("midpoint_residual", [False, True])
+def test_loads_between_samples_are_evaluated_where_asked_for(midpoint_residual, monkeypatch):
+    seen = []
+    monkeypatch.setattr(StoredResiduals, "between", lambda self, *rest: seen.append(rest) or (None, None))
+    for report in reports(pendulum(steps=5), estimators="auxiliary", midpoint_residual=midpoint_residual):
+        assert np.isfinite(report.output("probe").bound["auxiliary"]).all()
+    assert bool(seen) == midpoint_residual

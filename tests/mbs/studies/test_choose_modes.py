@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.studies.scene_run import build_trial
+from exudyn_romerr.mbs.studies.scene_run import Trial, build_trial
 from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
-from exudyn_romerr.mode_selection.mode_choice import BASIS, SLACK, STEP
+from exudyn_romerr.mode_selection.tried_run import BASIS, SLACK, STEP
 from models import exact, floating, linkage, mechanism_truths, mechanisms
 from tests.helpers import tolerances as tol
 
@@ -110,8 +110,9 @@ def test_forecast_of_outputs_in_global_axes():
             romerr.node_displacement("mid", node=mechanisms.MIDDLE, frame="global"),
             romerr.node_velocity("speed", node=mechanisms.MIDDLE, frame="global"),
         ]
+        options = {"time": "sampled", "scope": "inputs frozen"}
         flex = romerr.floating_body(scene.fem, scene.items)
-        return scene.mbs, romerr.attach(scene.mbs, flex, outputs=outputs, time="sampled"), scene.settings
+        return scene.mbs, romerr.attach(scene.mbs, flex, outputs=outputs, **options), scene.settings
 
     forecast, _ = forecasts_from(build, 4, 8)
     for n in (0, 1, 2, 6):
@@ -169,6 +170,48 @@ def test_slider_crank_needs_the_modes_that_the_truth_asks_for(share, crank_truth
             assert np.all(error <= out.bound["best"] + tol.MECHANISM_NEWTON * np.abs(out.value).max())
             worst[n] = max(worst[n], error.max() / (share * np.abs(out.value).max()))
     assert worst[choice.n] <= 1 < worst[choice.n - 1]
+
+
+def test_estimate_may_decide_and_met_stays_with_the_bound(monkeypatch):
+    """Bounds a hundred times as large, as where vectors leave much: the estimate decides, and the words say so."""
+    solve = Trial.solve
+
+    def with_loose_bounds(trial):
+        reports = solve(trial)
+        for out in (out for report in reports for out in report.outputs.values()):
+            out.bound = {e: 100 * bound for e, bound in out.bound.items()}
+        return reports
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trial, "solve", with_loose_bounds)
+        choice = romerr.choose_modes(crank, 0.01, relative=True, by="estimate")
+    assert (choice.chosen.is_enough, choice.met, choice.limit) == (True, False, None)
+    assert " is about enough, by the estimate; its bounds are not within the tolerance; " in str(choice)
+    for name, out in choice.reports[0].outputs.items():
+        most = np.max(np.abs(out.estimate) + out.uncertainty)
+        assert most <= choice.chosen.tolerance[name]
+        assert choice.chosen.decisive[name] == pytest.approx(most, rel=tol.SUMS)
+        assert out.tolerance == choice.chosen.tolerance[name]  # its advice is about that
+        out.bound = {e: bound / 100 for e, bound in out.bound.items()}
+    assert choice.met
+    assert " is about enough, by the estimate; its bounds are within the tolerance, too; " in str(choice)
+
+
+def test_what_decides_has_two_names():
+    with pytest.raises(romerr.InputError, match="by='proof' is unknown; allowed: 'bound', 'estimate'"):
+        romerr.choose_modes(crank, 0.01, relative=True, by="proof")
+    with pytest.raises(romerr.InputError, match="by=None is unknown"):
+        romerr.two_level(crank, 0, 4, by=None)
+
+
+def test_two_levels_say_what_the_error_is_about(crank_truth):
+    """The finer run less the coarse one, plus its estimate, is the true error of the coarse one to 5 %."""
+    levels = romerr.two_level(crank, 0, 4, by="estimate")
+    for name, out in levels.outputs.items():
+        error = crank_truth[name] - out.value
+        assert np.max(np.abs(error - out.estimate)) < 0.05 * np.max(np.abs(error))
+        assert f", reduction error about {np.max(np.abs(out.estimate)):.3g} +- " in str(out)
+        assert ", to first order, at most " in str(out)
 
 
 def test_pendulum_needs_the_modes_that_the_truth_asks_for():

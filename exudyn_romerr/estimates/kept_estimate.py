@@ -1,0 +1,66 @@
+"""KeptEstimate: the estimate of all outputs of a body along a run, where a mechanism answers its errors."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..estimators.coupled_energy import LINEARISED
+from ..trajectory.growing_array import GrowingArray
+from .estimate import CAUSES, Estimate
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class KeptEstimate:
+    """Signed parts of the errors of all outputs as shown, and sizes of what checks them: (S, r) at every instant.
+
+    The last instants may be handed over again, with better values. A half width is the largest size since the start:
+    a difference passes zero. Where a check has ended, nothing is known: its half width is inf from there on. Of the
+    largest of each part LINEARISED is what linear equations may have missed.
+    """
+
+    def __init__(self) -> None:
+        self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
+        self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
+        self._before: dict[str, np.ndarray] = {}  # largest (r,) of a run that this one goes on from
+
+    def go_on(self, before: KeptEstimate) -> None:
+        """Begin with the half widths that another run ended with."""
+        self._before = {name: largest[-1] for name, largest in before._largest().items()}
+
+    def put(self, parts: Mapping[str, np.ndarray], sizes: Mapping[str, np.ndarray], replaced: int = 0) -> None:
+        """Add instants: parts by cause and sizes by check, (S, r) each, the first of them in place of the last."""
+        for kept, given in ((self._parts, parts), (self._sizes, sizes)):
+            for name, rows in given.items():
+                kept[name].cut(len(kept[name]) - replaced)
+                kept[name].append(rows)
+
+    def read(self, index: slice) -> Estimate | None:
+        """Return the estimate at some of the instants; None if there is none."""
+        if not self._parts:
+            return None
+        count, largest = max(map(len, self._parts.values())), self._largest()
+        parts = {cause: _filled(kept.read(), count, 0.0)[index] for cause, kept in self._parts.items()}
+        none = np.zeros_like(next(iter(parts.values())))
+        half_widths = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes}
+        predicted = sum(_filled(largest[cause], count, np.inf)[index] for cause in self._parts)
+        return Estimate(
+            {cause: parts.get(cause, none) for cause in CAUSES},
+            half_widths | {"linearisation": LINEARISED * predicted},
+        )
+
+    def _largest(self) -> dict[str, np.ndarray]:
+        """Largest sizes (S, r) since the start, of every part and check."""
+        return {
+            name: np.maximum(np.maximum.accumulate(np.abs(kept.read()), axis=0), self._before.get(name, 0.0))
+            for name, kept in (self._parts | self._sizes).items()
+        }
+
+
+def _filled(rows: np.ndarray, count: int, value: float) -> np.ndarray:
+    """Return a copy of rows (S, r), with more of one value up to so many."""
+    return np.concatenate([rows, np.full((count - len(rows), *rows.shape[1:]), value)])

@@ -1,0 +1,171 @@
+"""March through the linearised equations of a mechanism with generalised-alpha, several right-hand sides at once.
+
+    M e'' + D e' + K e + G^T l = f ,   C e = g      at every sample; e and e' may be moved on the way to it.
+
+What the matrices of all steps need is made in batch and kept, so that passes with other right-hand sides are cheap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """Generalised-alpha: the parameters of the running solver."""
+
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+
+    @classmethod
+    def of_radius(cls, radius: float) -> Scheme:
+        """Of a spectral radius at high frequencies (Chung and Hulbert 1993)."""
+        alpha_m, alpha_f = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
+        gamma = 0.5 + alpha_f - alpha_m
+        return cls(alpha_m, alpha_f, (gamma + 0.5) ** 2 / 4, gamma)
+
+    def mass_and_damping(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Factors of M and D in the matrix of a step, beside K."""
+        return (1 - self.alpha_m) / (self.beta * h**2 * (1 - self.alpha_f)), self.gamma / (h * self.beta)
+
+    def ahead(self, h: np.ndarray) -> np.ndarray:
+        """Map e, e', e'', algorithmic a to what of e, e', a is known of the next sample, (S, 3, 4)."""
+        one, none = np.ones_like(h), np.zeros_like(h)
+        a = np.outer(one, [0.0, 0.0, self.alpha_f, -self.alpha_m]) / (1 - self.alpha_m)
+        e = np.stack([one, h, none, h**2 * (0.5 - self.beta)], axis=1) + (h**2 * self.beta)[:, None] * a
+        e_t = np.stack([none, one, none, h * (1 - self.gamma)], axis=1) + (h * self.gamma)[:, None] * a
+        return np.stack([e, e_t, a], axis=1)
+
+    def next(self, h: np.ndarray) -> np.ndarray:
+        """Map that and the increment z to e, e', e'' and a of the next sample, (S, 4, 4)."""
+        mass, damping = self.mass_and_damping(h)
+        found = np.zeros((len(h), 4, 4))
+        found[:, 0, 0] = found[:, 1, 1] = found[:, 3, 2] = found[:, 0, 3] = 1.0
+        found[:, 1, 3], found[:, 2, 3] = damping, mass
+        found[:, 3, 3] = (1 - self.alpha_f) / (1 - self.alpha_m) * mass
+        return found
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """The linearised equations at time t: M, D, K (k, k), G and C (c, k) of independent constraints; their rates.
+
+    Forces of constraints are G^T l, what they keep zero is C e. C is G but for what the simulation takes it for.
+    """
+
+    t: float
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    G: np.ndarray
+    C: np.ndarray
+    rate: Tangent | None = None
+
+    def write(self, wide: np.ndarray) -> None:
+        """Write [[K, D, M, G^T], [C, 0, 0, 0]]."""
+        _, k = self.G.shape
+        wide[:] = 0.0
+        wide[:k, :k], wide[:k, k : 2 * k], wide[:k, 2 * k : 3 * k], wide[:k, 3 * k :] = (
+            self.K,
+            self.D,
+            self.M,
+            self.G.T,
+        )
+        wide[k:, :k] = self.C
+
+
+class Steps:
+    """Consecutive steps, ready to be marched through; sums of steps are steps, too.
+
+    h (S,) : step sizes. wide, inverses : lists of [[K, D, M, G^T], [C, 0, 0, 0]] at the samples, and of
+    [[mass M + damping D + K, G^T], [C, 0]]^-1, nearly; they hold until Track, which made them, makes the next ones.
+    """
+
+    def __init__(self, scheme: Scheme | None, h: np.ndarray, wide: list[np.ndarray], inverses: list[np.ndarray]):
+        self.scheme, self.h, self.wide, self.inverses = scheme, h, wide, inverses
+
+    @classmethod
+    def none(cls) -> Steps:
+        """No steps: where a sum begins."""
+        return cls(None, np.zeros(0), [], [])
+
+    def __len__(self) -> int:
+        return len(self.h)
+
+    def __add__(self, other: Steps) -> Steps:
+        h = np.concatenate([self.h, other.h])
+        return Steps(other.scheme, h, self.wide + other.wide, self.inverses + other.inverses)
+
+    def __getitem__(self, part: slice) -> Steps:
+        return Steps(self.scheme, self.h[part], self.wide[part], self.inverses[part])
+
+    def kept(self) -> Steps:
+        """The same for longer."""
+        return Steps(self.scheme, self.h, *([X.copy() for X in of] for of in (self.wide, self.inverses)))
+
+    def speed(self, e_t: np.ndarray) -> np.ndarray:
+        """Mass norm (S,) of velocities (S, k) at the samples."""
+        _, k = e_t.shape
+        squares = [v.dot(Q[:k, 2 * k : 3 * k].dot(v)) for v, Q in zip(e_t, self.wide, strict=True)]
+        return np.sqrt(np.maximum(squares, 0.0))
+
+    def pushed(self, force: np.ndarray) -> np.ndarray:
+        """What forces (k, columns) accelerate (k, columns), where the steps begin."""
+        k, Q = len(force), self.wide[0]
+        whole = np.zeros((len(Q), len(Q)))
+        scale = np.abs(np.diag(Q[:k, 2 * k : 3 * k])).max()
+        whole[:k, :k], whole[:k, k:], whole[k:, :k] = Q[:k, 2 * k : 3 * k], scale * Q[:k, 3 * k :], scale * Q[k:, :k]
+        return np.linalg.solve(whole, np.vstack([force, np.zeros((len(Q) - k, force.shape[1]))]))[:k]
+
+    def march(
+        self,
+        moving: np.ndarray,
+        force: np.ndarray | None = None,
+        values: np.ndarray | None = None,
+        kicks: tuple[np.ndarray, np.ndarray] | None = None,
+    ) -> np.ndarray:
+        """Go on from `moving`: e, e', e'' and algorithmic a (4, k, columns); return the same at the samples (S, ...).
+
+        force (S, k, columns), values g (S, c, columns), 0 where None. kicks: two (S, k, columns), what moves e and e'
+        on the way to a sample beside what the scheme does.
+        """
+        S, (_, k, columns) = len(self), moving.shape
+        right = np.zeros((S, len(self.wide[0]) if S else k, columns))
+        if force is not None:
+            right[:, :k] = force
+        if values is not None:
+            right[:, k:] = values
+        return self._marched(moving, right, None if kicks is None else np.stack(kicks, axis=1))
+
+    def _marched(self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None) -> np.ndarray:
+        """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns)."""
+        (S, rows, columns), k, dot = right.shape, moving.shape[1], np.dot
+        ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
+        ahead[1:] = ahead[1:] @ onward[:-1]
+        mass, damping = self.scheme.mass_and_damping(self.h)
+        factors = np.stack([np.ones(S), damping, mass], axis=1)[:, :, None]
+        found, tried = np.empty((S, 4, k * columns)), np.empty((2 * k + rows, columns))
+        known = found[:, :2].reshape(S, 2 * k, columns)
+        kicked = None if kicks is None else kicks.reshape(known.shape)
+        states, free = tried[: 3 * k].reshape(3, -1), tried[3 * k :]
+        last = moving.reshape(4, -1)
+        for i, (step, r, Q, inverse, factor) in enumerate(
+            zip(ahead, right, self.wide, self.inverses, factors, strict=True)
+        ):
+            now = found[i]
+            dot(step, last, out=now[:3])
+            if kicked is not None:
+                known[i] += kicked[i]
+            r -= dot(Q[:, : 2 * k], known[i])
+            z = dot(inverse, r)
+            np.multiply(factor, z[:k].reshape(1, -1), out=states)
+            free[:] = z[k:]
+            r -= dot(Q, tried)
+            z += dot(inverse, r)
+            now[3] = z[:k].ravel()
+            last = now
+        return (onward @ found).reshape(S, 4, k, columns)

@@ -1,0 +1,77 @@
+"""OutputEstimates: from errors of a mechanism's coordinates to those of a body's outputs as they are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...estimates.time_step_error import PROVISIONAL
+
+if TYPE_CHECKING:
+    from ...estimates.time_step_error import TimeStep
+    from ...online.run import Run
+    from .enriched_body import EnrichedBody
+
+States = Sequence[np.ndarray]  # q, q_t, q_tt (S, k + m) of frame, modes and vectors
+
+
+class OutputEstimates:
+    """What moves a body's outputs, instant by instant; its run keeps it.
+
+    Outputs are read in the moved motion and in the computed one, and subtracted: the frame's motion is in what is
+    shown in global axes, its rotation with it. Parameters of a rotation that are off to first order leave their
+    constraint to second order, as what was linearised does.
+    """
+
+    def __init__(self, body: EnrichedBody):
+        self._body = body
+        self._last: States = ()  # computed motion where the time-step error is provisional
+
+    def take_basis(
+        self, run: Run, t: np.ndarray, here: States, moved: States, fewer: States, rigid: States | None = None
+    ) -> None:
+        """Take the computed motion at times t (S,), and where auxiliary vectors move it.
+
+        The static rest -C K^-1 R(u + du) in the frame is part of it. fewer : by so many vectors less that the
+        difference tells how far the prediction can be trusted; rigid : by those that keep interfaces as rigid as the
+        modes make them, None: these make none rigid. What is above the latter is the part "interfaces".
+        """
+        at, base = self._shown(here), self._rows(here)[0]
+        values, frame = self._rows(moved)
+        rest = run.companion.corrections(len(base)) - (values - base)
+        change = self._body.offline.shown(values + rest, frame) - at
+        parts, checks = {"basis": change}, {"vectors": change - (self._completed(t, fewer) - at)}
+        if rigid is not None:
+            parts["basis"] = self._completed(t, rigid, keeps=True) - at
+            parts["interfaces"] = change - parts["basis"]
+        run.estimate.put(parts, checks)
+
+    def _completed(self, t: np.ndarray, states: States, keeps: bool = False) -> np.ndarray:
+        """Outputs as shown in a motion, with its static rest; keeps: the one with rigid interfaces."""
+        values, frame = self._rows(states)
+        return self._body.offline.shown(values + self._body.static_rest(t, states, keeps), frame)
+
+    def take_time_step(self, run: Run, here: States, step: TimeStep) -> None:
+        """Take the computed motion, and what time steps make wrong there and, once more, at some instants before."""
+        here = [np.vstack(pair) for pair in zip(self._last, here, strict=True)] if self._last else here
+        self._last = [states[-PROVISIONAL:] for states in here]
+        here = [states[len(states) - step.x.shape[1] :] for states in here]
+        at = self._shown(here)
+        changes = {
+            name: self._shown([states + dx for states, dx in zip(here, x, strict=True)]) - at
+            for name, x in (("time step", step.x), ("steps", step.x2), ("loads", step.loads))
+            if x is not None
+        }
+        run.estimate.put({"time step": -changes.pop("time step")}, changes, step.replaced)
+
+    def _shown(self, states: States) -> np.ndarray:
+        return self._body.offline.shown(*self._rows(states))
+
+    def _rows(self, states: States) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of outputs (S, R) in the frame, and the motion of the frame (S, 24)."""
+        size = self._body.frame_size
+        frame = self._body.sampler.frame.motion(*(state[:, :size] for state in states))
+        q, q_t = (state[:, size:] for state in states[:2])
+        return self._body.offline.outputs_of(q, q_t), frame.rows()

@@ -1,0 +1,91 @@
+"""StepErrors: the time-step error of a mechanism, from the rows of its run and what Exudyn says between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...errors import AssumptionError
+from ...estimates.march import Steps
+from ...estimates.mechanism_feedback import GROWN
+from ...estimates.time_step_error import TimeStep, TimeStepError
+from ..access.linearisation import Tangents
+from .stored_residuals import StoredResiduals
+
+INCREMENTS = "no estimate of the error by time steps: rotations of Lie group nodes have no rates that are velocities"
+LEFT_OUT = "what loads do between samples is left out of the error by time steps: {}"
+LOST = "the estimate of the error by time steps ends at t = {:g} s: {}"
+TOO_LARGE = "it has grown beyond all numbers"
+
+
+class StepErrors:
+    """Errors by time steps along a run; where they end, the run and its bounds go on.
+
+    residuals : of states between samples, None: they are left out. holds_rates : whether the solver keeps the rates
+    of constraints zero and lets their positions drift (index 2).
+
+    Attributes
+    ----------
+    found : errors at the samples of the last call of open or finish; None where there are none. notes : what is to be
+    said of them, once.
+    """
+
+    def __init__(self, tangents: Tangents, residuals: StoredResiduals | None, holds_rates: bool):
+        self._tangents, self._residuals, self._holds_rates = tangents, residuals, holds_rates
+        self._error: TimeStepError | None = None
+        self.found: TimeStep | None = None
+        self.notes: list[str] = []
+
+    def open(self, size: int, rows: Sequence[np.ndarray], before: StepErrors | None) -> None:
+        """Begin with the first of rows t (1,), q, q_t, q_tt, multipliers, or go on from the run before."""
+        if not self._tangents.differentiable.all():
+            self.notes.append(INCREMENTS)
+            return
+        goes_on = before is not None and before._error is not None
+        self._error = before._error if goes_on else TimeStepError(size, loads=self._residuals is not None)
+        self.found = self._error.open(rows)
+
+    def begin(self, mbs: Any, rows: Sequence[np.ndarray]) -> None:
+        """Take rows that follow; steps are to go through."""
+        self._do(lambda error: self._begin(error, mbs, rows))
+
+    def _begin(self, error: TimeStepError, mbs: Any, rows: Sequence[np.ndarray]) -> None:
+        drifts = self._holds_rates and mbs is not None
+        error.add(rows, self._tangents.drifts(mbs, rows) if drifts else None)
+        error.begin(*self._between(mbs, error))
+
+    def _between(self, mbs: Any, error: TimeStepError) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Residuals between the samples, and how uncertain they are."""
+        if self._residuals is None:
+            return None, None
+        found = self._residuals.between(mbs, error.rows, error.first, error.defects[1])
+        if self._residuals.failure:
+            self.notes.append(LEFT_OUT.format(self._residuals.failure))
+            self._residuals = None
+        return found
+
+    def go(self, steps: Steps) -> None:
+        """Go through the next steps."""
+        self._do(lambda error: error.go(steps))
+
+    def finish(self) -> None:
+        """All steps were gone through."""
+        self._do(self._finish)
+
+    def _finish(self, error: TimeStepError) -> None:
+        self.found = error.found()
+        largest = max(np.abs(x).max(initial=0.0) for x in self.found[:3] if x is not None)
+        if not largest < GROWN:  # or nan
+            raise AssumptionError(TOO_LARGE)
+
+    def _do(self, work: Callable[[TimeStepError], None]) -> None:
+        """What fails ends the estimate, and nothing else."""
+        if self._error is None:
+            return
+        try:
+            work(self._error)
+        except Exception as failure:
+            self.notes.append(LOST.format(self._error.rows[0][-1], failure))
+            self._error = self.found = None

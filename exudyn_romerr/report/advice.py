@@ -1,0 +1,134 @@
+"""Advice: what to do next, from what the parts of the estimate say; where there is none, from those of the bound."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .estimate_wording import covers_more, estimated_kind, estimated_under, is_enough, known, rest
+from .wording import (
+    CURES_OF_CAUSES,
+    CURES_OF_CHECKS,
+    MORE_VECTORS,
+    STEPS,
+    at_round_off,
+    error_kind,
+    percent,
+    permitted,
+    rounded_up,
+    under,
+)
+
+if TYPE_CHECKING:
+    from .data import OutputData
+
+FAR = 3.0  # times the estimate with its half width: below it both say much the same, and modes lower both
+ABOUT_ENOUGH, NOT_RESOLVED = "about enough", "not resolved"
+NO_BOUND = "no finite bound: the messages or reasons say why"
+
+
+def judged(out: OutputData, time: str, scope: dict[str, str], row: int | None = None) -> str:
+    """Return what is to be done about one row, or all: a key of STEPS, "enough", ABOUT_ENOUGH or NOT_RESOLVED."""
+    found = known(out, row)
+    if found is None:
+        return by_bound(out, row) or _largest_cause(out, row)
+    bounded = None if covers_more(out, time, scope) else by_bound(out, row)
+    if bounded not in (None, "infinite"):
+        return bounded
+    if found.is_at_round_off or is_enough(out, found):
+        return ABOUT_ENOUGH
+    return max(found.parts, key=found.parts.get) if found.is_resolved else NOT_RESOLVED
+
+
+def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
+    """Return in a few words, for a table, what to do about an output."""
+    verdict = judged(out, time, scope)
+    if verdict == "enough":
+        return f"enough{under(scope)}"
+    if verdict == ABOUT_ENOUGH:
+        sharper = "; more vectors for the bound" if _slack(out, time, scope, None) else ""
+        return f"{verdict}{estimated_under(out, scope)}{sharper}"
+    return CURES_OF_CHECKS[known(out).check] if verdict == NOT_RESOLVED else STEPS[verdict]
+
+
+def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = None) -> str:
+    """Return what makes most of the error and what to do, or "enough"; of all rows, or of one."""
+    verdict, found = judged(out, time, scope, row), known(out, row)
+    if verdict == "round-off":
+        return "nothing to improve: more modes or shorter steps do not show above rounding of the input"
+    if verdict == "zero":
+        return "nothing to improve"
+    if verdict == "infinite":
+        return NO_BOUND
+    if verdict == "enough":
+        return f"enough{under(scope)}: the bound of the {error_kind(time)} is within {permitted(out)[1]}"
+    if found is None:
+        return _of_bound(out, verdict, row)
+    if verdict == ABOUT_ENOUGH:
+        said = _about_enough(out, time, scope, row)
+    elif verdict == NOT_RESOLVED:
+        off = percent(found.half / found.size) if found.size > 0 else ""
+        said = f"not resolved{off and f', the estimate may be off by {off}'}: {CURES_OF_CHECKS[found.check]}"
+    else:
+        share = found.parts[verdict] / sum(found.parts.values())
+        said = f"{100 * share:.0f} % of it from the {CURES_OF_CAUSES[verdict]}{rest(out, verdict, row)}"
+    sharper = "" if verdict == NOT_RESOLVED else _slack(out, time, scope, row)
+    unbounded = "" if np.isfinite(out.bound["best"][:, _rows(row)]).all() else NO_BOUND
+    return "; ".join(filter(None, [said, sharper, unbounded]))
+
+
+def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:
+    """The estimate is small enough; whether the bound is too, if it is of less."""
+    kind, of_bound, (allowed, of) = estimated_kind(out, time), error_kind(time), permitted(out)
+    said = f"about enough{estimated_under(out, scope)}: the estimate of the {kind} is"
+    if not is_enough(out, known(out, row)):
+        return f"{said} at round-off"
+    bound = np.max((out.bound["best"] + out.round_off)[:, _rows(row)])
+    condition = f"{under(scope)}," if under(scope) else ""
+    which = f" of the {of_bound}" if kind != of_bound else ""
+    too = f", the bound{which}{condition} is {'too' if bound <= allowed else 'not'}" if np.isfinite(bound) else ""
+    return f"{said} within {of}{too}"
+
+
+def _slack(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:
+    """That the bound is far above the estimate, where both are of the same; empty if it is not, or there is none."""
+    bound, most = np.max(out.bound["best"][:, _rows(row)]), known(out, row).most
+    if covers_more(out, time, scope) or not FAR * most < bound < np.inf or most == 0:
+        return ""
+    return f"the bound is {bound / most:.2g} times the estimate: {MORE_VECTORS} sharpen it"
+
+
+def by_bound(out: OutputData, row: int | None = None) -> str | None:
+    """Return what the bound alone decides; None: it is finite, and larger than what is enough."""
+    rows = _rows(row)
+    bound, at = out.bound["best"][:, rows], _worst(out, rows)
+    if at_round_off(out)[rows][at[1]]:
+        return "round-off"
+    if not 0 < bound[at] < np.inf:
+        return "zero" if bound[at] == 0 else "infinite"
+    return "enough" if np.max(bound + out.round_off[:, rows]) <= permitted(out)[0] else None
+
+
+def _largest_cause(out: OutputData, row: int | None) -> str:
+    rows = _rows(row)
+    return max(out.causes, key=lambda cause: out.causes[cause][:, rows][_worst(out, rows)])
+
+
+def _of_bound(out: OutputData, verdict: str, row: int | None) -> str:
+    """The cause that dominates the bound at its worst instant, and what would be left without it."""
+    rows = _rows(row)
+    bound, cause, at = out.bound["best"][:, rows], out.causes[verdict][:, rows], _worst(out, rows)
+    without = np.max(bound - cause)
+    left = f"; the rest alone bounds it by {rounded_up(without)} {out.unit}" if without > 0 else ""
+    share = cause[at] / sum(x[:, rows][at] for x in out.causes.values())
+    return f"{100 * share:.0f} % of it from the {CURES_OF_CAUSES[verdict]}{left}"
+
+
+def _rows(row: int | None) -> slice:
+    return slice(None) if row is None else slice(row, row + 1)
+
+
+def _worst(out: OutputData, rows: slice) -> tuple:
+    bound = out.bound["best"][:, rows]
+    return np.unravel_index(np.argmax(bound), bound.shape)

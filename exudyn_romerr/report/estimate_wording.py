@@ -1,0 +1,182 @@
+"""Estimates in words: how wrong an output is about, what that comes from, and how far it can be trusted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from .scope import FROZEN
+from .wording import CURES_OF_CHECKS, SHORT, error_kind, percent, permitted, rounded_up, widest_scope
+
+if TYPE_CHECKING:
+    from .data import OutputData
+
+RESOLVED = 0.3  # half width over the largest estimate: above it no digit of the estimate is right
+THREE_DIGITS = 0.05  # half width over the largest estimate: below it the third digit says something
+SHOWN = 0.005  # of the largest estimate: a part or half width below it is not seen in three digits
+
+
+class Known(NamedTuple):
+    """What the estimate says of rows of an output over the whole run.
+
+    size : the largest |estimate|. off : how far the largest error may be from it, by the half widths of all instants.
+    half : the largest half width, or, where that is proved, off: a proof needs no margin. most : the largest sum of
+    estimate, half width and rounding. floor : what rounding of the input may move. check : makes most of the half
+    width. parts : the largest |part| by cause, each at its own instant: two that cancel at one are both seen.
+    """
+
+    size: float
+    half: float
+    off: float
+    most: float
+    floor: float
+    check: str
+    parts: dict[str, float]
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether the estimate is a number to rely on."""
+        return self.half <= RESOLVED * self.size
+
+    @property
+    def is_at_round_off(self) -> bool:
+        """Whether rounding of the input moves the output as much."""
+        return self.size + self.half < 2 * self.floor
+
+
+def known(out: OutputData, row: int | None = None) -> Known | None:
+    """Return what the estimate says of one row, or of all; None where there is no estimate at every instant."""
+    rows = slice(None) if row is None else slice(row, row + 1)
+    if out.estimate is None or not np.isfinite(out.estimate[:, rows]).all():
+        return None
+    size, half, floor = np.abs(out.estimate[:, rows]), out.uncertainty[:, rows], out.round_off[:, rows]
+    parts = {cause: _largest(part[:, rows]) for cause, part in parts_of(out).items()}
+    most, least = _largest(size + half), max(float(np.max(size - half, initial=0.0)), 0.0)
+    off = max(most - _largest(size), _largest(size) - least)
+    doubt = off if set(out.uncertainty_parts) == {"proved"} else _largest(half)
+    largest = (_largest(size), doubt, off, _largest(size + half + floor), _largest(floor))
+    return Known(*largest, _check(out, rows), parts)
+
+
+def parts_of(out: OutputData) -> dict[str, np.ndarray]:
+    """Return the estimate by cause; rigid interfaces that it does not tell from missing modes as the bound does."""
+    parts, zero = dict(out.estimate_parts), np.zeros_like(out.estimate)
+    stiff, modes = (out.causes.get(cause, zero) for cause in ("interfaces", "basis"))
+    if np.any(parts.get("interfaces", zero)) or not np.any(stiff):
+        return parts
+    share = np.divide(stiff, stiff + modes, out=zero, where=(stiff > 0) & np.isfinite(modes))
+    return {**parts, "basis": (1 - share) * parts["basis"], "interfaces": share * parts["basis"]}
+
+
+def _check(out: OutputData, rows: slice) -> str:
+    """What makes most of the half width; of a bound of the rest, which load jumps are in, these may."""
+    found = max(out.uncertainty_parts, key=lambda name: _largest(out.uncertainty_parts[name][:, rows]))
+    if found != "proved":
+        return found
+    return "loads" if max(out.causes, key=lambda cause: _largest(out.causes[cause][:, rows])) == "jumps" else found
+
+
+def is_enough(out: OutputData, found: Known) -> bool:
+    """Return whether the error, as far as the estimate can tell, is within what is permitted."""
+    return found.most <= permitted(out)[0]
+
+
+def covers_time(out: OutputData, time: str) -> bool:
+    """Return whether the estimate has the error of the time steps in it, which sampled bounds have not."""
+    return time != "sampled" or bool(np.any(out.estimate_parts.get("time step", 0.0)))
+
+
+def estimated_kind(out: OutputData, time: str) -> str:
+    """Return what the estimate is an estimate of."""
+    return "error" if covers_time(out, time) else error_kind(time)
+
+
+def estimate_scope(out: OutputData, scope: dict[str, str]) -> str:
+    """Return what the estimate covers."""
+    return out.estimate_scope or widest_scope(scope)
+
+
+def estimated_under(out: OutputData, scope: dict[str, str]) -> str:
+    """Return what must be said with an estimate, in two words; "about" says that it is of first order."""
+    return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
+
+
+def covers_more(out: OutputData, time: str, scope: dict[str, str]) -> bool:
+    """Return whether the estimate covers what the best bound leaves out: then the bound says little beside it."""
+    wider = widest_scope(scope) == FROZEN != estimate_scope(out, scope)
+    return wider or estimated_kind(out, time) != error_kind(time)
+
+
+def about(out: OutputData, row: int, found: Known) -> str:
+    """Return in words how wrong a row of an output is, as far as its estimate can tell."""
+    if found.is_at_round_off:
+        return f"about {rounded_up(found.most, 1)} {out.unit} or less, at round-off"
+    of = np.max(np.abs(out.value[:, row]), initial=0.0)
+    if found.is_resolved:
+        notes = "; ".join(filter(None, [_share(found.size, of), ", ".join(_parts(found))]))
+        return f"about {number(found)} {out.unit}{notes and f' ({notes})'}"
+    if is_enough(out, found):
+        share = _share(found.most, of)
+        return f"about {found.most:.2g} {out.unit} or less{share and f' ({share})'}"
+    half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
+    return f"not resolved: {CURES_OF_CHECKS[found.check]} (about {found.size:.2g} {out.unit}, half width {half})"
+
+
+def about_all(out: OutputData, scope: dict[str, str]) -> str:
+    """Return in a few words, for a table, how wrong an output is about, all rows together."""
+    found, unit = known(out), out.unit
+    if found is None:
+        return "not known"
+    largest = _largest(out.value)
+    if found.is_at_round_off:
+        said = f"{rounded_up(found.most, 1)} {unit} or less, at round-off"
+    elif found.is_resolved:
+        share = _share(found.size, largest)
+        said = f"{number(found)} {unit}{share and f' ({share})'}"
+    elif is_enough(out, found):
+        said = f"{found.most:.2g} {unit} or less"
+    else:
+        said = "not resolved"
+    return f"{said}{estimated_under(out, scope)}"
+
+
+def number(found: Known) -> str:
+    """Return the largest estimate, how far off it may be where that shows, and no more digits than that leaves."""
+    size = f"{found.size:.{3 if found.off <= THREE_DIGITS * found.size else 2}g}"
+    off = float(f"{found.off:.3g}")  # a difference, whose last digits are rounding
+    return f"{size} +- {rounded_up(off, 1)}" if found.off > SHOWN * found.size else size
+
+
+def off_by(out: OutputData, row: int | None = None) -> str:
+    """Return in words how far the estimate of one row, or of all, is from the true error that was compared."""
+    rows = slice(None) if row is None else slice(row, row + 1)
+    off, share = _largest((out.error - out.estimate)[:, rows]), ""
+    if (true := _largest(out.error[:, rows])) > 0:
+        share = percent(off / true) or "more than 1000 %"
+    return f"the estimate is off by up to {off:.2g} {out.unit}{share and f' ({share} of it)'}"
+
+
+def rest(out: OutputData, cause: str, row: int | None) -> str:
+    """Return in words how wrong the output would be without one part of the estimate; empty: not at all."""
+    rows = slice(None) if row is None else slice(row, row + 1)
+    left, half = np.abs(out.estimate - parts_of(out)[cause])[:, rows], out.uncertainty[:, rows]
+    size, most = _largest(left), _largest(left + half)
+    if not 0 < most < np.inf:
+        return ""
+    is_resolved = _largest(half) <= RESOLVED * size
+    return f"; the rest is about {f'{size:.2g} {out.unit}' if is_resolved else f'{most:.2g} {out.unit} or less'}"
+
+
+def _share(x: float, of: float) -> str:
+    return percent(x / of) if of > 0 else ""
+
+
+def _parts(found: Known) -> list[str]:
+    """Causes that show in the estimate; a single one needs no number, it is all of it."""
+    seen = {cause: x for cause, x in found.parts.items() if x > SHOWN * found.size}
+    return list(seen) if len(seen) == 1 else [f"{cause} {x:.2g}" for cause, x in seen.items()]
+
+
+def _largest(x: np.ndarray) -> float:
+    return float(np.max(np.abs(x), initial=0.0))

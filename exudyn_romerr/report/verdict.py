@@ -1,0 +1,93 @@
+"""Verdicts in words: how large an output is, how wrong about and at most, and under what condition."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .advice import advice
+from .estimate_wording import about, estimate_scope, estimated_kind, known
+from .scope import COUPLED, FROZEN
+from .wording import (
+    AS_IN_THIS_RUN,
+    NOT_THE_MECHANISM,
+    at_round_off,
+    best_estimator,
+    error_kind,
+    largest,
+    percent,
+    rounded_up,
+    under,
+    widest_scope,
+)
+
+if TYPE_CHECKING:
+    from .data import OutputData
+
+
+def row_verdict(out: OutputData, row: int, time: str, scope: dict[str, str]) -> str:
+    """Return one line of the summary: largest value, estimate, bound at the worst instant, whose bound that is."""
+    by = f", by '{best_estimator(out, row, scope)}'"
+    return f"{out.row_names[row]}: up to {largest(out.value, row):.4g} {out.unit}{_error(out, row, time, scope, by)}"
+
+
+def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
+    """Return the verdict on one row of an output as a sentence that can stand alone, with advice or without."""
+    todo = advice(out, time, scope, row) if advised else ""
+    size = f"{largest(out.value, row):.4g} {out.unit}"
+    return f"{out.row_names[row]} is up to {size}{_error(out, row, time, scope)}{todo and f'; {todo}'}."
+
+
+def _error(out: OutputData, row: int, time: str, scope: dict[str, str], by: str = "") -> str:
+    """Estimate and bound, each with what it is of and what it holds under: said once where that is the same."""
+    found, kind, covers = known(out, row), error_kind(time), widest_scope(scope)
+    bounded, is_bounded = _bounded(out, row, scope, by, found is None), np.isfinite(largest(out.bound["best"], row))
+    bound_holds_under = covers if is_bounded else ""
+    if found is None or (found.is_at_round_off and at_round_off(out)[row]):
+        return _bound_alone(kind, bounded, bound_holds_under, ", ")
+    estimate, of, is_frozen = about(out, row, found), estimated_kind(out, time), estimate_scope(out, scope) == FROZEN
+    if of != kind or is_frozen != (covers == FROZEN):
+        return _estimate_alone(of, estimate, is_frozen) + _bound_alone(kind, bounded, bound_holds_under, "; ")
+    if not is_bounded:
+        return f"{_estimate_alone(of, estimate, is_frozen)}, {bounded}"
+    if is_frozen:
+        return f"; {AS_IN_THIS_RUN} the {kind} is {estimate}, {bounded} ({NOT_THE_MECHANISM})"
+    return f", {kind} {estimate}, {'to first order ' if covers == COUPLED else ''}{bounded}"
+
+
+def _estimate_alone(kind: str, estimate: str, is_frozen: bool) -> str:
+    if is_frozen:
+        return f"; {AS_IN_THIS_RUN} the {kind} is {estimate} ({NOT_THE_MECHANISM})"
+    return f", {kind} {estimate}"
+
+
+def _bound_alone(kind: str, bounded: str, covers: str, begin: str) -> str:
+    """What is not bounded holds under nothing: covers is empty."""
+    if covers == FROZEN:
+        return f"; {AS_IN_THIS_RUN} the {kind} is {bounded} ({NOT_THE_MECHANISM})"
+    return f"{begin}{kind}{', to first order, ' if covers == COUPLED else ' '}{bounded}"
+
+
+def _bounded(out: OutputData, row: int, scope: dict[str, str], by: str, with_share: bool) -> str:
+    """The largest bound; its share of the output only where no estimate has one."""
+    if not np.isfinite(largest(out.bound["best"], row)):
+        return f"not bounded{_where_finite(out, row, scope)}"
+    if at_round_off(out)[row]:
+        floor = rounded_up(largest(out.bound["best"], row) + largest(out.round_off, row), 1)
+        rounding = f"{by} and by rounding of the input" if by else ", rounding of the input included"
+        return f"at round-off: at most {floor} {out.unit}{rounding}"
+    size, bound = largest(out.value, row), largest(out.bound["best"], row)
+    share = percent(bound / size) if with_share and size > 0 else ""
+    vain = ", not informative: more than the output itself" if bound > size > 0 else ""
+    return f"at most {rounded_up(bound)} {out.unit}{share and f' ({share})'}{vain}{by}"
+
+
+def _where_finite(out: OutputData, row: int, scope: dict[str, str]) -> str:
+    """What is known where an infinite bound is still finite."""
+    bound = out.bound["best"][:, row]
+    finite = bound[np.isfinite(bound)]
+    if not finite.any():
+        return ""
+    most = f"at most {rounded_up(finite.max())} {out.unit}"
+    return f" at {len(bound) - len(finite)} instants; at the others{under(scope)}{',' if under(scope) else ''} {most}"

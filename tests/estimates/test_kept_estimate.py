@@ -1,0 +1,68 @@
+"""What is kept of an estimate along a run: blocks whose last instants are handed over again, running maxima."""
+
+import numpy as np
+
+from exudyn_romerr.estimates.estimate import CAUSES
+from exudyn_romerr.estimates.kept_estimate import KeptEstimate
+from exudyn_romerr.estimators.coupled_energy import LINEARISED
+
+
+def column(*values):
+    return np.array(values, dtype=float)[:, None]
+
+
+def kept(before=None):
+    """Two blocks; of the time step the last two instants of the first come again."""
+    found = KeptEstimate()
+    if before is not None:
+        found.go_on(before)
+    found.put({"basis": column(1, 2, 3)}, {"vectors": column(5, 1, 2)})
+    found.put({"time step": column(-1, -9, -9)}, {"steps": column(1, 7, 8)})
+    found.put({"basis": column(4)}, {"vectors": column(6)})
+    found.put({"time step": column(-2, -3, -4)}, {"steps": column(3, 2, 1)}, replaced=2)
+    return found
+
+
+def test_last_instants_may_be_replaced():
+    found = kept().read(slice(None))
+    assert tuple(found.parts) == CAUSES
+    np.testing.assert_array_equal(found.parts["basis"], column(1, 2, 3, 4))
+    np.testing.assert_array_equal(found.parts["time step"], column(-1, -2, -3, -4))
+    np.testing.assert_array_equal(found.parts["jumps"], 0 * column(1, 2, 3, 4))
+    np.testing.assert_array_equal(found.total, column(0, 0, 0, 0))
+
+
+def test_half_widths_never_shrink_and_forget_what_was_replaced():
+    found = kept().read(slice(None))
+    np.testing.assert_array_equal(found.half_widths["steps"], column(1, 3, 3, 3))
+    np.testing.assert_array_equal(found.half_widths["vectors"], column(5, 5, 5, 6))
+    np.testing.assert_array_equal(found.half_widths["linearisation"], LINEARISED * column(2, 4, 6, 8))
+    np.testing.assert_array_equal(found.uncertainty, column(6, 8, 8, 9) + LINEARISED * column(2, 4, 6, 8))
+
+
+def test_run_that_goes_on_keeps_the_half_widths():
+    found = kept(before=kept()).read(slice(None))
+    np.testing.assert_array_equal(found.half_widths["steps"], column(3, 3, 3, 3))
+    np.testing.assert_array_equal(found.parts["basis"], column(1, 2, 3, 4))
+    np.testing.assert_array_equal(found.half_widths["linearisation"], LINEARISED * column(8, 8, 8, 8))
+
+
+def test_what_was_read_stays_as_it_was():
+    run = kept()
+    found = run.read(slice(None))
+    run.put({"time step": column(7, 7)}, {"steps": column(9, 9)}, replaced=2)
+    np.testing.assert_array_equal(found.parts["time step"], column(-1, -2, -3, -4))
+    np.testing.assert_array_equal(found.half_widths["steps"], column(1, 3, 3, 3))
+
+
+def test_there_is_no_estimate_of_nothing():
+    assert KeptEstimate().read(slice(None)) is None
+
+
+def test_where_a_check_has_ended_the_half_width_is_infinite():
+    run = kept()
+    run.put({"basis": column(8, 8)}, {"vectors": column(0, 0)})
+    found = run.read(slice(None))
+    np.testing.assert_array_equal(found.total, column(0, 0, 0, 0, 8, 8))
+    np.testing.assert_array_equal(found.half_widths["steps"], column(1, 3, 3, 3, np.inf, np.inf))
+    assert (np.isinf(found.uncertainty) == column(0, 0, 0, 0, 1, 1)).all()

@@ -1,0 +1,207 @@
+"""The estimate of every output on a body of a mechanism; truth: the same simulation with all modes, stored.
+
+Both have the same integrator and the same steps: their difference is what the basis leaves out, the part "basis".
+"""
+
+from functools import cache
+
+import exudyn as exu
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from models import floating, mechanisms, output_truths
+from tests.helpers import tolerances as tol
+from tests.helpers.mechanism_runs import (
+    COUPLED,
+    FROZEN,
+    LIE,
+    from_to,
+    pendulum,
+    reports,
+    solve,
+    watch,
+    with_frames,
+)
+
+CASES = [
+    ("slider_crank", 0, "RBE3"),
+    ("slider_crank", 4, "RBE3"),
+    ("double_pendulum", 0, "RBE2"),
+    ("sprung_body", 0, "RBE3"),
+    ("sprung_body", 4, "RBE2"),
+]
+# Issue: estimates of errors below 1e-6 of the output are not asked for. Rotations of the right face are held by its
+# static modes to 1e-5.
+MATTERS = 1e-6
+FIRST = 20  # steps
+CONTINUED = {"basis": 0.01, "time step": 0.05}  # of the largest: tangents at other steps; one-sided where a run ends
+
+
+@cache
+def estimated(name, n, kind):
+    """Reports of all bars."""
+    scene = output_truths.SCENES[name](n, kind)
+    outputs = output_truths.outputs(scene)
+    flexible = [romerr.floating_body(scene.fem, items) for items in scene.bodies]
+    monitors = [romerr.attach(scene.mbs, flex, outputs=outputs) for flex in flexible]
+    scene.solve()
+    return [monitor.report() for monitor in monitors]
+
+
+def of_basis(out):
+    """Their truth has the same steps."""
+    return out.estimate_parts["basis"] + out.estimate_parts["interfaces"]
+
+
+@pytest.mark.parametrize(("name", "n", "kind"), CASES)
+def test_estimate_is_the_difference_to_all_modes(name, n, kind):
+    """Bars of issue 18: 3 % of the largest error in global axes, 5 % in the frame; measured: 0.13 % and 1.2 %."""
+    truth, compared = output_truths.stored(name), set()
+    for i, report in enumerate(estimated(name, n, kind), start=1):
+        assert report.scope == {"auxiliary": COUPLED}
+        for key, out in report.outputs.items():
+            error = truth[f"{key} of bar {i}"] - out.value
+            largest = np.max(np.abs(error))
+            assert out.estimate_scope == "coupled (linearised)"
+            if largest > MATTERS * np.max(np.abs(out.value)):
+                allowed = 0.03 if np.isinf(out.bound["best"]).all() else 0.05
+                assert np.max(np.abs(of_basis(out) - error)) <= allowed * largest
+                compared.add(key)
+    assert compared >= {"displacement", "velocity", "displacement in the frame", "velocity in the frame"}
+    assert compared >= {"rotation", "stress"}
+
+
+@pytest.mark.parametrize(("name", "n", "kind"), CASES)
+def test_parts_add_up_and_so_do_checks(name, n, kind):
+    for report in estimated(name, n, kind):
+        for out in report.outputs.values():
+            largest = np.max(np.abs(out.estimate))
+            np.testing.assert_allclose(sum(out.estimate_parts.values()), out.estimate, atol=tol.SUMS * largest)
+            np.testing.assert_allclose(sum(out.uncertainty_parts.values()), out.uncertainty, rtol=tol.SUMS)
+            assert (np.diff(out.uncertainty, axis=0) >= 0).all()
+            assert {"vectors", "linearisation"} <= set(out.uncertainty_parts)
+            assert np.max(out.uncertainty) > 0
+
+
+def test_frame_has_what_is_proved_and_global_axes_have_no_bound():
+    """In the frame the part of the basis is the correction of the bound; in global axes nothing is proved."""
+    (report,) = estimated("slider_crank", 4, "RBE3")
+    for name, out in report.outputs.items():
+        if name in ("displacement", "position", "velocity"):
+            assert np.isinf(out.bound["best"]).all()
+            assert np.isinf(out.reduction_bound["best"]).all()
+            assert out.corrected is None
+        else:
+            known = out.corrected - out.value
+            rounding = tol.SUMS * np.max(np.abs(out.value))
+            np.testing.assert_allclose(of_basis(out), known, atol=rounding)
+            assert np.isfinite(out.bound["best"]).all()
+    moved, placed = (report.output(name) for name in ("displacement", "position"))
+    np.testing.assert_allclose(moved.estimate, placed.estimate, atol=tol.SUMS * np.max(np.abs(placed.value)))
+    told = [message for message in report.messages if message.startswith("no bound of 'displacement', 'position', ")]
+    assert len(told) == 1
+
+
+def test_first_steps_of_the_truth_are_those_stored():
+    wanted = output_truths.stored("sprung_body")
+    for key, found in output_truths.solved("sprung_body", FIRST).items():
+        allowed = tol.MECHANISM_NEWTON * np.max(np.abs(wanted[key]))
+        np.testing.assert_allclose(found, wanted[key][: FIRST + 1], rtol=0, atol=allowed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", output_truths.SCENES)
+def test_all_steps_of_the_truth_are_those_stored(name):
+    wanted = output_truths.stored(name)
+    for key, found in output_truths.solved(name).items():
+        allowed = tol.MECHANISM_NEWTON * np.max(np.abs(wanted[key]))
+        np.testing.assert_allclose(found, wanted[key], rtol=0, atol=allowed)
+
+
+# --- where the mechanism does not answer -------------------------------------------
+
+
+def frozen_estimate(report, name="probe"):
+    """The output, whose estimate is the correction under frozen inputs."""
+    out = report.output(name)
+    assert out.estimate_scope == FROZEN
+    np.testing.assert_array_equal(out.uncertainty, sum(out.uncertainty_parts.values()))
+    assert np.max(np.abs(out.estimate)) > 0
+    return out
+
+
+def test_frozen_inputs_are_those_of_version_0_1():
+    """Bounds in global axes are finite, and the correction is the estimate; its parts tell time steps apart."""
+    for report in reports(pendulum(), outputs="tip {}", scope=FROZEN):
+        out = frozen_estimate(report)
+        assert set(report.scope.values()) == {FROZEN}
+        assert np.isfinite(out.bound["best"]).all()
+        np.testing.assert_allclose(out.value + out.estimate, out.corrected, rtol=0, atol=1e-15)  # of 0.1 m
+        np.testing.assert_array_equal(out.uncertainty, out.corrected_bound)
+        assert np.max(np.abs(out.estimate_parts["time step"])) > 0
+
+
+def test_explicit_solver_has_the_estimate_under_frozen_inputs():
+    """No mechanism answers; in global axes there is no coupled bound, that of "auxiliary" is of frozen inputs."""
+    scene = with_frames(LIE, mechanisms.sprung_body, n=0, h=1e-6, t_end=2e-5)
+    (monitor,) = watch(scene, outputs="tip {}")
+    solve(scene, solverType=exu.DynamicSolverType.RK44)
+    report = monitor.report()
+    assert report.scope == {"energy": COUPLED, "auxiliary": FROZEN}
+    out = frozen_estimate(report)
+    assert np.isinf(out.bound["best"]).all()
+    assert np.isfinite(out.bound["auxiliary"]).all()
+    assert out.corrected is None
+
+
+def test_file_has_the_estimate_under_frozen_inputs(tmp_path):
+    scene = pendulum()
+    file = scene.settings.solution.file
+    file.write, file.writePeriod, file.binary, file.name = True, 0, True, str(tmp_path / "run.sol")
+    solve(scene)
+    flex = romerr.floating_body(scene.fem, scene.bodies[0])
+    out = frozen_estimate(
+        romerr.evaluate_file(scene.mbs, flex, file.name, outputs=[scene.sensors["tip 1"]]), "sensor0"
+    )
+    np.testing.assert_allclose(out.value + out.estimate, out.corrected, rtol=0, atol=1e-15)  # of 0.1 m
+
+
+def test_static_solve_is_corrected_to_its_end():
+    """K e = -R: with it every load step is exact, under the wrenches of the run; rounding is left."""
+    scene = floating.clamped_bar(0, h=1e-3, t_end=1e-2, force=lambda t: (0.0, 200.0, 100.0))
+    flex = romerr.floating_body(scene.fem, scene.items)
+    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["tip"]])
+    scene.mbs.Assemble()
+    scene.mbs.SolveStatic(scene.settings)
+    report = monitor.report()
+    out = next(iter(report.outputs.values()))
+    assert out.estimate_scope == "complete"
+    np.testing.assert_allclose(out.value + out.estimate, out.corrected, rtol=tol.SUMS)
+    np.testing.assert_array_equal(np.abs(out.estimate) + out.corrected_bound, out.bound["best"])
+    full = floating.clamped_bar(0, "complete", h=1e-3, t_end=1e-2, force=lambda t: (0.0, 200.0, 100.0))
+    full.mbs.Assemble()
+    full.mbs.SolveStatic(full.settings)
+    error = full.mbs.GetSensorStoredData(full.sensors["tip"])[-1, 1:] - out.value[-1]
+    np.testing.assert_allclose(out.estimate[-1], error, rtol=0, atol=tol.STATIC * np.max(np.abs(error)))
+
+
+# --- continued solves ---------------------------------------------------------------
+
+
+def test_continued_solve_goes_on_with_its_estimate():
+    """As if it had not been interrupted, half widths too."""
+    whole = reports(pendulum(steps=12), outputs="tip {}")[0].output("probe")
+    scene = pendulum(steps=12)
+    monitors = watch(scene, outputs="tip {}")
+    for start, end in ((0, 6), (6, 12)):
+        from_to(scene, start, end)
+        solve(scene, updateInitialValues=True) if start == 0 else solve(scene)
+    later = monitors[0].report().output("probe")
+    assert later.estimate_scope == "coupled (linearised)"
+    assert len(later.value) == 7
+    for cause, allowed in CONTINUED.items():
+        wanted = whole.estimate_parts[cause]
+        found, allowed = later.estimate_parts[cause], allowed * np.max(np.abs(wanted))
+        np.testing.assert_allclose(found, wanted[6:], rtol=0, atol=allowed)
+    assert (later.uncertainty_parts["vectors"] >= 0.99 * np.max(whole.uncertainty_parts["vectors"][:7], axis=0)).all()
