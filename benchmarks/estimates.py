@@ -30,6 +30,7 @@ from scipy import signal
 
 import exudyn_romerr as romerr
 from benchmarks import page
+from benchmarks.rigid_estimates import Recorder
 from exudyn_romerr.report.scope import COMPLETE
 from models import estimate_truths
 from models.estimate_scenes import SCENES, EstimateScene, LinearScene
@@ -113,36 +114,44 @@ def ringing_of(error: np.ndarray, h: float, slowest: float) -> np.ndarray:
 
 
 def monitored(scene: EstimateScene, n: int) -> tuple:
-    """Run the reduced scene; return its reports, what its sensors show, and its slowest unresolved mode."""
+    """Run the reduced scene; return its outputs, whether their scope is complete, what its sensors show, and the
+    frequency of its slowest mode that is not resolved.
+    """
     made = scene.make(n, "RBE3", scene.h)
     for name, number in made.sensors.items():
         made.mbs.SetSensorParameter(number, "name", name)
+    recorder, monitors = None, []
     if isinstance(made, LinearScene):
         monitors = [romerr.attach(made.mbs, made.flex, outputs=list(made.outputs))]
-    else:
+    elif made.bodies:
         monitors = [romerr.attach(made.mbs, romerr.floating_body(made.fem, items)) for items in made.bodies]
+    else:
+        recorder = Recorder(made.mbs)
     made.mbs.Assemble()
     slowest = slowest_unresolved(made, scene.h, scene.t_end)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         shown = estimate_truths.motion(made, scene.h)
-    return [monitor.report() for monitor in monitors], shown, slowest
+    if recorder is not None:
+        return recorder.outputs(made.sensors), False, shown, slowest
+    reports = [monitor.report() for monitor in monitors]
+    complete = all(COMPLETE in report.scope.values() for report in reports)
+    return {key: out for report in reports for key, out in report.outputs.items()}, complete, shown, slowest
 
 
 def rows_of(name: str, n: int) -> tuple[list[Row], list[str]]:
     """Run a scene with n eigenmodes; return what was compared, and outputs without an estimate."""
     scene, made, none = SCENES[name], [], []
-    reports, shown, slowest = monitored(scene, n)
+    outputs, complete, shown, slowest = monitored(scene, n)
     for key, truth in estimate_truths.stored(name).items():
-        report = next((report for report in reports if key in report.outputs), None)
-        if report is None or report.output(key).estimate is None:
+        out = outputs.get(key)
+        if out is None or out.estimate is None:
             none.append(f"{name}, n = {n}: {key}: no estimate")
             continue
         rings = ringing_of(truth.value - shown[key], scene.h, slowest)
-        axes = axes_of(scene, key)
-        allowed = np.inf if COMPLETE in report.scope.values() else RINGING
+        axes, allowed = axes_of(scene, key), np.inf if complete else RINGING
         for row in range(truth.value.shape[1]):
-            found = compared(row, report.output(key), shown[key], truth, rings, allowed)
+            found = compared(row, out, shown[key], truth, rings, allowed)
             made.append(Row(name, n, scene.h, f"{key} {COMPONENTS[row]}", axes, **found))
     return made, none
 
