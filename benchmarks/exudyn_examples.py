@@ -166,7 +166,10 @@ def row(case: Case, **cells: str) -> list[str]:
 COLUMNS = (
     "example|lines|scope|output|largest value|largest bound|bound / value|results with and without|CPU time|before"
 ).split("|")
-TRUTH = "example|run with|scope|output|largest value|error|bound|bound / error|instants above the bound".split("|")
+TRUTH = (
+    "example|run with|scope|output|largest value|error|estimate of the modes' part|off by|bound|bound / error|"
+    "instants above the bound"
+).split("|")
 FROZEN = "scope='inputs frozen'"  # with all modes other bounds take long, and nobody asks for them
 NEWTON = 1e-9  # of an output: what Newton's tolerance leaves is no error of the reduction
 
@@ -183,13 +186,22 @@ def truths(name: str, example: Example, root: Path, folder: Path) -> list[list[s
             raise RuntimeError(f"{truth.text}: outputs differ, or there are none: {coarse.told} {fine.told}")
         for key in (key for key in coarse.series if " value " in key):
             number, _, output = key.split(" ", 2)
-            error = np.abs(fine.series[key] - coarse.series[key])
+            missed = fine.series[key] - coarse.series[key]
+            error, estimate = np.abs(missed), coarse.series.get(f"{number} estimate {output}")
             bound, largest = coarse.series[f"{number} bound {output}"], np.max(np.abs(coarse.series[key]))
             above = int(np.sum(np.any(error > bound + NEWTON * largest, axis=1)))
-            numbers = [rounded(x) for x in (largest, error.max(), bound.max(), bound.max() / error.max())]
+            numbers = [rounded(x) for x in (largest, error.max())]
+            numbers += ["", ""] if estimate is None else of_estimate(estimate, missed)
+            numbers += [rounded(x) for x in (bound.max(), bound.max() / error.max())]
             scope, part = coarse.told["bodies"][int(number)]["scope"], part_of(example, int(number), coarse)
             made.append([name, truth.text, scope, part + output, *numbers, f"{above} of {len(error)}"])
     return made
+
+
+def of_estimate(estimate: np.ndarray, missed: np.ndarray) -> list[str]:
+    """Return the largest estimate, and what it is off by, of the largest error."""
+    off = np.abs(estimate - missed).max() / np.abs(missed).max()
+    return [rounded(np.abs(estimate).max()), f"{rounded(100 * off)} %"]
 
 
 def printed(columns: list[str], made: list[list[str]], markdown: bool) -> None:

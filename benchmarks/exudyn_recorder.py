@@ -134,6 +134,8 @@ def described(monitor: Any) -> tuple[dict, dict[str, np.ndarray]]:
     series = {"t": report.t}
     for name, out in report.outputs.items():
         series |= {f"value {name}": out.value, f"bound {name}": out.bound["best"]}
+        if out.estimate is not None:  # what its truth has not: a run with more modes has the same steps
+            series[f"estimate {name}"] = out.estimate - out.estimate_parts["time step"]
     return found, series
 
 

@@ -69,21 +69,20 @@ def measured(mechanism):
     return result | {"seconds": process_time() - begin}
 
 
-def truths(mechanism):
+def truths(mechanism, build=built):
     """Return the factor of the tolerances, values of all sensors with all modes, and what is left of errors."""
     for factor in TOLERANCES:
         tight = factor * TIGHTER
-        few, few_again = motion(mechanism, False, factor), motion(mechanism, False, tight, ELSEWHERE)
-        full, full_again = motion(mechanism, True, tight), motion(mechanism, True, factor, ELSEWHERE)
+        cases = (False, factor), (False, tight, ELSEWHERE), (True, tight), (True, factor, ELSEWHERE)
+        few, few_again, full, full_again = (motion(mechanism, build(mechanism, *case)) for case in cases)
         if None not in (few, few_again, full, full_again):
             left = {y: np.abs(few[y] - few_again[y]) + np.abs(full[y] - full_again[y]) for y in full}
             return factor, full, {y: float(x.max()) for y, x in left.items()}
     raise NotSolvedError("Newton's iteration reaches none of the tolerances")
 
 
-def motion(mechanism, complete, iterate, *at):
-    """Return what all sensors show, or None if Newton does not reach its tolerance."""
-    scene = built(mechanism, complete, iterate, *at)
+def motion(mechanism, scene):
+    """Return what all sensors of a scene of the mechanism show, or None if Newton does not reach its tolerance."""
     try:
         scene.solve()
     except Exception as error:

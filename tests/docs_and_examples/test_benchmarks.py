@@ -92,15 +92,20 @@ def test_floating_cost_of_a_mesh_counts_every_step(capsys):
 def test_mechanism_cost_measures_every_variant(capsys):
     found = mechanism_cost.main(["--scenes", "pendulum", "double", "--steps", "10", "--pairs", "1"])
     for bodies, (variants, times) in zip((1, 2), found.values(), strict=True):
-        assert times.shape == (1, 3)
+        assert times.shape == (1, 5)
         assert np.all(times > 0)
-        assert [len(variant.reports) for variant in variants] == [0, bodies, bodies]
+        assert [len(variant.reports) for variant in variants] == [0, *[bodies] * 4]
         for variant in variants[1:]:
             assert [len(report.t) for report in variant.reports] == [11] * bodies
             assert [report.scope for report in variant.reports] == [
                 dict.fromkeys(variant.estimators, "coupled (linearised)")
             ] * bodies
-    assert capsys.readouterr().out.count("promised at most") == 4
+            assert {
+                report.output(name).estimate is None for report in variant.reports for name in report.outputs
+            } == {not variant.estimate}
+    printed = capsys.readouterr().out
+    assert printed.count("promised at most") == 2 * (4 + 1)
+    assert printed.count("of a bare step more than the bound") == 2 * 2
 
 
 @pytest.mark.slow

@@ -80,6 +80,9 @@ def test_truth_compares_every_instant(tmp_path, monkeypatch):
     example = Example(FILE, {"sensor": OURS}, truth=(TRUTH, wrong))
     good, bad = as_dicts(run(example, tmp_path, monkeypatch, "--truth"), exudyn_examples.TRUTH)
     assert good["instants above the bound"] == "0 of 21"
+    assert good["estimate of the modes' part"] == bad["estimate of the modes' part"] != ""  # of the same run
+    assert 0 < float(good["estimate of the modes' part"]) < float(good["bound"])
+    assert float(bad["off by"].split()[0]) > 90  # percent: no estimate knows of the other load
     assert 0 < float(good["error"]) < float(good["bound"])
     assert int(bad["instants above the bound"].split()[0]) > 10
 

@@ -100,6 +100,9 @@ CENTRAL_DIFFERENCE = 1e-8
 ROTATED = 1e-6
 # Newton iterations of relative tolerance 1e-10 leave up to 7e-13 m of 1.8e-4 m in a difference of runs.
 MECHANISM_NEWTON = 1e-8
+# A truth from steps h/8 and h/32, extrapolated: what is left is of fourth order, (omega h/16)^2 of the error by the
+# steps h; 1e-5 where omega h = 0.4 (driven bar). Ten times that.
+RICHARDSON = 1e-4
 # Two exact motions of up to 72 coordinates by one matrix exponential, 200 steps, rates up to 50 times the first one.
 COUPLED = 1e-10
 # 80 steps a period of the first mode, R between samples is no straight line: in the median 0.2 % of the error.
