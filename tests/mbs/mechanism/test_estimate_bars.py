@@ -16,8 +16,8 @@ from models.estimate_scenes import SCENES
 RIGID = pytest.mark.xfail(strict=True, reason="monitors see sensors of flexible bodies only")
 SHARED = pytest.mark.xfail(
     strict=True,
-    reason="1.2 %; 0.4 % if steps did not share their local errors with their neighbours, which helps what rings; 0.3 % "
-    "if the error of the estimate by its own steps, which is known, were taken off",
+    reason="1.2 %; 0.4 % if steps did not share their local errors with their neighbours, which helps what rings; "
+    "0.3 % if the error of the estimate by its own steps, which is known, were taken off",
 )
 SMALL = pytest.mark.xfail(
     strict=True,
