@@ -36,7 +36,7 @@ FEWER = 2 / 3  # of the vectors: what these alone predict tells how far the pred
 
 
 class Enrichment:
-    """Vectors P beside the modes V of a body, orthonormal in M, without motion of the interfaces.
+    """Vectors P beside the modes V of a body, without motion of the interfaces.
 
     Parameters
     ----------
@@ -54,9 +54,10 @@ class Enrichment:
 
     Attributes
     ----------
-    P : (n_free, count). omega : (count,) rad/s, Ritz frequencies of its blocks. keeps : (count,) bool, whether a
-    vector leaves the interfaces rigid that V makes rigid. first : (count,) bool, the vectors that a share FEWER of m
-    would have been, but for what M-orthogonality takes from those that deform interfaces.
+    P : (n_free, count), orthonormal in M; where V makes interfaces rigid, vectors that keep them so among themselves,
+    and vectors that deform them. omega : (count,) rad/s, Ritz frequencies of blocks of P. keeps : (count,) bool,
+    those that leave the interfaces rigid that V makes rigid. first : (count,) bool, those that a share FEWER of m
+    would be, and all that deform interfaces: with a few of these less much of a static response is missing.
 
     Raises
     ------
@@ -74,28 +75,21 @@ class Enrichment:
         columns = np.hstack([np.sqrt(omega[0]) * np.hstack([inertia, modal]), self._of_unit_energy(loads)])
         wrenches = self._of_unit_energy(wrenches)
         parts = [_Responses(self._factor, V, part) for part in _parted(body, stiff)]
-        blocks: list[tuple[np.ndarray, bool, bool]] = []
+        found = []
         for i, part in enumerate(parts):
             part.add_static(wrenches)
             static, room = part.count, len(V) - V.shape[1] - sum(part.count for part in parts)
             part.add_responses(columns, min(-(-m // DEFORMING) if i else m, room), body.M)
-            border = static + round(FEWER * (part.count - static))
-            blocks += [(part.P[:, :border], i == 0, True), (part.P[:, border:], i == 0, False)]
-        self.P, self.omega, count = np.zeros((len(V), 0)), np.zeros(0), []
-        for P, _, _ in blocks:
-            P = P - V @ self._moved(wrenches, P)
-            P, omega = self._ritz(body, P @ _independent(self._factor.half_multiply(P)))
-            self.P, self.omega = np.hstack([self.P, P]), np.append(self.omega, omega)
-            count.append(len(omega))
-        self.keeps, self.first = (np.repeat([block[k] for block in blocks], count) for k in (1, 2))
-
-    def _ritz(self, body: ElasticBody, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Ritz vectors of what is new in P beside the vectors so far, and their frequencies."""
-        for _ in range(2):  # as in `without`
-            P = P - self.P @ (self.P.T @ (body.M @ P))
-        squares, turn = la.eigh(P.T @ (body.M @ P), P.T @ (body.K @ P))  # 1/omega^2
-        kept = np.flatnonzero(squares > NEW_SHARE**2 * squares.max(initial=0.0))[::-1]
-        return P @ (turn[:, kept] / np.sqrt(squares[kept])), 1 / np.sqrt(squares[kept])
+            border = part.count if i else static + round(FEWER * (part.count - static))
+            before = np.zeros((len(V), 0))
+            for own in (slice(0, border), slice(border, None)):
+                P = part.P[:, own] - V @ self._moved(wrenches, part.P[:, own])
+                P, omega = _ritz(body, P @ _independent(self._factor.half_multiply(P)), before)
+                found.append((P, omega, i == 0, own.start == 0))
+                before = np.hstack([before, P])
+        self.P, self.omega = (np.hstack([block[k] for block in found]) for k in (0, 1))
+        count = [len(block[1]) for block in found]
+        self.keeps, self.first = (np.repeat([block[k] for block in found], count) for k in (2, 3))
 
     def _of_unit_energy(self, forces: np.ndarray) -> np.ndarray:
         """Forces scaled to unit norm in K^-1; those that do no work are left out."""
@@ -164,6 +158,15 @@ class _Responses:
             responses = responses - known @ la.lstsq(energies, self._factor.half_multiply(responses))[0]
         self.P = np.hstack([self.P, responses])
         return responses
+
+
+def _ritz(body: ElasticBody, P: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ritz vectors of what is new in P beside the M-orthonormal columns before it, and their frequencies."""
+    for _ in range(2):  # as in `without`
+        P = P - before @ (before.T @ (body.M @ P))
+    squares, turn = la.eigh(P.T @ (body.M @ P), P.T @ (body.K @ P))  # 1/omega^2
+    kept = np.flatnonzero(squares > NEW_SHARE**2 * squares.max(initial=0.0))[::-1]
+    return P @ (turn[:, kept] / np.sqrt(squares[kept])), 1 / np.sqrt(squares[kept])
 
 
 class _Part(NamedTuple):

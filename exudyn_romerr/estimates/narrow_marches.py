@@ -77,7 +77,7 @@ class NarrowMarches:
             self._moving,
             np.empty((inverses.shape[1] + 2 * k, columns)),
         )
-        r = np.zeros((inverses.shape[1], columns))
+        r, tried = (np.zeros((inverses.shape[1] + more, columns)) for more in (0, 2 * k))
         for i, (Q, inverse) in enumerate(zip(steps.wide, inverses, strict=True)):
             known = (ahead[i] @ last.reshape(4, -1)).reshape(3, k, columns)
             r[:], r[:k] = 0.0, force[i, :, None]
@@ -94,6 +94,7 @@ class NarrowMarches:
         """Increments (rows, marches) with the forces of step i that hold what is left out."""
         for column, (J, hold) in enumerate(zip(self._columns, holds, strict=True)):
             z[:, column] -= hold[i] @ z[J, column]
+            z[J, column] = 0.0  # but for rounding they are
         return z
 
 

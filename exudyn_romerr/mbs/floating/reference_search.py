@@ -56,7 +56,7 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
         No candidate fits, or several that differ.
     """
     if flex.interfaces == "rigid":
-        return _rigid_interfaces(flex, V, interfaces)
+        return _rigid_interfaces(flex, V, [set(motion.nodes.tolist()) for motion in interfaces.values()])
     if flex.reference is not None:
         off = _misfit(flex.reference, flex, V)
         if off > HELD:
@@ -87,10 +87,10 @@ def require_still_interface(flex: FloatingBody, V: np.ndarray) -> np.ndarray:
     return still
 
 
-def _rigid_interfaces(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
+def _rigid_interfaces(flex: FloatingBody, V: np.ndarray, interfaces: list[set[int]]) -> Reference:
     """The model of RBE2 modes: nodes that no mode moves are fixed, those of all other interfaces rigid."""
     still = require_still_interface(flex, V)
-    moving = [set(motion.nodes.tolist()) for motion in interfaces.values() if not np.isin(motion.nodes, still).all()]
+    moving = [nodes for nodes in interfaces if not np.isin(list(nodes), still).all()]
     rigid = [part for part in _merged(moving) if _is_rigid(list(part), flex.positions, V)]
     text = f"{still.size} nodes that no mode moves, {len(rigid)} rigid interfaces"
     return Reference(None, text, _coordinates(still), tuple(rigid))
@@ -100,14 +100,27 @@ def stiff_space(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMot
     """Return the coordinates of the body whose interfaces are as rigid as RBE2 modes make them.
 
     None if the truth has rigid interfaces too, or if the modes are of another kind. Interfaces of fewer than three
-    nodes do not count: modes cannot make them rigid.
+    nodes do not count: modes cannot make them rigid. Those without a marker are found by modes that vanish there.
     """
     if flex.interfaces == "rigid" or flex.reference is not None or not _holds(_still_nodes(flex, V), flex.positions):
         return None
-    wide = {name: motion for name, motion in interfaces.items() if _holds(motion.nodes, flex.positions)}
-    found = _rigid_interfaces(flex, V, wide)
+    wide = [set(motion.nodes.tolist()) for motion in interfaces.values() if _holds(motion.nodes, flex.positions)]
+    found = _rigid_interfaces(flex, V, wide + _unmarked(flex, V))
     fixed = np.array(found.fixed)
     return Space(len(V), fixed, None, rigid_parts(found.rigid, fixed, flex.positions) if found.rigid else ())
+
+
+def _unmarked(flex: FloatingBody, V: np.ndarray) -> list[set[int]]:
+    """Nodes at which the same modes vanish, not all: fixed-interface eigenmodes and static modes of other interfaces.
+
+    Exact zeros, which Exudyn's modes have there; whether such nodes move as one rigid body is not looked at.
+    """
+    vanish = ~V.reshape(len(flex.positions), 3, -1).any(axis=1)
+    vanish[vanish.all(axis=1)] = False
+    kinds = np.unique(vanish[vanish.any(axis=1)], axis=0)
+    # rotations vanish on their axes, too: some nodes have more zeros than the others of their interface
+    groups = (np.flatnonzero((vanish | ~kind).all(axis=1)) for kind in kinds)
+    return [set(nodes.tolist()) for nodes in groups if _holds(nodes, flex.positions)]
 
 
 def _merged(sets: list[set[int]]) -> list[tuple[int, ...]]:

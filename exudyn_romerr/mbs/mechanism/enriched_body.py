@@ -145,7 +145,7 @@ class EnrichedBody:
         """Return -P^T R (S, m) of samples of the reduced body."""
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
 
-    def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool) -> np.ndarray:
+    def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool = False) -> np.ndarray:
         """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.
 
         keeps : K^-1 of the body with interfaces as rigid as its modes make them; as free, if these make none rigid.

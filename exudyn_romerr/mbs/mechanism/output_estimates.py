@@ -42,16 +42,17 @@ class OutputEstimates:
         values, frame = self._rows(moved)
         rest = run.companion.corrections(len(base)) - (values - base)
         change = self._body.offline.shown(values + rest, frame) - at
-        parts, checks = {"basis": change}, {"vectors": change - (self._completed(t, fewer) - at)}
-        if rigid is not None:
-            parts["basis"] = self._completed(t, rigid, keeps=True) - at
+        checked = self._completed(fewer, self._body.static_rest(t, fewer))
+        parts, checks = {"basis": change}, {"vectors": change + at - checked}
+        if rigid is not None:  # R of u + du, whose wrenches are those of all vectors
+            parts["basis"] = self._completed(rigid, self._body.static_rest(t, moved, keeps=True)) - at
             parts["interfaces"] = change - parts["basis"]
         run.estimate.put(parts, checks)
 
-    def _completed(self, t: np.ndarray, states: States, keeps: bool = False) -> np.ndarray:
-        """Outputs as shown in a motion, with its static rest; keeps: the one with rigid interfaces."""
+    def _completed(self, states: States, rest: np.ndarray) -> np.ndarray:
+        """Outputs as shown in a motion, with a static rest (S, R)."""
         values, frame = self._rows(states)
-        return self._body.offline.shown(values + self._body.static_rest(t, states, keeps), frame)
+        return self._body.offline.shown(values + rest, frame)
 
     def take_time_step(self, run: Run, here: States, step: TimeStep) -> None:
         """Take the computed motion, and what time steps make wrong there and, once more, at some instants before."""
