@@ -105,7 +105,7 @@ def test_mechanism_cost_measures_every_variant(capsys):
                 steps = [out.estimate_parts["time step"].any() for out in report.outputs.values()]
                 assert steps == [bool(variant.estimate)]
     printed = capsys.readouterr().out
-    assert printed.count("promised at most") == 2 * (4 + 1)
+    assert printed.count("promised at most") == 2 * (2 + 1)
     assert printed.count("of a bare step more than the bound") == 2 * 2
 
 
