@@ -43,7 +43,7 @@ VARIANTS = (
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with n eigenmodes a body, step h in s; limit: of the ratio with bounds alone, what the project promises."""
+    """A scene with n eigenmodes a body, step h in s; limit: of the ratio with bounds, what the project promises."""
 
     text: str
     make: Any
