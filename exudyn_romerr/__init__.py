@@ -25,6 +25,7 @@ from .model.outputs import (
 )
 from .model.stress_outputs import node_strain, node_stress
 from .online.evaluate import Trajectory, evaluate
+from .report.assessment import Assessment
 from .report.load import load_report
 from .report.plots.overlay import add_bands
 from .report.plots.run_comparison import plot_convergence, plot_run_time
@@ -60,6 +61,7 @@ _NEEDS_EXUDYN = dict.fromkeys(
 ) | {"sweep": "mbs.studies.parameter_sweep"}
 
 __all__ = [
+    "Assessment",
     "AssumptionError",
     "Basis",
     "BoundReport",

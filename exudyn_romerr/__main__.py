@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -47,7 +48,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
-    _add(commands, "show", _show, "print the summary", "romerr show run.npz")
+    show = _add(commands, "show", _show, "print the summary", "romerr show run.npz --tolerance 1%")
+    show.add_argument(
+        "--tolerance",
+        type=_tolerance,
+        metavar="X",
+        help="say of every output whether its error is within X: of its largest value, such as 1%%, or in its unit",
+    )
     plot = _add(
         commands,
         "plot",
@@ -81,8 +88,20 @@ def _add(commands, name: str, run, text: str, example: str, ending: str = "") ->
     return parser
 
 
+def _tolerance(text: str) -> tuple[float, bool]:
+    """A number, and whether it is a share."""
+    share = text.rstrip().endswith("%")
+    number = float(text.rstrip().rstrip("%")) / (100 if share else 1)
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number, or one with %")
+    return number, share
+
+
 def _show(given: argparse.Namespace) -> None:
-    print(load_report(given.file))
+    report = load_report(given.file)
+    print(report)
+    for name in report.outputs if given.tolerance else ():
+        print(report.assess(name, *given.tolerance))
 
 
 def _plot(given: argparse.Namespace) -> None:

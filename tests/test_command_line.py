@@ -56,6 +56,17 @@ def test_show_prints_the_summary(run, capsys):
     assert capsys.readouterr().out == f"{load_report(run)}\n"
 
 
+@pytest.mark.parametrize(
+    ("asked", "meant"), [("1%", (0.01, True)), ("2.5 %", (0.025, True)), ("1e-3", (1e-3, False))]
+)
+def test_show_assesses_every_output(run, capsys, asked, meant):
+    assert main(["show", "run.npz", "--tolerance", asked]) == 0
+    report = load_report(run)
+    said = [report.assess(name, *meant).text for name in report.outputs]
+    assert capsys.readouterr().out.splitlines()[-2:] == said
+    assert [line.count("the tolerance of") for line in said] == [1, 1]
+
+
 @pytest.mark.parametrize(("command", "given"), [("plot", False), ("report", False), ("csv", False), ("csv", True)])
 def test_commands_write_beside_the_run_or_where_told(run, capsys, command, given):
     ending, begins = WRITTEN[command]
@@ -92,7 +103,14 @@ def test_version(capsys):
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["shw", "run.npz"], ["show"], ["show", "run.npz", "more"], ["plot", "run.npz", "--out", "tip z"]],
+    [
+        [],
+        ["shw", "run.npz"],
+        ["show"],
+        ["show", "run.npz", "more"],
+        ["plot", "run.npz", "--out", "tip z"],
+        *(["show", "run.npz", "--tolerance", x] for x in ("0", "nan", "inf", "1 m", "%")),
+    ],
 )
 def test_wrong_usage_is_status_2(run, capsys, arguments):
     """Also shortened options: they would change their meaning when others come."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..estimates.estimate import Estimate, estimated
-from ..report.provenance import made_here
+from ..report.formats.provenance import made_here
 from ..report.report import BoundReport, OutputReport
 from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..residual.interface_stiffening import interface_share

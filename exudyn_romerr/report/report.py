@@ -12,6 +12,7 @@ from ..checks import check_array, check_choice, real_array
 from ..errors import InputError
 from ..trajectory.samples import SAME_TIMES
 from .advice import advice
+from .assessment import Assessment, assess
 from .data import OutputData, ReportData
 from .estimate_wording import covers_time, off_by
 from .formats.csv_table import columns, write_csv
@@ -128,6 +129,32 @@ class BoundReport(ReportData):
         if out.estimate is not None:
             out.estimate_off = _ratio(np.max(np.abs(out.error - out.estimate), axis=0), truth, both_zero=0.0)
         return out
+
+    def assess(self, name: str, tolerance: float, relative: bool = False) -> Assessment:
+        """Say whether the error of an output is within a tolerance at all instants, as far as that is known.
+
+        "proven", "disproven": by bounds of scope complete with the time steps, rounding included. "likely",
+        "unlikely": by the estimate with its half width; without the time steps where the text says "reduction error".
+        "unknown": else. Table in docs/reading_a_bound.md.
+
+        Parameters
+        ----------
+        name : str
+            Of the output. Of several rows that counts of which the answer is worst.
+        tolerance : float
+            In the unit of the output, or with relative=True as a share of each row's largest |value|.
+
+        Returns
+        -------
+        Assessment
+            `.answer` as above; `.text`, one sentence with numbers and what to do next.
+
+        Raises
+        ------
+        InputError
+            Unknown output; a tolerance that is not a positive finite number.
+        """
+        return assess(self, name, tolerance, relative)
 
     def __repr__(self) -> str:
         axis, unit = ("load factor", "") if self.time == "static" else ("t", " s")

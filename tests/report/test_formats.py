@@ -25,7 +25,7 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
-from exudyn_romerr.report.provenance import made_here
+from exudyn_romerr.report.formats.provenance import made_here
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
 from models import floating
 from tests.helpers.bad_input import T, trajectory

@@ -14,7 +14,6 @@ from ..estimate_wording import estimated_under, known, off_by
 from ..overview import overview
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
-from ..provenance import made_here
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
 from ..verdict import sentence
 from ..wording import (
@@ -29,6 +28,7 @@ from ..wording import (
 )
 from .atomic_write import write_whole
 from .html_elements import CSS, items, numbers, paragraph, section, table, words
+from .provenance import made_here
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

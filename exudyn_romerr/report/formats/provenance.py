@@ -4,7 +4,7 @@ import platform
 import sys
 from datetime import datetime, timezone
 
-from .._version import __version__
+from ..._version import __version__
 
 MODULES = ("numpy", "scipy", "exudyn")
 

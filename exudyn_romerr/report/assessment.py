@@ -1,0 +1,130 @@
+"""Assessment: whether an output is as exact as asked, by what is proved of it and by what is estimated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import InputError
+from .advice import advice
+from .estimate_wording import about, estimate_scope, estimated_kind, is_enough, known
+from .scope import COMPLETE, FROZEN
+from .wording import (
+    AS_IN_THIS_RUN,
+    CURES_OF_CHECKS,
+    NOT_THE_MECHANISM,
+    advises,
+    is_uncertified,
+    rounded_up,
+    widest_scope,
+)
+
+if TYPE_CHECKING:
+    from .data import OutputData, ReportData
+    from .estimate_wording import Known
+
+ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
+NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
+UNCERTIFIED = "the balance of the run speaks against what is computed of it"
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """Whether the error of an output is within a tolerance; see BoundReport.assess.
+
+    answer : "proven", "likely", "unknown", "unlikely" or "disproven". text : a sentence, with what to do next.
+    """
+
+    answer: str
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def assess(report: ReportData, name: str, tolerance: float, relative: bool = False) -> Assessment:
+    """Return what is known of an output's error beside a tolerance; see BoundReport.assess."""
+    out = report.output(name)
+    limits = _limits(out, tolerance, relative)
+    found = [_of_row(report, replace(out, tolerance=limit), row) for row, limit in enumerate(limits)]
+    return min(found, key=lambda assessment: ANSWERS.index(assessment.answer))
+
+
+def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
+    """The tolerance of each row in its unit."""
+    if isinstance(tolerance, bool) or not isinstance(tolerance, Real) or not 0 < tolerance < np.inf:
+        needed = "as a share of the largest value, such as 0.01" if relative else f"in {out.unit or 'its unit'}"
+        raise InputError(f"tolerance={tolerance!r} of {out.name!r}; pass a positive finite number, {needed}")
+    sizes = np.max(np.abs(out.value), axis=0) if relative else np.ones(out.value.shape[1])
+    return [float(tolerance * size) for size in sizes]
+
+
+def _of_row(report: ReportData, out: OutputData, row: int) -> Assessment:
+    """What is known of one row beside out.tolerance: what is proved first, then what is estimated."""
+    if is_uncertified(report):
+        return _made(out, row, "unknown", UNCERTIFIED, "see the messages")
+    if widest_scope(report.scope) == COMPLETE and report.time != "sampled":
+        most, least = _proved(out, row)
+        if most <= out.tolerance:
+            said = f"its error is at most {rounded_up(most)} {out.unit}, within {_limit(out)}"
+            return _made(out, row, "proven", said, "nothing to do")
+        if least > out.tolerance:
+            said = f"its error is at least {_rounded_down(least)} {out.unit}, above {_limit(out)}"
+            return _made(out, row, "disproven", said, _next(report, out, row))
+    return _estimated(report, out, row)
+
+
+def _proved(out: OutputData, row: int) -> tuple[float, float]:
+    """What the largest error is at most, and at least; nothing, 0, without the corrected output."""
+    most = float(np.max(out.bound["best"][:, row] + out.round_off[:, row]))
+    if out.corrected is None:
+        return most, 0.0
+    doubt = out.corrected_bound[:, row] + out.round_off[:, row]
+    return most, max(float(np.max(np.abs(out.corrected - out.value)[:, row] - doubt)), 0.0)
+
+
+def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
+    found = known(out, row)
+    if found is None:
+        return _made(out, row, "unknown", f"{NO_ESTIMATE} {_limit(out)}", _next(report, out, row))
+    kind, size = estimated_kind(out, report.time), about(out, row, found)
+    if estimate_scope(out, report.scope) == FROZEN:
+        said = f"{AS_IN_THIS_RUN} its {kind} is {size}, but {NOT_THE_MECHANISM}"
+        return _made(out, row, "unknown", said, "compare with a run of the mechanism with more modes")
+    steps = "" if kind == "error" else "; what the time steps do is not in it"
+    answer = _answer(out, row, found)
+    if answer == "unknown" and not found.is_resolved:
+        half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
+        said = f"the estimate of its {kind}, {found.size:.2g} {out.unit}, half width {half}, does not tell"
+        return _made(out, row, answer, f"{said} whether it is within {_limit(out)}", CURES_OF_CHECKS[found.check])
+    where = {"likely": "within", "unlikely": "above"}.get(answer, "too close to tell from")
+    todo = "nothing to do" if answer == "likely" else _next(report, out, row)
+    return _made(out, row, answer, f"its {kind} is {size}, {where} {_limit(out)}{steps}", todo)
+
+
+def _answer(out: OutputData, row: int, found: Known) -> str:
+    if is_enough(out, found):
+        return "likely"
+    least = np.max(np.abs(out.estimate)[:, row] - out.uncertainty[:, row] - out.round_off[:, row])
+    return "unlikely" if found.is_resolved and least > out.tolerance else "unknown"
+
+
+def _made(out: OutputData, row: int, answer: str, said: str, todo: str) -> Assessment:
+    return Assessment(answer, f"{out.row_names[row]}: {answer}, {said}: {todo}.")
+
+
+def _limit(out: OutputData) -> str:
+    return f"the tolerance of {out.tolerance:.3g} {out.unit}".rstrip()
+
+
+def _next(report: ReportData, out: OutputData, row: int) -> str:
+    return advice(out, report.time, report.scope, row) if advises(report) else "see the messages"
+
+
+def _rounded_down(x: float) -> str:
+    """Three digits: printing must not make more of what is proved."""
+    text = f"{x:.3g}"
+    return text if float(text) <= x else f"{x - 0.5 * 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"

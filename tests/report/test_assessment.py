@@ -1,0 +1,176 @@
+"""Assessments: every answer, by hand and of runs whose error is known."""
+
+import warnings
+from functools import cache
+
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from exudyn_romerr.report.assessment import ANSWERS, assess
+from exudyn_romerr.report.data import Plan, ReportData
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
+from exudyn_romerr.report.wording import CURES_OF_CHECKS
+from models import estimate_truths
+from models.estimate_scenes import SCENES, LinearScene
+from tests.report.test_estimates import estimated
+from tests.report.test_verdict import output
+
+
+def report(made, time="reconstructed", reason=""):
+    """A report of one output, with all that assess reads."""
+    out, scope = made
+    plan, t = Plan((), ()), np.array([0.0, 1.0])
+    return ReportData(t, {}, {}, {out.name: out}, scope, reason, {}, plan, [], time, None)
+
+
+def corrected(value, bound, known, left, **options):
+    """An output whose error is `known` within `left`, by a bound of scope complete."""
+    out, scope = estimated(value, bound, {"basis": known}, {"proved": left}, **options)
+    out.corrected, out.corrected_bound = out.value + out.estimate, out.uncertainty
+    return out, scope
+
+
+PROVED = corrected(2.0, 1.2, 1.0, 0.1)
+SAID = estimated(2.0, 9.0, {"basis": 0.8, "time step": 0.2}, {"steps": 0.1}, covers=COUPLED)
+VAGUE = estimated(2.0, 9.0, {"basis": 1.0}, {"steps": 0.1, "loads": 0.3}, covers=COUPLED)
+UNDER_FORCES = estimated(2.0, 1.2, {"basis": 1.0}, {"proved": 0.1}, covers=FROZEN)
+ROUNDED = corrected(2.0, 1.2, 1.0, 0.1, round_off=0.05)
+BOUNDED = output(2.0, {"auxiliary": 1.2}, {"auxiliary": COMPLETE}), {"auxiliary": COMPLETE}
+INFINITE = estimated(2.0, np.inf, {"basis": 1.0}, {"steps": np.inf}, covers=COUPLED)
+
+
+@pytest.mark.parametrize(
+    ("made", "tolerance", "answer", "time"),
+    [
+        (PROVED, 1.2, "proven", "reconstructed"),
+        (PROVED, 1.2, "proven", "static"),
+        (PROVED, 1.15, "likely", "reconstructed"),  # the bound is above, estimate and half width are not
+        (PROVED, 1.0, "unknown", "reconstructed"),
+        (PROVED, 0.89, "disproven", "reconstructed"),
+        (PROVED, 0.89, "disproven", "static"),
+        (PROVED, 1.2, "likely", "sampled"),  # nothing is proved without the time steps
+        (PROVED, 0.89, "unlikely", "sampled"),
+        (ROUNDED, 1.2, "likely", "reconstructed"),  # bound and rounding: 1.25
+        (ROUNDED, 1.14, "unknown", "reconstructed"),
+        (ROUNDED, 0.86, "unknown", "reconstructed"),
+        (ROUNDED, 0.84, "disproven", "reconstructed"),
+        (SAID, 1.11, "likely", "sampled"),
+        (SAID, 1.05, "unknown", "sampled"),
+        (SAID, 0.89, "unlikely", "sampled"),
+        (VAGUE, 1.41, "likely", "sampled"),  # small enough, though not resolved
+        (VAGUE, 0.1, "unknown", "sampled"),
+        (UNDER_FORCES, 9.0, "unknown", "reconstructed"),  # the mechanism's answer may be larger
+        (UNDER_FORCES, 0.1, "unknown", "reconstructed"),
+        (BOUNDED, 1.2, "proven", "reconstructed"),
+        (BOUNDED, 1.1, "unknown", "reconstructed"),  # nothing is known from below
+        (BOUNDED, 1.3, "unknown", "sampled"),
+        (INFINITE, 9.0, "unknown", "sampled"),
+    ],
+)
+def test_answers(made, tolerance, answer, time):
+    found = assess(report(made, time), "tip z", tolerance)
+    assert (found.answer, str(found)) == (answer, found.text)
+    assert found.text.startswith(f"tip z: {answer}, ")
+    assert found.text.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("made", "tolerance", "time", "said"),
+    [
+        (PROVED, 1.2, "static", "tip z: proven, its error is at most 1.2 m, within the tolerance of 1.2 m: "),
+        (PROVED, 0.5, "static", "disproven, its error is at least 0.9 m, above the tolerance of 0.5 m: 100 % of it"),
+        (SAID, 2.0, "sampled", "likely, its error is about 1 +- 0.1 m (50 %; basis 0.8, time step 0.2), within the "),
+        (SAID, 0.5, "sampled", "above the tolerance of 0.5 m: 80 % of it from the basis: add modes; the rest is"),
+        (PROVED, 1.2, "sampled", "likely, its reduction error is about 1 +- 0.1 m (50 %; basis), within"),
+        (PROVED, 1.2, "sampled", "; what the time steps do is not in it: nothing to do."),
+        (VAGUE, 0.1, "sampled", f"whether it is within the tolerance of 0.1 m: {CURES_OF_CHECKS['loads']}."),
+        (
+            UNDER_FORCES,
+            9.0,
+            "static",
+            "unknown, under the frame motion, loads and joint forces of this run its error",
+        ),
+        (
+            BOUNDED,
+            1.1,
+            "static",
+            "and no proof that it is within the tolerance of 1.1 m: 75 % of it from the step",
+        ),
+    ],
+)
+def test_texts(made, tolerance, time, said):
+    assert said in assess(report(made, time), "tip z", tolerance).text
+
+
+def test_a_run_that_is_not_balanced_proves_nothing():
+    found = assess(report(PROVED, reason=f"loads may be missing: {NOT_CERTIFIED}"), "tip z", 5.0)
+    assert found.answer == "unknown"
+    assert "balance of the run" in found.text
+
+
+def test_the_worst_row_counts_by_its_own_size():
+    """A second row a hundredth of the first, whose error is half of it."""
+    out, scope = estimated(2.0, 9.0, {"basis": 0.01}, {"steps": 1e-4}, covers=COUPLED)
+    both = {"value": np.hstack([out.value, out.value / 100]), "labels": ("x", "y")}
+    for name, x in both.items():
+        setattr(out, name, x)
+    out.bound = {e: np.tile(x, 2) for e, x in out.bound.items()}
+    out.round_off, out.estimate, out.uncertainty = (
+        np.tile(x, 2) for x in (out.round_off, out.estimate, out.uncertainty)
+    )
+    out.estimate_parts, out.uncertainty_parts = (
+        {name: np.tile(x, 2) for name, x in parts.items()} for parts in (out.estimate_parts, out.uncertainty_parts)
+    )
+    made = report((out, scope), "sampled")
+    assert assess(made, "tip z", 0.02).answer == "likely"
+    found = assess(made, "tip z", 0.02, relative=True)
+    assert found.answer == "unlikely"
+    assert "tip z y: unlikely" in found.text
+    assert "the tolerance of 0.0004 m" in found.text
+
+
+@pytest.mark.parametrize("tolerance", [0, -1.0, np.nan, np.inf, True, "1%", None])
+def test_tolerances_that_are_none(tolerance):
+    with pytest.raises(romerr.InputError, match="pass a positive finite number, in m"):
+        assess(report(PROVED), "tip z", tolerance)
+    with pytest.raises(romerr.InputError, match=r"as a share of the largest value, such as 0\.01"):
+        assess(report(PROVED), "tip z", tolerance, relative=True)
+
+
+@cache
+def questions(name, n):
+    """(output, whether its error is below a tolerance of half and of twice its size, what assess says) of a scene."""
+    scene = SCENES[name]
+    made = scene.make(n, "RBE3", scene.h)
+    for key, number in made.sensors.items():
+        made.mbs.SetSensorParameter(number, "name", key)
+    if isinstance(made, LinearScene):
+        monitors = [romerr.attach(made.mbs, made.flex, outputs=list(made.outputs))]
+    else:
+        monitors = [romerr.attach(made.mbs, romerr.floating_body(made.fem, items)) for items in made.bodies]
+    made.mbs.Assemble()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        estimate_truths.motion(made, scene.h)
+    found = []
+    for run in (monitor.report() for monitor in monitors):
+        for key, truth in estimate_truths.stored(name).items():
+            if key in run.outputs:
+                error = np.max(np.abs(truth.value - run.output(key).value))
+                found += [(key, times > 1, run.assess(key, times * error)) for times in (0.5, 2.0)]
+    return found
+
+
+SCENES_ASKED = (("slider_crank", 4), ("sprung_body", 4), ("hinged_bar", 8), ("clamped_bar", 4), ("linear_bar", 4))
+
+
+def test_runs_whose_error_is_known():
+    """34 questions: nothing wrong is called proven, at most one likely, and at most 3 of 20 are not answered."""
+    asked = [question for scene in SCENES_ASKED for question in questions(*scene)]
+    assert len(asked) == 34
+    answers = [(ANSWERS.index(found.answer) - 2, is_within) for _, is_within, found in asked]  # -2 .. 2
+    wrong = [abs(answer) for answer, is_within in answers if (answer < 0 if is_within else answer > 0)]
+    assert 2 not in wrong
+    assert len(wrong) <= 1
+    assert sum(answer == 0 for answer, _ in answers) <= 3 / 20 * len(asked)
