@@ -45,7 +45,7 @@ class Opening(NamedTuple):
 class Run:
     """The bounds along one dynamic solve."""
 
-    companion: Run | None = None  # of the trajectory with auxiliary vectors, whose bounds are this body's too
+    companion: Run | None = None  # of the trajectory with auxiliary vectors
     is_static = False
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
@@ -72,6 +72,11 @@ class Run:
     @property
     def _total(self) -> Stream:
         return self._streams.get("total", self._streams["reduction"])
+
+    @property
+    def _beside(self) -> Run | None:
+        """The companion, if its bounds are this body's too; with frozen inputs only the estimate is."""
+        return self.companion if self.offline.scene.coupled else None
 
     def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
         """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
@@ -145,7 +150,7 @@ class Run:
     def best_now(self) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (r,) at the last step given."""
         frame, widest = self._last.frame, self.offline.scene.widest(self.assumptions())
-        totals = [run._total for run in (self, self.companion) if run is not None]
+        totals = [run._total for run in (self, self._beside) if run is not None]
         now = [bounds for total in totals for bounds in total.now(widest)]
         return best_outputs(self.offline, now, frame, self._recorded.read(slice(-1, None)))
 
@@ -210,20 +215,20 @@ class Run:
     def streams(self) -> dict[str, dict[str, Bounds]]:
         """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
         found = {name: stream.bounds() for name, stream in self._streams.items()}
-        for name in found if self.companion is not None else ():
-            found[name].update(self.companion._streams[name].bounds())
+        for name in found if self._beside is not None else ():
+            found[name].update(self._beside._streams[name].bounds())
         found = {name: {e: b.at(self._settled) for e, b in bounds.items()} for name, bounds in found.items()}
         return {"total": found["reduction"], **found}
 
     def node_bounds(self) -> dict[str, np.ndarray]:
         """Return the bounds at every node at the worst instant, by every estimator; full-size work."""
         own = self.offline.nodes(self._total.worst)
-        return own if self.companion is None else {**own, **self.companion.node_bounds()}
+        return own if self._beside is None else {**own, **self._beside.node_bounds()}
 
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""
         own = {name: e.assumes for name, e in self._total.estimators.items()}
-        return own if self.companion is None else {**own, **self.companion.assumptions()}
+        return own if self._beside is None else {**own, **self._beside.assumptions()}
 
     def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame=None) -> Samples:
         last = -np.inf if self._last is None else float(self._last.t[-1])
