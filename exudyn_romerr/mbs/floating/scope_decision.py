@@ -103,8 +103,8 @@ def find_scope(
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     without = next(_no_feedback(mbs, wanted, model), "")
-    unknown = next(_refusals(mbs, wanted, actions, static, without), "")
-    refusal = others or unknown or next(_refusals_of_bounds(mbs, wanted.options, attached), "")
+    unknown = next(_refusals(mbs, wanted, actions, static, attached, without), "")
+    refusal = others or unknown or next(_refusals_of_bounds(mbs, wanted.options), "")
     if refusal and wanted.scope == COUPLED and not static:
         raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
     frozen = (
@@ -119,7 +119,9 @@ def find_scope(
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 
-def _refusals(mbs: Any, wanted: Wanted, actions: Actions, static: bool, without: str) -> Iterator[str]:
+def _refusals(
+    mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int], without: str
+) -> Iterator[str]:
     """Why neither bound nor estimate can cover the feedback of the mechanism."""
     options = wanted.options
     if wanted.scope == OF_A_FILE:
@@ -135,11 +137,13 @@ def _refusals(mbs: Any, wanted: Wanted, actions: Actions, static: bool, without:
         yield f"none of the estimators {', '.join(names)} has a coupled bound here" + (
             f" ({without})" if without else ""
         )
-    yield from _switching(_objects(mbs))
+    objects = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
+    yield from _unattached(objects, attached)
+    yield from _switching(objects)
     yield from _controlled(mbs)
 
 
-def _refusals_of_bounds(mbs: Any, options: BoundOptions, attached: Collection[int]) -> Iterator[str]:
+def _refusals_of_bounds(mbs: Any, options: BoundOptions) -> Iterator[str]:
     """Why the bound cannot, where the linearised mechanism is there all the same."""
     watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
     if watched:
@@ -147,26 +151,18 @@ def _refusals_of_bounds(mbs: Any, options: BoundOptions, attached: Collection[in
             f"the tolerance on {', '.join(map(repr, watched))} asks for a bound, and they see the motion of the "
             "frame, whose error has none; pass node_displacement(..., frame='body') or a sensor of DisplacementLocal"
         )
-    objects = _objects(mbs)
-    yield from _unattached(objects, attached)
-    for i, item in enumerate(objects):
+    for i in range(mbs.systemData.NumberOfObjects()):
+        item = mbs.GetObject(i)
         if "markerNumbers" in item and any(np.any(np.asarray(item.get(key, 0.0)) < 0) for key in PASSIVE):
             name = f"object {i} ({item['name']}, {item['objectType']})"
             yield f"{name} has negative stiffness or damping: it may do work on the error"
-
-
-def _objects(mbs: Any) -> list[dict]:
-    return [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
 
 
 def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
     reduced = {i: item["name"] for i, item in enumerate(objects) if item["objectType"] == "FFRFreducedOrder"}
     missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
     if missing:
-        yield (
-            "flexible bodies of this mbs are not attached, so their errors are not known, nor in the estimates of "
-            f"others: {', '.join(missing)}"
-        )
+        yield f"flexible bodies of this mbs are not attached, so their errors are not known: {', '.join(missing)}"
 
 
 def _switching(objects: list[dict]) -> Iterator[str]:

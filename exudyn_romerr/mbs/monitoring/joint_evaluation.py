@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError, InputError, RunError
-from ...estimates.kept_estimate import KeptEstimate
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import join_extensions, joined_openings
@@ -17,13 +16,13 @@ from ..mechanism.late_readings import LateReadings
 from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
 from .feedback_runs import Reaction
+from .run_succession import check_extensions, check_openings, fall_back
 
 if TYPE_CHECKING:
     from .body_monitor import Watch
 
 # Exudyn holds rates of constraints with the trapezoidal rule only, which here, where their positions are held, rings
 DAMPED = 0.8
-ENDED = "estimates are those under frozen inputs, for the linearised mechanism has none: {}"
 
 
 def scheme_of(solver: Any) -> Scheme:
@@ -109,7 +108,7 @@ class Mechanism:
         self._together(self._join_openings)
         for watch in self._watches:
             watch.open()
-        self._react(self._open_reaction, self._check_openings, rows)
+        self._react(self._open_reaction, rows, check_openings, self._before)
         for watch in self._watches:
             watch.admit()
         for watch in self._watches:
@@ -117,12 +116,13 @@ class Mechanism:
         self._together(self._join_extensions)
         for watch in self._watches:
             watch.advance()
-        self._react(self._advance_reaction, self._check_extensions, rows)
+        self._react(self._advance_reaction, rows, check_extensions, len(rows[0]))
         self._check_others(self._coupled)
         for watch in self._watches:
             watch.settle()
         self._fail(self._failure)
-        self._say_end()
+        if self._ended is not None and fall_back(self._partners, self._ended):
+            self._ended = None
 
     def _before_failure(self, rows: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """Return the rows up to the last tangent that was read, if one could not be."""
@@ -210,25 +210,16 @@ class Mechanism:
         except Exception as error:
             self._fail(error)
 
-    def _react(self, work: Callable, check: Callable, rows: tuple[np.ndarray, ...]) -> None:
+    def _react(self, work: Callable, rows: tuple[np.ndarray, ...], *check: Any) -> None:
         """Go on with the reaction: as what bounds need, or for the sake of estimates alone."""
         if self._coupled:
             self._together(work, rows)
         elif self._reaction is not None:
-            self._estimate(lambda: (check(len(rows[0])), work(rows)))
+            self._estimate(self._checked, work, rows, *check)
 
-    def _check_openings(self, _: int) -> None:
-        openings = [watch.opening for watch in self._partners]
-        if len({opening is None for opening in openings}) > 1:
-            raise RunError("bounds of its bodies begin at different times")
-        if self._before is None and any(opening is not None and opening.before is not None for opening in openings):
-            raise RunError("the run before, which this one continues, has none")
-
-    def _check_extensions(self, count: int) -> None:
-        for watch in self._partners if any(watch.run is not None for watch in self._partners) else ():
-            taken = (watch.opening is not None) + (0 if watch.extension is None else len(watch.extension.new.t))
-            if watch.error is not None or taken < count:
-                raise RunError(f"bounds of object {watch.item} have ended")
+    def _checked(self, work: Callable, rows: tuple[np.ndarray, ...], check: Callable, known: Any) -> None:
+        check(self._partners, known)
+        work(rows)
 
     def _estimate(self, work: Callable, *arguments: Any) -> None:
         """Do what estimates alone need."""
@@ -240,14 +231,6 @@ class Mechanism:
     def _end_estimates(self, error: Exception) -> None:
         self.tangents = self._reaction = self._failure = None
         self._ended = error
-
-    def _say_end(self) -> None:
-        """Say in the reports of all bodies that the mechanism has no estimates, once they have a run."""
-        opened = [watch.run for watch in self._partners if watch.run is not None]
-        for run in opened if self._ended is not None else ():
-            run.messages.append(ENDED.format(self._ended))
-            run.estimate, run.companion = KeptEstimate(), None
-        self._ended = None if opened else self._ended
 
     def _fail(self, error: Exception | None) -> None:
         for watch in self._coupled if error is not None else ():
