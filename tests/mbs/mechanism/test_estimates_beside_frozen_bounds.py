@@ -70,7 +70,7 @@ def found(case, **more):
 def test_estimate_is_that_of_the_mechanism(case):
     """Truth: all modes, same steps, of all bars; bars of issue 18: 3 % in global axes, 5 % in the frame.
 
-    Measured: see the message. Under frozen inputs the displacement of the slider crank is off by 99 %.
+    Measured: 0.12 % and 0.06 %; under frozen inputs 105 to 122 % and 17 to 460 %.
     """
     truth, compared = output_truths.stored(CASES[case][0]), set()
     for i, report in enumerate(found(case), start=1):
