@@ -7,6 +7,7 @@ import pytest
 from exudyn import itemInterface
 
 import exudyn_romerr as romerr
+from exudyn_romerr.mbs.monitoring import floating_adapter
 from models import floating, mechanisms, output_truths
 from tests.helpers import tolerances as tol
 from tests.helpers.mechanism_runs import (
@@ -214,6 +215,27 @@ def test_bound_that_ends_ends_the_estimate(monkeypatch):
     solve(scene)
     assert "on purpose" in str(raised(first))
     fallen_back(second.report(), "bounds of object 0 have ended")
+
+
+def test_vectors_that_cannot_be_made_leave_the_bound(monkeypatch):
+    """The plan says why there is no estimate of the mechanism."""
+
+    def failing(*_):
+        raise romerr.AssumptionError("no such vectors")
+
+    monkeypatch.setattr(floating_adapter, "EnrichedBody", failing)
+    scene = pushed(steps=3)
+    monitors = watch(scene)
+    solve(scene)
+    for monitor in monitors:
+        report = monitor.report()
+        assert report.output("probe").estimate_scope == FROZEN
+        assert np.isfinite(report.output("probe").bound["best"]).all()
+        assert "no such vectors" in str(monitor.plan)
+    scene = pendulum(steps=3)  # where the bound is theirs, it is refused
+    monitor, _ = watch(scene)
+    solve(scene)
+    assert "no such vectors" in str(raised(monitor))
 
 
 # --- where frozen inputs stay -------------------------------------------------------
