@@ -15,7 +15,7 @@ from ...model.floating_frame import FramePose, Jitter, translations
 from ...model.shared_body import shared_body
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...report.scope import COMPLETE, FULL_MODEL, Scene
+from ...report.scope import COMPLETE, COUPLED, FULL_MODEL, Scene
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor
 from ..floating.driven_frame import PrescribedMotion
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
 ESTIMATE = "estimate of the error: modes by these vectors, time steps from the samples, reaction of the mechanism"
 BETWEEN = ("loads between samples, in the estimate of the error by time steps", "midpoint_residual=False")
+BY_MECHANISM = "estimate by the linearised mechanism"
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 
 
@@ -79,12 +80,18 @@ class MovingSubject:
             terms = InputTerms(actions, support, self._flex, model.V)
             scene = self._scene(model, actions, terms, reference, support, scope)
             self.enriched = None
-            if scene.feedback:
-                kept = (self._flex, body, model, actions, support, scene, columns, terms)
-                self.enriched = EnrichedBody(*kept, self._options)
-                scene = replace(scene, computed=(*scene.computed, self.enriched.note, TANGENT, ESTIMATE))
-                if not self._options.midpoint_residual:
-                    scene = replace(scene, left_out=(*scene.left_out, BETWEEN))
+            if scene.feedback or scope.answers:
+                coupled = replace(scene, scope=COUPLED, feedback=True)
+                kept = (self._flex, body, model, actions, support, coupled, columns, terms)
+                try:
+                    self.enriched = EnrichedBody(*kept, self._options)
+                    scene = replace(scene, computed=(*scene.computed, self.enriched.note, TANGENT, ESTIMATE))
+                    if not self._options.midpoint_residual:
+                        scene = replace(scene, left_out=(*scene.left_out, BETWEEN))
+                except Exception as error:
+                    if scene.feedback:
+                        raise
+                    scene = replace(scene, left_out=(*scene.left_out, (BY_MECHANISM, str(error))))
             offline = self._prepare(body, model, terms, scene)
             self._sampler, self._signature = Sampler.of(model.frame, actions, terms, offline), signature
         else:  # functions of time may be other ones
