@@ -7,7 +7,9 @@ What the matrices of all steps need is made in batch and kept, so that passes wi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,6 +80,21 @@ class Tangent:
         wide[k:, :k] = self.C
 
 
+class Columns(NamedTuple):
+    """Right-hand sides that are marched through steps together.
+
+    moving : e, e', e'' and algorithmic a (4, k, columns) where the steps begin. force (S, k, columns), values g
+    (S, c, columns) : 0 where None. kicks : two (S, k, columns), what moves e and e' on the way to a sample beside
+    what the scheme does. held : numbers of the coordinates that each of the columns holds at zero; none, if empty.
+    """
+
+    moving: np.ndarray
+    force: np.ndarray | None = None
+    values: np.ndarray | None = None
+    kicks: tuple[np.ndarray, np.ndarray] | None = None
+    held: Sequence[np.ndarray] = ()
+
+
 class Steps:
     """Consecutive steps, ready to be marched through; sums of steps are steps, too.
 
@@ -121,27 +138,35 @@ class Steps:
         whole[:k, :k], whole[:k, k:], whole[k:, :k] = Q[:k, 2 * k : 3 * k], scale * Q[:k, 3 * k :], scale * Q[k:, :k]
         return np.linalg.solve(whole, np.vstack([force, np.zeros((len(Q) - k, force.shape[1]))]))[:k]
 
-    def march(
-        self,
-        moving: np.ndarray,
-        force: np.ndarray | None = None,
-        values: np.ndarray | None = None,
-        kicks: tuple[np.ndarray, np.ndarray] | None = None,
-    ) -> np.ndarray:
-        """Go on from `moving`: e, e', e'' and algorithmic a (4, k, columns); return the same at the samples (S, ...).
+    def march(self, *parts: Columns) -> list[np.ndarray]:
+        """Go on from where the columns are; return e, e', e'' and algorithmic a (S, 4, k, columns) of each part."""
+        S, k = len(self), parts[0].moving.shape[1]
+        ends = np.cumsum([part.moving.shape[2] for part in parts])
+        right = np.zeros((S, len(self.wide[0]) if S else k, ends[-1]))
+        kicks = np.zeros((S, 2, k, ends[-1])) if any(part.kicks is not None for part in parts) else None
+        holds = []
+        for part, end in zip(parts, ends, strict=True):
+            own = slice(end - part.moving.shape[2], end)
+            if part.force is not None:
+                right[:, :k, own] = part.force
+            if part.values is not None:
+                right[:, k:, own] = part.values
+            if part.kicks is not None:
+                kicks[:, 0, :, own], kicks[:, 1, :, own] = part.kicks
+            holds += [self._hold(column, J) for column, J in enumerate(part.held, own.start) if J.size]
+        moving = np.concatenate([part.moving for part in parts], axis=2)
+        return np.split(self._marched(moving, right, kicks, holds), ends[:-1], axis=3)
 
-        force (S, k, columns), values g (S, c, columns), 0 where None. kicks: two (S, k, columns), what moves e and e'
-        on the way to a sample beside what the scheme does.
+    def _hold(self, column: int, J: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+        """What holds coordinates J of a column at zero: their number, they, (S, k + c, J).
+
+        Forces of constraints. With z = A^-1 r the increment of a step and B = A^-1: z - B_:J (B_JJ)^-1 z_J, whose
+        residual has entries in the rows J only.
         """
-        S, (_, k, columns) = len(self), moving.shape
-        right = np.zeros((S, len(self.wide[0]) if S else k, columns))
-        if force is not None:
-            right[:, :k] = force
-        if values is not None:
-            right[:, k:] = values
-        return self._marched(moving, right, None if kicks is None else np.stack(kicks, axis=1))
+        B = np.array([inverse[:, J] for inverse in self.inverses])
+        return column, J, B @ np.linalg.inv(B[:, J])
 
-    def _marched(self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None) -> np.ndarray:
+    def _marched(self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None, holds: list) -> np.ndarray:
         """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns)."""
         (S, rows, columns), k, dot = right.shape, moving.shape[1], np.dot
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
@@ -162,10 +187,17 @@ class Steps:
                 known[i] += kicked[i]
             r -= dot(Q[:, : 2 * k], known[i])
             z = dot(inverse, r)
+            for column, J, hold in holds:
+                z[:, column] -= dot(hold[i], z[J, column])
+                z[J, column] = 0.0  # but for rounding they are
             np.multiply(factor, z[:k].reshape(1, -1), out=states)
             free[:] = z[k:]
             r -= dot(Q, tried)
-            z += dot(inverse, r)
+            more = dot(inverse, r)
+            for column, J, hold in holds:
+                more[:, column] -= dot(hold[i], more[J, column])
+                more[J, column] = 0.0
+            z += more
             now[3] = z[:k].ravel()
             last = now
         return (onward @ found).reshape(S, 4, k, columns)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..mechanism.step_errors import StepErrors
     from .body_monitor import Watch
 
-PARTS = 16  # tangents to a reading, for inverses of second degree in between
+PARTS = 4  # tangents to a reading, for inverses of second degree in between
 
 
 class Reaction:
@@ -112,7 +112,7 @@ class Reaction:
         *rows, _ = rows
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
-        others = [steps.go, self._narrow.go]
+        others = [steps, self._narrow]
         e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others)
         steps.finish()
         self._tangents.forget()

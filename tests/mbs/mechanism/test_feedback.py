@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from exudyn_romerr import AssumptionError
 from exudyn_romerr.basis.enrichment import Enrichment
 from exudyn_romerr.estimates import track as module
-from exudyn_romerr.estimates.march import Scheme, Tangent
+from exudyn_romerr.estimates.march import Columns, Scheme, Tangent
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.estimators.coupled_energy import LINEARISED
 from tests.helpers import tolerances as tol
@@ -265,21 +265,24 @@ def test_columns_are_marches_of_their_own():
     times = np.array([tangent.t for tangent in made])
     moving, force = rng.standard_normal((4, SIZE, 3)), rng.standard_normal((60, SIZE, 3))
     values, kicks = rng.standard_normal((60, 2, 3)), rng.standard_normal((2, 60, SIZE, 3))
-    marched, alone = [], []
+    marched, alone, together = [], [], []
     last, lasts = moving, [moving[..., j : j + 1] for j in range(3)]
     first = 0
     for part, steps in module.Track(scheme(0.8)).steps(t[0], t[1:], times, made.__getitem__):
         assert part.start == first
         first = part.stop
-        marched.append(steps.march(last, force[part], values[part], kicks[:, part]))
-        alone.append([])
-        for j in range(3):
-            j = slice(j, j + 1)
-            x = steps.march(lasts[j.start], force[part, :, j], values[part, :, j], kicks[:, part, :, j])
-            alone[-1].append(x)
-            lasts[j.start] = x[-1]
+        marched += steps.march(Columns(last, force[part], values[part], kicks[:, part]))
+        apart = [
+            Columns(x, force[part, :, j], values[part, :, j], kicks[:, part, :, j])
+            for x, j in zip(lasts, map(slice, range(3), range(1, 4)), strict=True)
+        ]
+        alone.append([steps.march(columns)[0] for columns in apart])
+        together.append(steps.march(*apart))
+        lasts = [x[-1] for x in alone[-1]]
         last = marched[-1][-1]
     assert first == 60
-    marched, alone = np.concatenate(marched), np.concatenate([np.concatenate(x, axis=-1) for x in alone])
+    marched = np.concatenate(marched)
+    alone, together = (np.concatenate([np.concatenate(x, axis=-1) for x in of]) for of in (alone, together))
     assert off(marched, alone) < tol.MARCHED
+    assert off(together, alone) < tol.MARCHED
     assert off(np.einsum("ck,skj->scj", made[0].C, marched[:, 0]), values) < tol.MARCHED
