@@ -98,8 +98,8 @@ class Columns(NamedTuple):
 class Steps:
     """Consecutive steps, ready to be marched through; sums of steps are steps, too.
 
-    h (S,) : step sizes. wide, inverses : lists of [[K, D, M, G^T], [C, 0, 0, 0]] at the samples, and of
-    [[mass M + damping D + K, G^T], [C, 0]]^-1, nearly; they hold until Track, which made them, makes the next ones.
+    h (S,) : step sizes. wide, inverses : lists of [[K, D, A], [C, 0, ...]] at the samples, where A is
+    [[mass M + damping D + K, G^T], [C, 0]], and of nearly A^-1; they hold until Track makes the next ones.
     """
 
     def __init__(self, scheme: Scheme | None, h: np.ndarray, wide: list[np.ndarray], inverses: list[np.ndarray]):
@@ -127,15 +127,20 @@ class Steps:
     def speed(self, e_t: np.ndarray) -> np.ndarray:
         """Mass norm (S,) of velocities (S, k) at the samples."""
         _, k = e_t.shape
-        squares = [v.dot(Q[:k, 2 * k : 3 * k].dot(v)) for v, Q in zip(e_t, self.wide, strict=True)]
-        return np.sqrt(np.maximum(squares, 0.0))
+        mass, damping = self.scheme.mass_and_damping(self.h)
+        apart = np.concatenate([-e_t, -damping[:, None] * e_t, e_t], axis=1)  # K, D and A to mass M
+        squares = [v.dot(Q[:k, : 3 * k].dot(x)) for v, x, Q in zip(e_t, apart, self.wide, strict=True)]
+        return np.sqrt(np.maximum(squares / mass, 0.0))
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """What forces (k, columns) accelerate (k, columns), where the steps begin."""
         k, Q = len(force), self.wide[0]
-        whole = np.zeros((len(Q), len(Q)))
-        scale = np.abs(np.diag(Q[:k, 2 * k : 3 * k])).max()
-        whole[:k, :k], whole[:k, k:], whole[k:, :k] = Q[:k, 2 * k : 3 * k], scale * Q[:k, 3 * k :], scale * Q[k:, :k]
+        mass, damping = (factor[0] for factor in self.scheme.mass_and_damping(self.h))
+        whole = Q[:, 2 * k :].copy()
+        whole[:k, :k] = (whole[:k, :k] - damping * Q[:k, k : 2 * k] - Q[:k, :k]) / mass
+        scale = np.abs(np.diag(whole)).max()
+        whole[:k, k:] *= scale
+        whole[k:, :k] *= scale
         return np.linalg.solve(whole, np.vstack([force, np.zeros((len(Q) - k, force.shape[1]))]))[:k]
 
     def march(self, *parts: Columns) -> list[np.ndarray]:
@@ -168,19 +173,14 @@ class Steps:
 
     def _marched(self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None, holds: list) -> np.ndarray:
         """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns)."""
-        (S, rows, columns), k, dot = right.shape, moving.shape[1], np.dot
+        (S, _, columns), k, dot = right.shape, moving.shape[1], np.dot
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
         ahead[1:] = ahead[1:] @ onward[:-1]
-        mass, damping = self.scheme.mass_and_damping(self.h)
-        factors = np.stack([np.ones(S), damping, mass], axis=1)[:, :, None]
-        found, tried = np.empty((S, 4, k * columns)), np.empty((2 * k + rows, columns))
+        found = np.empty((S, 4, k * columns))
         known = found[:, :2].reshape(S, 2 * k, columns)
         kicked = None if kicks is None else kicks.reshape(known.shape)
-        states, free = tried[: 3 * k].reshape(3, -1), tried[3 * k :]
         last = moving.reshape(4, -1)
-        for i, (step, r, Q, inverse, factor) in enumerate(
-            zip(ahead, right, self.wide, self.inverses, factors, strict=True)
-        ):
+        for i, (step, r, Q, inverse) in enumerate(zip(ahead, right, self.wide, self.inverses, strict=True)):
             now = found[i]
             dot(step, last, out=now[:3])
             if kicked is not None:
@@ -190,9 +190,7 @@ class Steps:
             for column, J, hold in holds:
                 z[:, column] -= dot(hold[i], z[J, column])
                 z[J, column] = 0.0  # but for rounding they are
-            np.multiply(factor, z[:k].reshape(1, -1), out=states)
-            free[:] = z[k:]
-            r -= dot(Q, tried)
+            r -= dot(Q[:, 2 * k :], z)
             more = dot(inverse, r)
             for column, J, hold in holds:
                 more[:, column] -= dot(hold[i], more[J, column])

@@ -58,8 +58,12 @@ class Track:
     def _begin(self, first: Tangent, last: Tangent, h: float, many: bool) -> None:
         """Begin with steps of size h between two tangents."""
         _cubic(first, last, self._cubic)
-        mass, damping = self.scheme.mass_and_damping(h)
-        self._factors = mass, damping, mass * self._heaviest
+        (_, k), (mass, damping) = self._shape, self.scheme.mass_and_damping(h)
+        self._scale = mass * self._heaviest
+        of_K, of_D, of_A = (self._cubic[..., i * k : (i + 1) * k] for i in range(3))
+        of_A *= mass
+        of_A += damping * of_D
+        of_A += of_K  # below, where M and D are 0: C
         self._polynomial = self._interpolated(first, last, h) if many else None
 
     def _allocate(self, tangent: Tangent) -> None:
@@ -69,7 +73,7 @@ class Track:
         self._shape, n, self._heaviest = (c, k), k + c, np.abs(np.diag(tangent.M)).max()
         self._room = int(np.clip(IN_CACHE // (n * (2 * k + 2 * n)), AT_LEAST, TOGETHER))
         self._cubic, self._wide = np.zeros((4, n, 2 * k + n)), np.zeros((self._room, n, 2 * k + n))
-        self._inverses, self._quadratic, self._square = np.zeros((self._room, n, n)), np.zeros((3, n, n)), np.eye(n)
+        self._inverses, self._quadratic = np.zeros((self._room, n, n)), np.zeros((3, n, n))
         self._instant, self._latest, self._end = np.zeros((1, n, 2 * k + n)), np.zeros((n, n)), ()
 
     def _made(self, place: slice, h: np.ndarray, shares: np.ndarray) -> Steps:
@@ -99,27 +103,20 @@ class Track:
         half *= 4.0
         half -= end
         end -= half
-        x = self._assemble(_at(np.array([0.25]), self._cubic, self._instant)[0]) @ self._sizes
+        x = _at(np.array([0.25]), self._cubic, self._instant)[0, :, -len(half) :] @ self._sizes
         off = np.array([1.0, 0.25, 0.0625]) @ (self._quadratic @ x) / self._sizes - 1.0
         return self._quadratic if np.abs(off).max() <= INVERSE_ERROR else None
 
     @property
     def _sizes(self) -> np.ndarray:
         """Of coordinates and multipliers, so that constraints are of the size of the other rows."""
-        (c, k), (_, _, scale) = self._shape, self._factors
-        return np.append(np.ones(k), np.full(c, scale))
-
-    def _assemble(self, wide: np.ndarray) -> np.ndarray:
-        """[[mass M + damping D + K, G^T], [C, 0]]."""
-        (_, k), (mass, damping, _), A = self._shape, self._factors, self._square
-        A[:k, :k] = mass * wide[:k, 2 * k : 3 * k] + damping * wide[:k, k : 2 * k] + wide[:k, :k]
-        A[:k, k:], A[k:, :k], A[k:, k:] = wide[:k, 3 * k :], wide[k:, :k], 0.0
-        return A
+        c, k = self._shape
+        return np.append(np.ones(k), np.full(c, self._scale))
 
     def _invert(self, wide: np.ndarray, out: np.ndarray) -> None:
-        """Write the inverse of that."""
-        A, sizes = self._assemble(wide), self._sizes
-        A *= sizes
+        """Write A^-1."""
+        sizes = self._sizes
+        A = wide[:, -len(wide) :] * sizes
         A *= sizes[:, None]
         try:
             np.multiply(np.linalg.inv(A), sizes, out=out)
