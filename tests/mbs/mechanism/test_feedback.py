@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -121,16 +122,20 @@ def test_uneven_steps(constraints):
     assert coarse / fine == pytest.approx(4, rel=0.3)
 
 
-@pytest.mark.parametrize("changing", [0.0, 0.3, 10.0, 300.0])
+@pytest.mark.parametrize("changing", [0.0, 0.3, 10.0, 300.0, 1e5])
 @pytest.mark.parametrize("constraints", [0, 2])
 def test_interpolated_inverses_are_solves(constraints, changing, monkeypatch):
-    """As long as they are close; where matrices change much there are none."""
-    made, results = tangents(6, 5, constraints, changing), {}
-    for many in (0, 10**9):
+    """In as many pieces as it takes: between tangents, beside them, where matrices change little."""
+    made, results, counts = tangents(6, 5, constraints, changing), {}, {}
+    inverted = mock.Mock(wraps=np.linalg.inv)
+    monkeypatch.setattr(np.linalg, "inv", inverted)
+    for many in (module.INTERPOLATED_FROM, 10**9):
         monkeypatch.setattr(module, "INTERPOLATED_FROM", many)
-        results[many] = solved(made, grid(400))[0]
-    assert off(results[0], results[10**9]) < tol.INTERPOLATED
-    assert np.array_equal(results[0], results[10**9]) == (changing == 300.0)
+        inverted.reset_mock()
+        results[many], counts[many] = solved(made, grid(400))[0], inverted.call_count
+    few, many = results
+    assert counts[few] == 9 if changing <= 10 else 9 < counts[few] < counts[many]  # tangents are five
+    assert off(results[few], results[many]) < tol.INTERPOLATED
 
 
 def test_few_steps_between_tangents_or_many():
