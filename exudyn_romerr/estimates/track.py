@@ -109,7 +109,13 @@ class Track:
             return [(high, None)]
         middle = (low + high) / 2
         half = self._inverse(middle)
-        polynomial = np.array([start, 4 * half - 3 * start - end, 2 * (start + end) - 4 * half])
+        polynomial = np.stack([start, half, end])
+        _, slope, bend = polynomial  # from values at 0, 1/2, 1: 4 half - 3 start - end, 2 (start + end) - 4 half
+        slope -= start
+        bend -= start
+        slope *= 4.0
+        slope -= bend
+        bend -= slope
         if all(self._is_exact(share, low + share * (high - low), polynomial) for share in (0.25, 0.75)):
             return [(high, polynomial)]
         first = self._interpolated(low, middle, count // 2, start, half)
