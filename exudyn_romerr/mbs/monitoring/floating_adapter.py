@@ -79,19 +79,7 @@ class MovingSubject:
             self._signature = ()  # until all of what follows was done
             terms = InputTerms(actions, support, self._flex, model.V)
             scene = self._scene(model, actions, terms, reference, support, scope)
-            self.enriched = None
-            if scene.feedback or scope.answers:
-                coupled = replace(scene, scope=COUPLED, feedback=True)
-                kept = (self._flex, body, model, actions, support, coupled, columns, terms)
-                try:
-                    self.enriched = EnrichedBody(*kept, self._options)
-                    scene = replace(scene, computed=(*scene.computed, self.enriched.note, TANGENT, ESTIMATE))
-                    if not self._options.midpoint_residual:
-                        scene = replace(scene, left_out=(*scene.left_out, BETWEEN))
-                except Exception as error:
-                    if scene.feedback:
-                        raise
-                    scene = replace(scene, left_out=(*scene.left_out, (BY_MECHANISM, str(error))))
+            scene = self._enriched_scene(scene, scope, body, model, actions, support, columns, terms)
             offline = self._prepare(body, model, terms, scene)
             self._sampler, self._signature = Sampler.of(model.frame, actions, terms, offline), signature
         else:  # functions of time may be other ones
@@ -120,6 +108,23 @@ class MovingSubject:
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""
         self._use([*self._options.outputs, *outputs])
+
+    def _enriched_scene(self, scene: Scene, scope: Found, body, model, actions, support, columns, terms) -> Scene:
+        """Make the body with vectors if the mechanism answers its errors; return the scene, which says so."""
+        self.enriched = None
+        if not (scene.feedback or scope.answers):
+            return scene
+        kept = (self._flex, body, model, actions, support)
+        coupled = replace(scene, scope=COUPLED, feedback=True)
+        try:
+            self.enriched = EnrichedBody(*kept, coupled, columns, terms, self._options)
+        except Exception as error:
+            if scene.feedback:
+                raise
+            return replace(scene, left_out=(*scene.left_out, (BY_MECHANISM, str(error))))
+        computed = (*scene.computed, self.enriched.note, TANGENT, ESTIMATE)
+        left_out = () if self._options.midpoint_residual else (BETWEEN,)
+        return replace(scene, computed=computed, left_out=(*scene.left_out, *left_out))
 
     def _find_scope(self, mbs: Any, *scene: Any) -> Found:
         """Return the scope; where no outputs were asked for, take those that the sensors show."""
