@@ -114,17 +114,16 @@ class MovingSubject:
         self.enriched = None
         if not (scene.feedback or scope.answers):
             return scene
-        kept = (self._flex, body, model, actions, support)
-        coupled = replace(scene, scope=COUPLED, feedback=True)
+        kept = (self._flex, body, model, actions, support, replace(scene, scope=COUPLED, feedback=True))
         try:
-            self.enriched = EnrichedBody(*kept, coupled, columns, terms, self._options)
+            self.enriched = EnrichedBody(*kept, columns, terms, self._options)
         except Exception as error:
             if scene.feedback:
                 raise
             return replace(scene, left_out=(*scene.left_out, (BY_MECHANISM, str(error))))
         computed = (*scene.computed, self.enriched.note, TANGENT, ESTIMATE)
-        left_out = () if self._options.midpoint_residual else (BETWEEN,)
-        return replace(scene, computed=computed, left_out=(*scene.left_out, *left_out))
+        left_out = scene.left_out if self._options.midpoint_residual else (*scene.left_out, BETWEEN)
+        return replace(scene, computed=computed, left_out=left_out)
 
     def _find_scope(self, mbs: Any, *scene: Any) -> Found:
         """Return the scope; where no outputs were asked for, take those that the sensors show."""
@@ -213,7 +212,6 @@ class MovingSubject:
     ) -> Scene:
         flex = self._flex
         full = f"{FULL_MODEL}: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
-        reason = f"{scope.reason}. {full}"
         r, A = model.frame.reference_pose()
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
         left_out += [(f"wrench at {name}", "no load, joint or connector acts there") for name in actions.free]
@@ -224,7 +222,7 @@ class MovingSubject:
             left_out += [] if self._sensors.measured else [("outputs", NO_SENSOR)]
         return Scene(
             scope=scope.name,
-            reason=reason,
+            reason=f"{scope.reason}. {full}",
             frozen=scope.frozen,
             note=scope.note,
             feedback=scope.feedback,
@@ -249,5 +247,4 @@ class MovingSubject:
 
 def _coordinates(mbs: Any, node: int) -> np.ndarray:
     first = mbs.GetNodeODE2Index(node)
-    item = mbs.GetNode(node)
-    return np.arange(first, first + len(item["referenceCoordinates"]))
+    return np.arange(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))
