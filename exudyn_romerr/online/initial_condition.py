@@ -20,6 +20,11 @@ IN_THE_SPAN = (
     "equilibrium say, pass initial='equilibrium' or initial=(q0, q0_t)"
 )
 
+NO_ACCELERATIONS = (
+    "the solver has no accelerations at its start: bounds begin at t = {:g} s, where the full body is taken to be as "
+    "the reduced one; what was wrong by then is in no bound and no estimate. Implicit solvers compute accelerations "
+    "with generalizedAlpha.computeInitialAccelerations"
+)
 LOADS_JUMP = (
     "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below the "
     "step size too, and no basis or bound follows that. Give user functions of loads the same value in both"

@@ -40,7 +40,7 @@ CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the chec
 }
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
-NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be several times larger"
+NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be many times larger"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
@@ -89,7 +89,9 @@ def corrected_within(out: OutputData, bound: np.ndarray, scope: dict[str, str]) 
     left, widest = f"{rounded_up(np.max(bound))} {out.unit}", widest_scope(scope)
     if widest == FROZEN:
         return f"{AS_IN_THIS_RUN} the corrected output is within {left} of the full body"
-    return f"{'to first order ' if widest == COUPLED else ''}the corrected output is within {left} of the full model"
+    if widest == COUPLED:
+        return f"to first order the corrected output is within {left} of the full model with the same time steps"
+    return f"the corrected output is within {left} of the full model"
 
 
 def error_kind(time: str) -> str:

@@ -1,9 +1,12 @@
-"""What is kept of an estimate along a run: blocks whose last instants are handed over again, running maxima."""
+"""What is kept of an estimate along a run: blocks whose last instants are handed over again, running maxima.
+
+Runs here are longer than FEW but where a test is about that: instants of zeros come first.
+"""
 
 import numpy as np
 
 from exudyn_romerr.estimates.estimate import CAUSES
-from exudyn_romerr.estimates.kept_estimate import KeptEstimate
+from exudyn_romerr.estimates.kept_estimate import FEW, FIRST, KeptEstimate
 from exudyn_romerr.estimators.coupled_energy import LINEARISED
 
 
@@ -11,11 +14,18 @@ def column(*values):
     return np.array(values, dtype=float)[:, None]
 
 
-def kept(before=None):
-    """Two blocks; of the time step the last two instants of the first come again."""
-    found = KeptEstimate()
+def started(before=None):
+    """A run with FEW instants of zeros behind it."""
+    found, none = KeptEstimate(), np.zeros((FEW, 1))
     if before is not None:
         found.go_on(before)
+    found.put({"basis": none, "time step": none}, {"vectors": none, "steps": none})
+    return found
+
+
+def kept(before=None):
+    """Two blocks; of the time step the last two instants of the first come again."""
+    found = started(before)
     found.put({"basis": column(1, 2, 3)}, {"vectors": column(5, 1, 2)})
     found.put({"time step": column(-1, -9, -9)}, {"steps": column(1, 7, 8)})
     found.put({"basis": column(4)}, {"vectors": column(6)})
@@ -24,7 +34,7 @@ def kept(before=None):
 
 
 def test_last_instants_may_be_replaced():
-    found = kept().read(slice(None))
+    found = kept().read(slice(FEW, None))
     assert tuple(found.parts) == CAUSES
     np.testing.assert_array_equal(found.parts["basis"], column(1, 2, 3, 4))
     np.testing.assert_array_equal(found.parts["time step"], column(-1, -2, -3, -4))
@@ -33,7 +43,7 @@ def test_last_instants_may_be_replaced():
 
 
 def test_half_widths_never_shrink_and_forget_what_was_replaced():
-    found = kept().read(slice(None))
+    found = kept().read(slice(FEW, None))
     np.testing.assert_array_equal(found.half_widths["steps"], column(1, 3, 3, 3))
     np.testing.assert_array_equal(found.half_widths["vectors"], column(5, 5, 5, 6))
     np.testing.assert_array_equal(found.half_widths["linearisation"], LINEARISED * column(2, 4, 6, 8))
@@ -41,7 +51,7 @@ def test_half_widths_never_shrink_and_forget_what_was_replaced():
 
 
 def test_run_that_goes_on_keeps_the_half_widths():
-    found = kept(before=kept()).read(slice(None))
+    found = kept(before=kept()).read(slice(FEW, None))
     np.testing.assert_array_equal(found.half_widths["steps"], column(3, 3, 3, 3))
     np.testing.assert_array_equal(found.parts["basis"], column(1, 2, 3, 4))
     np.testing.assert_array_equal(found.half_widths["linearisation"], LINEARISED * column(8, 8, 8, 8))
@@ -49,7 +59,7 @@ def test_run_that_goes_on_keeps_the_half_widths():
 
 def test_what_was_read_stays_as_it_was():
     run = kept()
-    found = run.read(slice(None))
+    found = run.read(slice(FEW, None))
     run.put({"time step": column(7, 7)}, {"steps": column(9, 9)}, replaced=2)
     np.testing.assert_array_equal(found.parts["time step"], column(-1, -2, -3, -4))
     np.testing.assert_array_equal(found.half_widths["steps"], column(1, 3, 3, 3))
@@ -62,7 +72,28 @@ def test_there_is_no_estimate_of_nothing():
 def test_where_a_check_has_ended_the_half_width_is_infinite():
     run = kept()
     run.put({"basis": column(8, 8)}, {"vectors": column(0, 0)})
-    found = run.read(slice(None))
+    found = run.read(slice(FEW, None))
     np.testing.assert_array_equal(found.total, column(0, 0, 0, 0, 8, 8))
     np.testing.assert_array_equal(found.half_widths["steps"], column(1, 3, 3, 3, np.inf, np.inf))
     assert (np.isinf(found.uncertainty) == column(0, 0, 0, 0, 1, 1)).all()
+
+
+def test_first_samples_have_the_largest_of_them():
+    """Differences of the first steps are one-sided; a run that goes on knows better."""
+    sizes = np.linspace(1, 2, FEW + 1)[:, None]
+    for before, first in ((None, sizes[FIRST - 1]), (kept(), 3.0)):
+        run = KeptEstimate()
+        if before is not None:
+            run.go_on(before)
+        run.put({"time step": 0 * sizes}, {"steps": sizes})
+        found = run.read(slice(None)).half_widths["steps"]
+        np.testing.assert_array_equal(found[:FIRST], np.full((FIRST, 1), first))
+        assert found[-1] == (2.0 if before is None else 3.0)
+
+
+def test_runs_of_few_samples_are_not_resolved():
+    """The check of steps is as large as what it checks."""
+    for count, half in ((FEW, 10.0), (FEW + 1, 1.0)):
+        run, one = KeptEstimate(), np.ones((count, 1))
+        run.put({"time step": -10 * one}, {"steps": one})
+        np.testing.assert_array_equal(run.read(slice(None)).half_widths["steps"], half * one)

@@ -14,7 +14,7 @@ from exudyn_romerr.report.wording import CURES_OF_CAUSES, CURES_OF_CHECKS
 from tests.report.test_verdict import output
 
 CONDITION = "under the frame motion, loads and joint forces of this run"
-NOT_COVERED = "(the mechanism's answer is not covered and may be several times larger)"
+NOT_COVERED = "(the mechanism's answer is not covered and may be many times larger)"
 VECTORS = "more vectors (auxiliary_modes=...)"
 
 

@@ -84,7 +84,7 @@ ONE = {"auxiliary": COMPLETE}
             {"auxiliary": FROZEN},
             "reconstructed",
             "tip z is up to 2 m; under the frame motion, loads and joint forces of this run the error is at most "
-            "1 m (50 %) (the mechanism's answer is not covered and may be several times larger); 100 % of it from "
+            "1 m (50 %) (the mechanism's answer is not covered and may be many times larger); 100 % of it from "
             "the basis: add modes.",
         ),
         (
@@ -187,7 +187,7 @@ def test_at_most_is_said_only_with_what_it_holds_under():
     (line,) = out.verdict("reconstructed", {"auxiliary": FROZEN})
     assert line == (
         "tip z: up to 2 m; under the frame motion, loads and joint forces of this run the error is at most 1 m "
-        "(50 %), by 'auxiliary' (the mechanism's answer is not covered and may be several times larger)"
+        "(50 %), by 'auxiliary' (the mechanism's answer is not covered and may be many times larger)"
     )
     for scope, said in ((COMPLETE, ""), (COUPLED, ", to first order"), (FROZEN, ", inputs frozen")):
         assert under({"auxiliary": scope}) == said

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .frame_node import FrameNode
     from .input_terms import InputTerms
 
+UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 TOLD_APART = 1e-8  # smallest singular value of the wrenches in V^T R = 0, of the largest, that still tells them
 
 
@@ -41,6 +42,22 @@ class Sampler:
         q, q_t, q_tt = (state[:, size:] for state in states)
         u = None if self.terms.by_function else self._inputs(t, motion, q, q_t, q_tt)
         return q, q_t, q_tt, u, motion.rows()
+
+    def accelerated(self, t: float, rows: tuple) -> tuple | None:
+        """Return the rows of one instant with accelerations that are in balance, where the solver has set none.
+
+        None: they are the solver's to tell, for the frame moves or joints act.
+        """
+        q, q_t, q_tt, u, frame = rows
+        known = self.offline.signal(np.array([t])) if u is None else u
+        layout, G = self.offline.balance
+        terms = layout(q, q_t, q_tt, known)[0] * G
+        left = terms.sum(axis=1)
+        if np.max(np.abs(left)) <= UNSET * np.max(np.abs(terms).sum(axis=1)):
+            return rows
+        if not self.terms.by_function:
+            return None
+        return q, q_t, q_tt - np.linalg.solve(G[:, layout.mass_slot], left), u, frame
 
     def _inputs(self, t: np.ndarray, motion: FrameMotion, q, q_t, q_tt) -> np.ndarray:
         """Inertia, loads, and the wrenches that V^T R = 0 leaves."""

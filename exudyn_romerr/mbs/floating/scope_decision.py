@@ -110,7 +110,7 @@ def find_scope(
     frozen = (
         f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the "
         "motion of the frame, the loads and the wrenches of this simulation; their feedback is not covered and may "
-        "make the error of the whole mechanism several times larger"
+        "make the error of the whole mechanism many times larger"
     )
     if refusal:
         note = f"no coupled bound: {refusal}"

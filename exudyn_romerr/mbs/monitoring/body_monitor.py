@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...online.bound_stream import exceeded
-from ...online.initial_condition import LOADS_JUMP, loads_jump
+from ...online.initial_condition import LOADS_JUMP, NO_ACCELERATIONS, loads_jump
 from ...online.run import Run
 from ...online.run_record import UNKNOWN, SolverFacts
 from ...online.static_run import StaticRun
@@ -235,7 +235,7 @@ class Watch:
         if before is not None and before.is_static and loads_jump(run.offline, self.opening.first, self.opening.rest):
             run.messages.append(LOADS_JUMP)
         if self._late and self._kind is Run:
-            run.messages.append(f"the solver has no accelerations at its start: bounds begin at t = {t:g} s")
+            run.messages.append(NO_ACCELERATIONS.format(t))
         self.run = run
 
     def _diverge(self, t: float) -> None:

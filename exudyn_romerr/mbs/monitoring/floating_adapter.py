@@ -46,7 +46,6 @@ TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation
 ESTIMATE = "estimate of the error: modes by these vectors, time steps from the samples, reaction of the mechanism"
 BETWEEN = ("loads between samples, in the estimate of the error by time steps", "midpoint_residual=False")
 BY_MECHANISM = "estimate by the linearised mechanism"
-UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 
 
 class MovingSubject:
@@ -154,19 +153,13 @@ class MovingSubject:
     def first(self, t: float, *states: np.ndarray, may_be_late: bool = False) -> tuple | None:
         """Return q, q_t, q_tt, u and the frame of a run's first sample; None if its accelerations are not set.
 
-        Explicit solvers leave them at zero until their first step is done. may_be_late: they are of another solve.
+        Solvers may leave them at zero until their first step is done; in a frame at rest the balance tells them.
+        may_be_late: they are of another solve.
         """
         rows = self.sampled(np.array([t]), *(state[None] for state in states))
-        if (may_be_late or not states[2].any()) and self._unbalanced(t, rows):
-            return None
-        return tuple(None if x is None else x[0] for x in rows)
-
-    def _unbalanced(self, t: float, rows: tuple) -> bool:
-        q, q_t, q_tt, u, _ = rows
-        offline = self._sampler.offline
-        u, balance = offline.signal(np.array([t])) if u is None else u, offline.balance
-        terms = balance.coordinates(q, q_t, q_tt, u)[0] * balance.rows
-        return bool(np.max(np.abs(terms.sum(axis=1))) > UNSET * np.max(np.abs(terms).sum(axis=1)))
+        if may_be_late or not states[2].any():
+            rows = self._sampler.accelerated(t, rows)
+        return None if rows is None else tuple(None if x is None else x[0] for x in rows)
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt (S, n), u (S, p) and the frame (S, 24) of accepted steps."""

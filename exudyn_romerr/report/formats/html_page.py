@@ -122,9 +122,10 @@ def _verdicts(report: ReportData) -> Iterator[str]:
 def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
     best = best_estimator(out, row, report.scope)
     certain = f", {NOT_CERTIFIED}: see the messages" if is_uncertified(report) else ""
-    yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
-    if not np.isfinite(np.max(out.bound["best"][:, row])):
-        yield f"That estimator {report.reasons[best]}."
+    if np.isfinite(np.max(out.bound["best"][:, row])):
+        yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
+    else:
+        yield f"No bound by '{best}', scope {report.scope[best]}{certain}. That estimator {report.reasons[best]}."
     if out.corrected is not None:
         said = corrected_within(out, out.corrected_bound[:, row], report.scope)
         yield f"{said[0].upper()}{said[1:]}."

@@ -107,7 +107,9 @@ def _panels(count: int, high: int, left_out: list[str]) -> tuple[Any, Iterable[l
 def _note(left_out: list[str]) -> str:
     names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
     more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
-    return fill(f"Not shown, with smaller bounds for their size: {', '.join(names)}{more}; outputs= chooses", LINE)
+    return fill(
+        f"Not shown, with smaller bounds for their size or none: {', '.join(names)}{more}; outputs= chooses", LINE
+    )
 
 
 def _saved(figure: Any, path: str | os.PathLike | None) -> Any:

@@ -15,7 +15,8 @@ import scipy.linalg as la
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.monitoring.floating_adapter import MovingSubject
 from exudyn_romerr.residual import modal_split as split
-from models import floating
+from models import estimate_truths, floating
+from models.estimate_scenes import clamped_bar
 from models.floating import GRAVITY, RAYLEIGH
 from tests.helpers import tolerances as tol
 from tests.helpers.total_truth import Exact, signal
@@ -449,3 +450,19 @@ def test_the_report_says_where_more_ring_than_are_followed(monkeypatch):
     assert len(said) == 1
     assert "auxiliary_modes=94 follows all" in said[0]
     assert "80 modes up to" in str(monitor.report().plan)
+
+
+def test_bound_holds_from_the_start_where_the_solver_leaves_accelerations_out():
+    """Its first step is wrong then, by more than all others together."""
+    scene = clamped_bar(4, "RBE3", 2e-4, 0.04)
+    tip = romerr.node_displacement("tip", node=int(floating.interface(scene.fem, "tip")[0][0]))
+    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items), outputs=[tip])
+    scene.settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
+    scene.solve()
+    report, truth = monitor.report(), estimate_truths.stored("clamped_bar")["tip local"]
+    out = report.output("tip")
+    error = np.abs(truth.value - out.value)
+    assert report.t[0] == 0.0
+    assert error.max() > 1.2 * np.abs(truth.value - truth.same_steps).max()
+    assert (error <= out.bound["best"] + out.round_off + truth.off).all()
+    assert (np.abs(error) <= np.abs(out.estimate) + out.uncertainty + out.round_off + truth.off).all()
