@@ -453,7 +453,7 @@ def test_the_report_says_where_more_ring_than_are_followed(monkeypatch):
 
 
 def test_bound_holds_from_the_start_where_the_solver_leaves_accelerations_out():
-    """Its first step is wrong then, by more than all others together."""
+    """Its first step is wrong then, by several times what it is otherwise."""
     scene = clamped_bar(4, "RBE3", 2e-4, 0.04)
     tip = romerr.node_displacement("tip", node=int(floating.interface(scene.fem, "tip")[0][0]))
     monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items), outputs=[tip])
@@ -463,6 +463,7 @@ def test_bound_holds_from_the_start_where_the_solver_leaves_accelerations_out():
     out = report.output("tip")
     error = np.abs(truth.value - out.value)
     assert report.t[0] == 0.0
-    assert error.max() > 1.2 * np.abs(truth.value - truth.same_steps).max()
+    assert error[1].max() > 5 * np.abs(truth.value - truth.same_steps)[1].max()
     assert (error <= out.bound["best"] + out.round_off + truth.off).all()
-    assert (np.abs(error) <= np.abs(out.estimate) + out.uncertainty + out.round_off + truth.off).all()
+    signed = truth.value - out.value
+    assert (np.abs(signed - out.estimate) <= out.uncertainty + out.round_off + truth.off).all()
