@@ -116,16 +116,19 @@ class Track:
         slope *= 4.0
         slope -= bend
         bend -= slope
-        if all(self._is_exact(share, low + share * (high - low), polynomial) for share in (0.25, 0.75)):
+        off = max(self._off(share, low + share * (high - low), polynomial) for share in (0.25, 0.75))
+        if off <= INVERSE_ERROR:
             return [(high, polynomial)]
+        if not off <= INVERSE_ERROR * (count / INTERPOLATED_FROM) ** 3:  # out of reach: halves are 8 times better
+            return [(high, None)]
         first = self._interpolated(low, middle, count // 2, start, half)
         return first + self._interpolated(middle, high, count // 2, half, end)
 
-    def _is_exact(self, share: float, of_all: float, polynomial: np.ndarray) -> bool:
-        """Whether inverses are exact enough at a share of a piece, which is one of the time between the tangents."""
+    def _off(self, share: float, of_all: float, polynomial: np.ndarray) -> float:
+        """What inverses miss of a solution at a share of a piece, which is one of the time between the tangents."""
         x = np.vander([of_all], 4, increasing=True)[0] @ self._solved
         off = np.array([1.0, share, share**2]) @ (polynomial @ x) / self._sizes - 1.0
-        return float(np.abs(off).max()) <= INVERSE_ERROR
+        return float(np.abs(off).max())
 
     @property
     def _sizes(self) -> np.ndarray:

@@ -191,7 +191,8 @@ class _Extended:
         if len(times) > 1:
             from scipy.interpolate import CubicHermiteSpline, CubicSpline  # here, for it takes long to import
 
-            self._spline = CubicSpline(times, whole)
+            varies = (whole != whole[0]).any(axis=0)  # of two bodies much is zero, and stays so
+            self._spline = _filled(whole[0], varies, CubicSpline(times, whole[:, varies]))
             # rates of the motion itself: where pieces of splines meet, C would have a kink
             C, C_t = (np.array([getattr(reading, name) for reading in readings]) for name in ("C", "C_t"))
             self._turning = CubicHermiteSpline(times, C, C_t)
@@ -223,6 +224,17 @@ class _Extended:
         G = np.zeros((len(reading.G), self._size))
         G[:, :n] = reading.G
         return np.vstack([M, D, K, G])
+
+
+def _filled(value: np.ndarray, varies: np.ndarray, spline: Callable) -> Callable[[float, int], np.ndarray]:
+    """What changes with time in some entries, by a spline, and its rate."""
+
+    def at(t: float, order: int) -> np.ndarray:
+        found = _held(value)(t, order).copy()
+        found[varies] = spline(t, order)
+        return found
+
+    return at
 
 
 def _held(value: np.ndarray) -> Callable[[float, int], np.ndarray]:
