@@ -18,6 +18,7 @@ from ..mechanism.stored_residuals import StoredResiduals
 from .feedback_runs import Reaction
 
 if TYPE_CHECKING:
+    from ..mechanism.other_sensors import OtherSensors
     from .body_monitor import Watch
 
 # Exudyn holds rates of constraints with the trapezoidal rule only, which here, where their positions are held, rings
@@ -39,8 +40,10 @@ class Mechanism:
 
     tangents: Tangents | None = None
 
-    def __init__(self, watches: Sequence[Watch], before: Mechanism | None = None):
-        self._watches, self._before = watches, before and before._reaction
+    def __init__(
+        self, watches: Sequence[Watch], before: Mechanism | None = None, sensors: Sequence[OtherSensors] = ()
+    ):
+        self._watches, self._before, self._sensors = watches, before and before._reaction, sensors
         self._coupled: list[Watch] = []
         self._reaction: Reaction | None = None
         self._failure: Exception | None = None  # of the tangent
@@ -52,6 +55,8 @@ class Mechanism:
         self._check_others(self._watches)
         if self._coupled:
             self._together(self._prepare, mbs)
+        for sensors in self._sensors:
+            sensors.begin(mbs, self.tangents)
 
     def read_tangent(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again, 0: not at all."""
@@ -143,7 +148,7 @@ class Mechanism:
             holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
             scheme = Scheme.of_radius(DAMPED) if holds_rates else scheme_of(solver)
             steps = StepErrors(self.tangents, residuals, holds_rates)
-            self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents, steps)
+            self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents, steps, self._sensors)
 
     def _join_openings(self) -> None:
         if self._opens:
@@ -160,7 +165,7 @@ class Mechanism:
         if self._reaction is not None and self._opens:
             if not self.tangents.readings:
                 raise RunError("the solve was interrupted before anything was bounded; solve again")
-            self._reaction.open(self._with_multipliers(rows), self._before)
+            self._reaction.open(self._with_multipliers(rows), self._before, self._at_hand[0])
             self._before = None
 
     def _join_extensions(self) -> None:
