@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ...estimates.time_step_error import TimeStep
     from ...online.run import Run
     from ...report.report import OutputReport
-    from ..access.linearisation import Tangents
+    from ..access.linearisation import Reading, Tangents
 
 AWAY = 0.05  # of coordinates and rates: where dependences are looked for, so that nothing vanishes by chance
 SEED = 19
@@ -53,6 +53,7 @@ class OtherSensors:
         self.sensors: list[Sensor] = []
         self.records: list[SensorRecord] = []
         self._tangents: Tangents | None = None
+        self._checked: Reading | None = None
         self._last: list[np.ndarray] = []  # rows of the run where the error by time steps is provisional
 
     def find(self, mbs: Any) -> None:
@@ -112,7 +113,7 @@ class OtherSensors:
     def begin(self, mbs: Any, tangents: Tangents | None) -> None:
         """A solve begins; tangents: None where no linearised mechanism tells anything."""
         self.find(mbs)
-        self._tangents = tangents
+        self._tangents, self._checked = tangents, None
         if tangents is None:
             self.left_out += [(sensor.name, NOT_COUPLED) for sensor in self.sensors]
             self.sensors = []
@@ -141,13 +142,19 @@ class OtherSensors:
         if not record.sensors or record.failure:
             return
         try:
-            if mbs is None or not self._tangents.reads_the_same(mbs, self._tangents.readings[-1]):
+            if not self._is_unchanged(mbs):
                 record.failure = CHANGED
                 return
             with state_kept(mbs.systemData):
                 self._take(mbs, record, rows, e, narrow, step)
         except Exception as error:  # of a sensor in a moved state
             record.failure = f"they cannot be read from t = {rows[0][0]:g} s on: {error}"
+
+    def _is_unchanged(self, mbs: Any) -> bool:
+        """Whether the mbs gives in states before and at the end of the rows what it gave when they were passed."""
+        before, last = self._checked or self._tangents.readings[0], self._tangents.readings[-1]
+        self._checked = last
+        return mbs is not None and all(self._tangents.reads_the_same(mbs, reading) for reading in (before, last))
 
     def _take(self, mbs: Any, record: SensorRecord, rows, e, narrow, step: TimeStep | None) -> None:
         here = self._shown(mbs, rows)

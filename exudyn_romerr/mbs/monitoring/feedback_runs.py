@@ -75,7 +75,7 @@ class Reaction:
         body, own = self.parts[i]
         return self.time_step.of(np.concatenate([body.columns, np.arange(own.start, own.stop)]))
 
-    def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None, mbs: Any) -> None:
+    def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None, mbs: Any = None) -> None:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
         *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)

@@ -176,10 +176,13 @@ def test_a_saved_report_says_the_same(report, tmp_path):
         again.position_bound["auxiliary"]
 
 
-def test_a_report_is_drawn_and_written(report, tmp_path):
-    figure = report.plot(tmp_path / "run.png", ["piston Displacement"])
-    assert figure.axes
-    report.to_html(tmp_path / "run.html")
+def test_a_report_is_drawn_and_written(tmp_path):
+    """One body, one output; the page draws both."""
+    scene = slider_crank(t_end=0.002)
+    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]])
+    solve(scene)
+    assert monitor.report().plot(tmp_path / "run.png").axes
+    monitor.report().to_html(tmp_path / "run.html")
     assert "piston Displacement" in (tmp_path / "run.html").read_text(encoding="utf-8")
 
 
