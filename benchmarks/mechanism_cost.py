@@ -43,7 +43,7 @@ VARIANTS = (
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with n eigenmodes a body, step h in s; limit: of the ratio, what the project promises."""
+    """A scene with n eigenmodes a body, step h in s; limit: of the ratio with bounds, what the project promises."""
 
     text: str
     make: Any
@@ -63,7 +63,7 @@ class Variant(floating_cost.Bare):
 
     def __init__(self, case: Case, estimators: tuple[str, ...], estimate: str, steps: int):
         self.case, self.estimators, self.estimate = case, estimators, estimate
-        self.limit = case.limit if estimators else None
+        self.limit = case.limit if estimators and not estimate else None
         if estimators:
             self.label = f"coupled {estimators[0]}" + f" {VECTORS}" * ("auxiliary" in estimators)
             self.label += f", {estimate}" * bool(estimate)

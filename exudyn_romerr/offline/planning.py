@@ -109,7 +109,8 @@ def _terms_not_there(problem: Problem, scene: Scene) -> Iterator[tuple[str, str]
 
 def _not_covered(time: str, live: bool, scene: Scene) -> Iterator[tuple[str, str]]:
     if time == "sampled":
-        yield "error of the time integration", IN_A_MECHANISM if scene.coupled else "time='sampled'"
+        bound = "bound of the error of the time integration"
+        yield bound, IN_A_MECHANISM if scene.coupled else "time='sampled'"
     if not live:
         yield "evaluation at every step", "no tolerance is to be watched, blocks of steps do"
 

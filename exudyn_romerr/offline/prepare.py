@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 UNMOVED = 1e-9  # of the entries of an output: what rounding leaves of rows that reference conditions hold at zero
 OF_PROBLEM = ("inputs", "outputs", "initial", "residual", "kernels", "auxiliary_modes")
-KEPT_BYTES = 2**24  # arrays of a block of steps are smaller
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
 
@@ -65,9 +64,6 @@ def prepare(
     InputError, AssumptionError
     """
     check_choice("time", options.time, TIMES)
-    # Freed at once, never touched: from then on glibc keeps the memory of smaller arrays instead of returning it to
-    # the system each time, which takes a tenth to a third of the evaluation of a block.
-    np.empty(KEPT_BYTES, dtype=np.uint8)
     # joints and other bodies have integration errors that no R shows
     time, initial = "sampled" if scene.coupled else options.time, options.initial
     asked = _checked_estimators(options.estimators, body, scene)

@@ -34,12 +34,15 @@ def test_all_steps_are_those_stored(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_truths_are_better_than_what_is_compared_with_them(name):
-    """A tenth of the strictest bar, 0.5 % of the error by time steps."""
+    """A tenth of what is promised: 0.5 % of the error for rigid bodies, 3 % or more for others."""
     truths = estimate_truths.stored(name)
     assert truths.keys() == {*SCENES[name].sensors}
     for truth in truths.values():
         assert truth.value.shape == truth.same_steps.shape == (round(SCENES[name].t_end / SCENES[name].h) + 1, 3)
-        assert truth.off.max() <= 5e-4 * np.abs(truth.value - truth.same_steps).max()
+        assert (
+            truth.off.max()
+            <= (5e-4 if name == "rigid_pendulum" else 3e-3) * np.abs(truth.value - truth.same_steps).max()
+        )
 
 
 def test_driven_bar_is_that_of_a_truth_without_steps():

@@ -230,6 +230,16 @@ def test_bounds_without_zeros_have_no_such_marks():
     assert edge(ax, ZERO) == edge(ax, INFINITE) == []
 
 
+def test_signal_without_a_bound_has_its_estimate_alone():
+    report = made_up(np.full(4, np.inf), truth=False, corrected=False)
+    out = report.output("tip")
+    out.estimate = out.uncertainty = np.full_like(out.value, 0.1)
+    out.uncertainty_parts = {"steps": out.uncertainty}
+    ax = axes_of(draw_signal, report, "tip")
+    assert ax.get_title().endswith("reduced model with its estimate; no bound")
+    assert not [text for text in legend(ax) if "bound" in text or text == INFINITE]
+
+
 @pytest.mark.parametrize("value", [0.0, np.inf])
 @pytest.mark.parametrize("draw", OVER_TIME)
 def test_reports_with_nothing_else_are_drawn(draw, value):

@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from ..floating.scope_decision import Found
 
 TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
+ESTIMATE = "estimate of the error: modes by these vectors, time steps from the samples, reaction of the mechanism"
+BETWEEN = ("loads between samples, in the estimate of the error by time steps", "midpoint_residual=False")
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 
 
@@ -80,7 +82,9 @@ class MovingSubject:
             if scene.feedback:
                 kept = (self._flex, body, model, actions, support, scene, columns, terms)
                 self.enriched = EnrichedBody(*kept, self._options)
-                scene = replace(scene, computed=(*scene.computed, self.enriched.note, TANGENT))
+                scene = replace(scene, computed=(*scene.computed, self.enriched.note, TANGENT, ESTIMATE))
+                if not self._options.midpoint_residual:
+                    scene = replace(scene, left_out=(*scene.left_out, BETWEEN))
             offline = self._prepare(body, model, terms, scene)
             self._sampler, self._signature = Sampler.of(model.frame, actions, terms, offline), signature
         else:  # functions of time may be other ones

@@ -50,8 +50,9 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     """
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
-    label = f"value ± bound{_of_what(report, out)}{under(report.scope)}, {at_most(bound, out.unit)}"
-    _band(ax, t, value, bound, COLOURS["fast"], label)
+    if is_bounded := bool(np.isfinite(bound).any()) or not _is_estimated(out):
+        label = f"value ± bound{_of_what(report, out)}{under(report.scope)}, {at_most(bound, out.unit)}"
+        _band(ax, t, value, bound, COLOURS["fast"], label)
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
     if (best := _corrected(report, out, row)) is not None:
         corrected, half, label, name_of_line = best
@@ -59,7 +60,7 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label=name_of_line)
     if out.error is not None:
         ax.plot(t, value + out.error[:, row], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
-    title = f"{out.row_names[row]}: reduced model with its error bound"
+    title = f"{out.row_names[row]}: reduced model with its {'error bound' if is_bounded else 'estimate; no bound'}"
     ax.set(xlabel=_time(report), ylabel=f"{out.row_names[row]} / {out.unit}", title=title)
     finish(ax)
 
@@ -124,7 +125,7 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
 
 def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
     """Best guess of the full model's output, half width, labels; the corrected output where that is proved."""
-    if out.estimate is not None and set(out.uncertainty_parts) != {"proved"}:
+    if _is_estimated(out):
         half = out.uncertainty[:, row]
         within = f"half width{estimated_under(out, report.scope)}, {at_most(half, out.unit, 'up to')}"
         return out.value[:, row] + out.estimate[:, row], half, f"value + estimate ± {within}", "value + estimate"
@@ -134,6 +135,11 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
     by = "auxiliary" if "auxiliary" in report.scope else "best"  # coupled, "energy" knows a correction too
     label = f"corrected ± its bound{under(report.scope, by)}, {at_most(bound, out.unit)}"
     return out.corrected[:, row], bound, label, "corrected output"
+
+
+def _is_estimated(out: OutputData) -> bool:
+    """Whether there is an estimate that no proof stands behind."""
+    return out.estimate is not None and set(out.uncertainty_parts) != {"proved"}
 
 
 def _estimate(ax: Any, report: ReportData, out: OutputData, row: int) -> None:
