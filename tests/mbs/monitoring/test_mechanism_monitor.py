@@ -10,6 +10,8 @@ from exudyn.utilities import InertiaCuboid
 
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.mechanism import other_sensors
+from exudyn_romerr.mbs.mechanism.sensor_record import Sensor
+from exudyn_romerr.mbs.studies.scene_run import build_trial
 from exudyn_romerr.report.mechanism_report import MechanismReport
 from models import mechanisms
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve
@@ -127,6 +129,23 @@ def test_the_basis_part_is_what_all_modes_show(make, names):
         error = truth[name] - reduced[name]
         off = np.abs(found.output(name).estimate_parts["basis"] - error).max()
         assert off <= BASIS * np.abs(error).max()
+
+
+@pytest.mark.parametrize(("kind", "change"), [("Rotation", 0.002), ("Displacement", 0.002 - 2 * np.pi)])
+def test_angles_change_without_full_turns(monkeypatch, kind, change):
+    """From below pi to above -pi."""
+    sensors = other_sensors.OtherSensors([0], [])
+    sensors.sensors = [Sensor(0, "angle", getattr(exu.OutputVariableType, kind), 1)]
+    monkeypatch.setattr(sensors, "_shown", lambda mbs, rows: np.array([[0.001 - np.pi]]))
+    rows, none = (np.zeros(1), *np.zeros((4, 1, 2))), np.zeros((3, 1, 2))
+    found = sensors._change(None, rows, np.array([[np.pi - 0.001]]), none)
+    np.testing.assert_allclose(found, change, rtol=1e-12)  # rounding of 2 pi beside 0.002
+
+
+def test_studies_take_it_as_the_monitors_of_its_bodies():
+    scene = pendulum()
+    monitor = romerr.attach(scene.mbs, bodies_of(scene))
+    assert build_trial(lambda: (scene.mbs, monitor, scene.settings)).monitors == monitor.bodies
 
 
 def test_rotations_by_increments_are_left_out():
