@@ -56,9 +56,10 @@ class OtherSensors:
         self._checked: Reading | None = None
         self._last: list[np.ndarray] = []  # rows of the run where the error by time steps is provisional
 
-    def find(self, mbs: Any) -> None:
-        """Find what can be estimated, and why other sensors cannot."""
-        self.sensors, self.left_out = [], []
+    def find(self, mbs: Any) -> tuple[list[Sensor], list[tuple[str, str]]]:
+        """Return sensors that can be estimated now, and (name, why) of those that cannot."""
+        sensors: list[Sensor] = []
+        left_out: list[tuple[str, str]] = []
         for number in range(mbs.systemData.NumberOfSensors()) if self._asked is None else self._asked:
             sensor = mbs.GetSensor(number)
             if any(is_on(mbs, body, sensor) for body in self._bodies):
@@ -68,9 +69,10 @@ class OtherSensors:
             except Exception as error:
                 why, rows = f"it cannot be read: {error}", 0
             if why:
-                self.left_out.append((sensor["name"], why))
+                left_out.append((sensor["name"], why))
             else:
-                self.sensors.append(Sensor(number, sensor["name"], sensor.get("outputVariableType"), rows))
+                sensors.append(Sensor(number, sensor["name"], sensor.get("outputVariableType"), rows))
+        return sensors, left_out
 
     def _why_not(self, mbs: Any, number: int, sensor: dict) -> tuple[str, int]:
         """Why a sensor cannot be estimated, and how many rows it has."""
@@ -112,7 +114,7 @@ class OtherSensors:
 
     def begin(self, mbs: Any, tangents: Tangents | None) -> None:
         """A solve begins; tangents: None where no linearised mechanism tells anything."""
-        self.find(mbs)
+        self.sensors, self.left_out = self.find(mbs)
         self._tangents, self._checked = tangents, None
         if tangents is None:
             self.left_out += [(sensor.name, NOT_COUPLED) for sensor in self.sensors]

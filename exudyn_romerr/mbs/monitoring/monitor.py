@@ -152,8 +152,7 @@ class MechanismMonitor:
     def plan(self) -> Plan:
         """What is computed, what is left out and why, of all bodies and sensors; raises as Monitor.plan does."""
         plans = [body.plan for body in self.bodies]
-        self._sensors.find(self._mbs)
-        return joined_plan(plans, self._sensors.left_out)
+        return joined_plan(plans, self._sensors.find(self._mbs)[1])
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output of a body; see Monitor.bound_sensor."""
