@@ -56,8 +56,11 @@ class OtherSensors:
         self._checked: Reading | None = None
         self._last: list[np.ndarray] = []  # rows of the run where the error by time steps is provisional
 
-    def find(self, mbs: Any) -> tuple[list[Sensor], list[tuple[str, str]]]:
-        """Return sensors that can be estimated now, and (name, why) of those that cannot."""
+    def find(self, mbs: Any, is_coupled: bool) -> tuple[list[Sensor], list[tuple[str, str]]]:
+        """Return sensors that can be estimated now, and (name, why) of those that cannot.
+
+        is_coupled : whether a linearised mechanism tells how coordinates move.
+        """
         sensors: list[Sensor] = []
         left_out: list[tuple[str, str]] = []
         for number in range(mbs.systemData.NumberOfSensors()) if self._asked is None else self._asked:
@@ -68,6 +71,7 @@ class OtherSensors:
                 why, rows = self._why_not(mbs, number, sensor)
             except Exception as error:
                 why, rows = f"it cannot be read: {error}", 0
+            why = why or ("" if is_coupled else NOT_COUPLED)
             if why:
                 left_out.append((sensor["name"], why))
             else:
@@ -114,11 +118,8 @@ class OtherSensors:
 
     def begin(self, mbs: Any, tangents: Tangents | None) -> None:
         """A solve begins; tangents: None where no linearised mechanism tells anything."""
-        self.sensors, self.left_out = self.find(mbs)
+        self.sensors, self.left_out = self.find(mbs, tangents is not None)
         self._tangents, self._checked = tangents, None
-        if tangents is None:
-            self.left_out += [(sensor.name, NOT_COUPLED) for sensor in self.sensors]
-            self.sensors = []
 
     def open(self, runs: Sequence[Run], goes_on: bool) -> None:
         """Runs of the bodies open; goes_on: half widths begin with those that the runs before ended with."""
