@@ -7,7 +7,9 @@ What the matrices of all steps need is made in batch and kept, so that passes wi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,11 +80,26 @@ class Tangent:
         wide[k:, :k] = self.C
 
 
+class Columns(NamedTuple):
+    """Right-hand sides that are marched through steps together.
+
+    moving : e, e', e'' and algorithmic a (4, k, columns) where the steps begin. force (S, k, columns), values g
+    (S, c, columns) : 0 where None. kicks : two (S, k, columns), what moves e and e' on the way to a sample beside
+    what the scheme does. held : numbers of the coordinates that each of the columns holds at zero; none, if empty.
+    """
+
+    moving: np.ndarray
+    force: np.ndarray | None = None
+    values: np.ndarray | None = None
+    kicks: tuple[np.ndarray, np.ndarray] | None = None
+    held: Sequence[np.ndarray] = ()
+
+
 class Steps:
     """Consecutive steps, ready to be marched through; sums of steps are steps, too.
 
-    h (S,) : step sizes. wide, inverses : lists of [[K, D, M, G^T], [C, 0, 0, 0]] at the samples, and of
-    [[mass M + damping D + K, G^T], [C, 0]]^-1, nearly; they hold until Track, which made them, makes the next ones.
+    h (S,) : step sizes. wide, inverses : lists of [[K, D, A], [C, 0, ...]] at the samples, where A is
+    [[mass M + damping D + K, G^T], [C, 0]], and of nearly A^-1; they hold until Track makes the next ones.
     """
 
     def __init__(self, scheme: Scheme | None, h: np.ndarray, wide: list[np.ndarray], inverses: list[np.ndarray]):
@@ -110,62 +127,75 @@ class Steps:
     def speed(self, e_t: np.ndarray) -> np.ndarray:
         """Mass norm (S,) of velocities (S, k) at the samples."""
         _, k = e_t.shape
-        squares = [v.dot(Q[:k, 2 * k : 3 * k].dot(v)) for v, Q in zip(e_t, self.wide, strict=True)]
-        return np.sqrt(np.maximum(squares, 0.0))
+        mass, damping = self.scheme.mass_and_damping(self.h)
+        apart = np.concatenate([-e_t, -damping[:, None] * e_t, e_t], axis=1)  # K, D and A to mass M
+        squares = [v.dot(Q[:k, : 3 * k].dot(x)) for v, x, Q in zip(e_t, apart, self.wide, strict=True)]
+        return np.sqrt(np.maximum(squares / mass, 0.0))
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """What forces (k, columns) accelerate (k, columns), where the steps begin."""
         k, Q = len(force), self.wide[0]
-        whole = np.zeros((len(Q), len(Q)))
-        scale = np.abs(np.diag(Q[:k, 2 * k : 3 * k])).max()
-        whole[:k, :k], whole[:k, k:], whole[k:, :k] = Q[:k, 2 * k : 3 * k], scale * Q[:k, 3 * k :], scale * Q[k:, :k]
+        mass, damping = (factor[0] for factor in self.scheme.mass_and_damping(self.h))
+        whole = Q[:, 2 * k :].copy()
+        whole[:k, :k] = (whole[:k, :k] - damping * Q[:k, k : 2 * k] - Q[:k, :k]) / mass
+        scale = np.abs(np.diag(whole)).max()
+        whole[:k, k:] *= scale
+        whole[k:, :k] *= scale
         return np.linalg.solve(whole, np.vstack([force, np.zeros((len(Q) - k, force.shape[1]))]))[:k]
 
-    def march(
-        self,
-        moving: np.ndarray,
-        force: np.ndarray | None = None,
-        values: np.ndarray | None = None,
-        kicks: tuple[np.ndarray, np.ndarray] | None = None,
-    ) -> np.ndarray:
-        """Go on from `moving`: e, e', e'' and algorithmic a (4, k, columns); return the same at the samples (S, ...).
+    def march(self, *parts: Columns) -> list[np.ndarray]:
+        """Go on from where the columns are; return e, e', e'' and algorithmic a (S, 4, k, columns) of each part."""
+        S, k = len(self), parts[0].moving.shape[1]
+        ends = np.cumsum([part.moving.shape[2] for part in parts])
+        right = np.zeros((S, len(self.wide[0]) if S else k, ends[-1]))
+        kicks = np.zeros((S, 2, k, ends[-1])) if any(part.kicks is not None for part in parts) else None
+        holds = []
+        for part, end in zip(parts, ends, strict=True):
+            own = slice(end - part.moving.shape[2], end)
+            if part.force is not None:
+                right[:, :k, own] = part.force
+            if part.values is not None:
+                right[:, k:, own] = part.values
+            if part.kicks is not None:
+                kicks[:, 0, :, own], kicks[:, 1, :, own] = part.kicks
+            holds += [self._hold(column, J) for column, J in enumerate(part.held, own.start) if J.size]
+        moving = np.concatenate([part.moving for part in parts], axis=2)
+        return np.split(self._marched(moving, right, kicks, holds), ends[:-1], axis=3)
 
-        force (S, k, columns), values g (S, c, columns), 0 where None. kicks: two (S, k, columns), what moves e and e'
-        on the way to a sample beside what the scheme does.
+    def _hold(self, column: int, J: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+        """What holds coordinates J of a column at zero: their number, they, (S, k + c, J).
+
+        Forces of constraints. With z = A^-1 r the increment of a step and B = A^-1: z - B_:J (B_JJ)^-1 z_J, whose
+        residual has entries in the rows J only.
         """
-        S, (_, k, columns) = len(self), moving.shape
-        right = np.zeros((S, len(self.wide[0]) if S else k, columns))
-        if force is not None:
-            right[:, :k] = force
-        if values is not None:
-            right[:, k:] = values
-        return self._marched(moving, right, None if kicks is None else np.stack(kicks, axis=1))
+        B = np.array([inverse[:, J] for inverse in self.inverses])
+        return column, J, B @ np.linalg.inv(B[:, J])
 
-    def _marched(self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None) -> np.ndarray:
+    def _marched(self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None, holds: list) -> np.ndarray:
         """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns)."""
-        (S, rows, columns), k, dot = right.shape, moving.shape[1], np.dot
+        (S, _, columns), k, dot = right.shape, moving.shape[1], np.dot
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
         ahead[1:] = ahead[1:] @ onward[:-1]
-        mass, damping = self.scheme.mass_and_damping(self.h)
-        factors = np.stack([np.ones(S), damping, mass], axis=1)[:, :, None]
-        found, tried = np.empty((S, 4, k * columns)), np.empty((2 * k + rows, columns))
+        found = np.empty((S, 4, k * columns))
         known = found[:, :2].reshape(S, 2 * k, columns)
         kicked = None if kicks is None else kicks.reshape(known.shape)
-        states, free = tried[: 3 * k].reshape(3, -1), tried[3 * k :]
         last = moving.reshape(4, -1)
-        for i, (step, r, Q, inverse, factor) in enumerate(
-            zip(ahead, right, self.wide, self.inverses, factors, strict=True)
-        ):
+        for i, (step, r, Q, inverse) in enumerate(zip(ahead, right, self.wide, self.inverses, strict=True)):
             now = found[i]
             dot(step, last, out=now[:3])
             if kicked is not None:
                 known[i] += kicked[i]
             r -= dot(Q[:, : 2 * k], known[i])
             z = dot(inverse, r)
-            np.multiply(factor, z[:k].reshape(1, -1), out=states)
-            free[:] = z[k:]
-            r -= dot(Q, tried)
-            z += dot(inverse, r)
+            for column, J, hold in holds:
+                z[:, column] -= dot(hold[i], z[J, column])
+                z[J, column] = 0.0  # but for rounding they are
+            r -= dot(Q[:, 2 * k :], z)
+            more = dot(inverse, r)
+            for column, J, hold in holds:
+                more[:, column] -= dot(hold[i], more[J, column])
+                more[J, column] = 0.0
+            z += more
             now[3] = z[:k].ravel()
             last = now
         return (onward @ found).reshape(S, 4, k, columns)

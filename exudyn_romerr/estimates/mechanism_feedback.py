@@ -10,11 +10,12 @@ The time integration is that of the simulation, so that e is what auxiliary mode
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 
 from ..errors import AssumptionError
-from .march import Scheme, Steps, Tangent
+from .march import Columns, Scheme, Steps, Tangent
 from .track import SINGULAR, Track
 
 GROWN = 1e60  # its square, times masses, is still a number
@@ -22,6 +23,16 @@ TOO_SENSITIVE = (
     "the error of the linearised mechanism has grown beyond all numbers: its motion is too sensitive to be "
     "linearised for so long. Ask for estimators='energy', for scope='inputs frozen', or solve for a shorter time"
 )
+
+
+class Companion(Protocol):
+    """What goes through the steps of Feedback together with it."""
+
+    def columns(self, steps: Steps) -> Columns | None:
+        """Its right-hand sides in the next of the steps, or None."""
+
+    def take(self, steps: Steps, found: np.ndarray) -> None:
+        """Take what these come to, (S, 4, k, columns)."""
 
 
 class Feedback:
@@ -51,7 +62,7 @@ class Feedback:
         force: np.ndarray,
         times: np.ndarray,
         tangent: Callable[[int], Tangent],
-        others: Sequence[Callable[[Steps], None]] = (),
+        others: Sequence[Companion] = (),
     ) -> tuple[np.ndarray, np.ndarray]:
         """Go on to times t (S,) under forces (S, k); return e, e', e'' (3, S, k) and the mass norm (S,) of e'.
 
@@ -60,11 +71,14 @@ class Feedback:
         """
         found, speed = np.zeros((len(t), 4, force.shape[1])), np.zeros(len(t))
         for i, steps in self._track.steps(self.t, t, times, tangent):
-            found[i] = steps.march(self._moving[..., None], force[i, :, None])[..., 0]
+            beside = [(other, columns) for other in others if (columns := other.columns(steps)) is not None]
+            own = Columns(self._moving[..., None], force[i, :, None])
+            of_own, *of_others = steps.march(own, *(columns for _, columns in beside))
+            found[i] = of_own[..., 0]
             speed[i] = steps.speed(found[i, 1])
             self._moving = found[i.stop - 1]
-            for other in others:
-                other(steps)
+            for (other, _), of_other in zip(beside, of_others, strict=True):
+                other.take(steps, of_other)
         self.t = float(t[-1]) if len(t) else self.t
         check_size(found)
         return found[:, :3].swapaxes(0, 1), speed

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .march import Columns
 from .mechanism_feedback import held
 
 if TYPE_CHECKING:
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
 class NarrowMarches:
     """Several marches beside that of Feedback, through its steps: each as if some coordinates did not exist.
 
-    What these are held by are forces of constraints. With z = A^-1 r the increment of a step, B = A^-1, J what is
-    held: z - B_:J (B_JJ)^-1 z_J, whose residual has entries in the rows J only.
-
     Parameters
     ----------
     left_out : sequence of ndarray of bool, (k,)
@@ -28,7 +26,7 @@ class NarrowMarches:
 
     def __init__(self, left_out: Sequence[np.ndarray]):
         self._left_out = left_out
-        self._columns = [np.flatnonzero(left) for left in left_out]
+        self._held = [np.flatnonzero(left) for left in left_out]
 
     def start(self, tangent: Tangent, force: np.ndarray, rest: np.ndarray | None) -> None:
         """Begin as Feedback does."""
@@ -54,48 +52,20 @@ class NarrowMarches:
         """Steps under forces (S, k) follow."""
         self._force, self._found = force, []
 
-    def go(self, steps: Steps) -> None:
-        """Go through the next steps."""
+    def columns(self, steps: Steps) -> Columns:
+        """Right-hand sides in the next of the steps."""
         count = sum(len(found) for found in self._found)
-        force = self._force[count : count + len(steps)]
-        self._found.append(self._marched(force, steps))
-        self._moving = self._found[-1][-1]
+        force = self._force[count : count + len(steps), :, None]
+        return Columns(self._moving, force, held=self._held)
+
+    def take(self, steps: Steps, found: np.ndarray) -> None:
+        """Take states (S, 4, k, marches) at the samples."""
+        self._found.append(found)
+        self._moving = found[-1]
 
     def found(self) -> np.ndarray:
         """Return e, e', e'' of each march at all steps since `begin`, (marches, 3, S, k)."""
         return np.moveaxis(np.concatenate(self._found)[:, :3], 3, 0).swapaxes(1, 2)
-
-    def _marched(self, force: np.ndarray, steps: Steps) -> np.ndarray:
-        """States (S, 4, k, marches) under forces (S, k)."""
-        (S, k), columns = force.shape, self._moving.shape[2]
-        ahead, onward = steps.scheme.ahead(steps.h), steps.scheme.next(steps.h)
-        mass, damping = steps.scheme.mass_and_damping(steps.h)
-        inverses = np.array(steps.inverses)
-        holds = [inverses[:, :, J] @ np.linalg.inv(inverses[:, J[:, None], J]) for J in self._columns]
-        found, last, tried = (
-            np.empty((S, 4, k, columns)),
-            self._moving,
-            np.empty((inverses.shape[1] + 2 * k, columns)),
-        )
-        r, tried = (np.zeros((inverses.shape[1] + more, columns)) for more in (0, 2 * k))
-        for i, (Q, inverse) in enumerate(zip(steps.wide, inverses, strict=True)):
-            known = (ahead[i] @ last.reshape(4, -1)).reshape(3, k, columns)
-            r[:], r[:k] = 0.0, force[i, :, None]
-            r -= Q[:, : 2 * k] @ known[:2].reshape(2 * k, columns)
-            z = self._held(inverse @ r, holds, i)
-            tried[:k], tried[k : 2 * k], tried[2 * k : 3 * k] = z[:k], damping[i] * z[:k], mass[i] * z[:k]
-            tried[3 * k :] = z[k:]
-            z += self._held(inverse @ (r - Q @ tried), holds, i)
-            now = np.concatenate([known, z[None, :k]]).reshape(4, -1)
-            last = found[i] = (onward[i] @ now).reshape(4, k, columns)
-        return found
-
-    def _held(self, z: np.ndarray, holds: Sequence[np.ndarray], i: int) -> np.ndarray:
-        """Increments (rows, marches) with the forces of step i that hold what is left out."""
-        for column, (J, hold) in enumerate(zip(self._columns, holds, strict=True)):
-            z[:, column] -= hold[i] @ z[J, column]
-            z[J, column] = 0.0  # but for rounding they are
-        return z
 
 
 def _part(tangent: Tangent, kept: np.ndarray) -> Tangent:

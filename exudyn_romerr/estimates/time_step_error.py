@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .local_errors import defects, shared
-from .march import Steps
+from .march import Columns, Steps
 
 # samples whose values are provisional: the error at one depends on two samples after it, the error of that error on
 # two more
@@ -45,7 +45,8 @@ class TimeStep(NamedTuple):
 
 
 class TimeStepError:
-    """Fed with samples in blocks: open, then for every block add, begin, go (its steps, in parts), found.
+    """Fed with samples in blocks: open, then for every block add, begin, columns and take (of its
+    steps, in parts), found.
 
     size : number of coordinates, those of the simulation first; others have no samples, but take part. loads :
     whether it is asked for what loads make uncertain. rows : t (W,), q, v, a (W, n) and what else is given with them,
@@ -91,10 +92,10 @@ class TimeStepError:
         self._at = self._at2 = self.first
         recent, self._recent = self._recent, Steps.none()
         if recent is not None and len(recent):
-            self.go(recent)
+            self.take(recent, *recent.march(self.columns(recent)))
 
-    def go(self, steps: Steps) -> None:
-        """March through the next of the steps."""
+    def columns(self, steps: Steps) -> Columns:
+        """Right-hand sides of the next of the steps."""
         i = slice(self._at + 1, self._at + 1 + len(steps))  # samples
         if self._at == self.first and self._opened is not None:
             self._x[self._at] = self._opened
@@ -106,8 +107,11 @@ class TimeStepError:
         if self._values is not None:
             values = np.zeros((*self._values[i].shape, columns))
             values[..., 0] = self._values[i]
-        start, force = self._x[self._at, ..., :columns], self._force[i, :, :columns]
-        self._x[i, ..., :columns] = steps.march(start, force, values, kicks)
+        return Columns(self._x[self._at, ..., :columns], self._force[i, :, :columns], values, kicks)
+
+    def take(self, steps: Steps, found: np.ndarray) -> None:
+        """Take e, e', e'' and algorithmic a (S, 4, size, columns) at the samples of these steps."""
+        self._x[self._at + 1 : self._at + 1 + len(steps), ..., : found.shape[-1]] = found
         waiting = self._at - self._at2
         self._at += len(steps)
         recent = self._recent + steps
@@ -140,7 +144,7 @@ class TimeStepError:
             all_of[before:] = of
             all_of[before:, : known.shape[1]] -= known[before : self._at]
         i = slice(self._at2 + 1, self._at2 + 1 + count)
-        self._x2[i] = steps[:count].march(self._x2[self._at2], kicks=self._kicks(found, i, 1))
+        self._x2[i] = steps[:count].march(Columns(self._x2[self._at2], kicks=self._kicks(found, i, 1)))[0]
         self._at2 += count
 
     def _kicks(self, local: Sequence[np.ndarray], i: slice, columns: int) -> tuple[np.ndarray, np.ndarray]:

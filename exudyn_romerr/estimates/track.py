@@ -11,10 +11,10 @@ from ..errors import AssumptionError
 from .march import Scheme, Steps, Tangent
 
 INVERSE_ERROR = (
-    1e-3  # of a solution: what interpolated inverses may miss at first; they are used twice, so its square is left
+    3e-4  # of a solution: what interpolated inverses may miss at first; they are used twice, so its square is left
 )
 SAME_STEP = 1e-9  # of a step size: solvers add up their steps
-# steps of one size between two tangents: fewer are inverted one by one, more interpolated in time
+# steps of one size: fewer are inverted one by one, more interpolated in time
 INTERPOLATED_FROM = 4
 TOGETHER = 64  # steps that are made, and marched through, at once
 IN_CACHE = 500_000  # or fewer, so that their matrices have no more numbers than this
@@ -49,18 +49,29 @@ class Track:
         for a, b in pairwise(sorted({*borders, *range(0, S, self._room), S})):
             if a in borders:
                 ends = tangent(max(int(after[a]) - 1, 0)), tangent(int(after[a]))
-                self._begin(*ends, float(h[a]), counts[a] >= INTERPOLATED_FROM)
+                self._begin(*ends, float(h[a]), counts[a])
             found = found + self._made(slice(a - done, b - done), h[a:b], _share(t[a:b], *ends))
             if b == S or b - done == self._room:
                 yield slice(done, b), found
                 found, done = Steps.none(), b
 
-    def _begin(self, first: Tangent, last: Tangent, h: float, many: bool) -> None:
-        """Begin with steps of size h between two tangents."""
+    def _begin(self, first: Tangent, last: Tangent, h: float, count: int) -> None:
+        """Begin with so many steps of size h between two tangents."""
         _cubic(first, last, self._cubic)
-        mass, damping = self.scheme.mass_and_damping(h)
-        self._factors = mass, damping, mass * self._heaviest
-        self._polynomial = self._interpolated(first, last, h) if many else None
+        (_, k), (mass, damping) = self._shape, self.scheme.mass_and_damping(h)
+        self._scale = mass * self._heaviest
+        of_K, of_D, of_A = (self._cubic[..., i * k : (i + 1) * k] for i in range(3))
+        of_A *= mass
+        of_A += damping * of_D
+        of_A += of_K  # below, where M and D are 0: C
+        self._pieces = [(1.0, None)]
+        if count >= INTERPOLATED_FROM:
+            before, step, start = self._end
+            if before is not first or abs(step - h) > SAME_STEP * h:
+                start = self._inverse(0.0)
+            self._end = last, h, self._inverse(1.0)
+            self._solved = self._cubic[..., 2 * k :] @ self._sizes  # A times the solution that inverses are tried on
+            self._pieces = self._interpolated(0.0, 1.0, count, start, self._end[2])
 
     def _allocate(self, tangent: Tangent) -> None:
         c, k = tangent.G.shape
@@ -69,63 +80,74 @@ class Track:
         self._shape, n, self._heaviest = (c, k), k + c, np.abs(np.diag(tangent.M)).max()
         self._room = int(np.clip(IN_CACHE // (n * (2 * k + 2 * n)), AT_LEAST, TOGETHER))
         self._cubic, self._wide = np.zeros((4, n, 2 * k + n)), np.zeros((self._room, n, 2 * k + n))
-        self._inverses, self._quadratic, self._square = np.zeros((self._room, n, n)), np.zeros((3, n, n)), np.eye(n)
-        self._instant, self._latest, self._end = np.zeros((1, n, 2 * k + n)), np.zeros((n, n)), ()
+        self._inverses, self._instant = np.zeros((self._room, n, n)), np.zeros((1, n, 2 * k + n))
+        self._end: tuple[Tangent | None, float, np.ndarray | None] = (None, 0.0, None)
 
     def _made(self, place: slice, h: np.ndarray, shares: np.ndarray) -> Steps:
         """Steps at shares of the time between the tangents."""
         wide, inverses = _at(shares, self._cubic, self._wide[place]), self._inverses[place]
-        if self._polynomial is None:
-            for one, inverse in zip(wide, inverses, strict=True):
-                self._invert(one, inverse)
-        else:
-            _at(shares, self._polynomial, inverses)
+        low, done = 0.0, 0
+        for high, polynomial in self._pieces:
+            part = slice(done, int(np.searchsorted(shares, high, side="right")))
+            if polynomial is None:
+                for one, inverse in zip(wide[part], inverses[part], strict=True):
+                    inverse[:] = self._inverted(one)
+            elif part.stop > done:
+                _at((shares[part] - low) / (high - low), polynomial, inverses[part])
+            low, done = high, part.stop
         return Steps(self.scheme, h, list(wide), list(inverses))
 
-    def _interpolated(self, first: Tangent, last: Tangent, h: float) -> np.ndarray | None:
-        """Inverses as a polynomial of second degree, through three instants; None if that is not exact enough."""
-        start, half, end = self._quadratic
-        shares = (
-            [0.5, 1.0]
-            if self._end and self._end[0] is first and abs(self._end[1] - h) <= SAME_STEP * h
-            else [0.0, 0.5, 1.0]
-        )
-        start[:] = self._latest
-        for share, inverse in zip(shares, self._quadratic[-len(shares) :], strict=True):
-            self._invert(_at(np.array([share]), self._cubic, self._instant)[0], inverse)
-        self._end, self._latest[:] = (last, h), end
-        half -= start  # from values at 0, 1/2, 1 to coefficients: 4 half - 3 start - end, 2 (start + end) - 4 half
-        end -= start
-        half *= 4.0
-        half -= end
-        end -= half
-        x = self._assemble(_at(np.array([0.25]), self._cubic, self._instant)[0]) @ self._sizes
-        off = np.array([1.0, 0.25, 0.0625]) @ (self._quadratic @ x) / self._sizes - 1.0
-        return self._quadratic if np.abs(off).max() <= INVERSE_ERROR else None
+    def _interpolated(
+        self, low: float, high: float, count: int, start: np.ndarray, end: np.ndarray
+    ) -> list[tuple[float, np.ndarray | None]]:
+        """Return where pieces of so many steps between two shares of the time end, and inverses in each.
+
+        These are polynomials of second degree, by the share of the piece; where few steps are left that these are not
+        exact enough for, None. start, end : the inverses at both shares.
+        """
+        if count < INTERPOLATED_FROM:
+            return [(high, None)]
+        middle = (low + high) / 2
+        half = self._inverse(middle)
+        polynomial = np.stack([start, half, end])
+        _, slope, bend = polynomial  # from values at 0, 1/2, 1: 4 half - 3 start - end, 2 (start + end) - 4 half
+        slope -= start
+        bend -= start
+        slope *= 4.0
+        slope -= bend
+        bend -= slope
+        if all(self._is_exact(share, low + share * (high - low), polynomial) for share in (0.25, 0.75)):
+            return [(high, polynomial)]
+        first = self._interpolated(low, middle, count // 2, start, half)
+        return first + self._interpolated(middle, high, count // 2, half, end)
+
+    def _is_exact(self, share: float, of_all: float, polynomial: np.ndarray) -> bool:
+        """Whether inverses are exact enough at a share of a piece, which is one of the time between the tangents."""
+        x = np.vander([of_all], 4, increasing=True)[0] @ self._solved
+        off = np.array([1.0, share, share**2]) @ (polynomial @ x) / self._sizes - 1.0
+        return float(np.abs(off).max()) <= INVERSE_ERROR
 
     @property
     def _sizes(self) -> np.ndarray:
         """Of coordinates and multipliers, so that constraints are of the size of the other rows."""
-        (c, k), (_, _, scale) = self._shape, self._factors
-        return np.append(np.ones(k), np.full(c, scale))
+        c, k = self._shape
+        return np.append(np.ones(k), np.full(c, self._scale))
 
-    def _assemble(self, wide: np.ndarray) -> np.ndarray:
-        """[[mass M + damping D + K, G^T], [C, 0]]."""
-        (_, k), (mass, damping, _), A = self._shape, self._factors, self._square
-        A[:k, :k] = mass * wide[:k, 2 * k : 3 * k] + damping * wide[:k, k : 2 * k] + wide[:k, :k]
-        A[:k, k:], A[k:, :k], A[k:, k:] = wide[:k, 3 * k :], wide[k:, :k], 0.0
-        return A
+    def _inverse(self, share: float) -> np.ndarray:
+        return self._inverted(_at(np.array([share]), self._cubic, self._instant)[0])
 
-    def _invert(self, wide: np.ndarray, out: np.ndarray) -> None:
-        """Write the inverse of that."""
-        A, sizes = self._assemble(wide), self._sizes
-        A *= sizes
+    def _inverted(self, wide: np.ndarray) -> np.ndarray:
+        """A^-1."""
+        sizes = self._sizes
+        A = wide[:, -len(wide) :] * sizes
         A *= sizes[:, None]
         try:
-            np.multiply(np.linalg.inv(A), sizes, out=out)
+            inverse = np.linalg.inv(A)
         except np.linalg.LinAlgError as error:
             raise AssumptionError(SINGULAR) from error
-        out *= sizes[:, None]
+        inverse *= sizes
+        inverse *= sizes[:, None]
+        return inverse
 
 
 def _share(t: np.ndarray, first: Tangent, last: Tangent) -> np.ndarray:

@@ -45,7 +45,7 @@ class Opening(NamedTuple):
 class Run:
     """The bounds along one dynamic solve."""
 
-    companion: Run | None = None  # of the trajectory with auxiliary vectors, whose bounds are this body's too
+    companion: Run | None = None  # of the trajectory with auxiliary vectors
     is_static = False
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
@@ -72,6 +72,11 @@ class Run:
     @property
     def _total(self) -> Stream:
         return self._streams.get("total", self._streams["reduction"])
+
+    @property
+    def _runs(self) -> tuple[Run, ...]:
+        """Runs whose bounds are this body's: those of a companion are not where inputs are frozen."""
+        return (self,) if self.companion is None or not self.offline.scene.coupled else (self, self.companion)
 
     def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
         """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
@@ -145,8 +150,7 @@ class Run:
     def best_now(self) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (r,) at the last step given."""
         frame, widest = self._last.frame, self.offline.scene.widest(self.assumptions())
-        totals = [run._total for run in (self, self.companion) if run is not None]
-        now = [bounds for total in totals for bounds in total.now(widest)]
+        now = [bounds for run in self._runs for bounds in run._total.now(widest)]
         return best_outputs(self.offline, now, frame, self._recorded.read(slice(-1, None)))
 
     def corrections(self, count: int) -> np.ndarray:
@@ -209,21 +213,19 @@ class Run:
 
     def streams(self) -> dict[str, dict[str, Bounds]]:
         """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
-        found = {name: stream.bounds() for name, stream in self._streams.items()}
-        for name in found if self.companion is not None else ():
-            found[name].update(self.companion._streams[name].bounds())
-        found = {name: {e: b.at(self._settled) for e, b in bounds.items()} for name, bounds in found.items()}
+        found = {
+            name: {e: b.at(self._settled) for run in self._runs for e, b in run._streams[name].bounds().items()}
+            for name in self._streams
+        }
         return {"total": found["reduction"], **found}
 
     def node_bounds(self) -> dict[str, np.ndarray]:
         """Return the bounds at every node at the worst instant, by every estimator; full-size work."""
-        own = self.offline.nodes(self._total.worst)
-        return own if self.companion is None else {**own, **self.companion.node_bounds()}
+        return {e: bound for run in self._runs for e, bound in run.offline.nodes(run._total.worst).items()}
 
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""
-        own = {name: e.assumes for name, e in self._total.estimators.items()}
-        return own if self.companion is None else {**own, **self.companion.assumptions()}
+        return {name: e.assumes for run in self._runs for name, e in run._total.estimators.items()}
 
     def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame=None) -> Samples:
         last = -np.inf if self._last is None else float(self._last.t[-1])

@@ -50,7 +50,7 @@ def test_held_coordinates_are_as_if_they_were_not_there(held, rest):
     whole, found, expected = [], [], []
     for steps in (slice(0, 40), slice(40, STEPS)):
         narrow.begin(force[steps])
-        whole.append(main.advance(t[steps], force[steps], np.array([0.0, 1.0]), ends.__getitem__, [narrow.go])[0])
+        whole.append(main.advance(t[steps], force[steps], np.array([0.0, 1.0]), ends.__getitem__, [narrow])[0])
         found.append(narrow.found())
         expected.append(alone.advance(t[steps], force[steps][:, kept], np.array([0.0, 1.0]), few.__getitem__)[0])
     whole, expected = (np.concatenate(x, axis=1) for x in (whole, expected))

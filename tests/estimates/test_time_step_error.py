@@ -6,7 +6,7 @@ import scipy.linalg as la
 
 from exudyn_romerr.estimates import time_step_error as module
 from exudyn_romerr.estimates.local_errors import defects, in_the_middle, shared
-from exudyn_romerr.estimates.march import Scheme, Tangent
+from exudyn_romerr.estimates.march import Columns, Scheme, Tangent
 from exudyn_romerr.estimates.time_step_error import PROVISIONAL, TimeStepError
 from exudyn_romerr.estimates.track import Track
 from tests.helpers import tolerances as tol
@@ -51,7 +51,7 @@ def run(scheme, t, tangent, force):
     moving[2:] = steps[0].pushed(force[0][:, None])
     found = [moving[None]]
     for part, f in zip(steps, np.split(force[1:, :, None], np.cumsum([len(s) for s in steps])[:-1]), strict=True):
-        found.append(part.march(found[-1][-1], f))
+        found += part.march(Columns(found[-1][-1], f))
     return np.concatenate(found)[:, :3, :, 0].swapaxes(0, 1)
 
 
@@ -82,7 +82,7 @@ def estimated(made, rows, borders, load=None, values=None):
         error.add([y[first:end] for y in rows], None if values is None else values[first:end])
         error.begin(None if load is None else residuals(made, load, error.rows)[error.first :])
         for _, steps in track.steps(rows[0][first - 1], rows[0][first:end], np.zeros(1), lambda _: made[0]):
-            error.go(steps)
+            error.take(steps, *steps.march(error.columns(steps)))
         found = error.found()
         known = x.shape[1] - found.replaced
         x, x2 = (np.concatenate([a[:, :known], b], axis=1) for a, b in ((x, found.x), (x2, found.x2)))
@@ -171,7 +171,7 @@ def test_a_run_that_goes_on():
         error.add([y[1:] for y in own])
         error.begin()
         for _, steps in track.steps(own[0][0], own[0][1:], np.zeros(1), lambda _: made[0]):
-            error.go(steps)
+            error.take(steps, *steps.march(error.columns(steps)))
         found.append((opened, error.found()))
     assert np.array_equal(found[1][0].x[:, 0], found[0][1].x[:, -1])
     assert off(found[1][1].x[0], e[0, 61:]) < tol.FIRST_ORDER

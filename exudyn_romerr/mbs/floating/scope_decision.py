@@ -62,7 +62,8 @@ class Wanted:
 class Found:
     """Scope and its reason; of a coupled one, why other estimators are frozen, and whether auxiliary ones react.
 
-    note : why it is no wider, if the user may do something about it.
+    note : why it is no wider, if the user may do something about it. answers : whether the linearised mechanism has
+    an estimate of the error, though no bound.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Found:
     frozen: str = ""
     feedback: bool = False
     note: str = ""
+    answers: bool = False
 
 
 def find_scope(
@@ -101,7 +103,8 @@ def find_scope(
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     without = next(_no_feedback(mbs, wanted, model), "")
-    refusal = others or next(_refusals(mbs, wanted, actions, static, attached, without), "")
+    unknown = next(_refusals(mbs, wanted, actions, static, attached, without), "")
+    refusal = others or unknown or next(_refusals_of_bounds(mbs, wanted.options), "")
     if refusal and wanted.scope == COUPLED and not static:
         raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
     frozen = (
@@ -111,14 +114,15 @@ def find_scope(
     )
     if refusal:
         note = f"no coupled bound: {refusal}"
-        return Found(FROZEN, f"{note}; {frozen}", note="" if wanted.scope == FROZEN else note)
+        told = "" if wanted.scope == FROZEN else note
+        return Found(FROZEN, f"{note}; {frozen}", note=told, answers=not unknown and not without)
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 
 def _refusals(
     mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int], without: str
 ) -> Iterator[str]:
-    """Why the bound cannot cover the feedback of the mechanism."""
+    """Why neither bound nor estimate can cover the feedback of the mechanism."""
     options = wanted.options
     if wanted.scope == OF_A_FILE:
         yield "a file is evaluated for one body alone"
@@ -126,12 +130,6 @@ def _refusals(
         yield f"scope={FROZEN!r} was asked for"
     if static:
         yield "a static solve"
-    watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
-    if watched:
-        yield (
-            f"the tolerance on {', '.join(map(repr, watched))} asks for a bound, and they see the motion of the "
-            "frame, whose error has none; pass node_displacement(..., frame='body') or a sensor of DisplacementLocal"
-        )
     if options.initial is not None or len(options.jumps):
         yield "initial= and jumps= are covered with frozen inputs only"
     names = _asked(options)
@@ -143,6 +141,21 @@ def _refusals(
     yield from _unattached(objects, attached)
     yield from _switching(objects)
     yield from _controlled(mbs)
+
+
+def _refusals_of_bounds(mbs: Any, options: BoundOptions) -> Iterator[str]:
+    """Why the bound cannot, where the linearised mechanism is there all the same."""
+    watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
+    if watched:
+        yield (
+            f"the tolerance on {', '.join(map(repr, watched))} asks for a bound, and they see the motion of the "
+            "frame, whose error has none; pass node_displacement(..., frame='body') or a sensor of DisplacementLocal"
+        )
+    for i in range(mbs.systemData.NumberOfObjects()):
+        item = mbs.GetObject(i)
+        if "markerNumbers" in item and any(np.any(np.asarray(item.get(key, 0.0)) < 0) for key in PASSIVE):
+            name = f"object {i} ({item['name']}, {item['objectType']})"
+            yield f"{name} has negative stiffness or damping: it may do work on the error"
 
 
 def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
@@ -163,8 +176,6 @@ def _switching(objects: list[dict]) -> Iterator[str]:
         functions = [key for key in item if _controls(key) and item[key]]
         if functions:
             yield f"{name} has {', '.join(functions)}: a controller may do work on the error"
-        if "markerNumbers" in item and any(np.any(np.asarray(item.get(key, 0.0)) < 0) for key in PASSIVE):
-            yield f"{name} has negative stiffness or damping: it may do work on the error"
 
 
 def _controlled(mbs: Any) -> Iterator[str]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ...estimates.estimate import Estimate
     from ...online.run import Run
 
+ENDED = "estimates of the mechanism ended before its bounds: see the messages of the bodies"
 UNITS = {
     "Displacement": "m",
     "Position": "m",
@@ -55,9 +56,9 @@ class SensorRecord:
 
     def outputs(self, count: int) -> tuple[list[OutputReport], list[tuple[str, str]]]:
         """Return what is known at the first `count` instants, and (name, why) of what is not."""
-        left_out = list(self.left_out)
-        if self.failure or not self.sensors:
-            return [], left_out + [(sensor.name, self.failure) for sensor in self.sensors]
+        left_out, failure = list(self.left_out), self.failure or (ENDED if len(self.values) < count else "")
+        if failure or not self.sensors:
+            return [], left_out + [(sensor.name, failure) for sensor in self.sensors]
         whole, at = self.estimate.read(slice(count)), self.values.read()[:count]
         return [self._output(*of, whole, at) for of in zip(self.sensors, self.parts, strict=True)], left_out
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ...estimates.march import Steps
+from ...estimates.march import Columns, Steps
 from ...estimates.mechanism_feedback import GROWN
 from ...estimates.time_step_error import TimeStep, TimeStepError
 from ..access.linearisation import Tangents
@@ -66,9 +66,13 @@ class StepErrors:
             self._residuals = None
         return found
 
-    def go(self, steps: Steps) -> None:
-        """Go through the next steps."""
-        self._do(lambda error: error.go(steps))
+    def columns(self, steps: Steps) -> Columns | None:
+        """Right-hand sides in the next of the steps."""
+        return self._do(lambda error: error.columns(steps))
+
+    def take(self, steps: Steps, found: np.ndarray) -> None:
+        """Take what these come to."""
+        self._do(lambda error: error.take(steps, found))
 
     def finish(self) -> None:
         """All steps were gone through."""
@@ -80,12 +84,13 @@ class StepErrors:
         if not largest < GROWN:  # or nan
             raise AssumptionError(TOO_LARGE)
 
-    def _do(self, work: Callable[[TimeStepError], None]) -> None:
+    def _do(self, work: Callable[[TimeStepError], Columns | None]) -> Columns | None:
         """What fails ends the estimate, and nothing else."""
         if self._error is None:
-            return
+            return None
         try:
-            work(self._error)
+            return work(self._error)
         except Exception as failure:
             self.notes.append(LOST.format(self._error.rows[0][-1], failure))
             self._error = self.found = None
+            return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
     from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors
     from .body_monitor import Watch
-
-PARTS = 16  # tangents to a reading, for inverses of second degree in between
 
 
 class Reaction:
@@ -122,7 +119,7 @@ class Reaction:
         *rows, multipliers = rows
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
-        others = [steps.go, self._narrow.go]
+        others = [steps, self._narrow]
         e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others)
         steps.finish()
         self._tangents.forget()
@@ -190,7 +187,7 @@ class Reaction:
 class _Extended:
     """Tangents with the vectors behind the coordinates of the mechanism, on a spline in time through its readings.
 
-    Made when asked for, two kept. t : their times, those of the readings and up to PARTS - 1 between any two.
+    Made when asked for, two kept. t : their times, those of the readings.
     """
 
     def __init__(self, readings: Sequence[Reading], reaction: Reaction):
@@ -201,11 +198,7 @@ class _Extended:
             (body.couplings(times, [x[:, body.columns] for x in states]), body, own) for body, own in reaction.parts
         ]
         whole = np.array([self._whole(j, reading, parts) for j, reading in enumerate(readings)])
-        between = [
-            np.linspace(first.t, last.t, int(np.ceil(PARTS * np.clip(last.change, 0, 1))) + 1)[1:-1]
-            for first, last in pairwise(readings)
-        ]
-        self.t = np.sort(np.concatenate([times, *between]))
+        self.t = times
         self._spline, self._turning = _held(whole[0]), _held(readings[0].C)
         if len(times) > 1:
             from scipy.interpolate import CubicHermiteSpline, CubicSpline  # here, for it takes long to import

@@ -15,7 +15,7 @@ from ...model.floating_frame import FramePose, Jitter, translations
 from ...model.shared_body import shared_body
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...report.scope import COMPLETE, FULL_MODEL, Scene
+from ...report.scope import COMPLETE, COUPLED, FULL_MODEL, Scene
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor
 from ..floating.driven_frame import PrescribedMotion
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
 ESTIMATE = "estimate of the error: modes by these vectors, time steps from the samples, reaction of the mechanism"
 BETWEEN = ("loads between samples, in the estimate of the error by time steps", "midpoint_residual=False")
+BY_MECHANISM = "estimate by the linearised mechanism"
 UNSET = 1e-3  # of the largest term of V^T R: with accelerations of zero a loaded body is out of balance by far more
 
 
@@ -78,13 +79,7 @@ class MovingSubject:
             self._signature = ()  # until all of what follows was done
             terms = InputTerms(actions, support, self._flex, model.V)
             scene = self._scene(model, actions, terms, reference, support, scope)
-            self.enriched = None
-            if scene.feedback:
-                kept = (self._flex, body, model, actions, support, scene, columns, terms)
-                self.enriched = EnrichedBody(*kept, self._options)
-                scene = replace(scene, computed=(*scene.computed, self.enriched.note, TANGENT, ESTIMATE))
-                if not self._options.midpoint_residual:
-                    scene = replace(scene, left_out=(*scene.left_out, BETWEEN))
+            scene = self._enriched_scene(scene, scope, body, model, actions, support, columns, terms)
             offline = self._prepare(body, model, terms, scene)
             self._sampler, self._signature = Sampler.of(model.frame, actions, terms, offline), signature
         else:  # functions of time may be other ones
@@ -113,6 +108,22 @@ class MovingSubject:
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""
         self._use([*self._options.outputs, *outputs])
+
+    def _enriched_scene(self, scene: Scene, scope: Found, body, model, actions, support, columns, terms) -> Scene:
+        """Make the body with vectors if the mechanism answers its errors; return the scene, which says so."""
+        self.enriched = None
+        if not (scene.feedback or scope.answers):
+            return scene
+        kept = (self._flex, body, model, actions, support, replace(scene, scope=COUPLED, feedback=True))
+        try:
+            self.enriched = EnrichedBody(*kept, columns, terms, self._options)
+        except Exception as error:
+            if scene.feedback:
+                raise
+            return replace(scene, left_out=(*scene.left_out, (BY_MECHANISM, str(error))))
+        computed = (*scene.computed, self.enriched.note, TANGENT, ESTIMATE)
+        left_out = scene.left_out if self._options.midpoint_residual else (*scene.left_out, BETWEEN)
+        return replace(scene, computed=computed, left_out=left_out)
 
     def _find_scope(self, mbs: Any, *scene: Any) -> Found:
         """Return the scope; where no outputs were asked for, take those that the sensors show."""
@@ -201,7 +212,6 @@ class MovingSubject:
     ) -> Scene:
         flex = self._flex
         full = f"{FULL_MODEL}: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
-        reason = f"{scope.reason}. {full}"
         r, A = model.frame.reference_pose()
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
         left_out += [(f"wrench at {name}", "no load, joint or connector acts there") for name in actions.free]
@@ -212,7 +222,7 @@ class MovingSubject:
             left_out += [] if self._sensors.measured else [("outputs", NO_SENSOR)]
         return Scene(
             scope=scope.name,
-            reason=reason,
+            reason=f"{scope.reason}. {full}",
             frozen=scope.frozen,
             note=scope.note,
             feedback=scope.feedback,
@@ -237,5 +247,4 @@ class MovingSubject:
 
 def _coordinates(mbs: Any, node: int) -> np.ndarray:
     first = mbs.GetNodeODE2Index(node)
-    item = mbs.GetNode(node)
-    return np.arange(first, first + len(item["referenceCoordinates"]))
+    return np.arange(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))

@@ -16,9 +16,9 @@ from ..mechanism.late_readings import LateReadings
 from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
 from .feedback_runs import Reaction
+from .run_succession import check_extensions, check_openings, fall_back
 
 if TYPE_CHECKING:
-    from ..mechanism.other_sensors import OtherSensors
     from .body_monitor import Watch
 
 # Exudyn holds rates of constraints with the trapezoidal rule only, which here, where their positions are held, rings
@@ -33,6 +33,9 @@ def scheme_of(solver: Any) -> Scheme:
 class Mechanism:
     """All watches of one solve. Those of scope "coupled (linearised)" share one energy.
 
+    Where only the bounds of that scope are refused, the mechanism still has estimates: what ends these ends nothing
+    else, and the report falls back on those under frozen inputs.
+
     Attributes
     ----------
     tangents : what auxiliary vectors react through; None if no body has such.
@@ -40,11 +43,11 @@ class Mechanism:
 
     tangents: Tangents | None = None
 
-    def __init__(
-        self, watches: Sequence[Watch], before: Mechanism | None = None, sensors: Sequence[OtherSensors] = ()
-    ):
+    def __init__(self, watches: Sequence[Watch], before: Mechanism | None = None, sensors: Sequence = ()):
         self._watches, self._before, self._sensors = watches, before and before._reaction, sensors
         self._coupled: list[Watch] = []
+        self._partners: list[Watch] = []  # the coupled ones; those of which there are estimates, if none is coupled
+        self._ended: Exception | None = None  # why there are none, until it is said
         self._reaction: Reaction | None = None
         self._failure: Exception | None = None  # of the tangent
         self._at_hand: tuple = (None, None)  # while rows are evaluated: the mbs, their multipliers
@@ -53,14 +56,18 @@ class Mechanism:
         """A solve begins, and the watches have read the mbs."""
         self._coupled = [watch for watch in self._watches if watch.is_coupled]
         self._check_others(self._watches)
+        frozen = [watch for watch in self._watches if watch.is_frozen and watch.enriched is not None]
+        self._partners = self._coupled or frozen
         if self._coupled:
             self._together(self._prepare, mbs)
+        elif self._partners:
+            self._estimate(self._prepare_estimates, mbs)
         for sensors in self._sensors:
             sensors.begin(mbs, self.tangents)
 
     def read_tangent(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again, 0: not at all."""
-        if self._has_failed:
+        if self.tangents is None or self._has_failed:
             return 0
         try:
             return self.tangents.read(mbs, t)
@@ -71,7 +78,7 @@ class Mechanism:
     @property
     def _has_failed(self) -> bool:
         """Whether coupled bounds have ended in this solve."""
-        return self._failure is not None or any(watch.error for watch in self._coupled)
+        return self._failure is not None or any(watch.error for watch in self._partners)
 
     def evaluate(self, mbs: Any, *rows: np.ndarray) -> None:
         """Evaluate accepted steps: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
@@ -89,11 +96,13 @@ class Mechanism:
         late = LateReadings(self.tangents, mbs, t, states)
         late.read()
         self._failure = late.failure
-        for watch in self._coupled if late.note else ():
+        for watch in self._partners if late.note else ():
             watch.note(late.note)
 
     def take(self, *rows: np.ndarray) -> None:
         """Evaluate accepted steps: t (S,) and q, q_t, q_tt (S, all coordinates of the mbs)."""
+        if self._failure is not None and not self._coupled:
+            self._end_estimates(self._failure)
         rows = self._before_failure(rows)
         for watch in self._watches:
             watch.receive(*rows)
@@ -101,7 +110,7 @@ class Mechanism:
         self._together(self._join_openings)
         for watch in self._watches:
             watch.open()
-        self._together(self._open_reaction, rows)
+        self._react(self._open_reaction, rows, check_openings, self._before)
         for watch in self._watches:
             watch.admit()
         for watch in self._watches:
@@ -109,11 +118,13 @@ class Mechanism:
         self._together(self._join_extensions)
         for watch in self._watches:
             watch.advance()
-        self._together(self._advance_reaction, rows)
+        self._react(self._advance_reaction, rows, check_extensions, len(rows[0]))
         self._check_others(self._coupled)
         for watch in self._watches:
             watch.settle()
         self._fail(self._failure)
+        if self._ended is not None and fall_back(self._partners, self._ended):
+            self._ended = None
 
     def _before_failure(self, rows: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """Return the rows up to the last tangent that was read, if one could not be."""
@@ -137,18 +148,25 @@ class Mechanism:
                 "same for all: 'energy' or 'auxiliary' or both, and one time"
             )
         if self._coupled[0].enriched is not None:
-            solver = mbs.sys.get("dynamicSolver")
-            if solver is None or solver.it.currentStepIndex > 0:  # of a solve before
-                raise AssumptionError(
-                    "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
-                )
-            settings = mbs.sys["simulationSettings"]
-            self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
-            residuals = StoredResiduals(self.tangents, mbs) if self._coupled[0].enriched.midpoint_residual else None
-            holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
-            scheme = Scheme.of_radius(DAMPED) if holds_rates else scheme_of(solver)
-            steps = StepErrors(self.tangents, residuals, holds_rates)
-            self._reaction = Reaction(self._coupled, Feedback(scheme), self.tangents, steps, self._sensors)
+            self._prepare_reaction(mbs)
+
+    def _prepare_reaction(self, mbs: Any) -> None:
+        solver = mbs.sys.get("dynamicSolver")
+        if solver is None or solver.it.currentStepIndex > 0:  # of a solve before
+            raise AssumptionError("the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False")
+        settings = mbs.sys["simulationSettings"]
+        self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
+        residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
+        holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
+        scheme = Scheme.of_radius(DAMPED) if holds_rates else scheme_of(solver)
+        steps = StepErrors(self.tangents, residuals, holds_rates)
+        self._reaction = Reaction(self._partners, Feedback(scheme), self.tangents, steps, self._sensors)
+
+    def _prepare_estimates(self, mbs: Any) -> None:
+        without = [watch for watch in self._watches if watch.error or (watch.is_frozen and watch.enriched is None)]
+        if without:
+            raise AssumptionError(f"it needs all bodies, and has no vectors of object {without[0].item}")
+        self._prepare_reaction(mbs)
 
     def _join_openings(self) -> None:
         if self._opens:
@@ -159,7 +177,7 @@ class Mechanism:
 
     @property
     def _opens(self) -> bool:
-        return all(watch.opening is not None for watch in self._coupled)
+        return all(watch.opening is not None for watch in self._partners)
 
     def _open_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
         if self._reaction is not None and self._opens:
@@ -175,7 +193,7 @@ class Mechanism:
 
     def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
         first = int(self._opens)
-        if self._reaction is not None and all(watch.extension is not None for watch in self._coupled):
+        if self._reaction is not None and all(watch.extension is not None for watch in self._partners):
             rows = self._with_multipliers(rows)
             self._reaction.advance(tuple(x[first:].copy() for x in rows), self._at_hand[0])
 
@@ -193,6 +211,28 @@ class Mechanism:
             work(*arguments)
         except Exception as error:
             self._fail(error)
+
+    def _react(self, work: Callable, rows: tuple[np.ndarray, ...], *check: Any) -> None:
+        """Go on with the reaction: as what bounds need, or for the sake of estimates alone."""
+        if self._coupled:
+            self._together(work, rows)
+        elif self._reaction is not None:
+            self._estimate(self._checked, work, rows, *check)
+
+    def _checked(self, work: Callable, rows: tuple[np.ndarray, ...], check: Callable, known: Any) -> None:
+        check(self._partners, known)
+        work(rows)
+
+    def _estimate(self, work: Callable, *arguments: Any) -> None:
+        """Do what estimates alone need."""
+        try:
+            work(*arguments)
+        except Exception as error:
+            self._end_estimates(error)
+
+    def _end_estimates(self, error: Exception) -> None:
+        self.tangents = self._reaction = self._failure = None
+        self._ended = error
 
     def _fail(self, error: Exception | None) -> None:
         for watch in self._coupled if error is not None else ():

@@ -1,18 +1,24 @@
-"""Succession: the runs of one body, and which of them the next one goes on from."""
+"""Succession: the runs of one body, and which of them the next one goes on from; which of several fit together."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import RunError
+from ...estimates.kept_estimate import KeptEstimate
+
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ...offline.prepared import Offline
-    from ...online.run import Run
+    from ...online.run import Opening, Run
     from ...online.static_run import StaticRun
     from ..access.linear_adapter import LinearSubject
     from .floating_adapter import MovingSubject
 
+ENDED = "estimates are those under frozen inputs, for the linearised mechanism has none: {}"
 SAME_TIME = 1e-9  # of a time: solvers add up their steps, and users give the next start as they think of it
 
 
@@ -58,3 +64,29 @@ class Succession:
         if first is None and before is not None:
             first = subject.first(t, *states[:2], self.last[3], may_be_late=True)
         return first
+
+
+def check_openings(watches: Sequence[Any], before: Any) -> None:
+    """Raise RunError unless the runs of watches open together; before: the Reaction of those that they go on from."""
+    openings: list[Opening | None] = [watch.opening for watch in watches]
+    if len({opening is None for opening in openings}) > 1:
+        raise RunError("bounds of its bodies begin at different times")
+    if before is None and any(opening is not None and opening.before is not None for opening in openings):
+        raise RunError("the run before, which this one continues, has none")
+
+
+def check_extensions(watches: Sequence[Any], count: int) -> None:
+    """Raise RunError unless all watches have taken so many rows, or have not begun."""
+    for watch in watches:
+        taken = (watch.opening is not None) + (0 if watch.extension is None else len(watch.extension.new.t))
+        if watch.error is not None or (watch.run is not None and taken < count):
+            raise RunError(f"bounds of object {watch.item} have ended")
+
+
+def fall_back(watches: Sequence[Any], error: Exception) -> bool:
+    """Let estimates be those under frozen inputs, and say why; return whether it could be said: runs have begun."""
+    runs: list[Run] = [watch.run for watch in watches if watch.run is not None]
+    for run in runs:
+        run.messages.append(ENDED.format(error))
+        run.estimate, run.companion = KeptEstimate(), None
+    return bool(runs)

@@ -9,8 +9,8 @@ from exudyn import itemInterface
 from exudyn.utilities import InertiaCuboid
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.mechanism import other_sensors
-from exudyn_romerr.mbs.mechanism.sensor_record import Sensor
+from exudyn_romerr.mbs.mechanism import other_sensors, sensor_record
+from exudyn_romerr.mbs.mechanism.sensor_record import Sensor, SensorRecord
 from exudyn_romerr.mbs.studies.scene_run import build_trial
 from exudyn_romerr.report.mechanism_report import MechanismReport
 from models import mechanisms
@@ -146,6 +146,15 @@ def test_angles_change_without_full_turns(monkeypatch, kind, change):
     rows, none = (np.zeros(1), *np.zeros((4, 1, 2))), np.zeros((3, 1, 2))
     found = sensors._change(None, rows, np.array([[np.pi - 0.001]]), none)
     np.testing.assert_allclose(found, change, rtol=1e-12)  # rounding of 2 pi beside 0.002
+
+
+def test_estimates_that_ended_before_the_bounds_are_left_out():
+    record = SensorRecord([], [Sensor(0, "piston", exu.OutputVariableType.Position, 1)], [("torque", "a load")])
+    rows = np.zeros((3, 1))
+    record.values.append(rows)
+    record.estimate.put({"basis": rows}, {"vectors": rows})
+    assert [out.name for out in record.outputs(3)[0]] == ["piston"]
+    assert record.outputs(4) == ([], [("torque", "a load"), ("piston", sensor_record.ENDED)])
 
 
 def test_studies_take_it_as_the_monitors_of_its_bodies():
