@@ -124,7 +124,7 @@ def monitored(scene: EstimateScene, n: int) -> tuple:
     if isinstance(made, LinearScene):
         monitors = [romerr.attach(made.mbs, made.flex, outputs=list(made.outputs))]
     elif made.bodies:
-        monitors = [romerr.attach(made.mbs, romerr.floating_body(made.fem, items)) for items in made.bodies]
+        monitors = [romerr.attach(made.mbs, [romerr.floating_body(made.fem, items) for items in made.bodies])]
     else:
         recorder = Recorder(made.mbs)
     made.mbs.Assemble()

@@ -26,7 +26,7 @@ from .model.outputs import (
 from .model.stress_outputs import node_strain, node_stress
 from .online.evaluate import Trajectory, evaluate
 from .report.assessment import Assessment
-from .report.load import load_report
+from .report.formats.load import load_report
 from .report.plots.overlay import add_bands
 from .report.plots.run_comparison import plot_convergence, plot_run_time
 from .report.report import BoundReport, OutputReport

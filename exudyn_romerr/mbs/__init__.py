@@ -3,14 +3,16 @@
 from .access.fem_modes import hold_modes, keep_modes
 from .access.reduced_body import ReducedBody, add_reduced_body
 from .floating.floating_body import FloatingBody, floating_body
-from .monitoring.monitor import Monitor, attach
-from .monitoring.solution_file import evaluate_file
+from .monitoring.attach import attach
+from .monitoring.monitor import MechanismMonitor, Monitor
 from .studies.choose_modes import choose_modes
+from .studies.solution_file import evaluate_file
 from .studies.two_level import LevelOutput, TwoLevel, two_level
 
 __all__ = [
     "FloatingBody",
     "LevelOutput",
+    "MechanismMonitor",
     "Monitor",
     "ReducedBody",
     "TwoLevel",

@@ -224,14 +224,13 @@ def test_rotor_run_up_has_a_bound_that_says_something(tmp_path, capsys):
 
 def test_double_pendulum_shows_what_frozen_inputs_hide(tmp_path, capsys):
     found = double_pendulum.main(tmp_path, t_end=0.002)
-    coupled, frozen = ([r.output(f"tip {bar}") for bar, r in enumerate(reports, 1)] for reports in found.values())
+    coupled, frozen = ([report.output(f"tip {bar}") for bar in (1, 2)] for report in found.values())
     for out in coupled:
         assert np.all(np.abs(out.error) <= out.bound["best"])
         assert out.effectivity["best"][0] < 1.1
     assert frozen[0].effectivity["best"][0] < 0.5
-    assert [set(r.scope.values()) for reports in found.values() for r in reports] == [
-        {s} for s in found for _ in "12"
-    ]
+    for scope, report in found.items():
+        assert [set(one.scope.values()) for one in (report, *report.bodies)] == [{scope}] * 3
     assert "tip 2: true error up to" in capsys.readouterr().out
     assert (tmp_path / "double_pendulum.png").read_bytes()[:4] == PNG
 

@@ -19,7 +19,7 @@ from exudyn_romerr.model import body as body_module
 from exudyn_romerr.offline import prepare as offline
 from exudyn_romerr.offline.options import BoundOptions
 from exudyn_romerr.online.run import BLOCK, Run
-from exudyn_romerr.report.load import load_report
+from exudyn_romerr.report.formats.load import load_report
 from exudyn_romerr.residual import decay_rates as forgetting
 from exudyn_romerr.residual.problem import Problem
 from models import floating, linkage

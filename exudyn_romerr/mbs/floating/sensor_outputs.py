@@ -87,7 +87,7 @@ def body_sensors(mbs: Any, flex: FloatingBody) -> BodySensors:
     """Return what the sensors on the body measure that the mbs has now."""
     measured, left_out = [], []
     for number in range(mbs.systemData.NumberOfSensors()):
-        if _is_on(mbs, flex, mbs.GetSensor(number)):
+        if is_on(mbs, flex, mbs.GetSensor(number)):
             try:
                 measured.append(_measured(mbs, flex, number))
             except InputError as error:
@@ -109,7 +109,7 @@ def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
     return Measured(sensor["name"], nodes, weights, of, frame)
 
 
-def _is_on(mbs: Any, flex: FloatingBody, sensor: dict) -> bool:
+def is_on(mbs: Any, flex: FloatingBody, sensor: dict) -> bool:
     """Whether it sees mesh nodes of the body."""
     if sensor["sensorType"] == "Marker":
         sensor = mbs.GetMarker(int(sensor["markerNumber"]))
@@ -124,7 +124,7 @@ def _nodes(
     mbs: Any, flex: FloatingBody, number: int, sensor: dict
 ) -> tuple[tuple[int, ...], tuple[float, ...] | None]:
     """Nodes and weights that the sensor sees."""
-    if not _is_on(mbs, flex, sensor):
+    if not is_on(mbs, flex, sensor):
         on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
         raise InputError(
             f"sensor {number} ({sensor['name']}), of type {sensor['sensorType']!r}, is on {on}; allowed: "

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ...estimates.time_step_error import TimeStep
     from ..access.linearisation import Reading, Tangents
     from ..mechanism.enriched_body import EnrichedBody
+    from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors
     from .body_monitor import Watch
 
@@ -34,9 +35,16 @@ class Reaction:
     size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are among these.
     """
 
-    def __init__(self, watches: Sequence[Watch], feedback: Feedback, tangents: Tangents, step_errors: StepErrors):
+    def __init__(
+        self,
+        watches: Sequence[Watch],
+        feedback: Feedback,
+        tangents: Tangents,
+        step_errors: StepErrors,
+        sensors: Sequence[OtherSensors] = (),
+    ):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
-        self._step_errors = step_errors
+        self._step_errors, self._sensors = step_errors, sensors
         self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
@@ -64,7 +72,7 @@ class Reaction:
         body, own = self.parts[i]
         return self.time_step.of(np.concatenate([body.columns, np.arange(own.start, own.stop)]))
 
-    def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None) -> None:
+    def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None, mbs: Any = None) -> None:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
         *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
@@ -97,7 +105,9 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
-        self._take_errors(first, e, self._narrow.states[:, :, None])
+        for sensors in self._sensors:
+            sensors.open([watch.run for watch in self._watches], goes_on)
+        self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
         self._say(self._step_errors.notes)
@@ -106,7 +116,7 @@ class Reaction:
         """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates), multipliers (S, ...)."""
         extended, steps = _Extended(self._tangents.readings, self), self._step_errors
         steps.begin(mbs, rows)
-        *rows, _ = rows
+        *rows, multipliers = rows
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
         others = [steps, self._narrow]
@@ -126,16 +136,18 @@ class Reaction:
             join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
-        self._take_errors(rows, e, self._narrow.found())
+        self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
 
-    def _take_errors(self, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
+    def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        t, *states = rows
+        t, *states, _ = rows
         for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
             here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
             outputs.take_basis(watch.run, t, here, *moved)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
+        for sensors in self._sensors:
+            sensors.take(mbs, rows, e, narrow, self.time_step)
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""

@@ -43,8 +43,8 @@ class Mechanism:
 
     tangents: Tangents | None = None
 
-    def __init__(self, watches: Sequence[Watch], before: Mechanism | None = None):
-        self._watches, self._before = watches, before and before._reaction
+    def __init__(self, watches: Sequence[Watch], before: Mechanism | None = None, sensors: Sequence = ()):
+        self._watches, self._before, self._sensors = watches, before and before._reaction, sensors
         self._coupled: list[Watch] = []
         self._partners: list[Watch] = []  # the coupled ones; those of which there are estimates, if none is coupled
         self._ended: Exception | None = None  # why there are none, until it is said
@@ -62,6 +62,8 @@ class Mechanism:
             self._together(self._prepare, mbs)
         elif self._partners:
             self._estimate(self._prepare_estimates, mbs)
+        for sensors in self._sensors:
+            sensors.begin(mbs, self.tangents)
 
     def read_tangent(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again, 0: not at all."""
@@ -158,7 +160,7 @@ class Mechanism:
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
         scheme = Scheme.of_radius(DAMPED) if holds_rates else scheme_of(solver)
         steps = StepErrors(self.tangents, residuals, holds_rates)
-        self._reaction = Reaction(self._partners, Feedback(scheme), self.tangents, steps)
+        self._reaction = Reaction(self._partners, Feedback(scheme), self.tangents, steps, self._sensors)
 
     def _prepare_estimates(self, mbs: Any) -> None:
         without = [watch for watch in self._watches if watch.error or (watch.is_frozen and watch.enriched is None)]
@@ -181,7 +183,7 @@ class Mechanism:
         if self._reaction is not None and self._opens:
             if not self.tangents.readings:
                 raise RunError("the solve was interrupted before anything was bounded; solve again")
-            self._reaction.open(self._with_multipliers(rows), self._before)
+            self._reaction.open(self._with_multipliers(rows), self._before, self._at_hand[0])
             self._before = None
 
     def _join_extensions(self) -> None:

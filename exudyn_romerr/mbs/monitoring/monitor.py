@@ -1,4 +1,4 @@
-"""attach and Monitor: bounds beside an Exudyn simulation."""
+"""Monitor and MechanismMonitor: bounds of one body, or of several, beside an Exudyn simulation."""
 
 from __future__ import annotations
 
@@ -7,26 +7,25 @@ from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
 from ...errors import InputError, RunError
-from ...offline.options import BoundOptions
-from ..floating.scope_decision import ASKABLE
-from .body_monitor import Watch
+from ...report.mechanism_report import joined, joined_plan
 from .live_output import sensor_of
-from .requests import UNNAMED, checked_tolerance, make_subject
-from .step_hook import StepHook, shared_hook
+from .requests import UNNAMED
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from exudyn.itemInterface import SensorUserFunction
 
-    from ...model.outputs import Output
     from ...online.run import Run
     from ...online.static_run import StaticRun
+    from ...report.data import Plan
+    from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport
     from ..access.linear_adapter import LinearSubject
-    from ..access.reduced_body import ReducedBody
-    from ..floating.floating_body import FloatingBody
+    from ..mechanism.other_sensors import OtherSensors
+    from .body_monitor import Watch
     from .floating_adapter import MovingSubject
+    from .step_hook import StepHook
 
 
 class Monitor:
@@ -132,92 +131,48 @@ class Monitor:
             )
 
 
-def attach(
-    mbs: Any,
-    flex: ReducedBody | FloatingBody,
-    *,
-    outputs: Sequence[Output | int] | None = None,
-    initial: Any = None,
-    jumps: Sequence[float] = (),
-    tolerance: dict[str, float] | float | None = None,
-    hook: Callable | None = None,
-    estimators: Any = "auto",
-    residual: str = "orthonormal",
-    kernels: str = "certified",
-    time: str = "reconstructed",
-    auxiliary_modes: int | str = "auto",
-    midpoint_residual: bool = True,
-    scope: str = "auto",
-) -> Monitor:
-    """Bound the error of a reduced body in every following solve of its mbs.
+class MechanismMonitor:
+    """Bounds and estimates of several bodies of one mbs, and estimates of its other sensors; made by attach.
 
-    Before or after mbs.Assemble(). The offline work is done here; steps are gathered by a PostStep function
-    that all monitors of the mbs share, and that goes on calling the user's own.
-
-    Parameters
+    Attributes
     ----------
-    mbs : exudyn MainSystem
-    flex : ReducedBody or FloatingBody
-        From add_reduced_body or floating_body.
-    outputs : sequence of Output or sensor numbers, optional
-        Sensors on mesh nodes of a floating body; they give their output its name. Default: all of displacement,
-        position or velocity that are there when a solve begins; in a mechanism, beside those in global axes, "NAME in
-        the frame", which have a bound.
-    initial : None, ((N,), (N,)) or "equilibrium"
-        State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
-    jumps : sequence of float
-        Times in s at which the inputs jump.
-    tolerance : dict or float, optional
-        Output name -> value in the output's unit (a float if there is one output). The best bound is
-        compared with it at every step; when it is exceeded the solve is stopped, and the report says when. One on an
-        output in global axes of a mechanism asks for the scope "inputs frozen", which alone has a bound for it.
-    hook : callable, optional
-        Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
-    estimators, residual, kernels, time, auxiliary_modes
-        As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
-        vectors made for the body ("auto": 20), and bounds are of the reduction error, whatever time says.
-    midpoint_residual : bool
-        Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
-        samples: Exudyn's equations are evaluated in the middle of every step.
-    scope : {"auto", "coupled (linearised)", "inputs frozen"}
-        What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
-        that can be had (all flexible bodies attached, nothing that switches), else, and with "inputs frozen", the
-        error under the loads, wrenches and frame motion of the reduced simulation. The report says which, and why.
-        Outputs in global axes have a bound in the latter, in the former an estimate of their error.
-
-    Returns
-    -------
-    Monitor
-
-    Raises
-    ------
-    InputError
-        Unknown names, wrong shapes, a body attached twice, two different PostStep functions.
-    AssumptionError
-        An assumption of the estimator asked for does not hold for this body.
-
-    Notes
-    -----
-    Does not cover: loads, joints and connectors on a body made by add_reduced_body (refused when a solve begins); a
-    static solver called with storeSolver=False, which cannot be told from a dynamic one.
+    bodies : tuple of Monitor
+        One per body, in the order that attach was given.
     """
-    if hook is not None and not callable(hook):
-        raise InputError(f"hook={hook!r}; needed: a function (mbs, t) -> bool")
-    options = BoundOptions(
-        outputs=outputs,
-        initial=initial,
-        jumps=jumps,
-        estimators=estimators,
-        residual=residual,
-        kernels=kernels,
-        time=time,
-        auxiliary_modes=auxiliary_modes,
-        midpoint_residual=midpoint_residual,
-        tolerance=tolerance,
-    )
-    check_choice("scope", scope, ASKABLE)
-    if not isinstance(midpoint_residual, bool):
-        raise InputError(f"midpoint_residual={midpoint_residual!r}; needed: True or False")
-    subject = make_subject(mbs, flex, options, scope)
-    watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in subject.outputs]))
-    return Monitor(mbs, shared_hook(mbs, hook, watch), watch)
+
+    def __init__(self, mbs: Any, bodies: Sequence[Monitor], sensors: OtherSensors):
+        self._mbs, self.bodies, self._sensors = mbs, tuple(bodies), sensors
+
+    @property
+    def runs(self) -> tuple[tuple[Run | StaticRun, ...], ...]:
+        """All runs so far, oldest first: of each one run for every body."""
+        return tuple(zip(*(body.runs for body in self.bodies), strict=False))
+
+    @property
+    def plan(self) -> Plan:
+        """What is computed, what is left out and why, of all bodies and sensors; raises as Monitor.plan does."""
+        plans = [body.plan for body in self.bodies]
+        is_coupled = any(body.subject.enriched is not None for body in self.bodies)
+        return joined_plan(plans, self._sensors.find(self._mbs, is_coupled)[1])
+
+    def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
+        """Return a sensor of the bound of one output of a body; see Monitor.bound_sensor."""
+        names = {out.name: body for body in self.bodies for out in body.subject.outputs}
+        if not names:
+            raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
+        check_choice("output", output, names)
+        return names[output].bound_sensor(output, **options)
+
+    def report(self, i: int = -1) -> MechanismReport:
+        """Return the bounds and estimates of run i (default: the last), also while it is running.
+
+        Raises
+        ------
+        InputError
+            Two outputs have one name; i is not one of the runs.
+        RunError, Exception
+            As Monitor.report, of the first body that has none.
+        """
+        reports = [body.report(i) for body in self.bodies]
+        run = self.bodies[0].runs[i]
+        return joined(reports, *self._sensors.outputs(run, len(reports[0].t)))

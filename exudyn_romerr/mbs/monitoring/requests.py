@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
-from ...checks import check_choice
+from ...checks import check_choice, check_type
 from ...errors import InputError
+from ...model.outputs import Output
 from ...offline.options import TIMES, BoundOptions
 from ...offline.prepare import checked_names
+from ...report.mechanism_report import check_names
 from ...residual.kernels import KERNELS
 from ...residual.problem import checked_outputs
 from ...residual.residual import RESIDUALS
@@ -21,13 +23,11 @@ from ..access.linear_adapter import LinearSubject
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.reference_search import require_still_interface
-from ..floating.sensor_outputs import sensor_output
+from ..floating.sensor_outputs import is_on, sensor_output
 from .floating_adapter import MovingSubject
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from ...model.outputs import Output
+    from collections.abc import Iterator, Sequence
 
 UNNAMED = "there are no outputs, or they are not known before a solve begins; pass outputs= to attach"
 
@@ -40,6 +40,45 @@ def make_subject(
         return _floating(mbs, flex, options, scope)
     _check_body(mbs, flex)
     return _linear(flex, options)
+
+
+def shares(mbs: Any, flexes: Sequence, options: BoundOptions) -> tuple[list[tuple], list[int] | None]:
+    """Return (outputs, tolerance) of every body, and the sensors that are on none; None: all that the mbs has."""
+    if not flexes or len({id(flex) for flex in flexes}) < len(flexes):
+        raise InputError(f"flex is a list of {len(flexes)} bodies; needed: at least one, each once")
+    asked, others = [None if isinstance(flex, FloatingBody) else [] for flex in flexes], None
+    names: list[list[str]] = [[] for _ in flexes]
+    if options.outputs is not None:
+        asked, others, places = [[] for _ in flexes], [], []
+        for i, out, name in _entries(mbs, flexes, options.outputs):
+            (others if i is None else asked[i]).append(out)
+            places.append(("a sensor on no flexible body" if i is None else f"flex[{i}]", name))
+            if i is not None:
+                names[i].append(name)
+        check_names(places)
+    known = checked_tolerance(options.tolerance, [name for of in names for name in of])
+    return [(out, {k: v for k, v in known.items() if k in of}) for out, of in zip(asked, names, strict=True)], others
+
+
+def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | None, Any, str]]:
+    """Number of the body, None: none, output or sensor number, and its name, of every entry of outputs."""
+    _refuse_texts(mbs, outputs)
+    for out in outputs:
+        if isinstance(out, Integral | exu.SensorIndex):
+            number, count = int(out), mbs.systemData.NumberOfSensors()
+            if not 0 <= number < count:
+                raise InputError(f"outputs contains sensor {number}; the mbs has {count} sensors")
+            sensor = mbs.GetSensor(number)
+            on = (i for i, f in enumerate(flexes) if isinstance(f, FloatingBody) and is_on(mbs, f, sensor))
+            yield next(on, None), number, sensor["name"]
+        elif isinstance(out, tuple) and len(out) == 2 and any(out[0] is flex for flex in flexes):
+            check_type("an output of (flex, output)", out[1], Output)
+            yield next(i for i, flex in enumerate(flexes) if flex is out[0]), out[1], out[1].name
+        else:
+            raise InputError(
+                f"an entry of outputs is a {type(out).__name__}; of several bodies: a sensor number, or "
+                "(flex, output) with one of the bodies"
+            )
 
 
 def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:

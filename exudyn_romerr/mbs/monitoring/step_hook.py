@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from ...offline.prepared import Offline
+    from ..mechanism.other_sensors import OtherSensors
     from .body_monitor import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
@@ -41,6 +42,7 @@ class StepHook:
     def __init__(self, mbs: Any, user: Callable | None):
         self.user = user
         self.watches: list[Watch] = []
+        self.sensors: list[OtherSensors] = []  # on no flexible body
         self._mechanism = Mechanism([])
         self.step, self._drain, self._hurry = gatherer(mbs, self)
         self._occupant: Callable = self.step
@@ -72,7 +74,7 @@ class StepHook:
             if watch.is_coupled:
                 watch.begin(mbs, static is not None, self.attached, others)
         self._mbs = weakref.ref(mbs)
-        self._mechanism = Mechanism(self.watches, self._mechanism)
+        self._mechanism = Mechanism(self.watches, self._mechanism, self.sensors)
         self._mechanism.begin(mbs)
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
@@ -196,8 +198,8 @@ def slot_function(mbs: Any) -> Callable | None:
     return slot["function"] if slot else None
 
 
-def shared_hook(mbs: Any, user: Callable | None, watch: Watch) -> StepHook:
-    """Let the hook in the slot of the mbs serve a watch, or put one there that calls what was in the slot before.
+def shared_hook(mbs: Any, user: Callable | None, *watches: Watch) -> StepHook:
+    """Let the hook in the slot of the mbs serve watches, or put one there that calls what was in the slot before.
 
     `user` is the function passed by hook=. Where InputError is raised, the mbs is as it was.
     """
@@ -205,11 +207,12 @@ def shared_hook(mbs: Any, user: Callable | None, watch: Watch) -> StepHook:
     hook = getattr(found, "hook", None)
     if not isinstance(hook, StepHook):
         hook = StepHook(mbs, found)
-    hook.check(watch, user)
+    for watch in watches:
+        hook.check(watch, user)
     hook.user = user or hook.user
     if hook.step is not found:
         mbs.SetPostStepUserFunction(hook.step)
-    hook.watches.append(watch)
+    hook.watches += watches
     return hook
 
 

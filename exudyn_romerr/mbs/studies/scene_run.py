@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import InputError, RunError
 from ...trajectory.samples import SAME_TIMES
-from ..monitoring.monitor import Monitor
+from ..monitoring.monitor import MechanismMonitor, Monitor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,6 +47,7 @@ def build_trial(build: Callable, *arguments: Any) -> Trial:
     if not isinstance(made, tuple | list) or len(made) != 3:
         raise InputError(f"{call} returned {type(made).__name__}; needed: (mbs, monitor, simulationSettings)")
     mbs, monitors, settings = made
+    monitors = monitors.bodies if isinstance(monitors, MechanismMonitor) else monitors
     monitors = [monitors] if isinstance(monitors, Monitor) else monitors
     if not isinstance(monitors, Sequence) or not monitors or not all(isinstance(m, Monitor) for m in monitors):
         kind = type(monitors).__name__

@@ -1,4 +1,4 @@
-"""Saves a report as npz: plain arrays, and one JSON text beside them; report/load.py reads it again."""
+"""Saves a report as npz: plain arrays, and one JSON text beside them; load.py reads it again."""
 
 from __future__ import annotations
 
@@ -39,6 +39,9 @@ def _arrays(report: ReportData) -> dict[str, np.ndarray]:
                 arrays[f"output/{i}/{kind}"] = getattr(out, kind)
         for kind in DICTS:
             arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
+    for i, body in enumerate(getattr(report, "bodies", ())):  # of a mechanism: whole reports
+        own = {"meta": np.array(json.dumps(_meta(body))), **_arrays(body)}
+        arrays.update({f"body/{i}/{key}": x for key, x in own.items()})
     return arrays
 
 

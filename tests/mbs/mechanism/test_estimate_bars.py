@@ -13,7 +13,6 @@ from benchmarks import estimates
 from benchmarks.estimates import Row
 from models.estimate_scenes import SCENES
 
-RIGID = pytest.mark.xfail(strict=True, reason="monitors see sensors of flexible bodies only")
 SHARED = pytest.mark.xfail(
     strict=True,
     reason="1.2 %; 0.4 % if steps did not share their local errors with their neighbours, which helps what rings; "
@@ -61,8 +60,8 @@ def worst(found: list[Row]) -> float:
         pytest.param("double_pendulum", "frame", marks=SMALL),
         ("double_pendulum", "global"),
         pytest.param("wishbone_fine", "global", marks=pytest.mark.slow),
-        pytest.param("slider_crank", "rigid", marks=RIGID),
-        pytest.param("wishbone_fine", "rigid", marks=[RIGID, pytest.mark.slow]),
+        ("slider_crank", "rigid"),
+        pytest.param("wishbone_fine", "rigid", marks=pytest.mark.slow),
     ],
 )
 def test_estimate_is_the_error(scene, axes):

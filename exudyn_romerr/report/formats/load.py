@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+from functools import partial
 
 import numpy as np
 
-from ..errors import InputError
-from .data import Plan
-from .formats.npz_file import DICTS, FORMAT, OPTIONAL
-from .report import BoundReport, OutputReport
+from ...errors import InputError
+from ..data import Plan
+from ..mechanism_report import MechanismReport, OfBodies
+from ..report import BoundReport, OutputReport
+from .npz_file import DICTS, FORMAT, OPTIONAL
 
 
 def load_report(path: str | os.PathLike) -> BoundReport:
@@ -48,10 +51,13 @@ def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
         for i, (names, known) in enumerate(zip(meta["outputs"], more, strict=True))
     ]
     computed, left_out = meta["plan"]
-    return BoundReport(
+    make, bounds = BoundReport, [_under(arrays, kind) for kind in ("position/", "velocity/")]
+    if "body/0/t" in arrays:
+        make, bounds = partial(MechanismReport, bodies=_bodies(arrays, origin)), [OfBodies(), OfBodies()]
+    return make(
         t=arrays["t"],
-        position_bound=_under(arrays, "position/"),
-        velocity_bound=_under(arrays, "velocity/"),
+        position_bound=bounds[0],
+        velocity_bound=bounds[1],
         outputs={out.name: out for out in outputs},
         plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
         nodes=_under(arrays, "node/") or None,
@@ -59,6 +65,13 @@ def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
         origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
     )
+
+
+def _bodies(arrays: dict, origin: str) -> tuple[BoundReport, ...]:
+    """The reports of a mechanism's bodies."""
+    count = next(i for i in itertools.count() if f"body/{i}/t" not in arrays)
+    of = [_under(arrays, f"body/{i}/") for i in range(count)]
+    return tuple(_assembled(own, json.loads(str(own["meta"])), origin) for own in of)
 
 
 def _load_output(

@@ -11,10 +11,10 @@ from exudyn.utilities import LoadSolutionFile
 from ...errors import InputError, RunError
 from ...offline.options import BoundOptions
 from ..floating.scope_decision import OF_A_FILE
-from .body_monitor import Watch
-from .joint_evaluation import Mechanism
-from .requests import make_subject
-from .step_hook import block_rows
+from ..monitoring.body_monitor import Watch
+from ..monitoring.joint_evaluation import Mechanism
+from ..monitoring.requests import make_subject
+from ..monitoring.step_hook import block_rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

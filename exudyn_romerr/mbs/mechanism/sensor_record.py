@@ -1,0 +1,87 @@
+"""SensorRecord: what sensors on no flexible body show along a solve, and how wrong that is about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ...estimates.kept_estimate import KeptEstimate
+from ...report.report import OutputReport
+from ...report.scope import COUPLED
+from ...trajectory.growing_array import GrowingArray
+
+if TYPE_CHECKING:
+    from ...estimates.estimate import Estimate
+    from ...online.run import Run
+
+ENDED = "estimates of the mechanism ended before its bounds: see the messages of the bodies"
+UNITS = {
+    "Displacement": "m",
+    "Position": "m",
+    "Distance": "m",
+    "Velocity": "m/s",
+    "Acceleration": "m/s^2",
+    "Rotation": "rad",
+    "AngularVelocity": "rad/s",
+    "AngularAcceleration": "rad/s^2",
+    "Force": "N",
+    "Torque": "Nm",
+}
+
+
+class Sensor(NamedTuple):
+    """A sensor that can be estimated: number, name, what it shows, rows."""
+
+    number: int
+    name: str
+    shows: Any
+    rows: int
+
+
+class SensorRecord:
+    """What sensors showed along one solve.
+
+    runs : of the bodies. sensors, left_out : those read, and (name, why) of others. values (T, r), estimate : of all
+    rows. failure : why nothing is known.
+    """
+
+    def __init__(self, runs: Sequence[Run], sensors: Sequence[Sensor], left_out: Sequence[tuple[str, str]]):
+        self.runs, self.sensors, self.left_out = tuple(runs), tuple(sensors), tuple(left_out)
+        ends = np.cumsum([0, *(sensor.rows for sensor in sensors)])
+        self.parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
+        self.values, self.estimate, self.failure = GrowingArray(), KeptEstimate(), ""
+
+    def outputs(self, count: int) -> tuple[list[OutputReport], list[tuple[str, str]]]:
+        """Return what is known at the first `count` instants, and (name, why) of what is not."""
+        left_out, failure = list(self.left_out), self.failure or (ENDED if len(self.values) < count else "")
+        if failure or not self.sensors:
+            return [], left_out + [(sensor.name, failure) for sensor in self.sensors]
+        whole, at = self.estimate.read(slice(count)), self.values.read()[:count]
+        return [self._output(*of, whole, at) for of in zip(self.sensors, self.parts, strict=True)], left_out
+
+    @staticmethod
+    def _output(sensor: Sensor, part: slice, whole: Estimate, at: np.ndarray) -> OutputReport:
+        estimate, value = whole.of_rows(part), at[:, part]
+        causes = {cause: np.full(value.shape, np.inf if cause == "basis" else 0.0) for cause in estimate.parts}
+        shows = sensor.shows.name if sensor.shows is not None else ""
+        return OutputReport(
+            name=sensor.name,
+            unit=UNITS.get(shows.removesuffix("Local"), ""),
+            of=shows.lower(),
+            value=value,
+            round_off=np.finfo(float).eps * np.abs(value),
+            bound={},
+            reduction_bound={},
+            corrected=None,
+            corrected_bound=None,
+            causes=causes,
+            estimate=estimate.total,
+            estimate_parts=estimate.parts,
+            uncertainty=estimate.uncertainty,
+            uncertainty_parts=estimate.half_widths,
+            estimate_scope=COUPLED,
+            labels=("x", "y", "z") if sensor.rows == 3 else (),
+        )

@@ -1,0 +1,121 @@
+"""MechanismReport: the reports of several bodies of one mbs as one, with sensors that are on none of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import NoReturn
+
+import numpy as np
+
+from ..errors import InputError, RunError
+from .data import Plan
+from .report import BoundReport, OutputReport
+from .scope import SCOPES
+from .wording import is_uncertified, widest_scope
+
+ASK_BODIES = "a mechanism has no {} of its own; ask report.bodies[...], a report for each body"
+NO_BOUND = "estimated only, no bound of it is known: {}"
+
+
+class OfBodies(dict):
+    """Bounds that bodies have, and the mechanism has not: empty; InputError for every key."""
+
+    def __missing__(self, key: str) -> NoReturn:
+        raise InputError(ASK_BODIES.format("bound of position or velocity"))
+
+
+@dataclass(repr=False)
+class MechanismReport(BoundReport):
+    """One report for a mechanism: outputs of all bodies, and of sensors that are on none of them.
+
+    Everything that a BoundReport does; outputs of sensors on no flexible body have an estimate, and the bound inf.
+    bodies : one BoundReport for each body, in the order that attach was given; they have position_bound,
+    velocity_bound and node_bound, of which the mechanism's raise InputError. scope : what the bounds of all outputs
+    cover, the narrowest of the bodies'.
+    """
+
+    bodies: tuple[BoundReport, ...] = ()
+
+    @property
+    def node_bound(self) -> dict[str, np.ndarray]:
+        """InputError: those of report.bodies are meant."""
+        raise InputError(ASK_BODIES.format("node_bound"))
+
+    def _estimator_lines(self) -> list[str]:
+        return [line for i, body in enumerate(self.bodies) for line in (f"  bodies[{i}]:", *body._estimator_lines())]
+
+
+def joined(
+    bodies: Sequence[BoundReport], others: Sequence[OutputReport], left_out: Sequence[tuple[str, str]]
+) -> MechanismReport:
+    """Return one report; others : of sensors on no body, of which those left out are named with the reason.
+
+    Raises
+    ------
+    InputError
+        Two outputs have one name.
+    RunError
+        The bodies were bounded over different instants.
+    """
+    if any(not np.array_equal(body.t, bodies[0].t) for body in bodies):
+        raise RunError("the bodies were bounded over different instants; ask monitor.bodies[...].report()")
+    scope = _scope(bodies)
+    others = [replace(out, bound=_infinite(out, scope), reduction_bound=_infinite(out, scope)) for out in others]
+    places = [(f"bodies[{i}]", out) for i, body in enumerate(bodies) for out in body.outputs.values()]
+    places += [("a sensor on no flexible body", out) for out in others]
+    check_names([(where, out.name) for where, out in places])
+    outputs = {out.name: replace(out, bound={**_infinite(out, scope), **out.bound}) for _, out in places}
+    times = {body.time for body in bodies}
+    unbounded = [NO_BOUND.format(", ".join(out.name for out in others))] if others else []
+    return MechanismReport(
+        t=bodies[0].t,
+        position_bound=OfBodies(),
+        velocity_bound=OfBodies(),
+        outputs=outputs,
+        scope=scope,
+        scope_reason="; ".join(_once(b.scope_reason for b in sorted(bodies, key=is_uncertified))),
+        reasons={e: "; ".join(_once(b.reasons[e] for b in bodies if e in b.reasons)) for e in scope},
+        plan=joined_plan([body.plan for body in bodies], left_out),
+        messages=[*_numbered([body.messages for body in bodies]), *unbounded],
+        time=times.pop() if len(times) == 1 else "sampled",
+        total_mass=None,
+        made=bodies[0].made,
+        bodies=tuple(bodies),
+    )
+
+
+def check_names(places: Sequence[tuple[str, str]]) -> None:
+    """InputError if two outputs, (where, name), have one name."""
+    for name, count in Counter(name for _, name in places).items():
+        if count > 1:
+            first, second = [where for where, other in places if other == name][:2]
+            raise InputError(f"{name!r} is an output of {first} and of {second}: give them names of their own")
+
+
+def joined_plan(plans: Sequence[Plan], left_out: Sequence[tuple[str, str]]) -> Plan:
+    """Return the plans of all bodies as one, and sensors that are left out."""
+    without = [(f"bodies[{i}]: {what}", why) for i, plan in enumerate(plans) for what, why in plan.left_out]
+    return Plan(tuple(_numbered([plan.computed for plan in plans])), (*without, *left_out))
+
+
+def _scope(bodies: Sequence[BoundReport]) -> dict[str, str]:
+    """The narrowest: what is said of any output holds."""
+    least = max(SCOPES.index(widest_scope(body.scope)) for body in bodies)
+    names = _once(e for body in bodies for e in body.scope)
+    return {e: SCOPES[max([least, *(SCOPES.index(b.scope[e]) for b in bodies if e in b.scope)])] for e in names}
+
+
+def _infinite(out: OutputReport, scope: dict[str, str]) -> dict[str, np.ndarray]:
+    return {e: np.full(out.value.shape, np.inf) for e in (*scope, "best")}
+
+
+def _once(texts: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(texts))
+
+
+def _numbered(lines: Sequence[Sequence[str]]) -> list[str]:
+    """Lines that are those of all bodies once, others with the number of their body."""
+    shared = [line for line in _once(lines[0]) if all(line in of for of in lines)]
+    return shared + [f"bodies[{i}]: {line}" for i, of in enumerate(lines) for line in of if line not in shared]

@@ -1,0 +1,363 @@
+"""One monitor for a mechanism: its bodies as with a monitor each, and sensors that are on none of them."""
+
+from itertools import chain
+
+import exudyn as exu
+import numpy as np
+import pytest
+from exudyn import itemInterface
+from exudyn.utilities import InertiaCuboid
+
+import exudyn_romerr as romerr
+from exudyn_romerr.mbs.mechanism import other_sensors, sensor_record
+from exudyn_romerr.mbs.mechanism.sensor_record import Sensor, SensorRecord
+from exudyn_romerr.mbs.studies.scene_run import build_trial
+from exudyn_romerr.report.mechanism_report import MechanismReport
+from models import mechanisms
+from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve
+
+T_END = 0.01  # s
+BASIS = 1e-3  # of the error of the basis: what compressed vectors leave of it; measured 4e-4, of accelerations
+SHOWN = ("Displacement", "Velocity", "Acceleration", "AngularVelocity")
+CRANK = tuple(f"crank {name}" for name in (*SHOWN, "Rotation"))
+
+
+def slider_crank(n=0, kind="RBE3", t_end=T_END):
+    """A slider crank with sensors of its piston, of its crank and of a joint, a load and a function."""
+    scene = mechanisms.slider_crank(n, kind, t_end=t_end)
+    mbs = scene.mbs
+    options = {"storeInternal": True}
+    for body, name in (("piston", "Displacement"), *(("crank", name) for name in SHOWN), ("crank", "Rotation")):
+        kind = getattr(exu.OutputVariableType, name)
+        place = [mechanisms.CRANK_RADIUS, 0, 0] if body == "crank" else [0, 0, 0]
+        sensor = itemInterface.SensorBody(
+            name=f"{body} {name}",
+            bodyNumber=scene.objects[body],
+            localPosition=place,
+            outputVariableType=kind,
+            **options,
+        )
+        scene.sensors[f"{body} {name}"] = mbs.AddSensor(sensor)
+    joint = next(
+        i for i in range(mbs.systemData.NumberOfObjects()) if mbs.GetObject(i)["objectType"] == "JointGeneric"
+    )
+    for sensor in (
+        itemInterface.SensorObject(
+            name="force of a joint", objectNumber=joint, outputVariableType=exu.OutputVariableType.ForceLocal
+        ),
+        itemInterface.SensorLoad(name="torque", loadNumber=0),
+        itemInterface.SensorUserFunction(name="function", sensorUserFunction=lambda *_: [1.0]),
+        itemInterface.SensorBody(
+            name="ground", bodyNumber=ground_of(mbs), outputVariableType=exu.OutputVariableType.Position
+        ),
+    ):
+        scene.sensors[sensor.name] = mbs.AddSensor(sensor)
+    return scene
+
+
+def ground_of(mbs):
+    return next(i for i in range(mbs.systemData.NumberOfObjects()) if mbs.GetObject(i)["objectType"] == "Ground")
+
+
+def bodies_of(scene):
+    return [romerr.floating_body(scene.fem, items) for items in scene.bodies]
+
+
+def shown(scene):
+    """What sensors stored, by name."""
+    return {
+        name: scene.mbs.GetSensorStoredData(k)[:, 1:]
+        for name, k in scene.sensors.items()
+        if scene.mbs.GetSensor(k)["storeInternal"]
+    }
+
+
+def named(scene):
+    """Give the model's sensors the names that they have in the scene."""
+    for name, number in scene.sensors.items():
+        scene.mbs.SetSensorParameter(number, "name", name)
+    return scene
+
+
+@pytest.fixture(scope="module")
+def run():
+    """Scene and monitor of a short run of the slider crank."""
+    scene = named(slider_crank())
+    monitor = romerr.attach(scene.mbs, bodies_of(scene))
+    solve(scene)
+    return scene, monitor
+
+
+@pytest.fixture(scope="module")
+def report(run):
+    return run[1].report()
+
+
+@pytest.mark.parametrize("tolerance", [None, {"tip 1 local": 1.0}])
+def test_the_run_is_the_same_and_so_are_values(tolerance):
+    """With blocks of steps, and where each step is evaluated before the next."""
+    alone, watched = named(slider_crank()), named(slider_crank())
+    names = ["tip 1 local", "piston Displacement", *(f"crank {kind}" for kind in SHOWN)]
+    numbers = [watched.sensors[name] for name in names]
+    monitor = romerr.attach(watched.mbs, bodies_of(watched), outputs=numbers, tolerance=tolerance)
+    for scene in (alone, watched):
+        solve(scene)
+    stored, report = shown(watched), monitor.report()
+    for name, values in shown(alone).items():
+        np.testing.assert_array_equal(values, stored[name])
+    for name in ("piston Displacement", *(f"crank {kind}" for kind in SHOWN)):
+        np.testing.assert_array_equal(report.output(name).value, stored[name])
+
+
+def spring(n=0, kind="RBE3"):
+    """A bar on springs with a sensor of the force of one."""
+    scene = mechanisms.sprung_body(n, kind, t_end=T_END)
+    sensor = itemInterface.SensorObject(
+        objectNumber=scene.objects["left spring"],
+        outputVariableType=exu.OutputVariableType.ForceLocal,
+        storeInternal=True,
+    )
+    scene.sensors["force"] = scene.mbs.AddSensor(sensor)
+    return scene
+
+
+@pytest.mark.parametrize(("make", "names"), [(slider_crank, CRANK), (spring, ("force",))])
+def test_the_basis_part_is_what_all_modes_show(make, names):
+    """Same steps, so that only modes differ; of displacements and their rates, of angles, and of a spring's force."""
+    scene, full = named(make()), named(make(kind="complete"))
+    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors[name] for name in names])
+    for one in (scene, full):
+        one.settings.timeIntegration.newton.relativeTolerance = 1e-12
+        solve(one)
+    reduced, truth, found = shown(scene), shown(full), monitor.report()
+    assert list(found.outputs) == [*names]
+    for name in names:
+        error = truth[name] - reduced[name]
+        off = np.abs(found.output(name).estimate_parts["basis"] - error).max()
+        assert off <= BASIS * np.abs(error).max()
+
+
+@pytest.mark.parametrize(("kind", "change"), [("Rotation", 0.002), ("Displacement", 0.002 - 2 * np.pi)])
+def test_angles_change_without_full_turns(monkeypatch, kind, change):
+    """From below pi to above -pi."""
+    sensors = other_sensors.OtherSensors([0], [])
+    sensors.sensors = [Sensor(0, "angle", getattr(exu.OutputVariableType, kind), 1)]
+    monkeypatch.setattr(sensors, "_shown", lambda mbs, rows: np.array([[0.001 - np.pi]]))
+    rows, none = (np.zeros(1), *np.zeros((4, 1, 2))), np.zeros((3, 1, 2))
+    found = sensors._change(None, rows, np.array([[np.pi - 0.001]]), none)
+    np.testing.assert_allclose(found, change, rtol=1e-12)  # rounding of 2 pi beside 0.002
+
+
+def test_estimates_that_ended_before_the_bounds_are_left_out():
+    record = SensorRecord([], [Sensor(0, "piston", exu.OutputVariableType.Position, 1)], [("torque", "a load")])
+    rows = np.zeros((3, 1))
+    record.values.append(rows)
+    record.estimate.put({"basis": rows}, {"vectors": rows})
+    assert [out.name for out in record.outputs(3)[0]] == ["piston"]
+    assert record.outputs(4) == ([], [("torque", "a load"), ("piston", sensor_record.ENDED)])
+
+
+def test_studies_take_it_as_the_monitors_of_its_bodies():
+    scene = pendulum()
+    monitor = romerr.attach(scene.mbs, bodies_of(scene))
+    assert build_trial(lambda: (scene.mbs, monitor, scene.settings)).monitors == monitor.bodies
+
+
+def test_rotations_by_increments_are_left_out():
+    """A body of a Lie group node that spins freely: its centre is coordinates, other points turn."""
+    scene = pendulum(0, steps=4)
+    spun = scene.mbs.CreateRigidBody(
+        referencePosition=[0, 1, 0],
+        inertia=InertiaCuboid(1000.0, [0.1, 0.2, 0.3]),
+        initialAngularVelocity=[1.0, 2.0, 3.0],
+        nodeType=exu.NodeType.RotationRotationVector,
+    )
+    for name, place in (("centre", [0, 0, 0]), ("edge", [0.05, 0, 0])):
+        sensor = itemInterface.SensorBody(
+            name=name,
+            bodyNumber=spun,
+            localPosition=place,
+            outputVariableType=exu.OutputVariableType.Displacement,
+        )
+        scene.sensors[name] = scene.mbs.AddSensor(sensor)
+    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors[name] for name in ("centre", "edge")])
+    solve(scene)
+    report = monitor.report()
+    assert list(report.outputs) == ["centre"]
+    assert dict(report.plan.left_out)["edge"] == other_sensors.ROTATIONS
+
+
+def test_bodies_are_as_with_a_monitor_each():
+    scene, both = pendulum(0), pendulum(0)  # eigenmodes differ in their last digits each time
+    monitors = [romerr.attach(scene.mbs, flex) for flex in bodies_of(named(scene))]
+    monitor = romerr.attach(both.mbs, bodies_of(named(both)))
+    solve(scene)
+    solve(both)
+    report, reports = monitor.report(), [one.report() for one in monitors]
+    for one, body in zip(reports, report.bodies, strict=True):
+        assert (list(one.outputs), one.scope, one.plan) == (list(body.outputs), body.scope, body.plan)
+        for name, out in one.outputs.items():
+            for other in (body.output(name), report.output(name)):
+                np.testing.assert_array_equal(other.estimate, out.estimate)
+                np.testing.assert_array_equal(other.bound["best"], out.bound["best"])
+    assert list(report.outputs) == list(chain(*(one.outputs for one in reports)))
+    assert [len(runs) for runs in monitor.runs] == [2]
+
+
+def test_sensors_without_estimate_say_why(report):
+    left_out = dict(report.plan.left_out)
+    assert left_out["force of a joint"] == other_sensors.MULTIPLIERS
+    assert left_out["torque"] == other_sensors.NO_STATE["Load"]
+    assert left_out["function"] == other_sensors.NO_STATE["UserFunction"]
+    assert left_out["ground"] == other_sensors.STILL
+    assert not {"force of a joint", "torque", "function", "ground"} & set(report.outputs)
+    assert any(line.startswith("estimated only, no bound of it is known: piston") for line in report.messages)
+
+
+def test_a_sensor_has_an_estimate_and_no_bound(report):
+    out = report.output("crank Displacement")
+    assert (out.unit, out.estimate_scope, out.labels) == ("m", COUPLED, ("x", "y", "z"))
+    assert np.isinf(out.bound["best"]).all()
+    assert np.abs(out.estimate).max() > 0
+    assert set(out.uncertainty_parts) == {"vectors", "steps", "loads", "linearisation"}
+    np.testing.assert_array_equal(sum(out.estimate_parts.values()), out.estimate)
+    assert report.assess("crank Displacement", 1.0).answer == "likely"
+
+
+def test_bounds_of_bodies_are_asked_of_these(report):
+    assert isinstance(report, MechanismReport)
+    for ask in (
+        lambda: report.position_bound["auxiliary"],
+        lambda: report.velocity_bound["auxiliary"],
+        lambda: report.node_bound,
+    ):
+        with pytest.raises(romerr.InputError, match=r"ask report\.bodies\[\.\.\.\]"):
+            ask()
+    assert report.bodies[0].position_bound["auxiliary"].max() > 0
+    assert report.scope == {"auxiliary": COUPLED}
+
+
+def test_a_saved_report_says_the_same(report, tmp_path):
+    report.save(tmp_path / "run.npz")
+    again = romerr.load_report(tmp_path / "run.npz")
+    assert str(again) == str(report)
+    assert [str(body) for body in again.bodies] == [str(body) for body in report.bodies]
+    for name, x in report.to_dict().items():
+        np.testing.assert_array_equal(again.to_dict()[name], x)
+    assert "piston Displacement x estimate [m]" in again.to_dict()
+    with pytest.raises(romerr.InputError, match="bodies"):
+        again.position_bound["auxiliary"]
+
+
+def test_a_report_is_drawn_and_written(tmp_path):
+    """One body, one output; the page draws both."""
+    scene = slider_crank(t_end=0.002)
+    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]])
+    solve(scene)
+    assert monitor.report().plot(tmp_path / "run.png").axes
+    monitor.report().to_html(tmp_path / "run.html")
+    assert "piston Displacement" in (tmp_path / "run.html").read_text(encoding="utf-8")
+
+
+def test_the_plan_names_bodies_and_sensors(run):
+    _, monitor = run
+    assert not {name for name in dict(monitor.plan.left_out) if name.startswith(("piston", "crank"))}
+    assert "output 'tip 1 local'" in str(monitor.plan)
+    assert f"torque: {other_sensors.NO_STATE['Load']}" in str(monitor.plan)
+
+
+def test_equal_names_are_refused_with_both_places():
+    scene = pendulum()
+    output = romerr.node_displacement("tip", node=mechanisms.MIDDLE, component="z")
+    flexes = bodies_of(scene)
+    with pytest.raises(romerr.InputError, match=r"'tip' is an output of flex\[0\] and of flex\[1\]"):
+        romerr.attach(scene.mbs, flexes, outputs=[(flex, output) for flex in flexes])
+    for name in ("tip 1", "tip 2"):
+        scene.mbs.SetSensorParameter(scene.sensors[name], "name", "tip")
+    monitor = romerr.attach(scene.mbs, flexes)
+    solve(scene)
+    with pytest.raises(romerr.InputError, match=r"'tip' is an output of bodies\[0\] and of bodies\[1\]"):
+        monitor.report()
+    assert monitor.bodies[0].report().output("tip").estimate is not None
+
+
+@pytest.mark.parametrize(
+    ("outputs", "said"),
+    [
+        ([99], "outputs contains sensor 99; the mbs has"),
+        ([romerr.node_displacement("tip", node=0)], "of several bodies: a sensor number, or"),
+        (["tip"], "an entry of outputs is a str"),
+    ],
+)
+def test_wrong_outputs_leave_nothing_attached(outputs, said):
+    scene = pendulum()
+    with pytest.raises(romerr.InputError, match=said):
+        romerr.attach(scene.mbs, bodies_of(scene), outputs=outputs)
+    assert not scene.mbs.GetPostStepUserFunction()
+    flexes = bodies_of(scene)
+    for wrong in ([], [flexes[0], flexes[0]]):
+        with pytest.raises(romerr.InputError, match="at least one, each once"):
+            romerr.attach(scene.mbs, wrong)
+
+
+def test_tolerances_and_bound_sensors_find_their_body():
+    scene = pendulum()
+    flexes = bodies_of(scene)
+    outputs = [
+        (flex, romerr.node_displacement(f"middle {i}", node=mechanisms.MIDDLE, component="z"))
+        for i, flex in enumerate(flexes)
+    ]
+    with pytest.raises(romerr.InputError, match="tolerance names 'tip'; allowed: 'middle 0', 'middle 1'"):
+        romerr.attach(scene.mbs, flexes, outputs=outputs, tolerance={"tip": 1.0})
+    monitor = romerr.attach(scene.mbs, flexes, outputs=outputs, tolerance={"middle 1": 1e-3})
+    shows = scene.mbs.AddSensor(monitor.bound_sensor("middle 1"))
+    solve(scene)
+    report = monitor.report()
+    assert [report.output(name).tolerance for name in report.outputs] == [None, 1e-3]
+    stored = scene.mbs.GetSensorStoredData(shows)[-1, 1]
+    assert stored == report.output("middle 1").bound["best"][-1, 0] > 0
+    with pytest.raises(romerr.InputError, match="output='tip' is unknown"):
+        monitor.bound_sensor("tip")
+
+
+def test_without_a_linearised_mechanism_sensors_are_left_out():
+    scene = slider_crank(t_end=0.002)
+    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]], scope=FROZEN)
+    solve(scene)
+    report = monitor.report()
+    assert (report.outputs, report.scope["auxiliary"]) == ({}, FROZEN)
+    for plan in (report.plan, monitor.plan, monitor.report().plan):
+        assert dict(plan.left_out)["piston Displacement"] == other_sensors.NOT_COUPLED
+
+
+def test_a_second_solve_goes_on():
+    whole, parts, found = slider_crank(t_end=0.008), slider_crank(t_end=0.008), []
+    for scene in (whole, parts):
+        monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]])
+        if scene is parts:
+            scene.mbs.Assemble()
+            time = scene.settings.timeIntegration
+            time.endTime, time.numberOfSteps = 0.004, 8
+            scene.mbs.SolveDynamic(scene.settings, updateInitialValues=True)
+            time.startTime, time.endTime = 0.004, 0.008
+        solve(scene)
+        found.append(monitor.report().output("piston Displacement"))
+    assert len(monitor.runs) == 2
+    first, second = (out.uncertainty[-9:] for out in found)
+    assert np.all(second[0, 0] > 0)
+    assert np.abs(first - second).max() <= 0.5 * first.max()
+
+
+def test_a_changed_mbs_is_not_read():
+    """A mass that a PostStep function changes: values at stored steps would be those of another mbs."""
+    scene = slider_crank(t_end=0.004)
+
+    def change(mbs, t):
+        if t > 0.003:
+            mbs.SetObjectParameter(scene.objects["crank"], "mass", 11.0)
+        return True
+
+    scene.mbs.SetPostStepUserFunction(change)
+    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]])
+    solve(scene)
+    assert dict(monitor.report().plan.left_out)["piston Displacement"] == other_sensors.CHANGED
