@@ -16,6 +16,10 @@ from .stored_residuals import StoredResiduals
 
 INCREMENTS = "no estimate of the error by time steps: rotations of Lie group nodes have no rates that are velocities"
 LEFT_OUT = "what loads do between samples is left out of the error by time steps: {}"
+DRIFTS = (
+    "constraints hold at the level of velocities (index 2): what drifts, on flexible interfaces however short the "
+    "steps are, is in the part by time steps; without useIndex2Constraints there is none"
+)
 LOST = "the estimate of the error by time steps ends at t = {:g} s: {}"
 TOO_LARGE = "it has grown beyond all numbers"
 
@@ -43,6 +47,8 @@ class StepErrors:
         if not self._tangents.differentiable.all():
             self.notes.append(INCREMENTS)
             return
+        if self._holds_rates:
+            self.notes.append(DRIFTS)
         goes_on = before is not None and before._error is not None
         self._error = before._error if goes_on else TimeStepError(size, loads=self._residuals is not None)
         self.found = self._error.open(rows)
