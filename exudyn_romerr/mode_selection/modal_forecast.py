@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 CONTENT, RATE = "(modal content)", "(rate of the modal content)"
 BOUND, ESTIMATE = BY = ("bound", "estimate")  # what decides
 TINY = np.finfo(float).tiny
+NO_BOUND = (
+    "output {!r} has an estimate of its error and no bound, for the motion of the frame is in it: decide "
+    "by='estimate', take an output in the body's frame, or attach with scope='inputs frozen'"
+)
 
 
 class Ladder:
@@ -110,8 +114,9 @@ def forecasts(
 
 def _known_and_slack(out: OutputReport, by: str) -> tuple[np.ndarray, np.ndarray]:
     if by == BOUND:
-        # in global axes of a mechanism there is no bound: none is forecast with more modes either
-        known = out.estimate if out.corrected is None else out.corrected - out.value
+        if out.corrected is None and out.estimate is not None:
+            raise InputError(NO_BOUND.format(out.name))
+        known = out.corrected - out.value
         return known, out.bound["best"] - np.abs(known)
     if out.estimate is None:
         raise InputError(f"output {out.name!r} has no estimate of its error; let its bound decide: by={BOUND!r}")

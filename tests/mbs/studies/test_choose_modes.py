@@ -460,3 +460,14 @@ def test_outputs_that_stay_zero_have_no_relative_tolerance():
     with pytest.raises(romerr.InputError, match="'clamp' stays zero"):
         romerr.choose_modes(build, {"tip z": 0.1, "clamp": 0.1}, relative=True, most=8)
     assert romerr.choose_modes(build, {"tip z": 0.1}, relative=True, most=8).met
+
+
+def test_output_without_a_bound_cannot_be_decided_by_its_bound():
+    def build(n):
+        scene = mechanisms.slider_crank(n, h=0.06 / 30, t_end=0.06)
+        flex = romerr.floating_body(scene.fem, scene.bodies[0])
+        probe = romerr.node_displacement("probe", node=mechanisms.MIDDLE, frame="global")
+        return scene.mbs, romerr.attach(scene.mbs, flex, outputs=[probe]), scene.settings
+
+    with pytest.raises(romerr.InputError, match="'probe' has an estimate of its error and no bound.*by='estimate'"):
+        romerr.choose_modes(build, 0.01, relative=True)
