@@ -469,5 +469,5 @@ def test_output_without_a_bound_cannot_be_decided_by_its_bound():
         probe = romerr.node_displacement("probe", node=mechanisms.MIDDLE, frame="global")
         return scene.mbs, romerr.attach(scene.mbs, flex, outputs=[probe]), scene.settings
 
-    with pytest.raises(romerr.InputError, match="'probe' has an estimate of its error and no bound.*by='estimate'"):
+    with pytest.raises(romerr.InputError, match=r"'probe' has an estimate of its error and no bound.*by='estimate'"):
         romerr.choose_modes(build, 0.01, relative=True)
