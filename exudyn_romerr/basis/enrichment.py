@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 NEW_SHARE = 1e-8  # of the largest response: what is smaller is rounding of what V and P hold already
 MISSED = 1e-6  # of a static mode: less is rounding of what V holds of it already
+DEPENDENT = 1e-7  # sine of the angle to other vectors: less is rounding of what they hold already
 # smallest cosine of static modes and V that take motion of interfaces out of P; at 3e-6 P grew 200 times
 INDEPENDENT = 1e-5
 # so many static responses first, or half of all, for what is slow; then, in rounds of so many, responses to the
@@ -90,6 +91,9 @@ class Enrichment:
         self.P, self.omega = (np.hstack([block[k] for block in found]) for k in (0, 1))
         count = [len(block[1]) for block in found]
         self.keeps, self.first = (np.repeat([block[k] for block in found], count) for k in (2, 3))
+        kept = independent_beside(*map(self._factor.half_multiply, (V, self.P)))  # blocks know V, not one another
+        self.P = self.P[:, kept]
+        self.omega, self.keeps, self.first = (x[kept] for x in (self.omega, self.keeps, self.first))
 
     def _of_unit_energy(self, forces: np.ndarray) -> np.ndarray:
         """Forces scaled to unit norm in K^-1; those that do no work are left out."""
@@ -111,6 +115,15 @@ class Enrichment:
                 "(Craig-Bampton)"
             )
         return la.pinv(of_V) @ (wrenches.T @ P) / size[:, None]
+
+
+def independent_beside(V: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """Return which columns of P (n_free, m) are independent of V and of those before them (m,), by angles."""
+    columns = np.hstack([V, P])
+    found = np.abs(np.diag(la.qr(columns / np.linalg.norm(columns, axis=0), mode="r")[0]))
+    left = np.zeros(columns.shape[1])
+    left[: len(found)] = found
+    return left[V.shape[1] :] > DEPENDENT
 
 
 class _Responses:

@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output
-from exudyn_romerr.basis.enrichment import Enrichment
+from exudyn_romerr.basis.enrichment import Enrichment, independent_beside
 from exudyn_romerr.model.admissible_space import mass_orthogonal, mean_motion, rigid_modes
 from exudyn_romerr.model.floating_frame import unit_inertia
 from exudyn_romerr.offline.options import BoundOptions
@@ -250,3 +250,12 @@ def test_units_do_not_matter(units):
     found = enriched(other, V, inertia * units[0] ** 0.5, 1e5 * loads, 1e-5 * wrenches, 10)
     expected = enriched_bar("RBE2", 4, "free", 10).omega * (units[1] / units[0]) ** 0.5
     assert found.omega == pytest.approx(expected, rel=tol.RITZ)
+
+
+def test_vectors_that_others_hold_are_left_out():
+    rng = np.random.default_rng(4)
+    V, P = rng.standard_normal((9, 4)), rng.standard_normal((9, 6))
+    P[:, 1] = V @ [1, 2, 3, 4] + 1e-9 * P[:, 1]
+    P[:, 3] = 1e3 * (P[:, 0] - P[:, 2])
+    assert independent_beside(V, P).tolist() == [True, False, True, False, True, True]
+    assert not independent_beside(V, np.hstack([P, P])).all()  # more than there are coordinates
