@@ -24,16 +24,18 @@ def loads_with_functions(mbs: Any) -> list[int]:
 def controllers(mbs: Any, numbers: list[int]) -> dict[int, str]:
     """Number -> name of those loads that are not functions of time alone: they see the motion, or keep something.
 
-    They are called in this state twice, in another one and a little later; what they keep is put back. All together,
-    for most often there is none; one by one, where there is.
+    They are called in this state twice, in another one and a little later; what they keep is put back. Those that
+    hold what cannot be put back are not called. All together, for most often there is none; else one by one.
     """
-    if not numbers or _by_time_alone(mbs, numbers):
+    if not numbers or _why_not_by_time_alone(mbs, numbers) is None:
         return {}
-    found = [i for i in numbers if not _by_time_alone(mbs, [i])] or numbers
-    return {i: f"load {i} ({mbs.GetLoad(i)['name']})" for i in found}
+    reasons = {i: _why_not_by_time_alone(mbs, [i]) for i in numbers}
+    found = {i: reason for i, reason in reasons.items() if reason is not None} or dict.fromkeys(numbers, "")
+    return {i: f"load {i} ({mbs.GetLoad(i)['name']}{reason})" for i, reason in found.items()}
 
 
-def _by_time_alone(mbs: Any, numbers: list[int]) -> bool:
+def _why_not_by_time_alone(mbs: Any, numbers: list[int]) -> str | None:
+    """None if loads are functions of time alone; else what their functions hold, if that cannot be put back."""
     system, values, t = mbs.systemData, [], mbs.systemData.GetTime()
     loads = [mbs.GetLoad(i) for i in numbers]
     functions = [load_functions(load) for load in loads]
@@ -42,6 +44,8 @@ def _by_time_alone(mbs: Any, numbers: list[int]) -> bool:
         values.append([mbs.GetLoadValues(i) for i in numbers])
 
     with memory_kept(mbs, [f for own in functions for f in own]) as memory:
+        if memory.lost:
+            return f", whose function can reach: {memory.lost}"
         keep()
         with coordinates_kept(system) as (q, q_t):
             system.SetODE2Coordinates(q + MOVED * (1 + np.sin(np.arange(len(q)))))
@@ -53,7 +57,8 @@ def _by_time_alone(mbs: Any, numbers: list[int]) -> bool:
                     f(mbs, t + LATER * max(abs(t), 1.0), load.get("loadVector", load.get("load")))
         keep()
     first, *others = (np.hstack(rows) for rows in values)
-    return not memory.was_changed and all(np.array_equal(first, row, equal_nan=True) for row in others)
+    same = all(np.array_equal(first, row, equal_nan=True) for row in others)
+    return None if same and not memory.was_changed else ""
 
 
 def load_functions(load: dict[str, Any]) -> list[Callable]:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 SAME = 1e-6  # of places, angles and velocities at the start: Newton's tolerance leaves less
 REMEMBERS = "the function remembers its calls, so it cannot be called away from the run"
+HOLDS = "the function can reach what no call away from the run could put back: {}"
 ALONGSIDE = "its function is used alongside a run, with scope='auto', time='reconstructed', initial=None"
 SHORT = 0.01  # rad of the first mode: how far a driven motion is looked at to tell the velocity that it begins with
 PARTS = 4  # of a step: panels are not made shorter
@@ -165,6 +166,8 @@ def _tried(mbs: Any, driven: DrivenFrame, now: FrameMotion, t: float, goes_on: b
     """Say why the function cannot be called away from the run, or how it starts off; empty if neither is so."""
     try:
         with memory_kept(mbs, [driven.function]) as memory:
+            if memory.lost:
+                return HOLDS.format(memory.lost)
             values = [driven.offset(t), driven.offset(t)]
             reason = _starts_off(driven, now, t, goes_on)
             values.append(driven.offset(t))  # after others

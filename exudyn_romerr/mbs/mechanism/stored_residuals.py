@@ -48,6 +48,8 @@ class StoredResiduals:
             return None, None
         try:
             with memory_kept(mbs, self._functions) as memory, state_kept(mbs.systemData):
+                if memory.lost:
+                    raise RunError(HOLDS.format(memory.lost))
                 self._check(mbs, rows, dv)
                 found = self._between(mbs, rows, first, dv)
                 self.failure = MEMORY if memory.changed else ""
@@ -104,4 +106,5 @@ def user_functions(mbs: Any) -> list[Callable]:
 
 GONE = "the mbs is gone"
 MEMORY = "a user function keeps something from call to call"
+HOLDS = "a user function can reach what no call away from the run could put back: {}"
 FAILED = "{}"

@@ -1,7 +1,13 @@
 """User functions: runs are the same bit for bit with and without us, whatever functions keep between their calls."""
 
 import random
+import sys
+import tempfile
+import threading
+import warnings
+import weakref
 from functools import partial
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -119,6 +125,75 @@ def of_a_partial():
     return partial(count, {"number": 0}, last=[])
 
 
+def of_slots():
+    class Kept:
+        __slots__ = ("number",)
+
+    class Calls(Kept):
+        __slots__ = ("later",)
+
+    calls = Calls()
+    calls.number = 0
+
+    def count():
+        calls.number += 1
+        calls.later = getattr(calls, "later", 0) + 1  # not set before the first call
+        return 1e-2 * (calls.number + calls.later)
+
+    return count
+
+
+def of_a_module():
+    module = ModuleType("settings")
+    module.calls, module.seen = 0, {"number": 0}
+
+    def count():
+        module.calls += 1
+        module.seen["number"] += 1
+        return 1e-2 * (module.calls + module.seen["number"])
+
+    return count
+
+
+def of_an_object_in_a_list_beside_a_function():
+    class Calls:
+        pass
+
+    kept = [Calls(), lambda x: 1e-2 * x]
+    kept[0].number = 0
+
+    def count():
+        kept[0].number += 1
+        return kept[1](kept[0].number)
+
+    return count
+
+
+def of_an_object_that_is_replaced():
+    class Calls:
+        def __init__(self, number):
+            self.number = number
+
+    calls = Calls(0)
+
+    def count():
+        nonlocal calls
+        calls = Calls(calls.number + 1)
+        return 1e-2 * calls.number
+
+    return count
+
+
+def of_a_global_in_an_inner_function():
+    INNER["calls"] = 0
+
+    def count():
+        return sum(INNER.update(calls=INNER["calls"] + 1) or 1e-2 * INNER["calls"] for _ in range(2))
+
+    return count
+
+
+INNER = {"calls": 0}
 HIDDEN = (
     of_numpy,
     of_random,
@@ -127,13 +202,54 @@ HIDDEN = (
     of_a_class,
     of_an_object_that_cannot_be_pickled,
     of_a_partial,
+    of_slots,
+    of_a_module,
+    of_an_object_in_a_list_beside_a_function,
+    of_an_object_that_is_replaced,
+    of_a_global_in_an_inner_function,
 )
 
 
 def hidden(scene):
     """Load that sums all that is hidden, so weakly that Newton converges."""
-    a, b, c, d, e, f, g = (make() for make in HIDDEN)
-    return lambda mbs, t, vector: [0.0, 10.0 + 1e-7 * (a() + b() + c() + d() + e() + f() + g()), 0.0]
+    parts = [make() for make in HIDDEN]
+    return lambda mbs, t, vector: [0.0, 10.0 + 1e-7 * sum(part() for part in parts), 0.0]
+
+
+def counting_in_mbs_sys(scene):
+    """Counts in mbs.sys, where Exudyn keeps its solvers."""
+    scene.mbs.sys["calls"] = 0
+
+    def force(mbs, t, vector):
+        mbs.sys["calls"] += 1
+        return [0.0, 10.0 + 1e-9 * mbs.sys["calls"], 0.0]
+
+    return force
+
+
+def of_a_generator(scene):
+    """Load of a generator with yield, which nobody can put back."""
+    numbers = (1e-9 * i for i in range(10**6))
+    return lambda mbs, t, vector: [0.0, 10.0 + next(numbers), 0.0]
+
+
+OPEN = []
+
+
+@pytest.fixture(autouse=True)
+def _files_closed():
+    yield
+    while OPEN:
+        OPEN.pop().close()
+
+
+def of_an_open_file(scene):
+    """Load that is read from a file, a line for each call."""
+    lines = tempfile.TemporaryFile("w+")
+    OPEN.append(lines)
+    lines.writelines(f"{i}\n" for i in range(10**5))
+    lines.seek(0)
+    return lambda mbs, t, vector: [0.0, 10.0 + 1e-9 * float(lines.readline()), 0.0]
 
 
 LOADS = {
@@ -142,6 +258,9 @@ LOADS = {
     "closure": integral_of_every_call,
     "object": lambda scene: Controller(scene).force,
     "counting": counting,
+    "mbs.sys": counting_in_mbs_sys,
+    "generator": of_a_generator,
+    "open file": of_an_open_file,
 }
 
 
@@ -202,11 +321,49 @@ def test_what_is_not_the_functions_own_is_put_back(make):
     assert random.getstate() == state
 
 
+@pytest.mark.parametrize(("name", "kind"), [("generator", "generator"), ("open file", "TextIOWrapper")])
+def test_what_cannot_be_put_back_is_not_called(name, kind):
+    """Not once: the report says what it is."""
+    scene = pendulum(0, steps=1)
+    function, calls = LOADS[name](scene), []
+
+    def load(mbs, t, vector):
+        calls.append(t)
+        return function(mbs, t, vector)
+
+    add_load(scene, loadVectorUserFunction=load, name="motor")
+    scene.mbs.Assemble()
+    numbers = load_functions.loads_with_functions(scene.mbs)
+    calls.clear()
+    found = load_functions.controllers(scene.mbs, numbers)
+    assert list(found.values()) == [f"load {numbers[-1]} (motor, whose function can reach: {kind})"]
+    assert not calls
+
+
+def test_objects_of_a_script_are_no_memory():
+    """A scene with its SystemContainer (which warns when it is pickled), what is printed to, locks, functions."""
+    scene = pendulum(0, steps=1)
+    others = {"lock": threading.Lock(), "mbs": weakref.ref(scene.mbs), "file": sys.stderr, "law": lambda t: t}
+
+    def load(mbs, t, vector):
+        assert scene.SC is not None
+        return [0.0, others["law"](t) * np.pi, 0.0]
+
+    add_load(scene, loadVectorUserFunction=load, name="ramp")
+    scene.mbs.sys["scene"] = scene
+    scene.mbs.Assemble()
+    with warnings.catch_warnings(record=True) as said:  # as errors they would not get out of there
+        warnings.simplefilter("always")
+        assert load_functions.controllers(scene.mbs, load_functions.loads_with_functions(scene.mbs)) == {}
+    assert not said
+    assert scene.mbs.sys["scene"] is scene
+
+
 class Space:
     """Stands for an mbs."""
 
     def __init__(self):
-        self.variables = {"list": [1], "number": 2}
+        self.variables, self.sys = {"list": [1], "number": 2}, {}
 
 
 def test_memory_is_put_back_in_place():

@@ -1,0 +1,117 @@
+"""MemorySearch: the variables that functions can change, wherever Python lets them keep something."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, MutableMapping
+from functools import partial
+from types import CodeType, FunctionType, MethodType, ModuleType
+from typing import Any
+
+from .kept_values import WRAPPERS, Frozen, Variable, spaces_of
+
+
+class MemorySearch:
+    """Finds variables: `spaces` (with the names in them), `variables`, and types of what is `lost` once it was read.
+
+    Looks into functions, classes and objects of the modules that the functions are of, and of no others: these are
+    libraries, most often.
+    """
+
+    def __init__(self, functions: Iterable[Callable]):
+        self.spaces: list[tuple[MutableMapping, set]] = []
+        self.variables: list[Variable] = []
+        self.lost: set[str] = set()
+        self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
+        codes = [_code(f.func if isinstance(f, partial) else f) for f in functions]
+        self._own = {code.__globals__.get("__name__", "") for code in codes if code}
+
+    def add_space(self, space: MutableMapping) -> None:
+        """Add all names of a dict or an object, and whether there are more."""
+        self.spaces.append((space, set(space)))
+        self._add_names(space, space)
+
+    def add_variable(self, read: Callable[[], Any], write: Callable[[Any], None]) -> None:
+        """Add a variable, and what is behind it."""
+        found = Frozen.of(read(), self._own)
+        self.lost |= found.lost
+        if found.kept is not None:
+            self.variables.append(Variable(read, write, self._own, found.kept, found.held))
+        for value in found.held.values():
+            if self._is_own(value):
+                self.add_behind(value)
+
+    def add_behind(self, value: Any) -> None:
+        """Add what a function, a method, a callable object, a partial, a class or another object keeps."""
+        if id(value) in self._seen:
+            return
+        self._seen[id(value)] = value
+        if isinstance(value, partial):
+            self._add_values((value.func, *value.args, *value.keywords.values()))
+        elif isinstance(value, MethodType):
+            self._add_values((value.__func__, value.__self__))
+        elif isinstance(value, FunctionType):
+            self.add_space(vars(value))
+            self._add_function(value)
+        elif isinstance(value, staticmethod | classmethod):
+            self._add_values((value.__func__,))
+        elif isinstance(value, property):
+            self._add_values((value.fget, value.fset))
+        elif isinstance(value, type):
+            self._add_class(value)
+        else:
+            for space in spaces_of(value):
+                self.add_space(space)
+            if self._is_own(type(value)):
+                self.add_behind(type(value))
+
+    def _is_own(self, value: Any) -> bool:
+        if isinstance(value, WRAPPERS):
+            return True
+        of = value if isinstance(value, FunctionType | type) else type(value)
+        return getattr(of, "__module__", None) in self._own
+
+    def _add_class(self, of: type) -> None:
+        for name in [name for name in vars(of) if not name.startswith("__") or name == "__call__"]:
+            self.add_variable(lambda name=name: vars(of).get(name), lambda x, name=name: setattr(of, name, x))
+
+    def _add_values(self, values: Iterable[Any]) -> None:
+        for value in values:
+            self.add_variable(lambda value=value: value, _keep)
+
+    def _add_names(self, space: MutableMapping, names: Iterable[str]) -> None:
+        for name in [name for name in names if name in space]:
+            self.add_variable(lambda name=name: space.get(name), lambda x, name=name: space.__setitem__(name, x))
+
+    def _add_function(self, function: FunctionType) -> None:
+        names = _names(function.__code__)
+        for cell in function.__closure__ or ():
+            self.add_variable(partial(_content, cell), partial(setattr, cell, "cell_contents"))
+        self._add_values((*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()))
+        self._add_names(function.__globals__, names)
+        values = [function.__globals__.get(name) for name in names]
+        for value in (*values, *map(_content, function.__closure__ or ())):
+            if isinstance(value, ModuleType):
+                self._add_names(vars(value), names)
+
+
+def _keep(_: Any) -> None:
+    """What is put back in place needs no writing."""
+
+
+def _code(f: Callable) -> FunctionType | None:
+    """Return the Python function behind a function, a method or a callable object."""
+    candidates = (f, getattr(f, "__func__", None), type(f).__call__)
+    return next((of for of in candidates if isinstance(of, FunctionType)), None)
+
+
+def _names(code: CodeType) -> list[str]:
+    """Names of globals and attributes in a function, and in those defined in it."""
+    inner = [name for own in code.co_consts if isinstance(own, CodeType) for name in _names(own)]
+    return list(dict.fromkeys([*code.co_names, *inner]))
+
+
+def _content(cell: Any) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:  # empty: the variable is assigned later
+        return None
