@@ -119,11 +119,13 @@ class Enrichment:
 
 def independent_beside(V: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Return which columns of P (n_free, m) are independent of V and of those before them (m,), by angles."""
-    columns = np.hstack([V, P])
-    found = np.abs(np.diag(la.qr(columns / np.linalg.norm(columns, axis=0), mode="r")[0]))
-    left = np.zeros(columns.shape[1])
-    left[: len(found)] = found
-    return left[V.shape[1] :] > DEPENDENT
+    held, kept = orthonormal(V), np.zeros(P.shape[1], dtype=bool)
+    for i, column in enumerate(P.T / np.linalg.norm(P, axis=0)[:, None]):
+        left = without(held, column[:, None])
+        size = np.linalg.norm(left)
+        if size > DEPENDENT:
+            held, kept[i] = np.hstack([held, left / size]), True
+    return kept
 
 
 class _Responses:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..memory.user_memory import memory_kept
 from .state_guard import coordinates_kept
-from .user_memory import memory_kept
 
 LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
 MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with

@@ -12,7 +12,7 @@ import numpy as np
 from ...model.floating_frame import FrameMotion
 from ...trajectory.driven_inputs import Inputs
 from ...trajectory.prescribed import Derivatives, Panels, has_kink, resolved
-from ..access.user_memory import memory_kept
+from ..memory.user_memory import memory_kept
 from .scope_decision import AUTO
 
 if TYPE_CHECKING:

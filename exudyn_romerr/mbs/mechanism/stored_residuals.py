@@ -12,7 +12,7 @@ from ...estimates.local_errors import in_the_middle
 from ..access.linearisation import Tangents
 from ..access.load_functions import load_functions, loads_with_functions
 from ..access.state_guard import set_state, state_kept
-from ..access.user_memory import memory_kept
+from ..memory.user_memory import memory_kept
 
 BALANCED = 1e-3  # of the largest force: what may be left at a sample, where Newton's iterations have ended
 MATTERS = 0.1  # of the largest local error of velocities: a residual that moves them by more is looked at closer

@@ -14,7 +14,7 @@ import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr.mbs.access import load_functions
-from exudyn_romerr.mbs.access.user_memory import memory_kept
+from exudyn_romerr.mbs.memory.user_memory import memory_kept
 from tests.helpers.mechanism_runs import FROZEN, STEP, add_load, pendulum, reports, solve, watch
 
 
