@@ -61,6 +61,21 @@ def _why_not_by_time_alone(mbs: Any, numbers: list[int]) -> str | None:
     return None if same and not memory.was_changed else ""
 
 
+def remembering_joints(mbs: Any) -> list[str]:
+    """Return the names of constraints whose offset keeps something from call to call, or cannot be called away."""
+    found, t = [], mbs.systemData.GetTime()
+    for i in range(mbs.systemData.NumberOfObjects()):
+        item = mbs.GetObject(i)
+        f = (item.get("offsetUserFunction") or {}).get("function")
+        if callable(f):
+            with memory_kept(mbs, [f]) as memory, suppress(Exception):
+                for time in () if memory.lost else (t, t, t + LATER * max(abs(t), 1.0)):
+                    f(mbs, time, i, item.get("offsetUserFunctionParameters", item.get("offset")))
+            if memory.lost or memory.was_changed:
+                found.append(f"object {i} ({item['name']}, {item['objectType']})")
+    return found
+
+
 def load_functions(load: dict[str, Any]) -> list[Callable]:
     """Return the user functions of a load, as mbs.GetLoad gives it; symbolic ones keep nothing."""
     found = (load[key]["function"] for key in LOAD_FUNCTIONS if load.get(key))

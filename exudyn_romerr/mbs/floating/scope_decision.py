@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import AssumptionError
 from ...report.scope import COMPLETE, COUPLED, FROZEN
-from ..access.load_functions import controllers, loads_with_functions
+from ..access.load_functions import controllers, loads_with_functions, remembering_joints
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -195,6 +195,8 @@ def _controlled(mbs: Any) -> Iterator[str]:
     if found:
         names = ", ".join(found.values())
         yield f"{names} depend on the motion or on earlier calls: a controller may do work on the error"
+    if joints := remembering_joints(mbs):
+        yield f"offsets of {', '.join(joints)} depend on earlier calls, so they cannot be called away from the run"
 
 
 def _asked(options: BoundOptions) -> list[str]:

@@ -11,6 +11,8 @@ from functools import partial
 from types import FunctionType, MemberDescriptorType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
+import numpy as np
+
 OURS = __name__.split(".")[0]
 EXUDYN = "exudynCPP"  # in the name of its compiled module, of which there are several
 WRAPPERS = partial | MethodType | staticmethod | classmethod | property
@@ -75,7 +77,7 @@ class _Pickler(pickle.Pickler):
 
     def reducer_override(self, value: Any) -> Any:
         """Return how a value is pickled that is no number, text, or container of Python's own."""
-        if value is _same:
+        if value is _same or isinstance(value, np.generic | np.ndarray):  # of which there may be many
             return NotImplemented
         found = None if self._stays(value) else self._reduced(value)
         if found is None:

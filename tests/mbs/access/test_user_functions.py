@@ -14,8 +14,10 @@ import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr.mbs.access import load_functions
+from exudyn_romerr.mbs.memory.kept_values import Frozen
 from exudyn_romerr.mbs.memory.user_memory import memory_kept
-from tests.helpers.mechanism_runs import FROZEN, STEP, add_load, pendulum, reports, solve, watch
+from models import mechanisms
+from tests.helpers.mechanism_runs import FROZEN, STEP, add_load, ground_marker, pendulum, reports, solve, watch
 
 
 def integral_of_the_mbs(scene):
@@ -321,6 +323,36 @@ def test_what_is_not_the_functions_own_is_put_back(make):
     assert random.getstate() == state
 
 
+def driven_by_a_counter(attached):
+    """Sensors of a bar on a spring whose other end a joint moves by an offset that counts its calls; scopes."""
+    scene, calls = mechanisms.sprung_body(n=0, t_end=0.02), [0]
+    mbs, scopes = scene.mbs, set()
+
+    def offset(mbs, t, number, parameters):
+        calls[0] += 1
+        return [1e-3 * np.sin(100 * t) + 1e-9 * calls[0], 0.0, 0.0, 0.0, 0.0, 0.0]
+
+    node = mbs.AddNode(itemInterface.NodeRigidBodyEP(referenceCoordinates=[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
+    body = mbs.AddObject(itemInterface.RigidBody(mass=1.0, inertia=[1.0, 1.0, 1.0, 0.0, 0.0, 0.0], nodeNumber=node))
+    marker = mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=body))
+    ends = [ground_marker(scene, [0.0, 0.0, 0.0]), marker]
+    mbs.AddObject(itemInterface.GenericJoint(markerNumbers=ends, offsetUserFunction=offset, name="drive"))
+    ends = [marker, scene.markers["right 1"]]
+    mbs.AddObject(itemInterface.CartesianSpringDamper(markerNumbers=ends, stiffness=[1e4] * 3))
+    if attached:
+        monitor = watch(scene)[0]
+    solve(scene)
+    if attached:
+        scopes = {*monitor.report().scope.values(), "drive" in monitor.report().scope_reason}
+    return np.hstack([mbs.GetSensorStoredData(number) for number in scene.sensors.values()]), scopes
+
+
+def test_joints_that_remember_are_not_called_away_from_the_run():
+    (alone, _), (watched, scopes) = driven_by_a_counter(False), driven_by_a_counter(True)
+    np.testing.assert_array_equal(alone, watched)
+    assert scopes == {FROZEN, True}
+
+
 @pytest.mark.parametrize(("name", "kind"), [("generator", "generator"), ("open file", "TextIOWrapper")])
 def test_what_cannot_be_put_back_is_not_called(name, kind):
     """Not once: the report says what it is."""
@@ -355,7 +387,8 @@ def test_objects_of_a_script_are_no_memory():
     with warnings.catch_warnings(record=True) as said:  # as errors they would not get out of there
         warnings.simplefilter("always")
         assert load_functions.controllers(scene.mbs, load_functions.loads_with_functions(scene.mbs)) == {}
-    assert not said
+    assert not said  # Exudyn says it once in a process, so:
+    assert Frozen.of(scene, set()).held[id(scene.SC)] is scene.SC
     assert scene.mbs.sys["scene"] is scene
 
 
