@@ -143,3 +143,10 @@ def test_the_integrator_overshoots_in_a_single_overdamped_mode(radius, times):
 def test_what_is_of_second_order_in_the_error_is_covered():
     """Seed 38: what is left of the predicted error is 2 % of it, and falls in proportion to the loads."""
     assert not sweep_mechanisms_table.violated(sweep_mechanisms.measure(38))
+
+
+@pytest.mark.xfail(strict=True, reason="a velocity is 1.05 times its bound from step 44 on; the cause is not known")
+def test_a_body_that_vectors_hold_nearly_whole_is_covered():
+    """Where next to nothing is left to bound, the bound is the prediction and 1 % of it, which is too little here."""
+    found = sweep_mechanisms.measure(61)["outputs"]
+    assert sum(of["bounds"]["auxiliary"]["violations"] for of in found.values()) == 0
