@@ -9,7 +9,7 @@ models/floating.py): a difference is the reduction error.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -81,19 +81,19 @@ def solved(name: str, steps: int | None = None) -> dict[str, np.ndarray]:
     return {key: scene.mbs.GetSensorStoredData(k)[:, 1:] for key, k in scene.sensors.items() if "local" in key}
 
 
-def stored(name: str) -> dict[str, np.ndarray]:
-    """Return what `solved` found when the file was written."""
-    with np.load(FILE, allow_pickle=False) as file:
+def stored(name: str, path: Path = FILE) -> dict[str, np.ndarray]:
+    """Return what was found of a scene when the file was written."""
+    with np.load(path, allow_pickle=False) as file:
         keys = [key for key in file.files if key.startswith(f"{name}/")]
         return {key.partition("/")[2]: file[key] for key in keys}
 
 
-def main() -> None:
-    """Solve all scenes and write the file."""
-    found = {f"{name}/{key}": values for name in SCENES for key, values in solved(name).items()}
-    np.savez_compressed(FILE, **found)
-    print(f"written: {FILE}")
+def write(path: Path, names: Iterable[str], solved: Callable[[str], dict[str, np.ndarray]]) -> None:
+    """Solve scenes and write a file that `stored` reads."""
+    found = {f"{name}/{key}": values for name in names for key, values in solved(name).items()}
+    np.savez_compressed(path, **found)
+    print(f"written: {path}")
 
 
 if __name__ == "__main__":
-    main()
+    write(FILE, SCENES, solved)

@@ -21,7 +21,7 @@ from exudyn import itemInterface
 from exudyn.FEM import KirchhoffMaterial
 
 import exudyn_romerr as romerr
-from models import floating, mechanisms
+from models import floating, mechanism_truths, mechanisms
 
 FILE = floating.DATA / "output_truths.npz"
 STEEL = KirchhoffMaterial(2.1e11, 0.3)  # any will do: truth and estimate are of the same strains
@@ -99,17 +99,8 @@ class _Mesh:
 
 def stored(name: str) -> dict[str, np.ndarray]:
     """Return what `solved` found when the file was written."""
-    with np.load(FILE, allow_pickle=False) as file:
-        keys = [key for key in file.files if key.startswith(f"{name}/")]
-        return {key.partition("/")[2]: file[key] for key in keys}
-
-
-def main() -> None:
-    """Solve all scenes and write the file."""
-    found = {f"{name}/{key}": values for name in SCENES for key, values in solved(name).items()}
-    np.savez_compressed(FILE, **found)
-    print(f"written: {FILE}")
+    return mechanism_truths.stored(name, FILE)
 
 
 if __name__ == "__main__":
-    main()
+    mechanism_truths.write(FILE, SCENES, solved)
