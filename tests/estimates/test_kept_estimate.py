@@ -7,6 +7,7 @@ import numpy as np
 
 from exudyn_romerr.estimates.estimate import CAUSES
 from exudyn_romerr.estimates.kept_estimate import FEW, FIRST, KeptEstimate
+from exudyn_romerr.estimates.time_step_error import TimeStep
 from exudyn_romerr.estimators.coupled_energy import LINEARISED
 
 
@@ -97,3 +98,12 @@ def test_runs_of_few_samples_are_not_resolved():
         run, one = KeptEstimate(), np.ones((count, 1))
         run.put({"time step": -10 * one}, {"steps": one})
         np.testing.assert_array_equal(run.read(slice(None)).half_widths["steps"], half * one)
+
+
+def test_what_outputs_move_by_in_second_order_checks_the_time_step():
+    run, x = KeptEstimate(), np.full((3, 2 * FEW, 1), 0.5)
+    run.put_time_step(TimeStep(x, 0 * x, None, 0), lambda x: 3 * x[0] + 7 * x[0] ** 2)
+    found, one = run.read(slice(None)), np.ones((2 * FEW, 1))
+    np.testing.assert_array_equal(found.parts["time step"], -1.5 * one)
+    np.testing.assert_array_equal(found.half_widths["linearisation"], (1.75 + LINEARISED * 1.5) * one)
+    assert "loads" not in found.half_widths

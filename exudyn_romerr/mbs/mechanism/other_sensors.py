@@ -173,9 +173,7 @@ class OtherSensors:
         if step is not None:
             late = [x[len(x) - step.x.shape[1] :] for x in self._last]
             at = self._shown(mbs, late)
-            by = {"time step": step.x, "steps": step.x2, "loads": step.loads}
-            changes = {name: self._change(mbs, late, at, x) for name, x in by.items() if x is not None}
-            record.estimate.put({"time step": -changes.pop("time step")}, changes, step.replaced)
+            record.estimate.put_time_step(step, lambda x: self._change(mbs, late, at, x))
         self._last = [x[-PROVISIONAL:] for x in self._last]
 
     def _change(self, mbs: Any, rows: Sequence[np.ndarray], here: np.ndarray, dx: np.ndarray) -> np.ndarray:

@@ -60,15 +60,7 @@ class OutputEstimates:
         self._last = [states[-PROVISIONAL:] for states in here]
         here = [states[len(states) - step.x.shape[1] :] for states in here]
         at = self._shown(here)
-        changes = {
-            name: self._moved(here, x) - at
-            for name, x in (("there", step.x), ("back", -step.x), ("steps", step.x2), ("loads", step.loads))
-            if x is not None
-        }
-        there, back = changes.pop("there"), changes.pop("back")
-        # x is of first order: what outputs move by in the second one tells what that misses
-        changes["linearisation"] = (there + back) / 2
-        run.estimate.put({"time step": (back - there) / 2}, changes, step.replaced)
+        run.estimate.put_time_step(step, lambda x: self._moved(here, x) - at)
 
     def _moved(self, here: States, x: np.ndarray) -> np.ndarray:
         return self._shown([states + dx for states, dx in zip(here, x, strict=True)])
