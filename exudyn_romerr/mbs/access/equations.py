@@ -48,10 +48,14 @@ class Equations:
 
     def residual(self, mbs: Any) -> np.ndarray:
         """M q'' + G^T l - f (n,)."""
-        self._solver.ComputeODE2RHS(mbs)
-        forces = self._solver.GetSystemResidual()[: self.size].copy()
+        forces = self.forces(mbs)
         _, _, q_tt, multipliers = current_state(mbs.systemData)
         return self.mass(mbs) @ q_tt + self.constraints(mbs).T @ multipliers - forces
+
+    def forces(self, mbs: Any) -> np.ndarray:
+        """Return f (n,), without those of constraints."""
+        self._solver.ComputeODE2RHS(mbs)
+        return self._solver.GetSystemResidual()[: self.size].copy()
 
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
         """Return g (S, all) in rows of t, q, q_t, q_tt, multipliers."""
