@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from .time_step_error import TimeStep
 
+REMAINDER = "remainder"
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
 
@@ -26,8 +27,9 @@ class KeptEstimate:
     The last instants may be handed over again, with better values. A half width is the largest size since the start:
     a difference passes zero. In the first samples of a run differences say less than later: the largest of FIRST
     samples counts from the start, and in a run of no more than FEW the check of steps is as large as what it checks.
-    Where a check has ended, nothing is known: its half width is inf from there on. Of the largest of each part
-    LINEARISED is what linear equations may have missed, beside what is handed over as "linearisation".
+    Where a check has ended, nothing is known: its half width is inf from there on. What linear equations may have
+    missed is handed over as "linearisation" of the error by time steps, as REMAINDER of what vectors predict; beside
+    the former, and in place of the latter where there is none, it is LINEARISED of the largest of each part.
     """
 
     def __init__(self) -> None:
@@ -64,12 +66,19 @@ class KeptEstimate:
         count, largest = max(map(len, self._parts.values())), self._largest()
         parts = {cause: _filled(kept.read(), count, 0.0)[index] for cause, kept in self._parts.items()}
         none = np.zeros_like(next(iter(parts.values())))
-        half_widths = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes}
-        if count <= FEW and not self._before and "steps" in half_widths:
-            half_widths["steps"] = np.maximum(half_widths["steps"], _filled(largest["time step"], count, 0.0)[index])
-        predicted = sum(_filled(largest[cause], count, np.inf)[index] for cause in self._parts)
-        half_widths["linearisation"] = LINEARISED * predicted + half_widths.get("linearisation", 0.0)
-        return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, half_widths)
+        checks = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes if check != REMAINDER}
+        if count <= FEW and not self._before and "steps" in checks:
+            checks["steps"] = np.maximum(checks["steps"], _filled(largest["time step"], count, 0.0)[index])
+        checks["linearisation"] = checks.get("linearisation", 0.0) + self._missed(largest, count)[index]
+        return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, checks)
+
+    def _missed(self, largest: dict[str, np.ndarray], count: int) -> np.ndarray:
+        """What linear equations may have missed (S, r) at so many instants."""
+        of = {cause: LINEARISED * _filled(largest[cause], count, np.inf) for cause in self._parts}
+        steps = of.pop("time step", 0.0)
+        predicted = sum(of.values())
+        measured = _filled(largest[REMAINDER], count, np.nan) if REMAINDER in self._sizes else np.nan * predicted
+        return steps + np.where(np.isnan(measured), predicted, measured)
 
     def _largest(self) -> dict[str, np.ndarray]:
         """Largest sizes (S, r) since the start, of every part and check."""

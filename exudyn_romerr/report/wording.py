@@ -113,6 +113,15 @@ def scope_lines(report: ReportData) -> list[str]:
     return lines + ([f"full model: {model}"] if known else [])
 
 
+def remainder_lines(report: ReportData) -> list[str]:
+    """Return what linear equations leave out, where that was measured."""
+    return [
+        f"linearisation: what it leaves out is about {100 * share:.2g} % of the deformation that {e!r} predicts, "
+        "measured by Exudyn's own equations"
+        for e, share in report.remainder.items()
+    ]
+
+
 def is_uncertified(report: ReportData) -> bool:
     """Return whether the balance of the run speaks against all of its bounds."""
     return report.scope_reason.endswith(NOT_CERTIFIED)

@@ -19,7 +19,7 @@ class Equations:
     """
 
     def __init__(self, mbs: Any, threads: int = 1):
-        self._solver = own_solver(mbs, threads)
+        self._solver, self.threads = own_solver(mbs, threads), threads
         self.size = self._solver.GetODE2size()
         self._first_constraint = self.size + self._solver.GetODE1size()
         self._no_jacobian = np.zeros((self._first_constraint + self._solver.GetAEsize(),) * 2)

@@ -1,7 +1,8 @@
 """Shadow: an mbs of our own beside that of a run, whose flexible bodies have their auxiliary vectors as modes.
 
-Made from the dictionary of the mbs, so that Exudyn's own equations can be asked in states for which the mbs of the
-run has no coordinates. That is read and set back, nothing else.
+Made of what GetNode, GetObject, GetMarker and GetLoad give of the mbs, so that Exudyn's own equations can be asked in
+states for which the mbs of the run has no coordinates. (Exudyn's GetDictionary refuses objects with user functions.)
+The run's mbs is read and set back, nothing else.
 """
 
 from __future__ import annotations
@@ -16,26 +17,28 @@ import numpy as np
 from ...errors import RunError
 from ..access.equations import Equations
 from ..access.state_guard import current_state, set_state, state_kept
+from ..access.wider_object import object_terms
 from ..memory.user_memory import memory_kept
-from .stored_residuals import HOLDS, MEMORY, user_functions
+from .stored_residuals import GONE, HOLDS, MEMORY, user_functions
 
 if TYPE_CHECKING:
+    from ..access.linearisation import Tangents
     from .enriched_body import EnrichedBody
+
+    Parts = Sequence[tuple[EnrichedBody, slice]]
 
 AGREES = 1e-9  # of the largest entry; measured: up to 3e-13
 AWAY = 0.01  # of coordinates: where both are compared, so that nothing vanishes by chance
 SEED = 17
-CROSS = np.zeros((3, 3, 3))  # (a x b)_c = CROSS_cij a_i b_j
-CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
-NO_COPY = "Exudyn's GetDictionary and SetDictionary make no copy of it: {}"
+NO_COPY = "it cannot be copied: {}"
+MORE = "it has data coordinates, or such of first order, which stored steps lack"
 OTHER = "its copy has other equations: {} differ by {:.1e} of the largest entry"
 
 
 class Shadow:
     """Equations of an mbs with vectors: coordinates q (k,) are those of the mbs, then the vectors of all bodies.
 
-    parts : bodies, and where their vectors are among these coordinates. rows : numbers of independent constraints.
-    threads : of the running solver.
+    parts : bodies, and where their vectors are among these coordinates. tangents : of the running solver.
 
     Raises
     ------
@@ -43,18 +46,22 @@ class Shadow:
         The mbs cannot be copied, or its copy has other equations; a user function keeps something from call to call.
     """
 
-    def __init__(self, mbs: Any, parts: Sequence[tuple[EnrichedBody, slice]], rows: np.ndarray, threads: int):
-        self._rows, self._functions = rows, user_functions(mbs)
+    def __init__(self, mbs: Any, parts: Parts, tangents: Tangents):
+        if mbs is None:
+            raise RunError(GONE)
+        self._original, self._rows, self._functions = tangents.equations, tangents.independent, user_functions(mbs)
+        if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
+            raise RunError(MORE)
         try:
             self._container = exu.SystemContainer()  # goes when nobody holds it, and what is in it
             self._mbs = self._container.AddSystem()
-            self._mbs.SetDictionary(_widened(mbs, [body for body, _ in parts]))
+            _copy(mbs, self._mbs, [body for body, _ in parts])
             self._mbs.Assemble()
-            self._equations = Equations(self._mbs, threads)
+            self._equations = Equations(self._mbs, tangents.equations.threads)
             self._places = _places(mbs, self._mbs, parts)
         except Exception as error:
             raise RunError(NO_COPY.format(error)) from error
-        self._compare(mbs, threads)
+        self.compare(mbs)
 
     def residuals(self, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return M q'' + G^T l - f (S, k), and what constraints keep zero (S, c), in rows t, q, q_t, q_tt (S, k).
@@ -93,9 +100,11 @@ class Shadow:
             if memory.changed:
                 raise RunError(MEMORY)
 
-    def _compare(self, mbs: Any, threads: int) -> None:
+    def compare(self, mbs: Any) -> None:
         """RunError unless M, forces, G and g are those of the mbs where no vector moves."""
-        own, rng, system = Equations(mbs, threads), np.random.default_rng(SEED), mbs.systemData
+        if mbs is None:
+            raise RunError(GONE)
+        own, rng, system = self._original, np.random.default_rng(SEED), mbs.systemData
         t = system.GetTime()
         state = [x + AWAY * rng.uniform(0.5, 1.0, len(x)) * np.abs(x).max(initial=1.0) for x in current_state(system)]
         at = self._places[: own.size]
@@ -112,52 +121,34 @@ class Shadow:
                 raise RunError(OTHER.format(name, off))
 
 
-def _widened(mbs: Any, bodies: Sequence[EnrichedBody]) -> dict[str, Any]:
-    """Return the dictionary of the mbs with vectors behind the modes of bodies; no sensors, no functions of steps."""
-    found = mbs.GetDictionary()
-    found["sensorList"] = []
-    found["userFunctions"] = dict.fromkeys(found["userFunctions"], 0)
-    for body in bodies:
-        number = body.flex.number
-        item = found["objectList"][number] = {**found["objectList"][number], **_object_terms(body)}
-        number = int(item["nodeNumbers"][1])
-        node = found["nodeList"][number] = {**found["nodeList"][number]}
-        node["numberOfODE2Coordinates"] = body.shapes.shape[1]
-        for name in ("referenceCoordinates", "initialCoordinates", "initialCoordinates_t"):
-            node[name] = np.append(node[name], np.zeros(body.m))
-    return found
+def _copy(mbs: Any, shadow: Any, bodies: Sequence[EnrichedBody]) -> None:
+    """Add all items of the mbs to another one, but for sensors; bodies have vectors behind their modes there."""
+    system, wider = mbs.systemData, {body.flex.number: body for body in bodies}
+    nodes = {int(mbs.GetObject(number)["nodeNumbers"][1]): body for number, body in wider.items()}
+    for i in range(system.NumberOfNodes()):
+        node = _bare(mbs.GetNode(i))
+        if i in nodes:
+            node["numberOfODE2Coordinates"] = nodes[i].shapes.shape[1]
+            for name in ("referenceCoordinates", "initialCoordinates", "initialCoordinates_t"):
+                node[name] = np.append(node[name], np.zeros(nodes[i].m))
+        shadow.AddNode(node)
+    for i in range(system.NumberOfObjects()):
+        item = _bare(mbs.GetObject(i))
+        if i in wider:
+            item |= object_terms(wider[i].flex, wider[i].shapes, wider[i].rayleigh)
+        shadow.AddObject(item)
+    for i in range(system.NumberOfMarkers()):
+        shadow.AddMarker(_bare(mbs.GetMarker(i)))
+    for i in range(system.NumberOfLoads()):
+        shadow.AddLoad(_bare(mbs.GetLoad(i)))
 
 
-def _object_terms(body: EnrichedBody) -> dict[str, Any]:
-    """Return what ObjectFFRFreducedOrder has of its modes U, as ObjectFFRFreducedOrderInterface makes it.
-
-    M = m (x) I, so that all of it follows from the sums of u_i (m u)_j over the nodes.
-    """
-    flex, U, (alpha, beta) = body.flex, body.shapes, body.rayleigh
-    MU, k, nodes = flex.mass @ U, U.shape[1], len(flex.positions)
-    M, K = U.T @ MU, U.T @ (flex.stiffness @ U)
-    U_, MU = (X.reshape(nodes, 3, k) for X in (U, MU))
-    of_U = np.einsum("aik,ajl->ijkl", U_, MU, optimize=True)
-    of_x = np.einsum("ai,ajl->ijl", flex.positions, MU)
-    pull = MU.sum(axis=0)
-    twice = np.einsum("cd,iikl->kcld", np.eye(3), of_U) - of_U.transpose(2, 1, 3, 0)
-    once = np.einsum("cd,iil->cld", np.eye(3), of_x) - of_x.transpose(1, 2, 0)
-    matrices = {"mass": M, "stiffness": K, "damping": alpha * M + beta * K}
-    return {
-        **{f"{name}MatrixReduced": exu.MatrixContainer(matrix) for name, matrix in matrices.items()},
-        "modeBasis": U,
-        "outputVariableModeBasis": np.zeros((0, 0)),
-        "outputVariableTypeModeBasis": exu.OutputVariableType._None,
-        "mPsiTildePsi": np.einsum("cij,jikl->kcl", CROSS, of_U).reshape(3 * k, k),
-        "mPsiTildePsiTilde": twice.reshape(3 * k, 3 * k),
-        "mPhitTPsi": pull,
-        "mPhitTPsiTilde": np.einsum("cid,il->cld", CROSS, pull).reshape(3, 3 * k),
-        "mXRefTildePsi": np.einsum("cij,jil->cl", CROSS, of_x),
-        "mXRefTildePsiTilde": once.reshape(3, 3 * k),
-    }
+def _bare(item: dict[str, Any]) -> dict[str, Any]:
+    """Return an item without its name and what is drawn."""
+    return {key: value for key, value in item.items() if not (key.startswith("V") or key == "name")}
 
 
-def _places(mbs: Any, shadow: Any, parts: Sequence[tuple[EnrichedBody, slice]]) -> np.ndarray:
+def _places(mbs: Any, shadow: Any, parts: Parts) -> np.ndarray:
     """Return where the coordinates of the mbs, and the vectors behind them, are among those of its shadow."""
     system, wider = mbs.systemData, shadow.systemData
     found = np.full(sum(body.m for body, _ in parts) + len(system.GetODE2Coordinates()), -1)
@@ -179,5 +170,5 @@ def without_constraints(forces: np.ndarray, masses: np.ndarray, G: np.ndarray) -
         return forces
     light = 1 / np.maximum(masses, np.finfo(float).eps * masses.max(axis=1, keepdims=True))
     by = G * light[:, None]
-    l = np.linalg.solve(by @ G.swapaxes(1, 2), -(by @ forces[..., None]))
-    return forces + (G.swapaxes(1, 2) @ l)[..., 0]
+    multipliers = np.linalg.solve(by @ G.swapaxes(1, 2), -(by @ forces[..., None]))
+    return forces + (G.swapaxes(1, 2) @ multipliers)[..., 0]

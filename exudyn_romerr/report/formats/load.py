@@ -64,6 +64,7 @@ def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
         made=meta.get("made", {}),
         origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
+        remainder=meta.get("remainder", {}),
     )
 
 
