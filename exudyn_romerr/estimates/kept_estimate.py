@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,11 +30,16 @@ class KeptEstimate:
     Where a check has ended, nothing is known: its half width is inf from there on. What linear equations may have
     missed is handed over as "linearisation" of the error by time steps, as REMAINDER of what vectors predict; beside
     the former, and in place of the latter where there is none, it is LINEARISED of the largest of each part.
+
+    Attributes
+    ----------
+    remainder : share of the latter in the deformation that vectors predict; None: it was not measured.
     """
 
     def __init__(self) -> None:
         self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
+        self.remainder: float | None = None
         self._before: dict[str, np.ndarray] = {}  # largest (r,) of a run that this one goes on from
 
     def go_on(self, before: KeptEstimate) -> None:
@@ -58,6 +63,11 @@ class KeptEstimate:
         if step.loads is not None:
             sizes["loads"] = change(step.loads)
         self.put({"time step": (back - there) / 2}, sizes, step.replaced)
+
+    def record(self, index: slice) -> dict[str, Any]:
+        """Return the fields `estimate` and `remainder` of a RunRecord."""
+        share = {} if self.remainder is None else {"auxiliary": self.remainder}
+        return {"estimate": self.read(index), "remainder": share}
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""

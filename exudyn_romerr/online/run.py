@@ -46,7 +46,6 @@ class Run:
     """The bounds along one dynamic solve."""
 
     companion: Run | None = None  # of the trajectory with auxiliary vectors
-    remainder: float | None = None  # of a companion: share of what it adds that linear equations leave out
     is_static = False
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
@@ -194,21 +193,20 @@ class Run:
 
     def record(self) -> RunRecord:
         """Return what was found so far."""
-        quintic, share = self._segmenters.get("total"), self.companion and self.companion.remainder
+        quintic = self._segmenters.get("total")
         return RunRecord(
             offline=self.offline,
             solver=self.solver,
             time=self.time,
             **self._recorded.read(self._settled),
             streams=self.streams(),
-            estimate=self.estimate.read(self._settled),
+            **self.estimate.record(self._settled),
             assumptions=self.assumptions(),
             nodes=self.node_bounds,
             messages=tuple(self.messages),
             defect=self.defect,
             worst_mode=self._defect.worst_mode,
             tolerances=self.tolerances,
-            remainder={} if share is None else {"auxiliary": share},
             rounding_share=None if quintic is None else quintic.rounding_share,
             largest_miss=None if quintic is None else quintic.largest_miss,
         )

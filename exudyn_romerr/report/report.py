@@ -24,7 +24,6 @@ from .wording import (
     at_round_off,
     corrected_within,
     outside,
-    remainder_lines,
     rounded_up,
     scope_lines,
     under,
@@ -78,10 +77,10 @@ class BoundReport(ReportData):
     t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
     scope[e] : "complete" (loads and supports do not depend on the body's deformation), "coupled (linearised)" (they
     do, and the bound covers it to first order) or "inputs frozen" (they do; the bound holds for the full body under
-    those of this simulation). time : "reconstructed",
-    "sampled" or "static". remainder[e] : in a mechanism, size of what linear equations leave out, as measured, over
-    that of the deformation that auxiliary vectors predict; empty where it was not measured. messages : what the reader must know first. made : when, by which script and versions the
-    run was bounded. origin : the file it was saved to, or read from, last.
+    those of this simulation). time : "reconstructed", "sampled" or "static". remainder[e] : in a mechanism, size of
+    what linear equations leave out over that of the deformation that auxiliary vectors predict, as measured; empty
+    where it was not. messages : what the reader must know first. made : when, by which script and versions the run
+    was bounded. origin : the file it was saved to, or read from, last.
     """
 
     outputs: dict[str, OutputReport]
@@ -197,7 +196,7 @@ class BoundReport(ReportData):
             f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
             f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
             for e, bound in self.position_bound.items()
-        ] + [f"  {line}" for line in [*scope_lines(self), *remainder_lines(self)]]
+        ] + [f"  {line}" for line in scope_lines(self)]
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn).

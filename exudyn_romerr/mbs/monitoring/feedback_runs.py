@@ -144,7 +144,7 @@ class Reaction:
             for block, _ in extension.segments.values():
                 block.added = self._added(i, e, speed)._replace(veer=veer)
             extensions.append(extension)
-            run.remainder = self._remainder.share(i)
+            watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
             join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
