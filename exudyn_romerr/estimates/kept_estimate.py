@@ -46,16 +46,19 @@ class KeptEstimate:
                 kept[name].cut(len(kept[name]) - replaced)
                 kept[name].append(rows)
 
-    def put_time_step(self, step: TimeStep, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    def put_time_step(
+        self, step: TimeStep, change: Callable[[np.ndarray], np.ndarray], more: np.ndarray | float = 0.0
+    ) -> None:
         """Take the error by time steps, which is of first order: what outputs move by in the second one checks it.
 
-        change : what outputs move by (S, r) where coordinates, rates and accelerations move by x (3, S, k).
+        change : what outputs move by (S, r) where coordinates, rates and accelerations move by x (3, S, k). more :
+        what is to be added to the estimate.
         """
         there, back = change(step.x), change(-step.x)
         sizes = {"steps": change(step.x2), "linearisation": (there + back) / 2}
         if step.loads is not None:
             sizes["loads"] = change(step.loads)
-        self.put({"time step": (back - there) / 2}, sizes, step.replaced)
+        self.put({"time step": (back - there) / 2 + more}, sizes, step.replaced)
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""
