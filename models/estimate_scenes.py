@@ -285,7 +285,6 @@ SCENES = {
         ("tip local", "middle local"),
         ("tip", "middle"),
         finer=(2, 4, 8),
-        forces=("hinge ForceLocal",),
     ),
     "clamped_bar": EstimateScene(_timed(clamped_bar, 0.04), 2e-4, 0.04, (4,), ("tip local",), ("tip", "right")),
     "linear_bar": EstimateScene(_timed(linear_bar, 0.04), 2e-4, 0.04, (4,), ("tip local", "middle local")),

@@ -57,7 +57,8 @@ class SensorRecord:
         self.runs, self.sensors, self.left_out = tuple(runs), tuple(sensors), tuple(left_out)
         ends = np.cumsum([0, *(sensor.rows for sensor in sensors)])
         self.parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        self.values, self.estimate, self.failure = GrowingArray(), KeptEstimate(), ""
+        rings = np.repeat([sensor.balanced for sensor in sensors], [sensor.rows for sensor in sensors])
+        self.values, self.estimate, self.failure = GrowingArray(), KeptEstimate(rings), ""
         self.unbalanced = ""
 
     def outputs(self, count: int) -> tuple[list[OutputReport], list[tuple[str, str]]]:

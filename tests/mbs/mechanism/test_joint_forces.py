@@ -10,11 +10,13 @@ from exudyn import itemInterface
 
 import exudyn_romerr as romerr
 from benchmarks.rigid_estimates import Recorder
+from exudyn_romerr.mbs.mechanism.other_sensors import OtherSensors
 from exudyn_romerr.mbs.mechanism.sensor_dependence import SHARED
+from exudyn_romerr.mbs.mechanism.sensor_record import Sensor, SensorRecord
 from exudyn_romerr.mbs.mechanism.stored_residuals import MEMORY
 from models import estimate_truths, mechanisms
 from models.estimate_scenes import rigid_pendulum
-from tests.helpers.mechanism_runs import ground_marker, pendulum, solve
+from tests.helpers.mechanism_runs import pendulum, solve
 
 STEPS = 100
 FINER = (8, 32)
@@ -98,26 +100,17 @@ def test_redundant_constraints_share_their_force_as_nobody_knows():
     assert np.abs(found - wanted).max() <= 1e-6 * np.abs(wanted).max()  # Newton's tolerance of two solves
 
 
-def test_functions_that_keep_something_are_not_called_for_forces():
-    """Sensors that need no forces have their estimate still."""
-    scene, calls = mechanisms.slider_crank(0, h=5e-4, t_end=5e-3), []
-
-    def spring(mbs, t, item, displacement, velocity, stiffness, damping, offset):
-        calls.append(t)
-        return [0.0, 0.0, 0.0]
-
-    piston = itemInterface.MarkerBodyRigid(bodyNumber=scene.objects["piston"])
-    markers = [ground_marker(scene, [0.4, 0, 0]), scene.mbs.AddMarker(piston)]
-    connector = itemInterface.CartesianSpringDamper(markerNumbers=markers, springForceUserFunction=spring)
-    scene.mbs.AddObject(connector)
-    sensor = itemInterface.SensorBody(
-        name="piston",
-        bodyNumber=scene.objects["piston"],
-        outputVariableType=exu.OutputVariableType.Displacement,
-        storeInternal=True,
-    )
-    scene.sensors["piston"] = scene.mbs.AddSensor(sensor)
-    report = reported(with_forces(scene, "shaft"))
-    assert MEMORY in dict(report.plan.left_out)["shaft"]
-    assert "shaft" not in report.outputs
-    assert np.abs(report.output("piston").estimate).max() > 0
+def test_what_functions_keep_is_put_back_and_forces_are_left_out():
+    """Loads and springs of flexible bodies that keep something have no linearised mechanism; others may."""
+    calls, others = [], OtherSensors([0, 1], [])
+    others.sensors = [Sensor(0, "force", None, 1, balanced=True), Sensor(1, "place", None, 1)]
+    others._functions = [lambda: calls.append(1)]
+    record = SensorRecord([], others.sensors, [])
+    with others._memory_kept(exu.SystemContainer().AddSystem(), record):
+        others._functions[0]()
+    assert calls == []
+    record.values.append(np.zeros((3, 2)))
+    record.estimate.put({"basis": np.zeros((3, 2))}, {"vectors": np.zeros((3, 2))})
+    outputs, left_out = record.outputs(3)
+    assert [out.name for out in outputs] == ["place"]
+    assert [(name, MEMORY in why) for name, why in left_out] == [("force", True)]
