@@ -1,8 +1,8 @@
 """The largest deviation of an estimate that all checks of its half width together miss: a search for bad cases.
 
 First random mechanisms (sweep_estimates.py, whose truths are taken where they are stored), then a directed search:
-of those whose estimates are off by most half widths one feature is changed at a time - how loads act, how large they are,
-steps, spectral radius, damping, joints to the ground, modes and their kind, vectors - and kept if that is worse.
+of those whose estimates are off by most half widths one feature is changed at a time - how loads act, how large they
+are, steps, spectral radius, damping, joints to the ground, modes and their kind, vectors - and kept if that is worse.
 
 Deviation: largest |truth - computed - estimate| over time, less what the truth is not known to, over the largest half
 width, of one component of an output; only of errors above twenty times what the truth is not known to. The truth has
