@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 REMAINDER = "remainder"
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
+RESOLVED = 0.3  # of an estimate: beyond it is not resolved (estimates.md 4)
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
 
 
@@ -32,12 +33,16 @@ class KeptEstimate:
     LINEARISED of the largest of each part beside the former; at least, beside the latter, for what time steps make of
     the vectors' own motion is in no check.
 
+    rings : outputs (r,), bool, that show what steps do not resolve more than others do: forces of constraints. Where
+    the check of steps is above RESOLVED of what it checks, it is as large as that.
+
     Attributes
     ----------
     remainder : share of the latter in the deformation that vectors predict; None: it was not measured.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rings: np.ndarray | bool = False) -> None:
+        self._rings = rings
         self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self.remainder: float | None = None
@@ -54,17 +59,20 @@ class KeptEstimate:
                 kept[name].cut(len(kept[name]) - replaced)
                 kept[name].append(rows)
 
-    def put_time_step(self, step: TimeStep, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    def put_time_step(
+        self, step: TimeStep, change: Callable[[np.ndarray], np.ndarray], more: np.ndarray | float = 0.0
+    ) -> None:
         """Take the error by time steps, which is of first order: what outputs move by in the second one checks it.
 
-        change : what outputs move by (S, r) where coordinates, rates and accelerations move by x (3, S, k).
+        change : what outputs move by (S, r) where coordinates, rates and accelerations move by x (3, S, k). more :
+        what is to be added to the estimate.
         """
         there, back = change(step.x), change(-step.x)
         left = [np.abs(change(x - step.x) - back) for x in step.left]
         sizes = {"steps": change(step.x2), "linearisation": sum(left, np.abs(there + back) / 2)}
         if step.loads is not None:
             sizes["loads"] = change(step.loads)
-        self.put({"time step": (back - there) / 2}, sizes, step.replaced)
+        self.put({"time step": (back - there) / 2 + more}, sizes, step.replaced)
 
     def record(self, index: slice) -> dict[str, Any]:
         """Return the fields `estimate` and `remainder` of a RunRecord."""
@@ -79,8 +87,10 @@ class KeptEstimate:
         parts = {cause: _filled(kept.read(), count, 0.0)[index] for cause, kept in self._parts.items()}
         none = np.zeros_like(next(iter(parts.values())))
         checks = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes if check != REMAINDER}
-        if count <= FEW and not self._before and "steps" in checks:
-            checks["steps"] = np.maximum(checks["steps"], _filled(largest["time step"], count, 0.0)[index])
+        if "steps" in checks:
+            steps, checked = checks["steps"], _filled(largest["time step"], count, 0.0)[index]
+            is_rough = self._rings & (steps > RESOLVED * checked) | (count <= FEW and not self._before)
+            checks["steps"] = np.where(is_rough, np.maximum(steps, checked), steps)
         checks["linearisation"] = checks.get("linearisation", 0.0) + self._missed(largest, count)[index]
         return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, checks)
 

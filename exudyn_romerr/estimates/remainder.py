@@ -52,13 +52,14 @@ class Remainder:
 
     Attributes
     ----------
-    adds : whether r is added to the prediction.
+    adds : whether r is added to the prediction. multipliers (S, c) : of what the last call of follow has added.
     """
 
     def __init__(self, size: int, quantities: int, sizes: Sizes, at_once: bool = False):
         self._sizes, self._at_once = sizes, at_once
         self._moving = np.zeros((4, size, 2))  # r and what is added of it: e, e', e'', algorithmic a
         self._count, self._ramp, self.adds, self._ended = 0, 0, False, False
+        self.multipliers = np.zeros((0, 0))
         self._largest = np.zeros((3, quantities))  # of r, of the prediction, of the motion
 
     def start(self, t: float, constraints: int) -> None:
@@ -161,7 +162,8 @@ class Remainder:
         F, g = (_linear(rows[0], times, x)[..., None] for x in values)
         share = self.adds * np.minimum((self._ramp + 1 + np.arange(len(steps))) / RAMP, 1.0)
         both = np.column_stack([np.ones(len(steps)), share**2 * (3 - 2 * share)])[:, None]
-        [found] = steps.march(Columns(self._moving, -F * both, -g * both))
+        [(found, forces)] = steps.march(Columns(self._moving, -F * both, -g * both), multipliers=True)
+        self.multipliers = forces[..., 1]
         r = found[:, :3, :, 0].swapaxes(0, 1)
         sizes = np.array([self._sizes(x) for x in (r, e, np.array(rows[1:]))])
         return found, np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])

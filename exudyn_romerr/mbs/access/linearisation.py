@@ -130,7 +130,7 @@ class Tangents:
 
     @property
     def independent(self) -> np.ndarray:
-        """Numbers of independent constraints, among all that the mbs has."""
+        """Numbers (c,) of the constraints that are kept, among all."""
         return self._rows
 
     def _read(self, mbs: Any, t: float) -> Reading:

@@ -73,6 +73,11 @@ class MeasuredRemainder:
         """What is added to e, e', e'' now, (3, k)."""
         return self._of_vectors.state
 
+    @property
+    def multipliers(self) -> np.ndarray:
+        """Multipliers (S, c) of what the last call of follow has added."""
+        return self._of_vectors.multipliers
+
     def share(self, i: int) -> float | None:
         """Size of what is left out of the deformation of body i over that of the prediction; None: not known."""
         return None if self._failure or not self._parts else float(self._of_vectors.shares[i])
