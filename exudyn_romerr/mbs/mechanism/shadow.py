@@ -122,7 +122,11 @@ class Shadow:
 
 
 def _copy(mbs: Any, shadow: Any, bodies: Sequence[EnrichedBody]) -> None:
-    """Add all items of the mbs to another one, but for sensors; bodies have vectors behind their modes there."""
+    """Add all items of the mbs to another one, but for sensors; bodies have vectors behind their modes there.
+
+    User functions find the variables that they know.
+    """
+    shadow.variables, shadow.sys = mbs.variables, mbs.sys
     system, wider = mbs.systemData, {body.flex.number: body for body in bodies}
     nodes = {int(mbs.GetObject(number)["nodeNumbers"][1]): body for number, body in wider.items()}
     for i in range(system.NumberOfNodes()):
