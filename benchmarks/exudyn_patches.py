@@ -273,8 +273,14 @@ EXAMPLES = {
             Truth(
                 "free, all modes",
                 ours(all_at_node("nTip")),
-                ((REDUCED, FREE.format(*LEFT, "3*len(fem.GetNodePositionsAsArray())-6") + "; " + REDUCED),),
-                (("fem.ComputePostProcessingModes(material=mat, outputVariableType=varType)", ""),),  # of other modes
+                (
+                    (
+                        REDUCED,
+                        "fem.postProcessingModes = {}; "  # of other modes
+                        + FREE.format(*LEFT, "3*len(fem.GetNodePositionsAsArray())-6")
+                        + f"; {REDUCED}",
+                    ),
+                ),
             ),
         ),
     ),
