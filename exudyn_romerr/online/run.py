@@ -46,7 +46,7 @@ class Run:
     """The bounds along one dynamic solve."""
 
     companion: Run | None = None  # of the trajectory with auxiliary vectors
-    is_static = False
+    is_static = begins_late = False  # late: errors before its first sample are in no bound
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
         self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
@@ -204,6 +204,7 @@ class Run:
             assumptions=self.assumptions(),
             nodes=self.node_bounds,
             messages=tuple(self.messages),
+            begins_late=self.begins_late,
             defect=self.defect,
             worst_mode=self._defect.worst_mode,
             tolerances=self.tolerances,

@@ -65,6 +65,7 @@ class RunRecord:
     assumptions: dict[str, str]
     nodes: Callable[[], dict[str, np.ndarray]]
     messages: tuple[str, ...]
+    begins_late: bool
     defect: float
     worst_mode: int
     tolerances: dict[str, float]
