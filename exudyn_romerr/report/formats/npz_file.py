@@ -22,12 +22,13 @@ FORMAT = 2  # of the saved file; a file of another format is refused
 
 def write_npz(report: ReportData, path: str | os.PathLike) -> None:
     """Write everything to one .npz file; InputError if it cannot be written."""
-    arrays, meta = _arrays(report), np.array(json.dumps(_meta(report)))
-    write_whole(path, lambda stream: np.savez_compressed(stream, meta=meta, **arrays))
+    arrays = arrays_of(report)
+    write_whole(path, lambda stream: np.savez_compressed(stream, **arrays))
 
 
-def _arrays(report: ReportData) -> dict[str, np.ndarray]:
-    arrays = {"t": report.t}
+def arrays_of(report: ReportData) -> dict[str, np.ndarray]:
+    """Return everything as plain arrays; "meta" is a text, in JSON."""
+    arrays = {"meta": np.array(json.dumps(_meta(report))), "t": report.t}
     arrays.update({f"position/{e}": x for e, x in report.position_bound.items()})
     arrays.update({f"velocity/{e}": x for e, x in report.velocity_bound.items()})
     if isinstance(report.nodes, dict):
@@ -40,8 +41,7 @@ def _arrays(report: ReportData) -> dict[str, np.ndarray]:
         for kind in DICTS:
             arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
     for i, body in enumerate(getattr(report, "bodies", ())):  # of a mechanism: whole reports
-        own = {"meta": np.array(json.dumps(_meta(body))), **_arrays(body)}
-        arrays.update({f"body/{i}/{key}": x for key, x in own.items()})
+        arrays.update({f"body/{i}/{key}": x for key, x in arrays_of(body).items()})
     return arrays
 
 
