@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from ...errors import InputError
-from ..data import Plan
+from ..data import NodeFields, Plan
 from ..mechanism_report import MechanismReport, OfBodies
 from ..report import BoundReport, OutputReport
-from .npz_file import DICTS, FORMAT, OPTIONAL
+from .npz_file import DICTS, FORMAT, NODE_DICTS, OPTIONAL
 
 
 def load_report(path: str | os.PathLike) -> BoundReport:
@@ -61,11 +61,19 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
         velocity_bound=bounds[1],
         outputs={out.name: out for out in outputs},
         plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
-        nodes=_under(arrays, "node/") or None,
+        nodes=_at_nodes(arrays),
         made=meta.get("made", {}),
         origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
     )
+
+
+def _at_nodes(arrays: dict) -> NodeFields | None:
+    if not (bound := _under(arrays, "node/")):
+        return None
+    found = {kind: _under(arrays, f"nodes/{kind}/") for kind in NODE_DICTS}
+    found["instant"] = {e: float(t) for e, t in found["instant"].items()}
+    return NodeFields(bound, positions=arrays.get("nodes/positions"), **found)
 
 
 def _bodies(arrays: dict, origin: str) -> tuple[BoundReport, ...]:
