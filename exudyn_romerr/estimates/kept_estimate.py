@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .time_step_error import TimeStep
 
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
+RESOLVED = 0.3  # of an estimate: beyond it is not resolved (estimates.md 4)
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
 
 
@@ -28,9 +29,13 @@ class KeptEstimate:
     samples counts from the start, and in a run of no more than FEW the check of steps is as large as what it checks.
     Where a check has ended, nothing is known: its half width is inf from there on. Of the largest of each part
     LINEARISED is what linear equations may have missed, beside what is handed over as "linearisation".
+
+    rings : outputs (r,), bool, that show what steps do not resolve more than others do: forces of constraints. Where
+    the check of steps is above RESOLVED of what it checks, it is as large as that.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rings: np.ndarray | bool = False) -> None:
+        self._rings = rings
         self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self._before: dict[str, np.ndarray] = {}  # largest (r,) of a run that this one goes on from
@@ -46,16 +51,19 @@ class KeptEstimate:
                 kept[name].cut(len(kept[name]) - replaced)
                 kept[name].append(rows)
 
-    def put_time_step(self, step: TimeStep, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    def put_time_step(
+        self, step: TimeStep, change: Callable[[np.ndarray], np.ndarray], more: np.ndarray | float = 0.0
+    ) -> None:
         """Take the error by time steps, which is of first order: what outputs move by in the second one checks it.
 
-        change : what outputs move by (S, r) where coordinates, rates and accelerations move by x (3, S, k).
+        change : what outputs move by (S, r) where coordinates, rates and accelerations move by x (3, S, k). more :
+        what is to be added to the estimate.
         """
         there, back = change(step.x), change(-step.x)
         sizes = {"steps": change(step.x2), "linearisation": (there + back) / 2}
         if step.loads is not None:
             sizes["loads"] = change(step.loads)
-        self.put({"time step": (back - there) / 2}, sizes, step.replaced)
+        self.put({"time step": (back - there) / 2 + more}, sizes, step.replaced)
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""
@@ -65,8 +73,10 @@ class KeptEstimate:
         parts = {cause: _filled(kept.read(), count, 0.0)[index] for cause, kept in self._parts.items()}
         none = np.zeros_like(next(iter(parts.values())))
         half_widths = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes}
-        if count <= FEW and not self._before and "steps" in half_widths:
-            half_widths["steps"] = np.maximum(half_widths["steps"], _filled(largest["time step"], count, 0.0)[index])
+        if "steps" in half_widths:
+            steps, checked = half_widths["steps"], _filled(largest["time step"], count, 0.0)[index]
+            is_rough = self._rings & (steps > RESOLVED * checked) | (count <= FEW and not self._before)
+            half_widths["steps"] = np.where(is_rough, np.maximum(steps, checked), steps)
         predicted = sum(_filled(largest[cause], count, np.inf)[index] for cause in self._parts)
         half_widths["linearisation"] = LINEARISED * predicted + half_widths.get("linearisation", 0.0)
         return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, half_widths)

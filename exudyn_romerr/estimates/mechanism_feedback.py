@@ -31,15 +31,21 @@ class Companion(Protocol):
     def columns(self, steps: Steps) -> Columns | None:
         """Its right-hand sides in the next of the steps, or None."""
 
-    def take(self, steps: Steps, found: np.ndarray) -> None:
-        """Take what these come to, (S, 4, k, columns)."""
+    def take(self, steps: Steps, found: np.ndarray, multipliers: np.ndarray) -> None:
+        """Take what these come to, (S, 4, k, columns), and the multipliers that go with them (S, c, columns)."""
 
 
 class Feedback:
-    """e, e' and e'' along a run that starts without error."""
+    """e, e' and e'' along a run that starts without error.
+
+    Attributes
+    ----------
+    multipliers : l (S, c) at the samples of the last call of start or advance.
+    """
 
     def __init__(self, scheme: Scheme):
         self._track = Track(scheme)
+        self._last: tuple | None = None  # what the last steps were made of
 
     def start(
         self, tangent: Tangent, force: np.ndarray, rest: np.ndarray | None = None, t: float | None = None
@@ -47,7 +53,8 @@ class Feedback:
         """Begin under the force (k,), without error or in equilibrium with `rest`, at t if not the tangent's time."""
         k = len(force)
         e = np.zeros(k) if rest is None else held(tangent.K, tangent, rest)
-        e_tt = held(tangent.M, tangent, force - tangent.K @ e)
+        e_tt, forces = solved(tangent.M, tangent, force - tangent.K @ e)
+        self.multipliers = forces[None]
         self.t = tangent.t if t is None else t
         self._moving = np.array([e, np.zeros(k), e_tt, e_tt])
 
@@ -70,18 +77,32 @@ class Feedback:
         others : what else goes through the same steps, some of them at a time.
         """
         found, speed = np.zeros((len(t), 4, force.shape[1])), np.zeros(len(t))
+        parts = [self.multipliers[:0]]
         for i, steps in self._track.steps(self.t, t, times, tangent):
             beside = [(other, columns) for other in others if (columns := other.columns(steps)) is not None]
             own = Columns(self._moving[..., None], force[i, :, None])
-            of_own, *of_others = steps.march(own, *(columns for _, columns in beside))
+            (of_own, forces), *of_others = steps.march(own, *(columns for _, columns in beside), multipliers=True)
             found[i] = of_own[..., 0]
+            parts.append(forces[..., 0])
             speed[i] = steps.speed(found[i, 1])
             self._moving = found[i.stop - 1]
             for (other, _), of_other in zip(beside, of_others, strict=True):
-                other.take(steps, of_other)
+                other.take(steps, *of_other)
+        self._last = self.t, t, times, tangent
         self.t = float(t[-1]) if len(t) else self.t
+        self.multipliers = np.concatenate(parts)
         check_size(found)
         return found[:, :3].swapaxes(0, 1), speed
+
+    def again(self, others: Sequence[Companion]) -> None:
+        """Let others go once more through the steps of the last `advance`."""
+        if self._last is None:
+            return
+        for _, steps in self._track.steps(*self._last):
+            beside = [(other, columns) for other in others if (columns := other.columns(steps)) is not None]
+            if beside:
+                for (other, _), found in zip(beside, steps.march(*(of for _, of in beside)), strict=True):
+                    other.take(steps, found)
 
 
 def check_size(found: np.ndarray) -> None:
@@ -94,10 +115,16 @@ def check_size(found: np.ndarray) -> None:
 
 def held(A: np.ndarray, tangent: Tangent, force: np.ndarray) -> np.ndarray:
     """Solve A x + G^T l = force, C x = 0 for x (k,)."""
+    return solved(A, tangent, force)[0]
+
+
+def solved(A: np.ndarray, tangent: Tangent, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same, for x (k,) and l (c,)."""
     c, k = tangent.G.shape
     scale = np.abs(np.diag(A)).max()
     whole = np.block([[A, scale * tangent.G.T], [scale * tangent.C, np.zeros((c, c))]])
     try:
-        return np.linalg.solve(whole, np.append(force, np.zeros(c)))[:k]
+        found = np.linalg.solve(whole, np.append(force, np.zeros(c)))
+        return found[:k], scale * found[k:]
     except np.linalg.LinAlgError as error:
         raise AssumptionError(SINGULAR) from error

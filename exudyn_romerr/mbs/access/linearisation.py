@@ -128,6 +128,11 @@ class Tangents:
         """What independent constraints keep zero (S, c), in rows of t, q, q_t, q_tt, multipliers."""
         return self.equations.drifts(mbs, rows)[:, self._rows]
 
+    @property
+    def independent(self) -> np.ndarray:
+        """Numbers (c,) of the constraints that are kept, among all."""
+        return self._rows
+
     def _read(self, mbs: Any, t: float) -> Reading:
         state = current_state(mbs.systemData)
         M, G = self.equations.mass(mbs), self._constraints(mbs, t)

@@ -109,6 +109,7 @@ class Reaction:
             watch.run.companion = run
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
+        self._feedback.multipliers = self._feedback.multipliers[-1:]
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
@@ -148,8 +149,10 @@ class Reaction:
             outputs.take_basis(watch.run, t, here, *moved)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
+        forces = [self._feedback.multipliers, *self._narrow.multipliers]
+        moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, e, narrow, self.time_step)
+            sensors.take(mbs, rows, moves, self.time_step)
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
