@@ -55,7 +55,8 @@ class EnrichedBody:
     m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
     if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal :
     coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors.
-    midpoint_residual : as asked for. note : line for the plan.
+    midpoint_residual : as asked for. note : line for the plan. flex, rayleigh, shapes (N, n + m) : the body as it
+    is in the mbs, its damping, its modes and vectors.
     """
 
     def __init__(
@@ -99,7 +100,8 @@ class EnrichedBody:
             (0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads
         ]
         self._force(body, V_y, found.P)
-        self._prepare(flex, body, np.hstack([V, P]), actions, support, scene, options)
+        self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
+        self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
     def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:
         """Matrices between the body's coordinates and P, and of P (m, m)."""
