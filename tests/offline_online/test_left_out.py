@@ -343,3 +343,21 @@ def test_solve_loads_nothing_that_draws(tmp_path):
     """Exudyn loads matplotlib's base by itself; no figures."""
     names = ("matplotlib.figure", "matplotlib.pyplot", "tkinter", "scipy.signal", "scipy.stats")
     assert loaded_after(SOLVED, names, tmp_path) == "[]"
+
+
+COUPLED = """
+import sys
+from models import mechanisms
+import exudyn_romerr as romerr
+scene = mechanisms.sprung_body(4, t_end=0.01)
+flex = romerr.floating_body(scene.fem, scene.bodies[0])
+monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("y", node=0, component="y")])
+scene.solve()
+assert "coupled (linearised)" in monitor.report().scope.values()
+"""
+
+
+def test_solve_of_a_mechanism_loads_no_slow_part_of_scipy(tmp_path):
+    """It would be as long as the run itself: scipy.interpolate takes 0.1 s."""
+    names = ("scipy.interpolate", "scipy.integrate", "scipy.optimize", "scipy.special", "scipy.signal", "scipy.stats")
+    assert loaded_after(COUPLED, names, tmp_path) == "[]"
