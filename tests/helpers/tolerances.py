@@ -134,5 +134,3 @@ FIRST_ORDER = 0.12
 SECOND_ORDER = 0.006
 # The same march in other parts: rounding of accelerations, which constraints solved for positions multiply by 1/h^2.
 MARCHED = 1e-8
-# Slopes of a cubic spline solved for in two ways, powers of the share against those of the time; measured 3e-15.
-SPLINES = 1e-13

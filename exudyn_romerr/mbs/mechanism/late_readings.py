@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...linalg.cubic_spline import spline_weights
 from ..access.linearisation import Reading, Tangents
 from ..access.state_guard import state_set
 
@@ -69,15 +68,16 @@ class LateReadings:
 
     def _interpolate(self) -> bool:
         """Compare q'' and multipliers of the rows with a spline through those of readings; K has one such."""
+        from scipy.interpolate import CubicSpline  # here, for it takes long to import
+
         readings = self._tangents.readings
         times, at = (
             [*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True)
         )
-        if len(times) < 2:
-            return False
-        self._weights = spline_weights(np.array(times), self._t)
-        self._moving = np.hstack(self._states[2:]) - self._weights @ np.array(at)
-        return True
+        self._spline = CubicSpline(times, np.eye(len(times))) if len(times) > 1 else None
+        if self._spline is not None:
+            self._moving = np.hstack(self._states[2:]) - self._spline(self._t) @ np.array(at)
+        return self._spline is not None
 
     def _read(self, rows: Sequence[int]) -> bool:
         """Whether there was something to read."""
@@ -144,13 +144,15 @@ class LateReadings:
         What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
         twice, if that is less.
         """
+        from scipy.integrate import cumulative_trapezoid  # here, for it takes long to import
+
         carried, scale = self._tangents.carried_near(self._t[interval.middle]), interval.scale
         x = self._moving[interval.rows]
         both = scale[carried.i] * scale[carried.j]
         matters = both * (np.abs(carried.by) @ np.abs(x).max(axis=0)) > OFF
         changes = np.vstack([x[:1] * 0, x, x[:1] * 0]) @ carried.by[matters].T
         t = np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]])
-        moved = _integrated(_integrated(changes, t), t)
+        moved = cumulative_trapezoid(cumulative_trapezoid(changes, t, axis=0, initial=0), t, axis=0, initial=0)
         light = 1 / np.sqrt(interval.last.masses)
         moved = np.abs(moved).max(axis=0, initial=0.0) * light[carried.i[matters]] * light[carried.j[matters]]
         found = np.abs(changes[1:-1]) * both[matters]
@@ -172,18 +174,11 @@ class LateReadings:
         t = self._t[row]
         with state_set(self._mbs.systemData, t, [x[row] for x in self._states]):
             off = self._tangents.differences(self._mbs, dq)
-        for weight, reading in zip(self._weights[row], self._tangents.readings, strict=True):
+        for weight, reading in zip(self._spline(t), self._tangents.readings, strict=True):
             off -= weight * (reading.K @ dq)
         carried = self._tangents.carried_near(t)
         np.subtract.at(off, carried.i, carried.by @ self._moving[row] * dq[carried.j])
         return off
-
-
-def _integrated(y: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Integrals from the first time on of y (S, ...), piecewise linear between times t (S,)."""
-    found = np.zeros_like(y)
-    np.cumsum((y[1:] + y[:-1]) * (np.diff(t) / 2)[:, None], axis=0, out=found[1:])
-    return found
 
 
 NOTE = (
