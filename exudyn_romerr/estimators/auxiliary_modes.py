@@ -115,9 +115,9 @@ class Auxiliary:
             cut[one],
         )
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
-        return self._bounds(*instant).outputs[0]
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant)
 
     def _bounds(self, z, states, growth, inexact, cut) -> Bounds:
         self._given = z, states, growth, inexact, cut

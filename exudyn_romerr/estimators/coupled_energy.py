@@ -85,9 +85,9 @@ class MechanismEnergy:
         """Return what bounds the outputs at entry i of the bounds returned last."""
         return tuple(x[i : i + 1] for x in self._given)
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
-        return self._bounds(*instant).outputs[0]
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
         self._given = z, g, cut
@@ -151,10 +151,10 @@ class CorrectedEnergy(MechanismEnergy):
         """Return what bounds the outputs at entry i of the bounds returned last."""
         return super().instant(i), Added(*(x[i : i + 1] for x in self._added[:3]))
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         rest, self._added = instant
-        return super().outputs_at(rest)
+        return super().bounds_at(rest)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
         rest, (q, q_t, speed, _) = super()._bounds(z, g, cut), self._added

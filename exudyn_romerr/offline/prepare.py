@@ -11,7 +11,7 @@ from ..checks import check_array, check_choice
 from ..errors import AssumptionError, InputError
 from ..estimators import ESTIMATORS
 from ..estimators.coupled_energy import CorrectedEnergy, MechanismEnergy
-from ..estimators.node_bounds import node_bounds
+from ..estimators.node_bounds import node_bounds, node_displacements
 from ..estimators.rotating_frame import Turning
 from ..estimators.static import StaticError
 from ..model.global_axes import View
@@ -108,6 +108,7 @@ def prepare(
         ),
         notes=tuple(filter(None, [scene.note, problem.split.modes.left_ringing if with_modes else None, blind])),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
+        moved=lambda q: (body.positions, node_displacements(problem, q)),
         static=lambda: StaticError(problem),
     )
 

@@ -38,8 +38,7 @@ class MechanismReport(BoundReport):
 
     bodies: tuple[BoundReport, ...] = ()
 
-    @property
-    def node_bound(self) -> dict[str, np.ndarray]:
+    def at_nodes(self) -> NoReturn:
         """InputError: those of report.bodies are meant."""
         raise InputError(ASK_BODIES.format("node_bound"))
 

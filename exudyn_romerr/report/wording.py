@@ -67,6 +67,12 @@ def widest(scope: dict[str, str]) -> list[str]:
     return [e for e in scope if scope[e] == widest_scope(scope)]
 
 
+def sharpest_at_nodes(report: ReportData) -> str:
+    """Return, of the estimators whose scope covers most, the one whose largest bound at a node is smallest."""
+    known = (e for e in widest(report.scope) if e in report.node_bound)
+    return min(known, key=lambda e: np.max(report.node_bound[e]))
+
+
 def best_estimator(out: OutputData, row: int, scope: dict[str, str]) -> str:
     """Return the estimator with the smallest bound, of those whose scope covers most."""
     return min(widest(scope), key=lambda e: largest(out.bound[e], row))
