@@ -103,6 +103,7 @@ class ElasticBody:
         if self.damping is not None:
             check_damping(self.D)
         self._modes: Modes | None = None
+        self._within: tuple[sp.csr_matrix, SymmetricFactor] | None = None
 
     @classmethod
     def from_fem(
@@ -163,6 +164,14 @@ class ElasticBody:
     def stiffness_factor(self) -> SymmetricFactor:
         """Factorisation of K on the free coordinates, made once."""
         return SymmetricFactor(self.K)
+
+    def stiffness_within(self, S: sp.csr_matrix) -> SymmetricFactor:
+        """Return the factorisation of S^T K S, S (n_free, k); that of the S asked for last is kept."""
+        kept, factor = self._within or (None, None)
+        if kept is None or kept.shape != S.shape or (kept != S).nnz:
+            factor = SymmetricFactor((S.T @ self.K @ S).tocsc())
+            self._within = S, factor
+        return factor
 
     def expand(self, values: np.ndarray) -> np.ndarray:
         """Return displacements of all N coordinates (N, ...) from those of the free ones."""

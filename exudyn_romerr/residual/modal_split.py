@@ -151,7 +151,7 @@ class Split:
     def PL(self) -> np.ndarray:
         """P^T [L, K q0, M q0'], with Omega^2 P^T M in place of P^T K, which cancels."""
         dual, omega, MP = self._dual, self.modes.omega, self.modes.body.M @ self.modes.P
-        PL = self.modes.P.T @ dual.map.L
+        PL = dual.map.seen_by(self.modes.P.T)
         PL[:, dual.map.coordinates.stiffness_slot] = omega[:, None] ** 2 * (MP.T @ dual.map.V)
         if dual.initial_state is None:
             return PL

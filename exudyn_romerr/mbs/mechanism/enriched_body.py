@@ -109,16 +109,15 @@ class EnrichedBody:
         alpha, beta = rayleigh
         self.M_PP, self.K_PP, self._M_VP, self.K_VP = P.T @ MP, P.T @ KP, V.T @ MP, V.T @ KP
         self.D_PP, self.D_VP = (alpha * M + beta * K for M, K in ((self.M_PP, self.K_PP), (self._M_VP, self.K_VP)))
-        MP, V, P = (X.reshape(nodes, 3, -1) for X in (MP, V, P))
-        self._pull = MP.sum(axis=0)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
-        self._arms = np.einsum("ai,ajm->ijm", flex.positions, MP)
-        self._of_V = np.einsum("ain,ajm->ijnm", V, MP, optimize=True)
-        self._of_P = np.einsum("ain,ajm->ijnm", P, MP, optimize=True)
+        MP, V, P = (np.ascontiguousarray(X).reshape(nodes, 3, -1).swapaxes(0, 1) for X in (MP, V, P))
+        self._pull = MP.sum(axis=1)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
+        self._arms = (flex.positions.T @ MP).swapaxes(0, 1)
+        self._of_V, self._of_P = (X[:, None].swapaxes(2, 3) @ MP[None] for X in (V, P))
 
     def _force(self, body: ElasticBody, V: np.ndarray, P: np.ndarray) -> None:
         """-P^T R = -P^T L z of the modes alone."""
         residual = ResidualMap(body, V, body.space.loads(self._terms.columns))
-        self._layout, self._forcing = residual.coordinates, -P.T @ residual.L
+        self._layout, self._forcing = residual.coordinates, -residual.seen_by(P.T)
 
     def _prepare(self, flex, body, V: np.ndarray, actions: Actions, support: Support, scene: Scene, options) -> None:
         terms = InputTerms(actions, support, flex, V)
