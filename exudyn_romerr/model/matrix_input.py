@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from ..checks import check_array, check_finite, check_numbers, real_array
 from ..errors import AssumptionError, InputError
-from ..linalg.symmetric_factor import SymmetricFactor
+from ..linalg.symmetric_factor import negative_eigenvalues
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -91,7 +91,7 @@ def is_dissipative(damping: sp.csc_matrix) -> bool:
     block = symmetric[active][:, active]
     # semidefinite is allowed: 1e-10 of the diagonal keeps rounding of zero eigenvalues from counting as negative
     lifted = block + 1e-10 * sp.diags(diagonal[active])
-    factor = SymmetricFactor(lifted)
-    if factor.complete:
-        return factor.negative_pivots == 0
+    negative = negative_eigenvalues(lifted)
+    if negative is not None:
+        return negative == 0
     return bool(np.linalg.eigvalsh(lifted.toarray())[0] >= 0)  # rare: a pivot of exactly zero

@@ -45,7 +45,7 @@ class Run:
     """The bounds along one dynamic solve."""
 
     companion: Run | None = None  # of the trajectory with auxiliary vectors
-    is_static = False
+    is_static = begins_late = False  # late: errors before its first sample are in no bound
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
         self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
@@ -203,6 +203,7 @@ class Run:
             assumptions=self.assumptions(),
             nodes=self.node_fields,
             messages=tuple(self.messages),
+            begins_late=self.begins_late,
             defect=self.defect,
             worst_mode=self._defect.worst_mode,
             tolerances=self.tolerances,

@@ -48,6 +48,11 @@ def is_balanced(run: RunRecord) -> bool:
     return run.offline.scene.checked and run.defect <= _limit(run)
 
 
+def is_certified(run: RunRecord) -> bool:
+    """Whether the run is balanced and its bounds hold from the start of the solve on."""
+    return is_balanced(run) and not run.begins_late
+
+
 def _limit(run: RunRecord) -> float:
     return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
 

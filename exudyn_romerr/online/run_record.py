@@ -67,6 +67,7 @@ class RunRecord:
     assumptions: dict[str, str]
     nodes: Callable[[], NodeFields]
     messages: tuple[str, ...]
+    begins_late: bool
     defect: float
     worst_mode: int
     tolerances: dict[str, float]

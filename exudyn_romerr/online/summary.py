@@ -12,7 +12,7 @@ from ..report.report import BoundReport, OutputReport
 from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in, unbounded
-from .run_messages import is_balanced, run_messages
+from .run_messages import is_certified, run_messages
 
 if TYPE_CHECKING:
     from ..model.global_axes import View
@@ -32,7 +32,7 @@ def assemble(run: RunRecord) -> BoundReport:
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=_output_reports(run, is_requested=True),
         scope={name: scene.scope_of(name) for name in total},
-        scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else NOT_CERTIFIED])),
+        scope_reason="; ".join(filter(None, [scene.reason, "" if is_certified(run) else NOT_CERTIFIED])),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
         plan=offline.plan,
         messages=run_messages(run),

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from ..linalg.eigenmodes import GAP, lowest_modes
 from ..linalg.oscillator import largest_decay_rate
-from ..linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor
+from ..linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
 
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
@@ -79,8 +79,7 @@ def _bound_of_ratio(K, K_r, ratio: float) -> float:
     """Raise the ratio until ratio K_r - K >= 0 is proved by its pivots."""
     while True:
         ratio *= 1 + 1e-6
-        factor = SymmetricFactor(ratio * K_r - K)
-        if factor.complete and factor.negative_pivots == 0:
+        if negative_eigenvalues(ratio * K_r - K) == 0:
             return ratio
 
 

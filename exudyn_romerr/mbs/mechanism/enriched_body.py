@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import scipy.sparse as sp
 
     from ...model.body import ElasticBody
+    from ...model.floating_frame import FrameMotion
     from ...offline.prepared import Offline
     from ...report.scope import Scene
     from ..floating.actions import Actions
@@ -173,7 +174,7 @@ class EnrichedBody:
         D += np.vstack([np.zeros((size, self.m)), self.D_VP, self.D_PP])
         K += np.vstack([np.zeros((size, self.m)), self.K_VP, self.K_PP])
         inputs = self._terms.values(self._actions, t, motion, *modal[:2])
-        K[:, 3:size] += rates.swapaxes(1, 2) @ self._moved_arms(inputs, w, S, arms, modal)
+        K[:, 3:size] += rates.swapaxes(1, 2) @ self._moved_arms(motion, inputs, S, arms, modal)
         D_rows, K_rows = self._by_the_frame(t, states)
         D_rows = np.concatenate([D_rows, self.D_VP.T - _contracted(w, self._of_V).swapaxes(1, 2)], axis=2)
         K_rows = np.concatenate(
@@ -188,9 +189,14 @@ class EnrichedBody:
         parts = [A @ turning @ self._pull, rates.swapaxes(1, 2) @ moment, of_modes, of_P]
         return np.concatenate([np.broadcast_to(part, (len(A), *part.shape[1:])) for part in parts], axis=1)
 
-    def _moved_arms(self, inputs: np.ndarray, w: np.ndarray, S: np.ndarray, arms: np.ndarray, modal) -> np.ndarray:
-        """Moments (T, 3, m) of inertia forces and loads of the reduced motion on nodes that P moves."""
-        b = inputs[:, :3] if self._terms.weighs else np.zeros((len(inputs), 3))
+    def _moved_arms(
+        self, motion: FrameMotion, inputs: np.ndarray, S: np.ndarray, arms: np.ndarray, modal
+    ) -> np.ndarray:
+        """Moments (T, 3, m) of inertia forces and loads of the reduced motion on nodes that P moves.
+
+        Not of gravity: Exudyn's LoadMassProportional turns a body by its undeformed mass centre.
+        """
+        b, w = motion.local(motion.r_tt), 2 * skew(motion.w)
         products = self._pull[:, None] * b[:, None, :, None] + np.einsum("tkl,tljm->tjkm", S, arms)
         rates = np.einsum("tn,ljnm->tljm", modal[1], self._of_V)
         products += np.einsum("tkl,tljm->tjkm", w, rates) + np.einsum("tn,kjnm->tjkm", modal[2], self._of_V)
