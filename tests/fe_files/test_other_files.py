@@ -289,9 +289,10 @@ def test_ansys_without_nodes(full):
     model = romerr.read_body(full)
     assert model.positions is None
     assert len(model.node_numbers) == 321
-    full.write_bytes(full.read_bytes()[:5000])
-    with pytest.raises(romerr.InputError, match=r"file\.full cannot be read as a \.full file"):
-        romerr.read_body(full)
+    for damaged, why in ((full.read_bytes()[:5000], "it is truncated"), (b"text", "")):
+        full.write_bytes(damaged)
+        with pytest.raises(romerr.InputError, match=rf"file\.full cannot be read as a \.full file: .*{why}"):
+            romerr.read_body(full)
 
 
 @pytest.mark.parametrize(
