@@ -9,13 +9,14 @@ import numpy as np
 
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
+from ...estimates.remainder import FACTOR
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
-from ..mechanism.measured_remainder import MeasuredRemainder
 from ..mechanism.output_estimates import OutputEstimates
+from .measured_remainder import MeasuredRemainder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,7 +54,7 @@ class Reaction:
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
-        self._remainder = MeasuredRemainder(tangents, self.parts, self.size)
+        self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors)
 
     def _left_out(self) -> list[np.ndarray]:
         """Vectors (size,) without which the prediction is made once more: to check it, and with rigid interfaces."""
@@ -65,7 +66,7 @@ class Reaction:
     @property
     def time_step(self) -> TimeStep | None:
         """Error by time steps of all coordinates, at the rows of the last call of open or advance, or None."""
-        return self._step_errors.found
+        return self._remainder.corrected(self._step_errors.found)
 
     def time_step_of(self, i: int) -> TimeStep | None:
         """The same of the frame, the modes and the vectors of body i."""
@@ -128,7 +129,7 @@ class Reaction:
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
         others = [steps, self._narrow]
-        self._remainder.begin(mbs, rows)
+        self._remainder.begin(mbs, rows, forces)
         e, speed = self._feedback.advance(
             rows[0], forces, extended.t, extended.__getitem__, others, [self._remainder]
         )
@@ -158,14 +159,14 @@ class Reaction:
         narrow = narrow if missed is None else narrow + missed.added
         for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
             here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
-            left = missed and [self._states(*part, none, x) for x in missed.left]
+            left = missed and [self._states(*part, none, x) for x in missed.left(FACTOR)]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, moves, self.time_step)
+            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left(FACTOR))
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
@@ -197,7 +198,7 @@ class Reaction:
         found = self._remainder.found
         of_all, *left = (
             tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
-            for of in (e, *(found.left if found else ()))
+            for of in (e, *(found.left(FACTOR) if found else ()))
         )
         return Added(*of_all, speed, left=left if found else None)
 
