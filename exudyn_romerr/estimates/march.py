@@ -143,8 +143,11 @@ class Steps:
         whole[k:, :k] *= scale
         return np.linalg.solve(whole, np.vstack([force, np.zeros((len(Q) - k, force.shape[1]))]))[:k]
 
-    def march(self, *parts: Columns) -> list[np.ndarray]:
-        """Go on from where the columns are; return e, e', e'' and algorithmic a (S, 4, k, columns) of each part."""
+    def march(self, *parts: Columns, multipliers: bool = False) -> list:
+        """Go on from where the columns are; return e, e', e'' and algorithmic a (S, 4, k, columns) of each part.
+
+        multipliers : whether l (S, c, columns) of the equations at the samples are returned beside them, in pairs.
+        """
         S, k = len(self), parts[0].moving.shape[1]
         ends = np.cumsum([part.moving.shape[2] for part in parts])
         right = np.zeros((S, len(self.wide[0]) if S else k, ends[-1]))
@@ -160,7 +163,11 @@ class Steps:
                 kicks[:, 0, :, own], kicks[:, 1, :, own] = part.kicks
             holds += [self._hold(column, J) for column, J in enumerate(part.held, own.start) if J.size]
         moving = np.concatenate([part.moving for part in parts], axis=2)
-        return np.split(self._marched(moving, right, kicks, holds), ends[:-1], axis=3)
+        found, z = self._marched(moving, right, kicks, holds)
+        all_found = np.split(found, ends[:-1], axis=3)
+        if not multipliers:
+            return all_found
+        return list(zip(all_found, np.split(z[:, k:], ends[:-1], axis=2), strict=True))
 
     def _hold(self, column: int, J: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
         """What holds coordinates J of a column at zero: their number, they, (S, k + c, J).
@@ -171,22 +178,27 @@ class Steps:
         B = np.array([inverse[:, J] for inverse in self.inverses])
         return column, J, B @ np.linalg.inv(B[:, J])
 
-    def _marched(self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None, holds: list) -> np.ndarray:
-        """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns)."""
+    def _marched(
+        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None, holds: list
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns).
+
+        Return what is found, and the solutions z (S, k + c, columns): increments, and l in their last rows.
+        """
         (S, _, columns), k, dot = right.shape, moving.shape[1], np.dot
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
         ahead[1:] = ahead[1:] @ onward[:-1]
-        found = np.empty((S, 4, k * columns))
+        found, solutions = np.empty((S, 4, k * columns)), np.empty(right.shape)
         known = found[:, :2].reshape(S, 2 * k, columns)
         kicked = None if kicks is None else kicks.reshape(known.shape)
         last = moving.reshape(4, -1)
         for i, (step, r, Q, inverse) in enumerate(zip(ahead, right, self.wide, self.inverses, strict=True)):
-            now = found[i]
+            now, z = found[i], solutions[i]
             dot(step, last, out=now[:3])
             if kicked is not None:
                 known[i] += kicked[i]
             r -= dot(Q[:, : 2 * k], known[i])
-            z = dot(inverse, r)
+            dot(inverse, r, out=z)
             for column, J, hold in holds:
                 z[:, column] -= dot(hold[i], z[J, column])
                 z[J, column] = 0.0  # but for rounding they are
@@ -198,4 +210,4 @@ class Steps:
             z += more
             now[3] = z[:k].ravel()
             last = now
-        return (onward @ found).reshape(S, 4, k, columns)
+        return (onward @ found).reshape(S, 4, k, columns), solutions

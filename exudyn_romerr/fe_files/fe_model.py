@@ -100,7 +100,7 @@ class FEModel:
             free solids.
         """
         # by name: what uses Exudyn stands above this folder
-        return import_module("exudyn_romerr.mbs.access.fem_export").fem_of(self)
+        return import_module("exudyn_romerr.mbs.studies.fem_export").fem_of(self)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to an .npz file that read_body reads again, faster than text; InputError if it cannot."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import Modes, lowest_modes
 from ..linalg.modal_damping import ModalDamping
+from ..linalg.oscillator import Constants
 from ..linalg.symmetric_factor import SymmetricFactor
 from .admissible_space import MassOrthogonal, MeanMotion, Space, checked_parts, condition_rows
 from .definiteness import check_damping, check_mass, check_masses, check_stiffness
@@ -23,18 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 ALL_MODES_LIMIT = 2000  # dense eigenproblem: above this the time and memory of the full spectrum are prohibitive
-
-
-@dataclass(frozen=True)
-class Constants:
-    """Suprema over time of the fundamental matrix' norms in the M-norm (paper, section 4).
-
-    C1 bounds |Phi(t)| of the first-order form (dimension mixed), C11 bounds |Phi11|, C12 (s) bounds |Phi12|.
-    """
-
-    C1: float
-    C11: float
-    C12: float
 
 
 class ElasticBody:
@@ -74,6 +62,7 @@ class ElasticBody:
 
     modal: ModalDamping | None = None
     _modes: Modes | None = None
+    _within: tuple[sp.csr_matrix, SymmetricFactor] | None = None
 
     def __init__(
         self,
@@ -173,6 +162,14 @@ class ElasticBody:
     def stiffness_factor(self) -> SymmetricFactor:
         """Factorisation of K on the free coordinates, made once."""
         return SymmetricFactor(self.K)
+
+    def stiffness_within(self, S: sp.csr_matrix) -> SymmetricFactor:
+        """Return the factorisation of S^T K S, S (n_free, k); that of the S asked for last is kept."""
+        kept, factor = self._within or (None, None)
+        if kept is None or kept.shape != S.shape or (kept != S).nnz:
+            factor = SymmetricFactor((S.T @ self.K @ S).tocsc())
+            self._within = S, factor
+        return factor
 
     def expand(self, values: np.ndarray) -> np.ndarray:
         """Return displacements of all N coordinates (N, ...) from those of the free ones."""

@@ -42,10 +42,20 @@ def precision(value: Any) -> float:
     return max(float(np.finfo(dtype).eps), DOUBLE) if single else DOUBLE
 
 
-def checked_inputs(inputs: Any, size: int) -> np.ndarray:
-    """Return the input matrix B (size, p); one column may come as a vector, None means no inputs."""
+def checked_inputs(inputs: Any, size: int) -> np.ndarray | sp.csc_matrix:
+    """Return the input matrix B (size, p); one column may come as a vector, None means no inputs.
+
+    Sparse ones, of which many columns are taken, stay sparse.
+    """
     if inputs is None:
         return np.zeros((size, 0))
+    if (
+        sp.issparse(inputs)
+        and inputs.shape[0] == size
+        and inputs.dtype.kind == "f"
+        and np.isfinite(inputs.data).all()
+    ):
+        return sp.csc_matrix(inputs, dtype=float)
     B = real_array("inputs", inputs)
     return check_array("inputs", B[:, None] if B.ndim == 1 else B, (size, None))
 

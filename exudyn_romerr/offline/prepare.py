@@ -85,7 +85,7 @@ def prepare(
         slices=tuple(problem.slices),
         velocity_rows=problem.rows.velocity_rows,
         value_rows=problem.rows.C @ V,
-        balance=Balance(problem.terms.coordinates, W.T @ problem.terms.L),
+        balance=Balance(problem.terms.coordinates, problem.terms.seen_by(W.T)),
         packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),

@@ -50,6 +50,7 @@ class RunRecord:
     nodes : fields at every node, on demand. messages : what was noted along the run.
     defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
     tolerances : output -> what its bound was asked to stay below, of those that were asked for.
+    remainder : see BoundReport.
     rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
     """
 
@@ -71,6 +72,7 @@ class RunRecord:
     defect: float
     worst_mode: int
     tolerances: dict[str, float]
+    remainder: dict[str, float]
     rounding_share: float | None
     largest_miss: float | None
 

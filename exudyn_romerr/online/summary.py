@@ -39,6 +39,7 @@ def assemble(run: RunRecord) -> BoundReport:
         time=run.time,
         total_mass=offline.total_mass,
         nodes=run.nodes,
+        remainder=run.remainder,
         made=made_here(),
     )
 

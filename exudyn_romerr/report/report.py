@@ -77,9 +77,10 @@ class BoundReport(ReportData):
     t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
     scope[e] : "complete" (loads and supports do not depend on the body's deformation), "coupled (linearised)" (they
     do, and the bound covers it to first order) or "inputs frozen" (they do; the bound holds for the full body under
-    those of this simulation). time : "reconstructed",
-    "sampled" or "static". messages : what the reader must know first. made : when, by which script and versions the
-    run was bounded. origin : the file it was saved to, or read from, last.
+    those of this simulation). time : "reconstructed", "sampled" or "static". remainder[e] : in a mechanism, size of
+    what linear equations leave out over that of the deformation that auxiliary vectors predict, as measured; empty
+    where it was not. messages : what the reader must know first. made : when, by which script and versions the run
+    was bounded. origin : the file it was saved to, or read from, last.
     """
 
     outputs: dict[str, OutputReport]

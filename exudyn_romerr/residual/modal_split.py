@@ -154,7 +154,7 @@ class Split:
     def PL(self) -> np.ndarray:
         """P^T [L, K q0, M q0'], with Omega^2 P^T M in place of P^T K, which cancels."""
         dual, omega, MP = self._dual, self.modes.omega, self.modes.body.M @ self.modes.P
-        PL = self.modes.P.T @ dual.map.L
+        PL = dual.map.seen_by(self.modes.P.T)
         coordinates, MPV = dual.map.coordinates, MP.T @ dual.map.V
         PL[:, coordinates.stiffness_slot] = omega[:, None] ** 2 * MPV
         if coordinates.has_damping:

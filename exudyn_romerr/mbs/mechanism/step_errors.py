@@ -76,8 +76,8 @@ class StepErrors:
         """Right-hand sides in the next of the steps."""
         return self._do(lambda error: error.columns(steps))
 
-    def take(self, steps: Steps, found: np.ndarray) -> None:
-        """Take what these come to."""
+    def take(self, steps: Steps, found: np.ndarray, multipliers: np.ndarray) -> None:
+        """Take what these come to; multipliers of steps ring, and are left out."""
         self._do(lambda error: error.take(steps, found))
 
     def finish(self) -> None:

@@ -54,8 +54,8 @@ def attach(
         Sensors on mesh nodes of a floating body; they give their output its name. Default: all of displacement,
         position or velocity that are there when a solve begins; in a mechanism, beside those in global axes, "NAME in
         the frame", which have a bound. Of a list of bodies: sensor numbers, which find their body, and
-        (flex, Output); default: all of these, and all sensors on no flexible body that show the motion. The latter
-        have an estimate and no bound; those of joint forces, loads and user functions are left out, see the plan.
+        (flex, Output); default: all of these, and all sensors on no flexible body that show motion or forces. The
+        latter have an estimate and no bound; those of loads and user functions are left out, see the plan.
     initial : None, ((N,), (N,)) or "equilibrium"
         State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
     jumps : sequence of float

@@ -14,6 +14,7 @@ from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
+from ..mechanism.measured_remainder import MeasuredRemainder
 from ..mechanism.output_estimates import OutputEstimates
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ class Reaction:
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
+        self._remainder = MeasuredRemainder(tangents, self.parts, self.size)
 
     def _left_out(self) -> list[np.ndarray]:
         """Vectors (size,) without which the prediction is made once more: to check it, and with rigid interfaces."""
@@ -79,6 +81,7 @@ class Reaction:
         if goes_on:
             self._feedback = before._feedback
             self._narrow.go_on(before._narrow)
+            self._remainder.go_on(mbs, before._remainder)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             t = float(first[0][0])
@@ -90,9 +93,10 @@ class Reaction:
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
-        e = self._feedback.state[:, None]
+            self._remainder.open(mbs, tangent, first, self._feedback.state[:, None])
+        e = (self._feedback.state + self._remainder.state)[:, None]
         runs, openings = [], []
-        for watch, (body, own) in zip(self._watches, self.parts, strict=True):
+        for i, (watch, (body, own)) in enumerate(zip(self._watches, self.parts, strict=True)):
             rest = watch.opening.rest
             after = watch.opening.before.companion if goes_on else None
             states, offline = self._states(body, own, first[1:], e), body.offline if after is None else after.offline
@@ -102,17 +106,19 @@ class Reaction:
             sample = (None if x is None else x[0] for x in body.sampler(first[0], *states))
             opening = runs[-1].opening(first[0][0], *sample, after=after, rest=rest)
             if rest is not None:
-                opening = opening._replace(start=replace(opening.start, added=self._added(body, own, e, np.zeros(1))))
+                opening = opening._replace(start=replace(opening.start, added=self._added(i, e, np.zeros(1))))
             openings.append(opening)
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
+        self._feedback.multipliers = self._feedback.multipliers[-1:]
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
         self._say(self._step_errors.notes)
+        self._say(self._remainder.notes)
 
     def advance(self, rows: tuple[np.ndarray, ...], mbs: Any) -> None:
         """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates), multipliers (S, ...)."""
@@ -122,18 +128,24 @@ class Reaction:
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
         others = [steps, self._narrow]
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others)
+        self._remainder.begin(mbs, rows)
+        e, speed = self._feedback.advance(
+            rows[0], forces, extended.t, extended.__getitem__, others, [self._remainder]
+        )
+        self._remainder.finish()
         steps.finish()
         self._tangents.forget()
         self._say(steps.notes)
+        self._say(self._remainder.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
-        for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
+        for i, (watch, run, (body, own)) in enumerate(zip(self._watches, runs, self.parts, strict=True)):
             sample = body.sampler(rows[0], *self._states(body, own, rows[1:], e))
             extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
             veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
             for block, _ in extension.segments.values():
-                block.added = self._added(body, own, e, speed)._replace(veer=veer)
+                block.added = self._added(i, e, speed)._replace(veer=veer)
             extensions.append(extension)
+            watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
             join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
@@ -142,14 +154,18 @@ class Reaction:
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        t, *states, _ = rows
+        (t, *states, _), none, missed = rows, [0 * x for x in rows[1:4]], self._remainder.found
+        narrow = narrow if missed is None else narrow + missed.added
         for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
             here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
-            outputs.take_basis(watch.run, t, here, *moved)
+            left = missed and [self._states(*part, none, x) for x in missed.left]
+            outputs.take_basis(watch.run, t, here, *moved, left=left)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
+        forces = [self._feedback.multipliers, *self._narrow.multipliers]
+        moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, e, narrow, self.time_step)
+            sensors.take(mbs, rows, moves, self.time_step)
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
@@ -175,9 +191,15 @@ class Reaction:
             samples.append((opening.first.q, none, none, opening.rest[None]))
         return self._forces(samples, 1)[0]
 
-    @staticmethod
-    def _added(body: EnrichedBody, own: slice, e: np.ndarray, speed: np.ndarray) -> Added:
-        return Added(*(np.hstack([x[:, body.modal], x[:, own]]) for x in e[:2]), speed)
+    def _added(self, i: int, e: np.ndarray, speed: np.ndarray) -> Added:
+        """What is added to body i, and what that may lack."""
+        body, own = self.parts[i]
+        found = self._remainder.found
+        of_all, *left = (
+            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
+            for of in (e, *(found.left if found else ()))
+        )
+        return Added(*of_all, speed, left=left if found else None)
 
     @staticmethod
     def _states(body: EnrichedBody, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
