@@ -61,12 +61,13 @@ class FEModel:
         fixed: str | Sequence[str | int] = (),
         reference: Any = None,
         damping: Any = None,
+        modal_damping: float | Sequence[float] | None = None,
     ) -> ElasticBody:
         """Return an ElasticBody of these matrices; what the file holds is fixed, too.
 
         Parameters
         ----------
-        rayleigh, reference, damping
+        rayleigh, reference, damping, modal_damping
             As ElasticBody takes them.
         fixed : str or sequence of str or int
             Names of node sets, all coordinates of whose nodes are fixed, and numbers of coordinates.
@@ -79,7 +80,8 @@ class FEModel:
         names = [fixed] if isinstance(fixed, str) else list(fixed)
         dofs = [self.held, *(self._coordinates(x) if isinstance(x, str) else [x] for x in names)]
         fixed = np.unique(np.concatenate([np.asarray(x, dtype=float) for x in dofs]))
-        return ElasticBody(self.mass, self.stiffness, rayleigh, damping, fixed, self.positions, reference)
+        held = {"fixed": fixed, "reference": reference, "positions": self.positions}
+        return ElasticBody(self.mass, self.stiffness, rayleigh, damping, **held, modal_damping=modal_damping)
 
     def node(self, number: int) -> int:
         """Return the index of the node that the file calls `number`; InputError if it has none such."""
@@ -98,7 +100,7 @@ class FEModel:
             free solids.
         """
         # by name: what uses Exudyn stands above this folder
-        return import_module("exudyn_romerr.mbs.access.fem_export").fem_of(self)
+        return import_module("exudyn_romerr.mbs.studies.fem_export").fem_of(self)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to an .npz file that read_body reads again, faster than text; InputError if it cannot."""

@@ -77,6 +77,16 @@ def checked_rayleigh(rayleigh: Sequence[float] | None) -> tuple[float, float]:
     return float(alpha), float(beta)
 
 
+def checked_ratios(ratios: Any, size: int) -> np.ndarray:
+    """Damping ratios of the lowest modes (k,), or of all ()."""
+    ratios = check_array("modal_damping", ratios, () if np.ndim(ratios) == 0 else (None,))
+    if ratios.ndim and not 1 <= ratios.size <= size:
+        raise InputError(f"modal_damping has {ratios.size} ratios; allowed: 1..{size} (modes), or a number for all")
+    if np.any(ratios < 0):
+        raise AssumptionError(f"modal_damping has a ratio {ratios.min():g}: it feeds energy in; ratios must be >= 0")
+    return ratios
+
+
 def checked_positions(positions: Any, size: int) -> np.ndarray | None:
     if positions is None:
         return None

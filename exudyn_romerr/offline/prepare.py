@@ -118,7 +118,7 @@ def _checked_estimators(estimators: Any, body: ElasticBody, scene: Scene) -> tup
     if isinstance(estimators, str) and estimators == "auto":
         if scene.feedback:
             return ("auxiliary",)
-        return ("energy", "auxiliary") if body.rayleigh is not None else ("fast", "energy")
+        return ("energy", "auxiliary") if body.proportional is not None else ("fast", "energy")
     return checked_names(estimators)
 
 

@@ -23,10 +23,8 @@ from .wording import (
     advises,
     at_round_off,
     corrected_within,
+    estimator_lines,
     outside,
-    rounded_up,
-    scope_lines,
-    under,
     widest_scope,
 )
 
@@ -185,13 +183,7 @@ class BoundReport(ReportData):
         return "\n".join(lines + self._estimator_lines())
 
     def _estimator_lines(self) -> list[str]:
-        divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
-        what = "error in the mass norm" if self.total_mass is None else "mass-weighted RMS error of position"
-        return [
-            f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
-            f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
-            for e, bound in self.position_bound.items()
-        ] + [f"  {line}" for line in scope_lines(self)]
+        return estimator_lines(self)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn).

@@ -111,6 +111,17 @@ def instant(time: str, t: float) -> str:
     return f"load factor {t:.4g}" if time == "static" else f"t = {t:.4g} s"
 
 
+def estimator_lines(report: ReportData) -> list[str]:
+    """Return a line for each estimator: its scope, the error of the whole body, what it assumes; then scope_lines."""
+    divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
+    what = "error in the mass norm" if report.total_mass is None else "mass-weighted RMS error of position"
+    return [
+        f"  {e:<13} scope {report.scope[e]}; {what}{under(report.scope, e)} <= "
+        f"{rounded_up(np.max(bound) / divisor)}; {report.reasons[e]}"
+        for e, bound in report.position_bound.items()
+    ] + [f"  {line}" for line in scope_lines(report)]
+
+
 def scope_lines(report: ReportData) -> list[str]:
     """Return what the bounds cover and where that is explained, the full model that is the truth, the remainder."""
     scope = widest_scope(report.scope)

@@ -48,6 +48,11 @@ class Coordinates:
         return slice(0, self.n)
 
     @property
+    def damping_slot(self) -> slice:
+        """Entries that multiply D V, if there are such."""
+        return slice(self.n, 2 * self.n)
+
+    @property
     def stiffness_slot(self) -> slice:
         """Entries that multiply K V."""
         return slice(self.n * (1 + self.has_damping), self.n * (2 + self.has_damping))

@@ -715,6 +715,5 @@ def test_page_runs(tmp_path, monkeypatch):
     names = {}
     for block in CODE:
         exec(block, names)
-    assert {path.name for path in tmp_path.iterdir()} == set(
-        re.findall(r'"(\w+\.(?:png|svg|pdf|vtu))"', "".join(CODE))
-    )
+    named = set(re.findall(r'"(\w+\.(?:png|svg|pdf|vtu))"', "".join(CODE)))
+    assert {path.name for path in tmp_path.iterdir()} == named
