@@ -28,11 +28,16 @@ class KeptEstimate:
     samples counts from the start, and in a run of no more than FEW the check of steps is as large as what it checks.
     Where a check has ended, nothing is known: its half width is inf from there on. Of the largest of each part
     LINEARISED is what linear equations may have missed, beside what is handed over as "linearisation".
+
+    Attributes
+    ----------
+    left : a bound (S, r) of what estimates leave, of outputs in global axes that have one; inf elsewhere.
     """
 
     def __init__(self) -> None:
         self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
+        self.left = GrowingArray()
         self._before: dict[str, np.ndarray] = {}  # largest (r,) of a run that this one goes on from
 
     def go_on(self, before: KeptEstimate) -> None:

@@ -201,6 +201,7 @@ class Run:
             **self._recorded.read(self._settled),
             streams=self.streams(),
             estimate=self.estimate.read(self._settled),
+            left=self.estimate.left.read()[self._settled],
             assumptions=self.assumptions(),
             nodes=self.node_bounds,
             messages=tuple(self.messages),

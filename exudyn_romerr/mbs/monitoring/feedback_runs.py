@@ -10,21 +10,26 @@ import numpy as np
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...model.floating_frame import Veer
-from ...online.coupled_runs import join_extensions, joined_openings
+from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
 from ...online.run import Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
+from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.output_estimates import OutputEstimates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ...estimates.time_step_error import TimeStep
-    from ..access.linearisation import Tangents
+    from ...trajectory.samples import Extension
+    from ..access.linearisation import Reading, Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors
     from .body_monitor import Watch
+
+STREAM = "reduction"  # of a mechanism's bounds, which are those at samples
+NO_POSITIONS = "positions in global axes have an estimate only: {}"
 
 
 class Reaction:
@@ -52,6 +57,8 @@ class Reaction:
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
+        coupled = bool(watches) and all(watch.is_coupled for watch in watches)
+        self._positions = GlobalPositions.of(self.parts, self.size) if coupled else None
 
     def _left_out(self) -> list[np.ndarray]:
         """Vectors (size,) without which the prediction is made once more: to check it, and with rigid interfaces."""
@@ -82,9 +89,8 @@ class Reaction:
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             t = float(first[0][0])
-            tangent = ExtendedTangents(
-                [reading for reading in self._tangents.readings if reading.t <= t][-1:], self.size, self.parts
-            )[0]
+            readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
+            tangent = ExtendedTangents(readings, self.size, self.parts)[0]
             samples = [watch.sampled(*first) for watch in self._watches]
             start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
             self._feedback.start(*start, t)
@@ -107,6 +113,7 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
+        self._open_positions(before if goes_on else None, first, () if goes_on else readings)
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
@@ -124,7 +131,6 @@ class Reaction:
         others = [steps, self._narrow]
         e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others)
         steps.finish()
-        self._tangents.forget()
         self._say(steps.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
         for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
@@ -136,9 +142,40 @@ class Reaction:
             extensions.append(extension)
         if extensions:
             join_extensions(runs, extensions)
+            self._advance_positions(rows, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
+        self._tangents.forget()
         self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
+
+    def _open_positions(
+        self, before: Reaction | None, first: Sequence[np.ndarray], readings: Sequence[Reading]
+    ) -> None:
+        """Begin with what is left of positions in global axes."""
+        if self._positions is None:
+            return
+        g = shared_energy(self._watches[0].run.companion, STREAM).g
+        if before is not None:
+            self._positions.go_on(before._positions)
+        else:
+            self._positions.start(float(first[0][0]), readings, g, self._forces_at_rest() is not None)
+        self._keep_left(self._positions.opened(first[1], g))
+
+    def _advance_positions(self, rows: Sequence[np.ndarray], extensions: Sequence[Extension]) -> None:
+        """Go on with what is left of positions in global axes; before the runs do."""
+        if self._positions is None:
+            return
+        energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
+        blocks = [extension.segments[STREAM][0] for extension in extensions]
+        g = energies[0].g + np.cumsum(blocks[0].joint)
+        impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
+        self._keep_left(self._positions.advance(self._tangents.readings, *rows[:2], g, impulses))
+
+    def _keep_left(self, left: list[np.ndarray]) -> None:
+        for watch, rows in zip(self._watches, left, strict=True):
+            watch.run.estimate.left.append(rows)
+        if self._positions.failure:
+            self._say([NO_POSITIONS.format(self._positions.failure)])
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
