@@ -51,6 +51,17 @@ class Equations(NamedTuple):
     C: np.ndarray
 
 
+def cubic(y: np.ndarray, z: np.ndarray, y_t: np.ndarray, z_t: np.ndarray, h: float, after: float) -> np.ndarray:
+    """Value and two derivatives (3, ...) a time after y of the cubic to z with these rates; straight if h is 0."""
+    if h == 0:
+        return np.array([y + after * y_t, y_t, np.zeros_like(y)])
+    s, change, slope = after / h, z - y, h * y_t
+    bend = h * (y_t + z_t) - 2 * change
+    square = change - slope - bend
+    value, rate = y + s * (slope + s * (square + s * bend)), slope + s * (2 * square + 3 * s * bend)
+    return np.array([value, rate / h, (2 * square + 6 * s * bend) / h**2])
+
+
 class Deformations(NamedTuple):
     """What rows of a body's deformations can be at most, where their energy is bounded.
 
@@ -105,12 +116,14 @@ class RigidMotion:
             self._tau[0] = 2 * g
             self._W[0, : self.freedoms, : self.freedoms] = 2 * g * still @ self._flexibility @ still.T
 
-    def advance(self, h: float, ends: tuple[Equations, Equations], g: float, impulse: float) -> bool:
+    def advance(self, h: float, ends: tuple[Equations | None, Equations], g: float, impulse: float) -> bool:
         """Go on by a time h between two instants; return whether there are the same freedoms.
 
-        g, impulse : the largest energy, and the integral of |F|_{M^-1}, in it.
+        ends : None for the first is the last of before. g, impulse : the largest energy, and the integral of
+        |F|_{M^-1}, in this time.
         """
-        first, last = (Instant(at, self._rigid, self._elastic) for at in ends)
+        first = self._here if ends[0] is None else Instant(ends[0], self._rigid, self._elastic)
+        last = self._here = Instant(ends[1], self._rigid, self._elastic)
         counts = {round(np.trace(of.free)) for at in (first, last) for of in (at.of_G, at.of_C)}
         if counts != {self.freedoms}:
             return False
@@ -137,8 +150,8 @@ class RigidMotion:
         """Bounds (R,) of rows (R, r) of what the freedoms move rigid coordinates by."""
         x = rows @ self._Z
         f = self.freedoms
-        squares = np.einsum("ij,njk,ik->in", x, self._W[:, :f, :f], x)
-        return np.sqrt(np.maximum(squares, 0.0) * self._tau).sum(axis=1)
+        squares = np.sum((x @ self._W[:, :f, :f]) * x, axis=2)
+        return np.sqrt(np.maximum(squares, 0.0) * self._tau[:, None]).sum(axis=0)
 
 
 class _Projector(NamedTuple):

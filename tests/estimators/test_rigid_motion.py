@@ -82,11 +82,10 @@ def bounded(system, g, impulses, u):
     motion.start(at, g[0], rests=False)
     sizes, followed = [], []
     for i in range(NODES):
-        after = system.equations(t[i + 1])
-        assert motion.advance(t[i + 1] - t[i], (at, after), g[i + 1], impulses[i])
+        ends = None if i else at, system.equations(t[i + 1])
+        assert motion.advance(t[i + 1] - t[i], ends, g[i + 1], impulses[i])
         sizes.append(motion.sizes(np.eye(RIGID)))
         followed.append(motion.follows @ u[i + 1])
-        at = after
     return np.array(sizes), np.array(followed)
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from ...estimates.time_step_error import TimeStep
     from ...trajectory.samples import Extension
-    from ..access.linearisation import Reading, Tangents
+    from ..access.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors
@@ -90,7 +90,8 @@ class Reaction:
         else:
             t = float(first[0][0])
             readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
-            tangent = ExtendedTangents(readings, self.size, self.parts)[0]
+            extended = ExtendedTangents(readings, self.size, self.parts)
+            tangent = extended[0]
             samples = [watch.sampled(*first) for watch in self._watches]
             start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
             self._feedback.start(*start, t)
@@ -113,7 +114,7 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
-        self._open_positions(before if goes_on else None, first, () if goes_on else readings)
+        self._open_positions(before if goes_on else None, first, None if goes_on else (extended, readings))
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
@@ -142,15 +143,13 @@ class Reaction:
             extensions.append(extension)
         if extensions:
             join_extensions(runs, extensions)
-            self._advance_positions(rows, extensions)
+            self._advance_positions(extended, tuple(rows[:2]), extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
         self._tangents.forget()
         self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
 
-    def _open_positions(
-        self, before: Reaction | None, first: Sequence[np.ndarray], readings: Sequence[Reading]
-    ) -> None:
+    def _open_positions(self, before: Reaction | None, first: Sequence, read: tuple | None) -> None:
         """Begin with what is left of positions in global axes."""
         if self._positions is None:
             return
@@ -158,10 +157,10 @@ class Reaction:
         if before is not None:
             self._positions.go_on(before._positions)
         else:
-            self._positions.start(float(first[0][0]), readings, g, self._forces_at_rest() is not None)
+            self._positions.start(float(first[0][0]), *read, g, self._forces_at_rest() is not None)
         self._keep_left(self._positions.opened(first[1], g))
 
-    def _advance_positions(self, rows: Sequence[np.ndarray], extensions: Sequence[Extension]) -> None:
+    def _advance_positions(self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension]) -> None:
         """Go on with what is left of positions in global axes; before the runs do."""
         if self._positions is None:
             return
@@ -169,7 +168,7 @@ class Reaction:
         blocks = [extension.segments[STREAM][0] for extension in extensions]
         g = energies[0].g + np.cumsum(blocks[0].joint)
         impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
-        self._keep_left(self._positions.advance(self._tangents.readings, *rows[:2], g, impulses))
+        self._keep_left(self._positions.advance(tangents, self._tangents.readings, steps, g, impulses))
 
     def _keep_left(self, left: list[np.ndarray]) -> None:
         for watch, rows in zip(self._watches, left, strict=True):
