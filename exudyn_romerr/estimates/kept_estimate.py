@@ -39,6 +39,7 @@ class KeptEstimate:
     Attributes
     ----------
     remainder : share of the latter in the deformation that vectors predict; None: it was not measured.
+    left : a bound (S, r) of what estimates leave, of outputs in global axes that have one; inf elsewhere.
     """
 
     def __init__(self, rings: np.ndarray | bool = False) -> None:
@@ -46,6 +47,7 @@ class KeptEstimate:
         self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self.remainder: float | None = None
+        self.left = GrowingArray()
         self._before: dict[str, np.ndarray] = {}  # largest (r,) of a run that this one goes on from
 
     def go_on(self, before: KeptEstimate) -> None:
@@ -75,9 +77,9 @@ class KeptEstimate:
         self.put({"time step": (back - there) / 2 + more}, sizes, step.replaced)
 
     def record(self, index: slice) -> dict[str, Any]:
-        """Return the fields `estimate` and `remainder` of a RunRecord."""
+        """Return the fields `estimate`, `left` and `remainder` of a RunRecord."""
         share = {} if self.remainder is None else {"auxiliary": self.remainder}
-        return {"estimate": self.read(index), "remainder": share}
+        return {"estimate": self.read(index), "left": self.left.read()[index], "remainder": share}
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""

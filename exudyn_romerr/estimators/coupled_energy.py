@@ -87,9 +87,9 @@ class MechanismEnergy:
         """Return what bounds the outputs at entry i of the bounds returned last."""
         return tuple(x[i : i + 1] for x in self._given)
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
-        return self._bounds(*instant).outputs[0]
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
         self._given = z, g, cut
@@ -135,9 +135,14 @@ class CorrectedEnergy(MechanismEnergy):
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
-        pieces, force = super().variations(block), self._unbalanced(block)
-        pieces[:, -1] += block.h * np.maximum(force, np.append(self._force, force[:-1]))
+        pieces = super().variations(block)
+        pieces[:, -1] += self.impulses(block)
         return pieces
+
+    def impulses(self, block: Block) -> np.ndarray:
+        """Integrals (S,) of forces of second order over the segments of the next block, |.|_{M^-1}."""
+        force = self._unbalanced(block)
+        return block.h * np.maximum(force, np.append(self._force, force[:-1]))
 
     def _unbalanced(self, block: Block) -> np.ndarray:
         """Inertia forces (S,) of second order in du at the ends of the segments, |.|_{M^-1}."""
@@ -156,10 +161,10 @@ class CorrectedEnergy(MechanismEnergy):
         left = None if left is None else [tuple(x[i : i + 1] for x in states) for states in left]
         return super().instant(i), Added(*(x[i : i + 1] for x in self._added[:3]), left=left)
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         rest, self._added = instant
-        return super().outputs_at(rest)
+        return super().bounds_at(rest)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
         rest, added = super()._bounds(z, g, cut), self._added

@@ -68,6 +68,12 @@ def widest(scope: dict[str, str]) -> list[str]:
     return [e for e in scope if scope[e] == widest_scope(scope)]
 
 
+def sharpest_at_nodes(report: ReportData) -> str:
+    """Return, of the estimators whose scope covers most, the one whose largest bound at a node is smallest."""
+    known = (e for e in widest(report.scope) if e in report.node_bound)
+    return min(known, key=lambda e: np.max(report.node_bound[e]))
+
+
 def best_estimator(out: OutputData, row: int, scope: dict[str, str]) -> str:
     """Return the estimator with the smallest bound, of those whose scope covers most."""
     return min(widest(scope), key=lambda e: largest(out.bound[e], row))
@@ -103,6 +109,17 @@ def error_kind(time: str) -> str:
 def instant(time: str, t: float) -> str:
     """Return in words where in a run, or in a static solve, something is."""
     return f"load factor {t:.4g}" if time == "static" else f"t = {t:.4g} s"
+
+
+def estimator_lines(report: ReportData) -> list[str]:
+    """Return a line for each estimator: its scope, the error of the whole body, what it assumes; then scope_lines."""
+    divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
+    what = "error in the mass norm" if report.total_mass is None else "mass-weighted RMS error of position"
+    return [
+        f"  {e:<13} scope {report.scope[e]}; {what}{under(report.scope, e)} <= "
+        f"{rounded_up(np.max(bound) / divisor)}; {report.reasons[e]}"
+        for e, bound in report.position_bound.items()
+    ] + [f"  {line}" for line in scope_lines(report)]
 
 
 def scope_lines(report: ReportData) -> list[str]:

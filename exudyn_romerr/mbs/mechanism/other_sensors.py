@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ...report.report import OutputReport
     from ..access.linearisation import Reading, Tangents
 
+COORDINATES = exu.OutputVariableType.Coordinates
 NOT_COUPLED = "the linearised mechanism, which tells how it moves, is not to be had: see the scope of the bodies"
 CHANGED = (
     "the mbs was changed meanwhile (by a PostStep function, or after the solve): it is not read in stored states"
@@ -34,14 +35,15 @@ class OtherSensors:
     """Reads sensors in states of a run, as computed and as errors move them; their derivatives are not needed.
 
     asked : numbers of sensors, None: all that the mbs has. bodies : with `number`, sensors on which are left to them.
+    linear : numbers of the nodes of linear bodies, sensors on which are left out.
 
     Attributes
     ----------
     left_out : (name, why) of sensors without estimate in the last solve. records : of all solves.
     """
 
-    def __init__(self, asked: Collection[int] | None, bodies: Sequence[Any]):
-        self._asked, self._bodies = asked, bodies
+    def __init__(self, asked: Collection[int] | None, bodies: Sequence[Any], linear: Sequence[int] = ()):
+        self._asked, self._bodies, self._linear = asked, bodies, linear
         self.left_out: list[tuple[str, str]] = []
         self.sensors: list[Sensor] = []
         self.records: list[SensorRecord] = []
@@ -57,6 +59,9 @@ class OtherSensors:
         is_coupled : whether a linearised mechanism tells how coordinates move; tangents : of this, if there are some.
         """
         shared = np.zeros(0, int) if tangents is None else tangents.equations.shared(mbs)
+        linear = [
+            mbs.GetNodeODE2Index(i) + j for i in self._linear for j in range(len(mbs.GetNodeOutput(i, COORDINATES)))
+        ]
         sensors: list[Sensor] = []
         left_out: list[tuple[str, str]] = []
         for number in range(mbs.systemData.NumberOfSensors()) if self._asked is None else self._asked:
@@ -64,7 +69,7 @@ class OtherSensors:
             if any(is_on(mbs, body, sensor) for body in self._bodies):
                 continue
             try:
-                found = sensor_or_reason(mbs, number, shared)
+                found = sensor_or_reason(mbs, number, shared, linear)
             except Exception as error:
                 found = f"it cannot be read: {error}"
             if isinstance(found, Sensor) and is_coupled:

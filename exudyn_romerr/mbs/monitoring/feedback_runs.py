@@ -11,10 +11,11 @@ from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.remainder import FACTOR
 from ...model.floating_frame import Veer
-from ...online.coupled_runs import join_extensions, joined_openings
+from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
 from ...online.run import Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
+from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.output_estimates import OutputEstimates
 from .measured_remainder import MeasuredRemainder
 
@@ -22,11 +23,15 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ...estimates.time_step_error import TimeStep
+    from ...trajectory.samples import Extension
     from ..access.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors
     from .body_monitor import Watch
+
+STREAM = "reduction"  # of a mechanism's bounds, which are those at samples
+NO_POSITIONS = "positions in global axes have an estimate only: {}"
 
 
 class Reaction:
@@ -55,6 +60,8 @@ class Reaction:
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
         self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors)
+        coupled = bool(watches) and all(watch.is_coupled for watch in watches)
+        self._positions = GlobalPositions.of(self.parts, self.size) if coupled else None
 
     def _left_out(self) -> list[np.ndarray]:
         """Vectors (size,) without which the prediction is made once more: to check it, and with rigid interfaces."""
@@ -86,9 +93,9 @@ class Reaction:
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             t = float(first[0][0])
-            tangent = ExtendedTangents(
-                [reading for reading in self._tangents.readings if reading.t <= t][-1:], self.size, self.parts
-            )[0]
+            readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
+            extended = ExtendedTangents(readings, self.size, self.parts)
+            tangent = extended[0]
             samples = [watch.sampled(*first) for watch in self._watches]
             start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
             self._feedback.start(*start, t)
@@ -112,6 +119,7 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
+        self._open_positions(before if goes_on else None, first, None if goes_on else (extended, readings))
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
         self._feedback.multipliers = self._feedback.multipliers[-1:]
@@ -135,7 +143,6 @@ class Reaction:
         )
         self._remainder.finish()
         steps.finish()
-        self._tangents.forget()
         self._say(steps.notes)
         self._say(self._remainder.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
@@ -149,9 +156,38 @@ class Reaction:
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
             join_extensions(runs, extensions)
+            self._advance_positions(extended, tuple(rows[:2]), extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
+        self._tangents.forget()
         self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
+
+    def _open_positions(self, before: Reaction | None, first: Sequence, read: tuple | None) -> None:
+        """Begin with what is left of positions in global axes."""
+        if self._positions is None:
+            return
+        g = shared_energy(self._watches[0].run.companion, STREAM).g
+        if before is not None:
+            self._positions.go_on(before._positions)
+        else:
+            self._positions.start(float(first[0][0]), *read, g, self._forces_at_rest() is not None)
+        self._keep_left(self._positions.opened(first[1], g))
+
+    def _advance_positions(self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension]) -> None:
+        """Go on with what is left of positions in global axes; before the runs do."""
+        if self._positions is None:
+            return
+        energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
+        blocks = [extension.segments[STREAM][0] for extension in extensions]
+        g = energies[0].g + np.cumsum(blocks[0].joint)
+        impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
+        self._keep_left(self._positions.advance(tangents, self._tangents.readings, steps, g, impulses))
+
+    def _keep_left(self, left: list[np.ndarray]) -> None:
+        for watch, rows in zip(self._watches, left, strict=True):
+            watch.run.estimate.left.append(rows)
+        if self._positions.failure:
+            self._say([NO_POSITIONS.format(self._positions.failure)])
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
