@@ -9,7 +9,6 @@ import numpy as np
 
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
-from ...estimates.remainder import FACTOR
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
 from ...online.run import Run
@@ -195,14 +194,14 @@ class Reaction:
         narrow = narrow if missed is None else narrow + missed.added
         for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
             here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
-            left = missed and [self._states(*part, none, x) for x in missed.left(FACTOR)]
+            left = missed and [self._states(*part, none, x) for x in missed.left()]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left(FACTOR))
+            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left())
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
@@ -234,7 +233,7 @@ class Reaction:
         found = self._remainder.found
         of_all, *left = (
             tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
-            for of in (e, *(found.left(FACTOR) if found else ()))
+            for of in (e, *(found.left() if found else ()))
         )
         return Added(*of_all, speed, left=left if found else None)
 
