@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from .time_step_error import TimeStep
 
+PASSES = "passes"
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
 
@@ -27,7 +28,8 @@ class KeptEstimate:
     a difference passes zero. In the first samples of a run differences say less than later: the largest of FIRST
     samples counts from the start, and in a run of no more than FEW the check of steps is as large as what it checks.
     Where a check has ended, nothing is known: its half width is inf from there on. Of the largest of each part
-    LINEARISED is what linear equations may have missed, beside what is handed over as "linearisation".
+    LINEARISED is what linear equations may have missed, beside what is handed over as "linearisation", and of what
+    residual passes have added, PASSES, as much is left as they are of the whole.
     """
 
     def __init__(self) -> None:
@@ -65,10 +67,12 @@ class KeptEstimate:
         parts = {cause: _filled(kept.read(), count, 0.0)[index] for cause, kept in self._parts.items()}
         none = np.zeros_like(next(iter(parts.values())))
         half_widths = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes}
+        passes = half_widths.pop(PASSES, none)
         if count <= FEW and not self._before and "steps" in half_widths:
             half_widths["steps"] = np.maximum(half_widths["steps"], _filled(largest["time step"], count, 0.0)[index])
         predicted = sum(_filled(largest[cause], count, np.inf)[index] for cause in self._parts)
-        half_widths["linearisation"] = LINEARISED * predicted + half_widths.get("linearisation", 0.0)
+        left = passes * np.divide(passes, predicted, out=np.zeros_like(predicted), where=predicted > 0)
+        half_widths["linearisation"] = LINEARISED * predicted + half_widths.get("linearisation", 0.0) + left
         return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, half_widths)
 
     def _largest(self) -> dict[str, np.ndarray]:

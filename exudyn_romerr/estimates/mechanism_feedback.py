@@ -35,6 +35,16 @@ class Companion(Protocol):
         """Take what these come to, (S, 4, k, columns)."""
 
 
+class Late(Protocol):
+    """What goes through the steps of Feedback after it, and needs what it found there."""
+
+    def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
+        """Go through some steps, which end at a part of the rows of `advance`; return what that adds to e there.
+
+        e : (3, S, k), with what those before have added; None: nothing is added.
+        """
+
+
 class Feedback:
     """e, e' and e'' along a run that starts without error."""
 
@@ -63,25 +73,32 @@ class Feedback:
         times: np.ndarray,
         tangent: Callable[[int], Tangent],
         others: Sequence[Companion] = (),
+        late: Sequence[Late] = (),
     ) -> tuple[np.ndarray, np.ndarray]:
         """Go on to times t (S,) under forces (S, k); return e, e', e'' (3, S, k) and the mass norm (S,) of e'.
 
         times : (T,) of tangents, the first not after the last time before t; the last one is held. tangent : i -> it.
-        others : what else goes through the same steps, some of them at a time.
+        others : what else goes through the same steps, some of them at a time; late : what does after these, in turn,
+        and is part of what is returned.
         """
-        found, speed = np.zeros((len(t), 4, force.shape[1])), np.zeros(len(t))
+        e, speed = np.zeros((3, *force.shape)), np.zeros(len(t))
         for i, steps in self._track.steps(self.t, t, times, tangent):
             beside = [(other, columns) for other in others if (columns := other.columns(steps)) is not None]
             own = Columns(self._moving[..., None], force[i, :, None])
             of_own, *of_others = steps.march(own, *(columns for _, columns in beside))
-            found[i] = of_own[..., 0]
-            speed[i] = steps.speed(found[i, 1])
-            self._moving = found[i.stop - 1]
+            self._moving = of_own[-1, ..., 0]
             for (other, _), of_other in zip(beside, of_others, strict=True):
                 other.take(steps, of_other)
+            e[:, i] = of_own[:, :3, :, 0].swapaxes(0, 1)
+            check_size(e[:, i])
+            for one in late:
+                added = one.follow(steps, i, e[:, i])
+                if added is not None:
+                    e[:, i] += added
+            speed[i] = steps.speed(e[1, i])
         self.t = float(t[-1]) if len(t) else self.t
-        check_size(found)
-        return found[:, :3].swapaxes(0, 1), speed
+        check_size(e)
+        return e, speed
 
 
 def check_size(found: np.ndarray) -> None:

@@ -141,7 +141,12 @@ class CorrectedEnergy(MechanismEnergy):
         if block.added is None or block.added.veer is None:
             return np.zeros(len(block.h))
         du, du_t = (row_norms(x @ self.root.T) for x in (block.added.q, block.added.q_t))
-        return block.added.veer.unbalanced(du, du_t, self.arm, self.mass)
+        unknown = block.added.veer.unbalanced(du, du_t, self.arm, self.mass)
+        return (
+            unknown
+            if block.added.beside is None
+            else np.where(np.isnan(block.added.beside), unknown, block.added.beside)
+        )
 
     def _nothing(self, count: int) -> Added:
         none = np.zeros((count, self.value_rows.shape[1]))
@@ -157,7 +162,7 @@ class CorrectedEnergy(MechanismEnergy):
         return super().outputs_at(rest)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        rest, (q, q_t, speed, _) = super()._bounds(z, g, cut), self._added
+        rest, (q, q_t, speed, *_) = super()._bounds(z, g, cut), self._added
         rows = self.value_rows.T
         known = rest.correction + np.where(self.velocity_rows, q_t @ rows, q @ rows)
         size = row_norms(q @ self.root.T)

@@ -15,8 +15,10 @@ from ...model.floating_frame import skew, unit_inertia
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...residual.residual import ResidualMap
+from ..floating.actions import over_time
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
+from .net_inertia import NetInertia
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,7 +73,7 @@ class EnrichedBody:
     ):
         self._actions, self._terms, self.midpoint_residual = actions, terms, options.midpoint_residual
         self._frame, self.frame_size = model.frame, model.frame.size
-        self.columns, self.modal = columns, columns[model.frame.size :]
+        self.columns, (self.frame, self.modal) = columns, np.split(columns, [model.frame.size])
         V, Z = model.V, body.space
         inertia, loads, wrenches = (
             Z.loads(part)
@@ -97,6 +99,7 @@ class EnrichedBody:
         self._moved_loads = [
             (0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads
         ]
+        self.net = NetInertia(model.frame, flex.mass, flex.positions, np.hstack([V, P]))
         self._force(body, V_y, found.P)
         self._prepare(flex, body, np.hstack([V, P]), actions, support, scene, options)
 
@@ -144,6 +147,18 @@ class EnrichedBody:
     def forces(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return -P^T R (S, m) of samples of the reduced body."""
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
+
+    def moved(self, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
+        """Coordinates of frame, modes and vectors with what is added, their rates and accelerations, (S, k + m) each.
+
+        states : q, q_t, q_tt (S, coordinates of the mbs); e (3, S, size) : what is added, vectors in columns `own`.
+        """
+        pairs = zip(states, e, strict=True)
+        return [np.hstack([x[:, self.columns] + added[:, self.columns], added[:, own]]) for x, added in pairs]
+
+    def gravity(self, t: np.ndarray) -> np.ndarray:
+        """Return the acceleration of gravity (S, 3)."""
+        return sum((over_time(g, t) for g in self._actions.gravity), np.zeros((len(t), 3)))
 
     def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool = False) -> np.ndarray:
         """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.

@@ -9,11 +9,13 @@ import numpy as np
 
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
+from ...estimates.residual_passes import ResidualPasses
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings
 from ...online.run import Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
+from ..mechanism.mechanism_residuals import MechanismResiduals
 from ..mechanism.output_estimates import OutputEstimates
 
 if TYPE_CHECKING:
@@ -52,6 +54,8 @@ class Reaction:
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
+        self._residuals = MechanismResiduals(self.parts)
+        self._passes = ResidualPasses(self._residuals, self.size)
 
     def _left_out(self) -> list[np.ndarray]:
         """Vectors (size,) without which the prediction is made once more: to check it, and with rigid interfaces."""
@@ -79,6 +83,7 @@ class Reaction:
         if goes_on:
             self._feedback = before._feedback
             self._narrow.go_on(before._narrow)
+            self._passes.go_on(before._passes)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             t = float(first[0][0])
@@ -90,12 +95,15 @@ class Reaction:
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
-        e = self._feedback.state[:, None]
+            self._residuals.rows = first
+            self._passes.start(tangent, self._feedback.state, start[-1] is not None)
+        added = self._passes.state[:, None]
+        e = self._feedback.state[:, None] + added
         runs, openings = [], []
         for watch, (body, own) in zip(self._watches, self.parts, strict=True):
             rest = watch.opening.rest
             after = watch.opening.before.companion if goes_on else None
-            states, offline = self._states(body, own, first[1:], e), body.offline if after is None else after.offline
+            states, offline = body.moved(own, first[1:], e), body.offline if after is None else after.offline
             runs.append(Run(offline if rest is None else offline.from_static()))
             if rest is not None:
                 rest = body.rest(states[0][0, body.frame_size :], rest)
@@ -109,7 +117,7 @@ class Reaction:
             watch.run.companion = run
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
-        self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
+        self._take_errors(mbs, (*first, multipliers), e, added, self._narrow.states[:, :, None])
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
         self._say(self._step_errors.notes)
@@ -122,30 +130,41 @@ class Reaction:
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
         others = [steps, self._narrow]
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others)
+        self._residuals.rows = rows
+        self._passes.begin(len(rows[0]))
+        late = [self._passes]
+        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
         self._tangents.forget()
         self._say(steps.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
         for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
-            sample = body.sampler(rows[0], *self._states(body, own, rows[1:], e))
+            sample = body.sampler(rows[0], *body.moved(own, rows[1:], e))
             extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
             veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
+            beside = self._residuals.size_beside(body, self._passes.beside)
             for block, _ in extension.segments.values():
-                block.added = self._added(body, own, e, speed)._replace(veer=veer)
+                block.added = self._added(body, own, e, speed)._replace(veer=veer, beside=beside)
             extensions.append(extension)
         if extensions:
             join_extensions(runs, extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
-        self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
+        self._take_errors(mbs, (*rows, multipliers), e, self._passes.added, self._narrow.found())
 
-    def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
-        """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
+    def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e, added, narrow: np.ndarray) -> None:
+        """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong.
+
+        e (3, S, all coordinates), of which passes have added some; narrow (marches, 3, S, all coordinates) without.
+        """
         t, *states, _ = rows
-        for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
-            here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
-            outputs.take_basis(watch.run, t, here, *moved)
+        narrow = narrow + np.where(np.array(self._left_out())[:, None, None], 0.0, added)
+        for i, (watch, outputs, (body, own)) in enumerate(
+            zip(self._watches, self._estimates, self.parts, strict=True)
+        ):
+            here, moved, *fewer = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
+            linear = body.moved(own, states, e - added) if added.any() else moved
+            outputs.take_basis(watch.run, t, here, moved, linear, *fewer)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
         for sensors in self._sensors:
@@ -178,9 +197,3 @@ class Reaction:
     @staticmethod
     def _added(body: EnrichedBody, own: slice, e: np.ndarray, speed: np.ndarray) -> Added:
         return Added(*(np.hstack([x[:, body.modal], x[:, own]]) for x in e[:2]), speed)
-
-    @staticmethod
-    def _states(body: EnrichedBody, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
-        """Coordinates of frame, modes and vectors with what is added, their rates and accelerations."""
-        pairs = zip(states, e, strict=True)
-        return [np.hstack([x[:, body.columns] + added[:, body.columns], added[:, own]]) for x, added in pairs]
