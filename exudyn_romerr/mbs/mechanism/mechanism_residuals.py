@@ -55,6 +55,8 @@ class MechanismResiduals:
 
     def largest(self, e: np.ndarray) -> float:
         """Return the largest energy norm of modes and vectors in e."""
+        if not self._parts:
+            return 0.0
         sizes = [
             row_norms(np.hstack([e[0][:, body.modal], e[0][:, own]]) @ root)
             for (body, own), root in zip(self._parts, self._roots, strict=True)
@@ -63,7 +65,7 @@ class MechanismResiduals:
 
     def pay(self, part: slice, e: np.ndarray) -> bool:
         """Return whether so far much of what bounds add up would not be there with passes."""
-        squares, times = 0.0, self.rows[0][part]
+        squares, times = np.zeros((3, 1)), self.rows[0][part]
         probed = slice((len(times) - 1) % PROBED, None, PROBED)  # the last one, too
         (t, *states), e = (x[part][probed] for x in self.rows), e[:, probed]
         for (body, own), root in zip(self._parts, self._roots, strict=True):

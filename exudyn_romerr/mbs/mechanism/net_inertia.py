@@ -64,9 +64,9 @@ class NetInertia:
         return (there + back) / 2 - here
 
     def size(self, q: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Return |.|_{M^-1} (S,) of the rigid body's inertia forces that are such forces (S, size) at q (S, size)."""
+        """Return |.|_{M^-1} (S,) of the rigid body's inertia forces that are such forces (S, size) at q; nan: unknown."""
         if not self.is_known:
-            return np.zeros(len(q))
+            return np.full(len(q), np.nan)
         still = np.zeros_like(q)
         local = np.einsum("sji,sj->si", self._frame.motion(q, still, still).A, force[:, :3])
         moment = np.einsum("sij,sj->si", self._frame.rates(q), force[:, 3:]) / EULER_PARAMETERS
@@ -77,13 +77,14 @@ class NetInertia:
         (q, q_t, q_tt), (c, c_t, c_tt) = ([x[:, part] for x in states] for part in (slice(size), slice(size, None)))
         q = self._of_unit_length(q)
         motion, rates = self._frame.motion(q, q_t, q_tt), self._frame.rates(q)
-        b, S, w = motion.local(motion.r_tt - gravity), motion.S, 2 * skew(motion.w)
+        b, weight, S, w = motion.local(motion.r_tt), motion.local(-gravity), motion.S, 2 * skew(motion.w)
         first, by_c = self._first + c @ self._pull.T, self._xu + np.tensordot(c, self._uu, axes=1)
         of_c, of_rates, of_accelerations = (np.einsum("sijm,sm->sij", by_c, x) for x in (c, c_t, c_tt))
         second = self._xx + of_c + np.einsum("ijm,sm->sji", self._xu, c)
         turned = lambda turning, x: np.einsum("sjk,sk->sj", turning, x)  # noqa: E731
-        force = self._total * b + turned(S, first) + turned(w, c_t @ self._pull.T) + c_tt @ self._pull.T
-        arms = first[:, :, None] * b[:, None] + second @ S.swapaxes(1, 2) + of_rates @ w.swapaxes(1, 2)
+        force = self._total * (b + weight) + turned(S, first) + turned(w, c_t @ self._pull.T) + c_tt @ self._pull.T
+        arms = first[:, :, None] * b[:, None] + self._first[:, None] * weight[:, None]
+        arms += second @ S.swapaxes(1, 2) + of_rates @ w.swapaxes(1, 2)
         arms += of_accelerations
         moment = np.stack([arms[:, j, k] - arms[:, k, j] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
         return np.hstack([turned(motion.A, force), np.einsum("sij,si->sj", rates, moment)])

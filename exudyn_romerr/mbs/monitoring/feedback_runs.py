@@ -158,7 +158,8 @@ class Reaction:
         e (3, S, all coordinates), of which passes have added some; narrow (marches, 3, S, all coordinates) without.
         """
         t, *states, _ = rows
-        narrow = narrow + np.where(np.array(self._left_out())[:, None, None], 0.0, added)
+        left_out = np.reshape(self._left_out(), (-1, 1, 1, self.size))
+        narrow = narrow + np.where(left_out, 0.0, added)
         for i, (watch, outputs, (body, own)) in enumerate(
             zip(self._watches, self._estimates, self.parts, strict=True)
         ):
