@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..linalg.blocked_products import row_norms, rows_times
-from ..linalg.orthogonalise import orthonormal, without
+from ..linalg.orthogonalise import orthonormal, take_out
 from .dual_norms import OutputNorms
 from .modal_split import Split
 from .problem import Problem
@@ -142,13 +142,16 @@ class PackedProblem(Problem):
         auxiliary = self._auxiliary_modes() if with_modes else None
         modes = np.zeros((len(self.V), 0)) if auxiliary is None else auxiliary.Y_K
         states = plain.k - plain.p
-        frame = np.arange(states, plain.k)[cut]
-        rest = without(modes, columns)
-        basis = orthonormal(np.delete(rest, frame, axis=1))
-        basis = np.hstack([basis, self._turning(rest[:, frame], basis)])
-        T = np.vstack([modes.T @ columns, basis.T @ rest])
-        left = np.linalg.norm(without(basis, rest[:, frame]), axis=0)
-        self.packing = Packing(T[:, states:], cut, left)
+        frame = slice(states + cut.start, states + cut.stop)
+        # columns are overwritten: of a large body a copy of those that turn with the frame fills the memory
+        in_modes, rest = modes.T @ columns, take_out(modes, columns)
+        basis, sizes = orthonormal(np.delete(rest, frame, axis=1)), np.linalg.norm(rest[:, frame], axis=0)
+        in_basis, left = basis.T @ rest, take_out(basis, rest[:, frame])
+        turning = self._turning(left, sizes)
+        in_turning = np.zeros((turning.shape[1], columns.shape[1]))
+        in_turning[:, frame] = turning.T @ left
+        T, basis = np.vstack([in_modes, in_basis, in_turning]), np.hstack([basis, turning])
+        self.packing = Packing(T[:, states:], cut, np.linalg.norm(take_out(turning, left), axis=0))
         self.map = PackedMap(PackedCoordinates(replace(plain, p=0), T[:, :states]))
         omega = np.full(len(T), self.body.modes(1).omega[0] if auxiliary is None else auxiliary.cut)
         omega[: modes.shape[1]] = [] if auxiliary is None else auxiliary.omega
@@ -157,15 +160,13 @@ class PackedProblem(Problem):
         if auxiliary is not None:
             self.split = PackedSplit(auxiliary, self.dual)
 
-    def _turning(self, columns: np.ndarray, basis: np.ndarray) -> np.ndarray:
-        """Orthonormal directions (n_free, r) that columns M E_ij V have most of outside those of the basis."""
+    def _turning(self, left: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        """Orthonormal directions (n_free, r) that columns M E_ij V have most of; sizes : with what others hold."""
         squares = (np.sum(X * (of @ X), axis=0) for X, of in ((self.V, self.body.M), (self.V, self.body.K)))
-        weights = np.tile(
-            np.sqrt(np.divide(*squares)), columns.shape[1] // self.V.shape[1]
-        )  # slow shapes answer more
-        noise = ROUNDING * np.linalg.norm(columns * weights, axis=0).max(initial=0.0)
-        left = without(basis, columns * weights)
-        squares, turn = la.eigh(left.T @ left)  # ascending
+        weights = np.sqrt(np.divide(*squares))  # slow shapes answer more
+        weights = np.tile(weights, len(sizes) // len(weights))
+        squares, turn = la.eigh(left.T @ left * np.outer(weights, weights))  # ascending
+        noise = ROUNDING * np.max(sizes * weights, initial=0.0)
         kept = squares > max(SMALL**2 * squares[-1:].max(initial=0.0), noise**2, squares[:-KEPT].max(initial=0.0))
-        found = left @ (turn[:, kept] / np.sqrt(squares[kept]))
+        found = left @ (weights[:, None] * turn[:, kept] / np.sqrt(squares[kept]))
         return orthonormal(found) if kept.any() else found

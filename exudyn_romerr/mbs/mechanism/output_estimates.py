@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...estimates.kept_estimate import REMAINDER
 from ...estimates.time_step_error import PROVISIONAL
 
 if TYPE_CHECKING:
@@ -35,27 +36,29 @@ class OutputEstimates:
         t: np.ndarray,
         here: States,
         moved: States,
-        linear: States,
         fewer: States,
         rigid: States | None = None,
+        left: Sequence[States] | None = None,
     ) -> None:
         """Take the computed motion at times t (S,), and where auxiliary vectors move it.
 
-        The static rest -C K^-1 R(u + du) in the frame is part of it. linear : before residual passes. fewer : by so
-        many vectors less that the difference tells how far the prediction can be trusted; rigid : by those that keep
-        interfaces as rigid as the modes make them, None: these make none rigid. What is above the latter is the part
-        "interfaces".
+        The static rest -C K^-1 R(u + du) in the frame is part of it. fewer : by so many vectors less that the
+        difference tells how far the prediction can be trusted; rigid : by those that keep interfaces as rigid as the
+        modes make them, None: these make none rigid. What is above the latter is the part "interfaces". left : what
+        `moved` may lack, the sum of the sizes of these; None: it was not measured.
         """
         at, base = self._shown(here), self._rows(here)[0]
         values, frame = self._rows(moved)
         rest = run.companion.corrections(len(base)) - (values - base)
         change = self._body.offline.shown(values + rest, frame) - at
         checked = self._completed(fewer, self._body.static_rest(t, fewer))
-        passes = self._shown(moved) - self._shown(linear) if linear is not moved else np.zeros_like(at)
-        parts, checks = {"basis": change}, {"vectors": change + at - checked, "passes": passes}
+        parts, checks = {"basis": change}, {"vectors": change + at - checked}
         if rigid is not None:  # R of u + du, whose wrenches are those of all vectors
             parts["basis"] = self._completed(rigid, self._body.static_rest(t, moved, keeps=True)) - at
             parts["interfaces"] = change - parts["basis"]
+        if left is not None:
+            before = self._shown(moved)
+            checks[REMAINDER] = sum(np.abs(self._moved(moved, x) - before) for x in left)
         run.estimate.put(parts, checks)
 
     def _completed(self, states: States, rest: np.ndarray) -> np.ndarray:
