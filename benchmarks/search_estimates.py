@@ -90,9 +90,8 @@ def components(mechanism, changed, key, out, shown, value, floor):
         error, unknown = np.abs(value - shown)[:, row], floor[:, row]
         off = np.abs(out.estimate + shown - value)[:, row] - unknown
         if error.max() > FLOORS * unknown.max():
-            sizes = (np.abs(x[:, row]).max() for x in (out.estimate, off, out.uncertainty))
-            estimate, off, half_width = sizes
-            yield Case(mechanism, changed, f"{key} {'xyz'[row]}", error.max(), estimate, off, half_width)
+            estimate, half_width = (np.abs(x[:, row]).max() for x in (out.estimate, out.uncertainty))
+            yield Case(mechanism, changed, f"{key} {'xyz'[row]}", error.max(), estimate, off.max(), half_width)
 
 
 def truth_of(mechanism):

@@ -29,8 +29,9 @@ class KeptEstimate:
     a difference passes zero. In the first samples of a run differences say less than later: the largest of FIRST
     samples counts from the start, and in a run of no more than FEW the check of steps is as large as what it checks.
     Where a check has ended, nothing is known: its half width is inf from there on. What linear equations may have
-    missed is handed over as "linearisation" of the error by time steps, as REMAINDER of what vectors predict; beside
-    the former, and in place of the latter where there is none, it is LINEARISED of the largest of each part.
+    missed is handed over as "linearisation" of the error by time steps, as REMAINDER of what vectors predict. It is
+    LINEARISED of the largest of each part beside the former; at least, beside the latter, for what time steps make of
+    the vectors' own motion is in no check.
 
     rings : outputs (r,), bool, that show what steps do not resolve more than others do: forces of constraints. Where
     the check of steps is above RESOLVED of what it checks, it is as large as that.
@@ -38,6 +39,7 @@ class KeptEstimate:
     Attributes
     ----------
     remainder : share of the latter in the deformation that vectors predict; None: it was not measured.
+    left : a bound (S, r) of what estimates leave, of outputs in global axes that have one; inf elsewhere.
     """
 
     def __init__(self, rings: np.ndarray | bool = False) -> None:
@@ -45,6 +47,7 @@ class KeptEstimate:
         self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self.remainder: float | None = None
+        self.left = GrowingArray()
         self._before: dict[str, np.ndarray] = {}  # largest (r,) of a run that this one goes on from
 
     def go_on(self, before: KeptEstimate) -> None:
@@ -67,15 +70,16 @@ class KeptEstimate:
         what is to be added to the estimate.
         """
         there, back = change(step.x), change(-step.x)
-        sizes = {"steps": change(step.x2), "linearisation": (there + back) / 2}
+        left = [np.abs(change(x - step.x) - back) for x in step.left]
+        sizes = {"steps": change(step.x2), "linearisation": sum(left, np.abs(there + back) / 2)}
         if step.loads is not None:
             sizes["loads"] = change(step.loads)
         self.put({"time step": (back - there) / 2 + more}, sizes, step.replaced)
 
     def record(self, index: slice) -> dict[str, Any]:
-        """Return the fields `estimate` and `remainder` of a RunRecord."""
+        """Return the fields `estimate`, `left` and `remainder` of a RunRecord."""
         share = {} if self.remainder is None else {"auxiliary": self.remainder}
-        return {"estimate": self.read(index), "remainder": share}
+        return {"estimate": self.read(index), "left": self.left.read()[index], "remainder": share}
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""
@@ -95,10 +99,10 @@ class KeptEstimate:
     def _missed(self, largest: dict[str, np.ndarray], count: int) -> np.ndarray:
         """What linear equations may have missed (S, r) at so many instants."""
         of = {cause: LINEARISED * _filled(largest[cause], count, np.inf) for cause in self._parts}
-        steps = of.pop("time step", 0.0)
-        predicted = sum(of.values())
-        measured = _filled(largest[REMAINDER], count, np.nan) if REMAINDER in self._sizes else np.nan * predicted
-        return steps + np.where(np.isnan(measured), predicted, measured)
+        steps, predicted = of.pop("time step", 0.0), sum(of.values())
+        if REMAINDER in self._sizes:
+            predicted = np.maximum(predicted, _filled(largest[REMAINDER], count, 0.0))
+        return steps + predicted
 
     def _largest(self) -> dict[str, np.ndarray]:
         """Largest sizes (S, r) since the start, of every part and check."""

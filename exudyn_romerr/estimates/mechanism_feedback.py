@@ -36,7 +36,12 @@ class Companion(Protocol):
 
 
 class Late(Protocol):
-    """What goes through the steps of Feedback after it, and needs what it found there."""
+    """What goes through the steps of Feedback after it, and needs what it found there.
+
+    multipliers : (S, c), of what the last call of follow has added.
+    """
+
+    multipliers: np.ndarray
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Go through some steps, which end at a part of the rows of `advance`; return what that adds to e there.
@@ -88,13 +93,13 @@ class Feedback:
         others : what else goes through the same steps, some of them at a time; late : what does after these, in turn,
         and is part of what is returned.
         """
-        e, speed, parts = np.zeros((3, *force.shape)), np.zeros(len(t)), [self.multipliers[:0]]
+        e, speed = np.zeros((3, *force.shape)), np.zeros(len(t))
+        self.multipliers = np.zeros((len(t), self.multipliers.shape[1]))
         for i, steps in self._track.steps(self.t, t, times, tangent):
             beside = [(other, columns) for other in others if (columns := other.columns(steps)) is not None]
             own = Columns(self._moving[..., None], force[i, :, None])
             (of_own, forces), *of_others = steps.march(own, *(columns for _, columns in beside), multipliers=True)
-            parts.append(forces[..., 0])
-            self._moving = of_own[-1, ..., 0]
+            self._moving, self.multipliers[i] = of_own[-1, ..., 0], forces[..., 0]
             for (other, _), of_other in zip(beside, of_others, strict=True):
                 other.take(steps, *of_other)
             e[:, i] = of_own[:, :3, :, 0].swapaxes(0, 1)
@@ -103,10 +108,10 @@ class Feedback:
                 added = one.follow(steps, i, e[:, i])
                 if added is not None:
                     e[:, i] += added
+                    self.multipliers[i] += one.multipliers
             speed[i] = steps.speed(e[1, i])
         self._last = self.t, t, times, tangent
         self.t = float(t[-1]) if len(t) else self.t
-        self.multipliers = np.concatenate(parts)
         check_size(e)
         return e, speed
 

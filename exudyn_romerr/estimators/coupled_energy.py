@@ -135,9 +135,14 @@ class CorrectedEnergy(MechanismEnergy):
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
-        pieces, force = super().variations(block), self._unbalanced(block)
-        pieces[:, -1] += block.h * np.maximum(force, np.append(self._force, force[:-1]))
+        pieces = super().variations(block)
+        pieces[:, -1] += self.impulses(block)
         return pieces
+
+    def impulses(self, block: Block) -> np.ndarray:
+        """Integrals (S,) of forces of second order over the segments of the next block, |.|_{M^-1}."""
+        force = self._unbalanced(block)
+        return block.h * np.maximum(force, np.append(self._force, force[:-1]))
 
     def _unbalanced(self, block: Block) -> np.ndarray:
         """Inertia forces (S,) of second order in du at the ends of the segments, |.|_{M^-1}."""

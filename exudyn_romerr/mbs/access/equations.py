@@ -62,6 +62,11 @@ class Equations:
         _, _, q_tt, multipliers = current_state(mbs.systemData)
         return self.mass(mbs) @ q_tt + self.constraints(mbs).T @ multipliers - forces
 
+    def forces(self, mbs: Any) -> np.ndarray:
+        """Return f (n,), without those of constraints."""
+        self._solver.ComputeODE2RHS(mbs)
+        return self._solver.GetSystemResidual()[: self.size].copy()
+
     def balance(self, mbs: Any, rows: np.ndarray) -> None:
         """Set q_tt and multipliers for which the equations of motion hold, and constraints do twice differentiated.
 
@@ -89,11 +94,6 @@ class Equations:
                 found.append(self.drift(mbs))
         before, now, after = found
         return (after - 2 * now + before) / dt**2
-
-    def forces(self, mbs: Any) -> np.ndarray:
-        """Return f (n,), without those of constraints."""
-        self._solver.ComputeODE2RHS(mbs)
-        return self._solver.GetSystemResidual()[: self.size].copy()
 
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
         """Return g (S, all) in rows of t, q, q_t, q_tt, multipliers."""

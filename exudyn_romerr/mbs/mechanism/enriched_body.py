@@ -11,6 +11,7 @@ from ...basis.basis import Basis
 from ...basis.enrichment import Enrichment
 from ...checks import check_count
 from ...errors import AssumptionError
+from ...estimators.rigid_motion import Deformations
 from ...model.floating_frame import skew, unit_inertia
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
@@ -53,7 +54,8 @@ class EnrichedBody:
     Attributes
     ----------
     m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
-    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal :
+    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
+    rows of modes, vectors and the rest. columns, modal :
     coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors.
     midpoint_residual : as asked for. note : line for the plan. flex, rayleigh, shapes (N, n + m) : the body as it
     is in the mbs, its damping, its modes and vectors.
@@ -121,6 +123,7 @@ class EnrichedBody:
 
     def _prepare(self, flex, body, V: np.ndarray, actions: Actions, support: Support, scene: Scene, options) -> None:
         terms = InputTerms(actions, support, flex, V)
+        self.deformations = Deformations.of(body, V, options.outputs, flex.mass)
         kept = {name: getattr(options, name) for name in ("outputs", "residual", "kernels", "time")}
         self.offline: Offline = prepare(
             body,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,15 +22,16 @@ SHARED = (
     "it depends on forces of redundant constraints, of which only the sum is determined: leave one of them out, for "
     "instance an axis of a joint"
 )
+LINEAR = "it shows a linear body, whose basis no linearised mechanism knows: pass (flex, Output) in outputs="
 ROTATIONS = "it depends on rotations of a Lie group node, which are increments, not coordinates"
 STILL = "it does not depend on the motion"
 NOT_FINITE = "it is not finite when the solve begins"
 
 
-def sensor_or_reason(mbs: Any, number: int, shared: np.ndarray) -> Sensor | str:
+def sensor_or_reason(mbs: Any, number: int, shared: np.ndarray, linear: Sequence[int] = ()) -> Sensor | str:
     """Return a sensor that can be estimated, or why it cannot be.
 
-    shared : numbers of redundant constraints, and of those that imply them.
+    shared : numbers of redundant constraints, and of those that imply them. linear : coordinates of linear bodies.
     """
     item = mbs.GetSensor(number)
     if item["sensorType"] in NO_STATE:
@@ -39,16 +41,16 @@ def sensor_or_reason(mbs: Any, number: int, shared: np.ndarray) -> Sensor | str:
     here = read_sensor(mbs, number)
     if not np.isfinite(here).all():
         return NOT_FINITE
-    motion, increments, accelerations, forces, of_shared = _depends(mbs, number, shared)
-    if increments or of_shared:
-        return ROTATIONS if increments else SHARED
+    motion, increments, accelerations, forces, of_shared, of_linear = _depends(mbs, number, shared, linear)
+    if increments or of_shared or of_linear:
+        return ROTATIONS if increments else SHARED if of_shared else LINEAR
     if not motion and not forces:
         return STILL
     return Sensor(number, item["name"], item.get("outputVariableType"), len(here), accelerations or forces)
 
 
-def _depends(mbs: Any, number: int, shared: np.ndarray) -> list[bool]:
-    """Whether it depends on coordinates and rates, rotations by increments, q_tt, multipliers, some multipliers."""
+def _depends(mbs: Any, number: int, shared: np.ndarray, linear: Sequence[int]) -> list[bool]:
+    """Whether it depends on the motion, increments of rotations, q_tt, multipliers, some of these, linear bodies."""
     system = mbs.systemData
     turned = [j for rotation in rotations_of(mbs, INCREMENTS) for j in rotation]
     with state_kept(system) as state:
@@ -68,6 +70,7 @@ def _depends(mbs: Any, number: int, shared: np.ndarray) -> list[bool]:
             [*still[:2], motion[2], still[3]],
             [*still[:3], forces],
             [*still[:3], of_shared],
+            [*(x * np.isin(np.arange(len(x)), linear) for x in motion), still[3]],
         )
         at = [x + dx for x, dx in zip(state, away, strict=True)]
         set_state(system, system.GetTime(), at)

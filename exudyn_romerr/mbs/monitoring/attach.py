@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ...checks import check_choice
 from ...errors import InputError
 from ...offline.options import BoundOptions
+from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
 from ..floating.scope_decision import ASKABLE
 from ..mechanism.other_sensors import OtherSensors
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ...model.outputs import Output
-    from ..access.reduced_body import ReducedBody
 
 
 def attach(
@@ -127,6 +127,7 @@ def _attach_all(mbs: Any, flexes: Sequence, hook: Callable | None, options: Boun
     ]
     watches = [Watch(subject, tolerance) for subject, (_, tolerance) in zip(subjects, asked, strict=True)]
     found = shared_hook(mbs, hook, *watches)
-    others = OtherSensors(sensors, [flex for flex in flexes if isinstance(flex, FloatingBody)])
+    linear = [int(flex.items["nGenericODE2"]) for flex in flexes if isinstance(flex, ReducedBody)]
+    others = OtherSensors(sensors, [flex for flex in flexes if isinstance(flex, FloatingBody)], linear)
     found.sensors.append(others)
     return MechanismMonitor(mbs, [Monitor(mbs, found, watch) for watch in watches], others)
