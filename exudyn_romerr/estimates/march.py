@@ -100,29 +100,38 @@ class Steps:
 
     h (S,) : step sizes. wide, inverses : lists of [[K, D, A], [C, 0, ...]] at the samples, where A is
     [[mass M + damping D + K, G^T], [C, 0]], and of nearly A^-1; they hold until Track makes the next ones.
+    once (S,) : where these are so near that what is found need not be corrected.
     """
 
-    def __init__(self, scheme: Scheme | None, h: np.ndarray, wide: list[np.ndarray], inverses: list[np.ndarray]):
-        self.scheme, self.h, self.wide, self.inverses = scheme, h, wide, inverses
+    def __init__(
+        self,
+        scheme: Scheme | None,
+        h: np.ndarray,
+        wide: list[np.ndarray],
+        inverses: list[np.ndarray],
+        once: np.ndarray,
+    ):
+        self.scheme, self.h, self.wide, self.inverses, self.once = scheme, h, wide, inverses, once
 
     @classmethod
     def none(cls) -> Steps:
         """No steps: where a sum begins."""
-        return cls(None, np.zeros(0), [], [])
+        return cls(None, np.zeros(0), [], [], np.zeros(0, dtype=bool))
 
     def __len__(self) -> int:
         return len(self.h)
 
     def __add__(self, other: Steps) -> Steps:
-        h = np.concatenate([self.h, other.h])
-        return Steps(other.scheme, h, self.wide + other.wide, self.inverses + other.inverses)
+        h, once = (np.concatenate(pair) for pair in ((self.h, other.h), (self.once, other.once)))
+        return Steps(other.scheme, h, self.wide + other.wide, self.inverses + other.inverses, once)
 
     def __getitem__(self, part: slice) -> Steps:
-        return Steps(self.scheme, self.h[part], self.wide[part], self.inverses[part])
+        return Steps(self.scheme, self.h[part], self.wide[part], self.inverses[part], self.once[part])
 
     def kept(self) -> Steps:
         """The same for longer."""
-        return Steps(self.scheme, self.h, *([X.copy() for X in of] for of in (self.wide, self.inverses)))
+        wide, inverses = ([X.copy() for X in of] for of in (self.wide, self.inverses))
+        return Steps(self.scheme, self.h, wide, inverses, self.once)
 
     def speed(self, e_t: np.ndarray) -> np.ndarray:
         """Mass norm (S,) of velocities (S, k) at the samples."""
@@ -143,8 +152,11 @@ class Steps:
         whole[k:, :k] *= scale
         return np.linalg.solve(whole, np.vstack([force, np.zeros((len(Q) - k, force.shape[1]))]))[:k]
 
-    def march(self, *parts: Columns) -> list[np.ndarray]:
-        """Go on from where the columns are; return e, e', e'' and algorithmic a (S, 4, k, columns) of each part."""
+    def march(self, *parts: Columns, multipliers: bool = False) -> list:
+        """Go on from where the columns are; return e, e', e'' and algorithmic a (S, 4, k, columns) of each part.
+
+        multipliers : whether l (S, c, columns) of the equations at the samples are returned beside them, in pairs.
+        """
         S, k = len(self), parts[0].moving.shape[1]
         ends = np.cumsum([part.moving.shape[2] for part in parts])
         right = np.zeros((S, len(self.wide[0]) if S else k, ends[-1]))
@@ -160,7 +172,11 @@ class Steps:
                 kicks[:, 0, :, own], kicks[:, 1, :, own] = part.kicks
             holds += [self._hold(column, J) for column, J in enumerate(part.held, own.start) if J.size]
         moving = np.concatenate([part.moving for part in parts], axis=2)
-        return np.split(self._marched(moving, right, kicks, holds), ends[:-1], axis=3)
+        found, z = self._marched(moving, right, kicks, holds)
+        all_found = np.split(found, ends[:-1], axis=3)
+        if not multipliers:
+            return all_found
+        return list(zip(all_found, np.split(z[:, k:], ends[:-1], axis=2), strict=True))
 
     def _hold(self, column: int, J: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
         """What holds coordinates J of a column at zero: their number, they, (S, k + c, J).
@@ -171,31 +187,40 @@ class Steps:
         B = np.array([inverse[:, J] for inverse in self.inverses])
         return column, J, B @ np.linalg.inv(B[:, J])
 
-    def _marched(self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None, holds: list) -> np.ndarray:
-        """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns)."""
-        (S, _, columns), k, dot = right.shape, moving.shape[1], np.dot
+    def _marched(
+        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None, holds: list
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns).
+
+        Return what is found, and the solutions z (S, k + c, columns): increments, and l in their last rows.
+        """
+        (S, n, columns), k, dot = right.shape, moving.shape[1], np.dot
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
         ahead[1:] = ahead[1:] @ onward[:-1]
-        found = np.empty((S, 4, k * columns))
-        known = found[:, :2].reshape(S, 2 * k, columns)
+        # what is known of e, e', a, then z: increments, and l behind them
+        found = np.empty((S, 3 * k + n, columns))
+        states = found[:, : 4 * k].reshape(S, 4, k * columns)
+        known, solutions = found[:, : 2 * k], found[:, 3 * k :]
         kicked = None if kicks is None else kicks.reshape(known.shape)
-        last = moving.reshape(4, -1)
-        for i, (step, r, Q, inverse) in enumerate(zip(ahead, right, self.wide, self.inverses, strict=True)):
-            now = found[i]
+        last, before = moving.reshape(4, -1), np.empty((n, columns))
+        steps = zip(ahead, right, self.wide, self.inverses, self.once.tolist(), strict=True)
+        for i, (step, r, Q, inverse, once) in enumerate(steps):
+            now, e, z = states[i], known[i], solutions[i]
             dot(step, last, out=now[:3])
             if kicked is not None:
-                known[i] += kicked[i]
-            r -= dot(Q[:, : 2 * k], known[i])
-            z = dot(inverse, r)
+                e += kicked[i]
+            dot(Q[:, : 2 * k], e, out=before)
+            r -= before
+            dot(inverse, r, out=z)
             for column, J, hold in holds:
                 z[:, column] -= dot(hold[i], z[J, column])
                 z[J, column] = 0.0  # but for rounding they are
-            r -= dot(Q[:, 2 * k :], z)
-            more = dot(inverse, r)
-            for column, J, hold in holds:
-                more[:, column] -= dot(hold[i], more[J, column])
-                more[J, column] = 0.0
-            z += more
-            now[3] = z[:k].ravel()
+            if not once:
+                r -= dot(Q[:, 2 * k :], z)
+                more = dot(inverse, r)
+                for column, J, hold in holds:
+                    more[:, column] -= dot(hold[i], more[J, column])
+                    more[J, column] = 0.0
+                z += more
             last = now
-        return (onward @ found).reshape(S, 4, k, columns)
+        return (onward @ states).reshape(S, 4, k, columns), solutions

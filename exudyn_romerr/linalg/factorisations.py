@@ -19,7 +19,6 @@ from .split_product import SplitMatrix
 
 # coordinates; below, an order that fills less and supernodes do not make up for finding and building them
 FEW = 5_000
-COLUMNS = 64  # that PARDISO solves for at once: it copies them
 ITERATIONS = 3  # of the inverse power method
 CANDIDATES = 4  # coordinates whose compliance is computed
 # of PARDISO, from zero: METIS's order, perturbation of pivots below 1e-13, Bunch-Kaufman pivots, no messages of size
@@ -111,7 +110,7 @@ class SuperLUFactor:
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Solve for one vector (n,) or many (n, k)."""
         if self._given is None:
-            return self._lu.solve(np.ascontiguousarray(right))
+            return self._lu.solve(np.asfortranarray(right))
         solution = np.empty(right.shape)
         solution[self._given] = self._lu.solve(right[self._given])
         return solution
@@ -174,13 +173,14 @@ class PardisoFactor:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Solve for one vector (n,) or many (n, k)."""
-        if right.ndim == 1:
-            return self._solver.solve(np.ascontiguousarray(right))
-        return self._by_columns(right, self._solver.solve_into)
+        return self._solver.solve(np.ascontiguousarray(right) if right.ndim == 1 else np.asfortranarray(right))
 
     def half_solve(self, right: np.ndarray) -> np.ndarray:
         """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}."""
-        return self._by_columns(right, lambda b, x: self._solver.run_phase_into(FORWARD, b, x))
+        result = np.empty(right.shape, order="F")
+        if right.size:
+            self._solver.run_phase_into(FORWARD, np.asfortranarray(right), result)
+        return result
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
         """Return Y (n, k) with |Y z|_2 = |right z|_A: L^T x = L^-1 (A x), for PARDISO has no product with L^T.
@@ -192,14 +192,6 @@ class PardisoFactor:
     @cached_property
     def _split(self) -> SplitMatrix:
         return SplitMatrix(sp.csr_matrix(self._matrix))
-
-    @staticmethod
-    def _by_columns(right: np.ndarray, solve) -> np.ndarray:
-        result = np.empty(right.shape, order="F")
-        for first in range(0, right.shape[1], COLUMNS):
-            part = np.s_[:, first : first + COLUMNS]
-            solve(np.asfortranarray(right[part]), result[part])
-        return result
 
 
 def _pardiso(matrix: sp.csc_matrix, kind: int):

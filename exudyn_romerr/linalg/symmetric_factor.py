@@ -3,6 +3,7 @@
 import numpy as np
 import scipy.sparse as sp
 
+from .blocked_products import by_columns
 from .factorisations import count_negative, factorised
 
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
@@ -49,20 +50,24 @@ class SymmetricFactor:
         return self._factor.order
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Solve for one vector (n,) or many (n, k)."""
-        scale = self._scale if right.ndim == 1 else self._scale[:, None]
-        return self._factor.solve(right / scale) / scale
+        """Solve for one vector (n,) or many (n, k), which may be a sparse matrix."""
+        if right.ndim == 1:
+            return self._factor.solve(right / self._scale) / self._scale
+        scale = self._scale[:, None]
+        return by_columns(lambda part: self._factor.solve(part / scale) / scale, right)
 
     def half_solve(self, right: np.ndarray) -> np.ndarray:
         """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}: right in the coordinates where A^-1 is the identity.
 
         Norms are taken there because products with A itself lose the square of the digits that this loses.
         """
-        return self._factor.half_solve(right / self._scale[:, None])
+        scale = self._scale[:, None]
+        return by_columns(lambda part: self._factor.half_solve(part / scale), right)
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
         """Return right in the coordinates of half_solve: Y (n, k) with |Y z|_2 = |right z|_A."""
-        return self._factor.half_multiply(right * self._scale[:, None])
+        scale = self._scale[:, None]
+        return by_columns(lambda part: self._factor.half_multiply(part * scale), right)
 
 
 def negative_eigenvalues(matrix: sp.spmatrix, order: np.ndarray | None = None) -> int | None:

@@ -199,7 +199,7 @@ class Run:
             time=self.time,
             **self._recorded.read(self._settled),
             streams=self.streams(),
-            estimate=self.estimate.read(self._settled),
+            **self.estimate.record(self._settled),
             assumptions=self.assumptions(),
             nodes=self.node_fields,
             messages=tuple(self.messages),

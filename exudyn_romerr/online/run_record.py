@@ -46,10 +46,12 @@ class RunRecord:
     it, and as a function of time says, if one does.
     static_errors (T, 2, R) : see residual/interface_stiffening.py; (0,) if modes make no interface rigid.
     estimate : of all outputs as shown, side by side, from the linearised mechanism; None: there is none.
+    left (T, r) : bound of what that leaves of outputs in global axes, fewer rows where it ended early.
     streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
     nodes : fields at every node, on demand. messages : what was noted along the run.
     defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
     tolerances : output -> what its bound was asked to stay below, of those that were asked for.
+    remainder : see BoundReport.
     rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
     """
 
@@ -64,6 +66,7 @@ class RunRecord:
     static_errors: np.ndarray
     streams: dict[str, dict[str, Bounds]]
     estimate: Estimate | None
+    left: np.ndarray
     assumptions: dict[str, str]
     nodes: Callable[[], NodeFields]
     messages: tuple[str, ...]
@@ -71,6 +74,7 @@ class RunRecord:
     defect: float
     worst_mode: int
     tolerances: dict[str, float]
+    remainder: dict[str, float]
     rounding_share: float | None
     largest_miss: float | None
 

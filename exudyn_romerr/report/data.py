@@ -96,6 +96,7 @@ class ReportData:
     time: str
     total_mass: float | None
     nodes: Callable[[], NodeFields] | NodeFields | None = None
+    remainder: dict[str, float] = field(default_factory=dict)
     made: dict[str, str] = field(default_factory=dict)
     origin: str = ""
 

@@ -23,10 +23,8 @@ from .wording import (
     advises,
     at_round_off,
     corrected_within,
+    estimator_lines,
     outside,
-    rounded_up,
-    scope_lines,
-    under,
     widest_scope,
 )
 
@@ -77,9 +75,10 @@ class BoundReport(ReportData):
     t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
     scope[e] : "complete" (loads and supports do not depend on the body's deformation), "coupled (linearised)" (they
     do, and the bound covers it to first order) or "inputs frozen" (they do; the bound holds for the full body under
-    those of this simulation). time : "reconstructed",
-    "sampled" or "static". messages : what the reader must know first. made : when, by which script and versions the
-    run was bounded. origin : the file it was saved to, or read from, last.
+    those of this simulation). time : "reconstructed", "sampled" or "static". remainder[e] : in a mechanism, size of
+    what linear equations leave out over that of the deformation that auxiliary vectors predict, as measured; empty
+    where it was not. messages : what the reader must know first. made : when, by which script and versions the run
+    was bounded. origin : the file it was saved to, or read from, last.
     """
 
     outputs: dict[str, OutputReport]
@@ -184,13 +183,7 @@ class BoundReport(ReportData):
         return "\n".join(lines + self._estimator_lines())
 
     def _estimator_lines(self) -> list[str]:
-        divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
-        what = "error in the mass norm" if self.total_mass is None else "mass-weighted RMS error of position"
-        return [
-            f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
-            f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
-            for e, bound in self.position_bound.items()
-        ] + [f"  {line}" for line in scope_lines(self)]
+        return estimator_lines(self)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn).

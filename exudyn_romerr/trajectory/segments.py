@@ -33,13 +33,15 @@ class Added(NamedTuple):
     """What auxiliary vectors add to a reduced trajectory, which was bounded with it.
 
     q, q_t : (S, n) of modes and vectors. speed : (S,) the root of twice the kinetic energy of all that is added.
-    veer : how far that moves the frame; None: not at all.
+    veer : how far that moves the frame; None: not at all. left : (q, q_t) of what it may lack still, sum of sizes;
+    None: not known.
     """
 
     q: np.ndarray
     q_t: np.ndarray
     speed: np.ndarray
     veer: Veer | None = None
+    left: Sequence[tuple[np.ndarray, np.ndarray]] | None = None
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from bisect import bisect, bisect_left
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,7 +33,7 @@ from .tangent_reading import (
     Carried,
     Reading,
     carried_of,
-    change_of,
+    compared,
     hashed,
     independent_rows,
     masses_of,
@@ -44,7 +43,7 @@ from .tangent_reading import (
 )
 
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
-LONGEST = 64  # steps between tangents, also where nothing changes
+FIRST, LONGEST = 16, 256  # steps between tangents: at first, and where nothing changes
 SMALL = 0.4  # of CHANGE: less, and less often
 DIFFERENCE = 1e-7  # of coordinates, to differentiate by
 WIDE = 1e-4  # the same at both sides, to differentiate twice: constraints are of low degree
@@ -72,7 +71,7 @@ class Tangents:
         self._copies = Copies()
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
-        self._stride, self._active, self._rows = 1, None, None
+        self._stride, self._active, self._rows = FIRST, None, None
         self._quaternions = quaternions_of(mbs)
         self._depends: Dependences | None = None
         self.redundant = 0
@@ -96,8 +95,7 @@ class Tangents:
         self.readings.insert(j, reading)
         for i in (j, j + 1):
             if 0 < i < len(self.readings):
-                change = change_of(self.readings[i - 1], self.readings[i]) / CHANGE
-                self.readings[i] = replace(self.readings[i], change=change)
+                self.readings[i] = compared(self.readings[i - 1], self.readings[i], CHANGE)
         return j
 
     def reads_the_same(self, mbs: Any, reading: Reading) -> bool:
@@ -129,6 +127,11 @@ class Tangents:
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
         """What independent constraints keep zero (S, c), in rows of t, q, q_t, q_tt, multipliers."""
         return self.equations.drifts(mbs, rows)[:, self._rows]
+
+    @property
+    def independent(self) -> np.ndarray:
+        """Numbers (c,) of the constraints that are kept, among all."""
+        return self._rows
 
     def _read(self, mbs: Any, t: float) -> Reading:
         state = current_state(mbs.systemData)

@@ -11,6 +11,7 @@ from ...basis.basis import Basis
 from ...basis.enrichment import Enrichment
 from ...checks import check_count
 from ...errors import AssumptionError
+from ...estimators.rigid_motion import Deformations
 from ...model.floating_frame import skew, unit_inertia
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
@@ -53,9 +54,11 @@ class EnrichedBody:
     Attributes
     ----------
     m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
-    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal :
+    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
+    rows of modes, vectors and the rest. columns, modal :
     coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors.
-    midpoint_residual : as asked for. note : line for the plan.
+    midpoint_residual : as asked for. note : line for the plan. flex, rayleigh, shapes (N, n + m) : the body as it
+    is in the mbs, its damping, its modes and vectors.
     """
 
     def __init__(
@@ -99,7 +102,8 @@ class EnrichedBody:
             (0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads
         ]
         self._force(body, V_y, found.P)
-        self._prepare(flex, body, np.hstack([V, P]), actions, support, scene, options)
+        self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
+        self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
     def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:
         """Matrices between the body's coordinates and P, and of P (m, m)."""
@@ -107,19 +111,19 @@ class EnrichedBody:
         alpha, beta = rayleigh
         self.M_PP, self.K_PP, self._M_VP, self.K_VP = P.T @ MP, P.T @ KP, V.T @ MP, V.T @ KP
         self.D_PP, self.D_VP = (alpha * M + beta * K for M, K in ((self.M_PP, self.K_PP), (self._M_VP, self.K_VP)))
-        MP, V, P = (X.reshape(nodes, 3, -1) for X in (MP, V, P))
-        self._pull = MP.sum(axis=0)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
-        self._arms = np.einsum("ai,ajm->ijm", flex.positions, MP)
-        self._of_V = np.einsum("ain,ajm->ijnm", V, MP, optimize=True)
-        self._of_P = np.einsum("ain,ajm->ijnm", P, MP, optimize=True)
+        MP, V, P = (np.ascontiguousarray(X).reshape(nodes, 3, -1).swapaxes(0, 1) for X in (MP, V, P))
+        self._pull = MP.sum(axis=1)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
+        self._arms = (flex.positions.T @ MP).swapaxes(0, 1)
+        self._of_V, self._of_P = (X[:, None].swapaxes(2, 3) @ MP[None] for X in (V, P))
 
     def _force(self, body: ElasticBody, V: np.ndarray, P: np.ndarray) -> None:
         """-P^T R = -P^T L z of the modes alone."""
         residual = ResidualMap(body, V, body.space.loads(self._terms.columns))
-        self._layout, self._forcing = residual.coordinates, -P.T @ residual.L
+        self._layout, self._forcing = residual.coordinates, -residual.seen_by(P.T)
 
     def _prepare(self, flex, body, V: np.ndarray, actions: Actions, support: Support, scene: Scene, options) -> None:
         terms = InputTerms(actions, support, flex, V)
+        self.deformations = Deformations.of(body, V, options.outputs, flex.mass)
         kept = {name: getattr(options, name) for name in ("outputs", "residual", "kernels", "time")}
         self.offline: Offline = prepare(
             body,

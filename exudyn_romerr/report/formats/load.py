@@ -65,6 +65,7 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
         made=meta.get("made", {}),
         origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
+        remainder=meta.get("remainder", {}),
     )
 
 

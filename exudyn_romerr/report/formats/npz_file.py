@@ -69,4 +69,5 @@ def _meta(report: ReportData) -> dict:
         "messages": report.messages,
         "time": report.time,
         "total_mass": report.total_mass,
+        "remainder": report.remainder,
     }

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import check_array, check_nodes
 from ..errors import InputError
-from ..model.solid_elements import elements_of
+from .solid_elements import elements_of
 
 VERTEX = "Vertex"
 BY_COLUMNS = {2: "Line2", 3: "Trig3", 4: "Tet4", 8: "Hex8", 10: "Tet10", 20: "Hex20"}
