@@ -100,29 +100,38 @@ class Steps:
 
     h (S,) : step sizes. wide, inverses : lists of [[K, D, A], [C, 0, ...]] at the samples, where A is
     [[mass M + damping D + K, G^T], [C, 0]], and of nearly A^-1; they hold until Track makes the next ones.
+    once (S,) : where these are so near that what is found need not be corrected.
     """
 
-    def __init__(self, scheme: Scheme | None, h: np.ndarray, wide: list[np.ndarray], inverses: list[np.ndarray]):
-        self.scheme, self.h, self.wide, self.inverses = scheme, h, wide, inverses
+    def __init__(
+        self,
+        scheme: Scheme | None,
+        h: np.ndarray,
+        wide: list[np.ndarray],
+        inverses: list[np.ndarray],
+        once: np.ndarray,
+    ):
+        self.scheme, self.h, self.wide, self.inverses, self.once = scheme, h, wide, inverses, once
 
     @classmethod
     def none(cls) -> Steps:
         """No steps: where a sum begins."""
-        return cls(None, np.zeros(0), [], [])
+        return cls(None, np.zeros(0), [], [], np.zeros(0, dtype=bool))
 
     def __len__(self) -> int:
         return len(self.h)
 
     def __add__(self, other: Steps) -> Steps:
-        h = np.concatenate([self.h, other.h])
-        return Steps(other.scheme, h, self.wide + other.wide, self.inverses + other.inverses)
+        h, once = (np.concatenate(pair) for pair in ((self.h, other.h), (self.once, other.once)))
+        return Steps(other.scheme, h, self.wide + other.wide, self.inverses + other.inverses, once)
 
     def __getitem__(self, part: slice) -> Steps:
-        return Steps(self.scheme, self.h[part], self.wide[part], self.inverses[part])
+        return Steps(self.scheme, self.h[part], self.wide[part], self.inverses[part], self.once[part])
 
     def kept(self) -> Steps:
         """The same for longer."""
-        return Steps(self.scheme, self.h, *([X.copy() for X in of] for of in (self.wide, self.inverses)))
+        wide, inverses = ([X.copy() for X in of] for of in (self.wide, self.inverses))
+        return Steps(self.scheme, self.h, wide, inverses, self.once)
 
     def speed(self, e_t: np.ndarray) -> np.ndarray:
         """Mass norm (S,) of velocities (S, k) at the samples."""
@@ -185,29 +194,33 @@ class Steps:
 
         Return what is found, and the solutions z (S, k + c, columns): increments, and l in their last rows.
         """
-        (S, _, columns), k, dot = right.shape, moving.shape[1], np.dot
+        (S, n, columns), k, dot = right.shape, moving.shape[1], np.dot
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
         ahead[1:] = ahead[1:] @ onward[:-1]
-        found, solutions = np.empty((S, 4, k * columns)), np.empty(right.shape)
-        known = found[:, :2].reshape(S, 2 * k, columns)
+        # what is known of e, e', a, then z: increments, and l behind them
+        found = np.empty((S, 3 * k + n, columns))
+        states = found[:, : 4 * k].reshape(S, 4, k * columns)
+        known, solutions = found[:, : 2 * k], found[:, 3 * k :]
         kicked = None if kicks is None else kicks.reshape(known.shape)
-        last = moving.reshape(4, -1)
-        for i, (step, r, Q, inverse) in enumerate(zip(ahead, right, self.wide, self.inverses, strict=True)):
-            now, z = found[i], solutions[i]
+        last, before = moving.reshape(4, -1), np.empty((n, columns))
+        steps = zip(ahead, right, self.wide, self.inverses, self.once.tolist(), strict=True)
+        for i, (step, r, Q, inverse, once) in enumerate(steps):
+            now, e, z = states[i], known[i], solutions[i]
             dot(step, last, out=now[:3])
             if kicked is not None:
-                known[i] += kicked[i]
-            r -= dot(Q[:, : 2 * k], known[i])
+                e += kicked[i]
+            dot(Q[:, : 2 * k], e, out=before)
+            r -= before
             dot(inverse, r, out=z)
             for column, J, hold in holds:
                 z[:, column] -= dot(hold[i], z[J, column])
                 z[J, column] = 0.0  # but for rounding they are
-            r -= dot(Q[:, 2 * k :], z)
-            more = dot(inverse, r)
-            for column, J, hold in holds:
-                more[:, column] -= dot(hold[i], more[J, column])
-                more[J, column] = 0.0
-            z += more
-            now[3] = z[:k].ravel()
+            if not once:
+                r -= dot(Q[:, 2 * k :], z)
+                more = dot(inverse, r)
+                for column, J, hold in holds:
+                    more[:, column] -= dot(hold[i], more[J, column])
+                    more[J, column] = 0.0
+                z += more
             last = now
-        return (onward @ found).reshape(S, 4, k, columns), solutions
+        return (onward @ states).reshape(S, 4, k, columns), solutions

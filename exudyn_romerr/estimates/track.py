@@ -3,26 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 
 from ..errors import AssumptionError
 from .march import Scheme, Steps, Tangent
 
-INVERSE_ERROR = (
-    3e-4  # of a solution: what interpolated inverses may miss at first; they are used twice, so its square is left
-)
+# of a solution: what interpolated inverses may miss at first, where they are used twice, so that its square is left;
+# and where they are used once
+INVERSE_ERROR, USED_ONCE = 3e-4, 1e-8
 SAME_STEP = 1e-9  # of a step size: solvers add up their steps
-# steps of one size: fewer are inverted one by one, more interpolated in time
-INTERPOLATED_FROM = 4
-TOGETHER = 64  # steps that are made, and marched through, at once
-IN_CACHE = 500_000  # or fewer, so that their matrices have no more numbers than this
+# inverses that a polynomial in time goes through, those of a shorter row among them; steps of one size from which on
+NODES = {3: 4, 5: 10, 9: 18}
+INTERPOLATED_FROM = NODES[3]
+TOGETHER = 128  # steps that are made, and marched through, at once
+IN_CACHE = 1_000_000  # or fewer, so that their matrices have no more numbers than this
 AT_LEAST = 8
+TRIED = (0.1, 0.7)  # shares of a piece that is as smooth everywhere, far from the nodes of all rows
 SINGULAR = (
     "the linearised equations of the mechanism are singular (constraints that contradict each other, or coordinates "
     "without mass); no auxiliary modes with feedback: pass scope='inputs frozen'"
 )
+
+
+class _Piece(NamedTuple):
+    """Steps up to a share `high` of the time between two tangents.
+
+    values : inverses at nodes, by which those of the steps are polynomials; None: steps are inverted one by one.
+    once : whether it is enough to use them once.
+    """
+
+    high: float
+    values: np.ndarray | None
+    once: bool
 
 
 class Track:
@@ -64,7 +81,7 @@ class Track:
         of_A *= mass
         of_A += damping * of_D
         of_A += of_K  # below, where M and D are 0: C
-        self._pieces = [(1.0, None)]
+        self._pieces = [_Piece(1.0, None, False)]
         if count >= INTERPOLATED_FROM:
             before, step, start = self._end
             if before is not first or abs(step - h) > SAME_STEP * h:
@@ -86,48 +103,49 @@ class Track:
     def _made(self, place: slice, h: np.ndarray, shares: np.ndarray) -> Steps:
         """Steps at shares of the time between the tangents."""
         wide, inverses = _at(shares, self._cubic, self._wide[place]), self._inverses[place]
-        low, done = 0.0, 0
-        for high, polynomial in self._pieces:
+        once, low, done = np.zeros(len(h), dtype=bool), 0.0, 0
+        for high, values, exact in self._pieces:
             part = slice(done, int(np.searchsorted(shares, high, side="right")))
-            if polynomial is None:
+            if values is None:
                 for one, inverse in zip(wide[part], inverses[part], strict=True):
                     inverse[:] = self._inverted(one)
             elif part.stop > done:
-                _at((shares[part] - low) / (high - low), polynomial, inverses[part])
+                weights = _weights((shares[part] - low) / (high - low), len(values))
+                _combined(weights, values, inverses[part])
+            once[part] = exact
             low, done = high, part.stop
-        return Steps(self.scheme, h, list(wide), list(inverses))
+        return Steps(self.scheme, h, list(wide), list(inverses), once)
 
-    def _interpolated(
-        self, low: float, high: float, count: int, start: np.ndarray, end: np.ndarray
-    ) -> list[tuple[float, np.ndarray | None]]:
-        """Return where pieces of so many steps between two shares of the time end, and inverses in each.
-
-        These are polynomials of second degree, by the share of the piece; where few steps are left that these are not
-        exact enough for, None. start, end : the inverses at both shares.
-        """
+    def _interpolated(self, low: float, high: float, count: int, start: np.ndarray, end: np.ndarray) -> list[_Piece]:
+        """Return pieces of so many steps between two shares of the time; start, end : the inverses at both."""
         if count < INTERPOLATED_FROM:
-            return [(high, None)]
-        middle = (low + high) / 2
-        half = self._inverse(middle)
-        polynomial = np.stack([start, half, end])
-        _, slope, bend = polynomial  # from values at 0, 1/2, 1: 4 half - 3 start - end, 2 (start + end) - 4 half
-        slope -= start
-        bend -= start
-        slope *= 4.0
-        slope -= bend
-        bend -= slope
-        off = max(self._off(share, low + share * (high - low), polynomial) for share in (0.25, 0.75))
+            return [_Piece(high, None, False)]
+        values = np.array([start, end])
+        for nodes in [nodes for nodes, least in NODES.items() if count >= least]:
+            values = self._between(low, high, values, nodes)
+            off = max(self._off(share, low + share * (high - low), values) for share in TRIED)
+            if off <= USED_ONCE:
+                break
         if off <= INVERSE_ERROR:
-            return [(high, polynomial)]
-        if not off <= INVERSE_ERROR * (count / INTERPOLATED_FROM) ** 3:  # out of reach: halves are 8 times better
-            return [(high, None)]
+            return [_Piece(high, values, off <= USED_ONCE)]
+        if not off <= INVERSE_ERROR * (count / INTERPOLATED_FROM) ** len(values):  # out of reach: halves are better
+            return [_Piece(high, None, False)]
+        middle, half = (low + high) / 2, values[len(values) // 2]
         first = self._interpolated(low, middle, count // 2, start, half)
         return first + self._interpolated(middle, high, count // 2, half, end)
 
-    def _off(self, share: float, of_all: float, polynomial: np.ndarray) -> float:
+    def _between(self, low: float, high: float, values: np.ndarray, count: int) -> np.ndarray:
+        """Inverses at so many nodes, of which every second one is known."""
+        found = np.empty((count, *values.shape[1:]))
+        found[::2] = values
+        for i in range(1, count, 2):
+            found[i] = self._inverse(low + _nodes(count)[i] * (high - low))
+        return found
+
+    def _off(self, share: float, of_all: float, values: np.ndarray) -> float:
         """What inverses miss of a solution at a share of a piece, which is one of the time between the tangents."""
         x = np.vander([of_all], 4, increasing=True)[0] @ self._solved
-        off = np.array([1.0, share, share**2]) @ (polynomial @ x) / self._sizes - 1.0
+        off = _weights(np.array([share]), len(values))[0] @ (values @ x) / self._sizes - 1.0
         return float(np.abs(off).max())
 
     @property
@@ -185,6 +203,30 @@ def _cubic(first: Tangent, last: Tangent, out: np.ndarray) -> None:
 
 def _at(shares: np.ndarray, coefficients: np.ndarray, out: np.ndarray) -> np.ndarray:
     """Write polynomials (S, ...) at shares of the time, by their coefficients (degree + 1, ...)."""
-    powers = np.vander(shares, len(coefficients), increasing=True)
-    np.matmul(powers, coefficients.reshape(len(coefficients), -1), out=out.reshape(len(shares), -1))
+    return _combined(np.vander(shares, len(coefficients), increasing=True), coefficients, out)
+
+
+def _combined(weights: np.ndarray, values: np.ndarray, out: np.ndarray) -> np.ndarray:
+    """Write sums (S, ...) of values (n, ...) with weights (S, n)."""
+    np.matmul(weights, values.reshape(len(values), -1), out=out.reshape(len(weights), -1))
     return out
+
+
+@cache
+def _nodes(count: int) -> np.ndarray:
+    """Where a polynomial goes through what it interpolates, 0..1: extremes of Chebyshev's."""
+    return (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+
+
+def _weights(shares: np.ndarray, count: int) -> np.ndarray:
+    """Weights (S, count) of values at the nodes, for polynomials at shares."""
+    return chebvander(2 * shares - 1, count - 1) @ _to_chebyshev(count)
+
+
+@cache
+def _to_chebyshev(count: int) -> np.ndarray:
+    """Coefficients of Chebyshev's polynomials from values at their extremes: sums of cosines."""
+    j, ends = np.arange(count), np.ones(count)
+    ends[[0, -1]] = 0.5
+    signs = ends * (-1.0) ** j
+    return 2 / (count - 1) * signs[:, None] * np.cos(np.pi * np.outer(j, j) / (count - 1)) * ends

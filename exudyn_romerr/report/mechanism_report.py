@@ -41,8 +41,7 @@ class MechanismReport(BoundReport):
 
     bodies: tuple[BoundReport, ...] = ()
 
-    @property
-    def node_bound(self) -> dict[str, np.ndarray]:
+    def at_nodes(self) -> NoReturn:
         """InputError: those of report.bodies are meant."""
         raise InputError(ASK_BODIES.format("node_bound"))
 
@@ -90,6 +89,7 @@ def joined(
         time=times.pop() if len(times) == 1 else "sampled",
         total_mass=None,
         made=bodies[0].made,
+        remainder={e: max(b.remainder.get(e, 0.0) for b in bodies) for b in bodies for e in b.remainder},
         bodies=tuple(bodies),
     )
 

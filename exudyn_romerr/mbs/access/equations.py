@@ -23,7 +23,7 @@ class Equations:
     """
 
     def __init__(self, mbs: Any, threads: int = 1):
-        self._solver = own_solver(mbs, threads)
+        self._solver, self.threads = own_solver(mbs, threads), threads
         self.size = self._solver.GetODE2size()
         self._first_constraint = self.size + self._solver.GetODE1size()
         self._no_jacobian = np.zeros((self._first_constraint + self._solver.GetAEsize(),) * 2)
@@ -58,10 +58,14 @@ class Equations:
 
     def residual(self, mbs: Any) -> np.ndarray:
         """M q'' + G^T l - f (n,)."""
-        self._solver.ComputeODE2RHS(mbs)
-        forces = self._solver.GetSystemResidual()[: self.size].copy()
+        forces = self.forces(mbs)
         _, _, q_tt, multipliers = current_state(mbs.systemData)
         return self.mass(mbs) @ q_tt + self.constraints(mbs).T @ multipliers - forces
+
+    def forces(self, mbs: Any) -> np.ndarray:
+        """Return f (n,), without those of constraints."""
+        self._solver.ComputeODE2RHS(mbs)
+        return self._solver.GetSystemResidual()[: self.size].copy()
 
     def balance(self, mbs: Any, rows: np.ndarray) -> None:
         """Set q_tt and multipliers for which the equations of motion hold, and constraints do twice differentiated.

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from bisect import bisect, bisect_left
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...errors import AssumptionError
+from ..memory.kept_values import Copies
 from .dependence import Dependences, normalised
 from .equations import Equations
 from .load_functions import controllers, loads_with_functions
@@ -33,7 +33,7 @@ from .tangent_reading import (
     Carried,
     Reading,
     carried_of,
-    change_of,
+    compared,
     hashed,
     independent_rows,
     masses_of,
@@ -43,7 +43,7 @@ from .tangent_reading import (
 )
 
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
-LONGEST = 64  # steps between tangents, also where nothing changes
+FIRST, LONGEST = 16, 256  # steps between tangents: at first, and where nothing changes
 SMALL = 0.4  # of CHANGE: less, and less often
 DIFFERENCE = 1e-7  # of coordinates, to differentiate by
 WIDE = 1e-4  # the same at both sides, to differentiate twice: constraints are of low degree
@@ -68,9 +68,10 @@ class Tangents:
         increments = {j for rotation in rotations_of(mbs, INCREMENTS) for j in rotation}
         self.differentiable = np.array([j not in increments for j in range(self.size)])
         self._rotations, self._loads = rotations_of(mbs, PARAMETERS), loads_with_functions(mbs)
+        self._copies = Copies()
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
-        self._stride, self._active, self._rows = 1, None, None
+        self._stride, self._active, self._rows = FIRST, None, None
         self._quaternions = quaternions_of(mbs)
         self._depends: Dependences | None = None
         self.redundant = 0
@@ -94,8 +95,7 @@ class Tangents:
         self.readings.insert(j, reading)
         for i in (j, j + 1):
             if 0 < i < len(self.readings):
-                change = change_of(self.readings[i - 1], self.readings[i]) / CHANGE
-                self.readings[i] = replace(self.readings[i], change=change)
+                self.readings[i] = compared(self.readings[i - 1], self.readings[i], CHANGE)
         return j
 
     def reads_the_same(self, mbs: Any, reading: Reading) -> bool:
@@ -146,7 +146,7 @@ class Tangents:
 
     def _check_loads(self, mbs: Any) -> None:
         try:
-            found = controllers(mbs, self._loads)
+            found = controllers(mbs, self._loads, self._copies)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
         if found:

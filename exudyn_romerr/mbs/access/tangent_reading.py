@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ QUATERNIONS = "RigidBodyEP"
 PARAMETERS = (QUATERNIONS, "RigidBodyRxyz")  # node types whose rotations are coordinates like others
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
 REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
+LIGHT = 1e12  # beside the heaviest and stiffest coordinate: what has neither mass nor stiffness
+SOFT = 1e-12  # of what single coordinates feel: less is rounding
 TINY = np.finfo(float).tiny
 
 
@@ -26,7 +28,8 @@ class Reading:
     forces G^T l; C is the derivative of what they keep zero, C_t its rate. Exudyn's G is not C: where an interface
     turns with the deformation, its rows of rotations are off by as much as it has turned.
     masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. own : hash of what Exudyn
-    gives by itself. change : of G and K since the reading before, over CHANGE.
+    gives by itself. motions (n, f) : as motions_of gives them, dt the time since the reading before, if there is one.
+    change : of G and K since then, over CHANGE.
     """
 
     t: float
@@ -40,6 +43,7 @@ class Reading:
     masses: np.ndarray
     springs: np.ndarray
     own: int
+    motions: np.ndarray | None = None
     change: float = 0.0
 
     def scale(self, dt: float) -> np.ndarray:
@@ -98,14 +102,27 @@ def rotations_of(mbs: Any, types: Sequence[str]) -> list[list[int]]:
     return found
 
 
-def change_of(before: Reading, now: Reading) -> float:
-    """Return how much G and K have changed: of G its share, of K that of K + M/dt^2, dt the time since.
+def compared(before: Reading, now: Reading, largest: float) -> Reading:
+    """Return a reading with its motions, and how much G and K have changed: G by its share, K by that of K + M/dt^2.
 
-    Where K is soft, its change accelerates masses for that time.
+    Where K is soft, its change accelerates masses for the time dt since the reading before. largest : what is 1.
     """
-    scale = now.scale(now.t - before.t)
-    change = scale[:, None] * np.abs(now.K - before.K) * scale
-    return max(turned_share(before.G, now.G), float(np.max(change)))
+    motions = motions_of(now, now.t - before.t)
+    change = np.abs(motions.T @ (now.K - before.K) @ motions).max(initial=0.0)
+    return replace(now, motions=motions, change=max(turned_share(before.G, now.G), float(change)) / largest)
+
+
+def motions_of(reading: Reading, dt: float) -> np.ndarray:
+    """Motions (n, f) that constraints admit, by which K + M/dt^2 is diagonal, and of size 1.
+
+    Coordinate by coordinate, a stiff spring that turns would seem to change in directions that it does not act in,
+    and Euler parameters, which are stiff along themselves, in all.
+    """
+    scale = reading.scale(dt)
+    scale = np.minimum(scale, LIGHT * scale.min())
+    free = np.linalg.svd(reading.G * scale)[2][len(reading.G) :].T * scale[:, None]
+    values, vectors = np.linalg.eigh(free.T @ (reading.M / dt**2 + (reading.K + reading.K.T) / 2) @ free)
+    return free @ vectors / np.sqrt(np.maximum(np.abs(values), SOFT))
 
 
 def masses_of(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:

@@ -16,8 +16,9 @@ import numpy as np
 from ..access.linearisation import Reading, Tangents
 from ..access.state_guard import state_set
 
-OFF = 0.05  # of K + M/dt^2, and of G: what an interpolated tangent may miss
+OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
+APART = 32  # steps between those that are tried, at most
 SEED = 15
 
 
@@ -126,7 +127,8 @@ class LateReadings:
         """Rows whose forces or positions are not those that the tangents around them belong to."""
         for interval in self._intervals():
             off = np.abs(self._turned(interval)) @ self._tangents.carried_near(self._t[interval.middle]).turning
-            off = np.maximum(off, self._off(interval))
+            if self._off(interval).max() > OFF:
+                off = np.maximum(off, self._off_by_forces(interval))
             if off.max() > OFF:
                 yield interval.rows.start + int(off.argmax())
 
@@ -139,7 +141,7 @@ class LateReadings:
         return self._states[0][rows] - first.state[0] - share * (change + (1 - share) * bend)
 
     def _off(self, interval: _Interval) -> np.ndarray:
-        """How far K is off at the rows (S,) of an interval, by q'' and multipliers there.
+        """How far K is off at the rows (S,) of an interval, by q'' and multipliers there, coordinate by coordinate.
 
         What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
         twice, if that is less.
@@ -158,16 +160,37 @@ class LateReadings:
         found = np.abs(changes[1:-1]) * both[matters]
         return found[:, moved > OFF].max(axis=1, initial=0.0)
 
+    def _off_by_forces(self, interval: _Interval) -> np.ndarray:
+        """The same in the motions that constraints admit: of what single coordinates feel, these may feel little."""
+        carried, motions = self._tangents.carried_near(self._t[interval.middle]), interval.last.motions
+        found = np.zeros(interval.count)
+        for row, x in enumerate(self._moving[interval.rows]):
+            K = np.zeros(2 * (len(motions),))
+            K[carried.i, carried.j] = carried.by @ x
+            found[row] = np.abs(motions.T @ K @ motions).max(initial=0.0)
+        return found
+
     def _untrue(self) -> Iterator[int]:
-        """Rows in whose state K differs for other reasons, in a direction that all coordinates take part in."""
-        signs = np.random.default_rng(SEED).choice([-1.0, 1.0], self._tangents.size) * self._tangents.differentiable
+        """Rows in whose state K differs for other reasons, in a direction that all motions take part in."""
+        rng = np.random.default_rng(SEED)
         for interval in [i for i in self._intervals() if i.count >= LONG]:
-            row, scale = interval.middle, interval.scale
-            if self._t[row] in self._tried or not self._is_unchanged():
-                continue
-            self._tried.add(self._t[row])
-            if np.abs(scale * self._untried(row, scale * signs)).max() > OFF:
-                yield row
+            motions = interval.last.motions * self._tangents.differentiable[:, None]
+            direction = motions @ rng.choice([-1.0, 1.0], motions.shape[1])
+            off = {row: self._missing(row, motions, direction) for row in self._to_try(interval)}
+            self._tried.update(self._t[row] for row in off if off[row] <= OFF)
+            if off and max(off.values()) > OFF:
+                yield max(off, key=off.get)
+
+    def _to_try(self, interval: _Interval) -> list[int]:
+        """Rows of an interval that were not tried, and may be."""
+        parts = max((interval.count + 1) // APART, 2)
+        rows = [interval.rows.start + interval.count * part // parts for part in range(1, parts)]
+        rows = [row for row in rows if self._t[row] not in self._tried]
+        return rows if rows and self._is_unchanged() else []
+
+    def _missing(self, row: int, motions: np.ndarray, direction: np.ndarray) -> float:
+        """What K is off by in the state of a row, of K + M/dt^2, by a direction."""
+        return float(np.abs(motions.T @ self._untried(row, direction)).max(initial=0.0))
 
     def _untried(self, row: int, dq: np.ndarray) -> np.ndarray:
         """What K dq is off by in the state of a row, but for what q'' and multipliers are."""

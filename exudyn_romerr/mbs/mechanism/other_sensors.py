@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
+from ...estimates.kept_estimate import REMAINDER
 from ...estimates.time_step_error import PROVISIONAL
 from ..access.state_guard import set_state, state_kept
 from ..floating.sensor_outputs import is_on
@@ -96,12 +97,18 @@ class OtherSensors:
         return found[0].outputs(count) if found else ([], list(self.left_out))
 
     def take(
-        self, mbs: Any, rows: Sequence[np.ndarray], moves: Sequence[tuple[np.ndarray, ...]], step: TimeStep | None
+        self,
+        mbs: Any,
+        rows: Sequence[np.ndarray],
+        moves: Sequence[tuple[np.ndarray, ...]],
+        step: TimeStep | None,
+        left: Sequence[np.ndarray] | None = None,
     ) -> None:
         """Take rows t (S,), q, q_t, q_tt, multipliers and how errors move them.
 
         moves : what auxiliary vectors do to coordinates (3, S, k), the mechanism's own first, and multipliers (S, c);
-        fewer of them, and those that keep interfaces rigid. step : error by time steps.
+        fewer of them, and those that keep interfaces rigid. step : error by time steps. left : what the former may
+        lack, the sum of the sizes of these (3, S, k); None: it was not measured.
         """
         record = self.records[-1]
         if not record.sensors or record.failure:
@@ -111,7 +118,7 @@ class OtherSensors:
                 record.failure = CHANGED
                 return
             with state_kept(mbs.systemData), self._memory_kept(mbs, record):
-                self._take(mbs, record, rows, moves, step)
+                self._take(mbs, record, rows, moves, step, left)
         except Exception as error:  # of a sensor in a moved state
             record.failure = f"they cannot be read from t = {rows[0][0]:g} s on: {error}"
 
@@ -132,13 +139,19 @@ class OtherSensors:
         self._checked = last
         return mbs is not None and all(self._tangents.reads_the_same(mbs, reading) for reading in (before, last))
 
-    def _take(self, mbs: Any, record: SensorRecord, rows, moves: Sequence[tuple], step: TimeStep | None) -> None:
+    def _take(
+        self, mbs: Any, record: SensorRecord, rows, moves: Sequence[tuple], step: TimeStep | None, left
+    ) -> None:
         here = self._shown(mbs, rows)
         record.values.append(here)
         change, *others = (self._change(mbs, rows, here, *move) for move in moves)
         parts, checks = {"basis": change}, {}
         if others:
             checks["vectors"] = change - others[0]
+        if left is not None:
+            e, forces = moves[0]
+            moved = (self._change(mbs, rows, here, e + x, forces) for x in left if x.any())
+            checks[REMAINDER] = sum((np.abs(y - change) for y in moved), 0.0 * change)
         if others[1:]:
             parts = {"basis": others[1], "interfaces": change - others[1]}
         record.estimate.put(parts, checks)

@@ -80,6 +80,10 @@ class StepErrors:
         """Take what these come to; multipliers of steps ring, and are left out."""
         self._do(lambda error: error.take(steps, found))
 
+    def newest(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None] | None:
+        """See TimeStepError; None: there is none."""
+        return self._do(lambda error: error.newest(count))
+
     def finish(self) -> None:
         """All steps were gone through."""
         self._do(self._finish)

@@ -106,21 +106,21 @@ def times_read(monkeypatch):
 
 
 def test_a_quiet_mechanism_is_read_as_seldom_as_before(read):
-    """Before late readings there were 7 while the stride doubled, then one every 64 steps, and one at the end."""
+    """While the stride doubles, from 16 steps on, and one at the end."""
     scene, _ = watched("late", 0)
     scene.settings.timeIntegration.endTime, scene.settings.timeIntegration.numberOfSteps = 0.127, 127
     scene.solve()
-    assert len(read) <= 8
+    assert len(read) <= 5
     assert read == sorted(read)
 
 
 def test_readings_are_where_forces_change(read):
-    """More than twice as many in half the time, and some of them late."""
+    """More than before in half the time, and some of them late."""
     scene, monitors = watched("late, times 10", 0)
     scene.solve()
     outputs(monitors)
     assert read != sorted(read)
-    assert sum(t > chain.LATE for t in read) > 2 * sum(t <= chain.LATE for t in read)
+    assert sum(t > chain.LATE for t in read) > sum(t <= chain.LATE for t in read)
 
 
 def states_of(scene):
@@ -202,9 +202,8 @@ def with_short_spring(n, kind):
     return scene
 
 
-@pytest.mark.xfail(strict=True, reason="with a tangent at every step too: what is of second order is above 1 %")
 def test_a_spring_that_is_short_beside_the_motion():
-    """Errors are up to 4 times their bounds: it turns by the error itself, to second order."""
+    """It turns by the error itself: 1 % of what vectors predict would be a fourth of what that leaves out."""
     full, scene = with_short_spring(0, "complete"), with_short_spring(0, "RBE3")
     full.solve()
     monitors = attached(scene)
