@@ -17,7 +17,7 @@ from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
 from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.output_estimates import OutputEstimates
-from .measured_remainder import MeasuredRemainder
+from ..shadow.measured_remainder import MeasuredRemainder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
