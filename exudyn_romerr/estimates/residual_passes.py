@@ -46,7 +46,7 @@ class ResidualPasses:
 
     Attributes
     ----------
-    are_made : whether they have begun. added : (3, S, k) what they add to e, e', e'' in the rows of the last advance.
+    are_made : whether they have begun. added : (3, S, k) what they add to e, e', e'' in the rows that were taken last.
     beside : (S, k) forces of second order that are left; nan where there was no pass. multipliers : (S, c) of what
     the last call of follow has added.
     """
@@ -67,11 +67,13 @@ class ResidualPasses:
             else:
                 moving[2:, :, 0] = held(tangent.M, tangent, force)
             e += moving[:3, :, 0]
+        self.added = self.state[:, None]
 
     def go_on(self, before: ResidualPasses) -> None:
         """Go on from the state of those of another run."""
         self.are_made, self._moving = before.are_made, before._moving
         self._converge, self._largest = before._converge, before._largest
+        self.added = self.state[:, None]
 
     @property
     def state(self) -> np.ndarray:

@@ -13,13 +13,13 @@ from ...estimates.remainder import FACTOR
 from ...estimates.residual_passes import ResidualPasses
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
-from ...online.run import Run
+from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
 from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.mechanism_residuals import MechanismResiduals
 from ..mechanism.output_estimates import OutputEstimates
-from .measured_remainder import MeasuredRemainder
+from ..shadow.measured_remainder import MeasuredRemainder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -124,11 +124,17 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
-        self._open_positions(before if goes_on else None, first, None if goes_on else (extended, readings))
+        if self._positions is not None:
+            g = shared_energy(runs[0], STREAM).g
+            if goes_on:
+                self._positions.go_on(before._positions)
+            else:
+                self._positions.start(t, extended, readings, g, self._energy_at_rest(openings))
+            self._keep_left(self._positions.opened(first[1], g))
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
         self._feedback.multipliers = self._feedback.multipliers[-1:]
-        self._take_errors(mbs, (*first, multipliers), e, self._passes.state[:, None], self._narrow.states[:, :, None])
+        self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
         self._say(self._step_errors.notes)
@@ -166,18 +172,15 @@ class Reaction:
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
         self._tangents.forget()
-        self._take_errors(mbs, (*rows, multipliers), e, self._passes.added, self._narrow.found())
+        self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
 
-    def _open_positions(self, before: Reaction | None, first: Sequence, read: tuple | None) -> None:
-        """Begin with what is left of positions in global axes."""
-        if self._positions is None:
-            return
-        g = shared_energy(self._watches[0].run.companion, STREAM).g
-        if before is not None:
-            self._positions.go_on(before._positions)
-        else:
-            self._positions.start(float(first[0][0]), *read, g, self._forces_at_rest() is not None)
-        self._keep_left(self._positions.opened(first[1], g))
+    def _energy_at_rest(self, openings: Sequence[Opening]) -> float | None:
+        """|R|_{K^-1} of all bodies in the equilibrium that the full ones start in; None: they start without error."""
+        if self._forces_at_rest() is None:
+            return None
+        energies = (shared_energy(watch.run.companion, STREAM) for watch in self._watches)
+        parts = (energy.norm(opening.start.z) for energy, opening in zip(energies, openings, strict=True))
+        return float(np.linalg.norm([float(part) for part in parts]))
 
     def _advance_positions(self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension]) -> None:
         """Go on with what is left of positions in global axes; before the runs do."""
@@ -195,13 +198,10 @@ class Reaction:
         if self._positions.failure:
             self._say([NO_POSITIONS.format(self._positions.failure)])
 
-    def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e, passes, narrow: np.ndarray) -> None:
-        """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong.
-
-        e (3, S, k), which has what passes add; narrow (marches, 3, S, k), which have not.
-        """
+    def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
+        """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
         (t, *states, _), none, missed = rows, [0 * x for x in rows[1:4]], self._remainder.found
-        narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, passes)
+        narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
         narrow = narrow if missed is None else narrow + missed.added
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]

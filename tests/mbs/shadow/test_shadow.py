@@ -10,10 +10,10 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 import exudyn_romerr as romerr
 from exudyn_romerr import RunError
 from exudyn_romerr.estimates import remainder
-from exudyn_romerr.mbs.access.wider_object import object_terms
-from exudyn_romerr.mbs.mechanism.shadow import Shadow
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
-from exudyn_romerr.mbs.monitoring.measured_remainder import LEFT_OUT
+from exudyn_romerr.mbs.shadow.measured_remainder import LEFT_OUT
+from exudyn_romerr.mbs.shadow.shadow_mbs import Shadow
+from exudyn_romerr.mbs.shadow.wider_object import object_terms
 from models import mechanisms
 from models.floating import RAYLEIGH, load_fem
 from tests.helpers.mechanism_runs import pendulum, solve

@@ -11,7 +11,7 @@ from ...errors import RunError
 from ...estimates.remainder import LOST, Measured, Remainder
 from ...estimates.time_step_error import PROVISIONAL
 from ...linalg.blocked_products import row_norms
-from ..mechanism.shadow import Shadow
+from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent

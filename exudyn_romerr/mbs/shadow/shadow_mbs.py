@@ -17,13 +17,13 @@ import numpy as np
 from ...errors import RunError
 from ..access.equations import Equations
 from ..access.state_guard import current_state, set_state, state_kept
-from ..access.wider_object import object_terms
+from ..mechanism.stored_residuals import GONE, HOLDS, MEMORY, user_functions
 from ..memory.user_memory import memory_kept
-from .stored_residuals import GONE, HOLDS, MEMORY, user_functions
+from .wider_object import object_terms
 
 if TYPE_CHECKING:
     from ..access.linearisation import Tangents
-    from .enriched_body import EnrichedBody
+    from ..mechanism.enriched_body import EnrichedBody
 
     Parts = Sequence[tuple[EnrichedBody, slice]]
 
