@@ -173,5 +173,6 @@ def _linear(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Values (S, ...) at t (S,), linear between times (T,), held after the last."""
     after = np.minimum(np.searchsorted(times, t), len(times) - 1)
     before = np.maximum(after - 1, 0)
-    share = np.clip((t - times[before]) / np.maximum(times[after] - times[before], np.finfo(float).tiny), 0.0, 1.0)
+    dt = np.where(after > before, times[after] - times[before], np.inf)
+    share = np.clip((t - times[before]) / dt, 0.0, 1.0)
     return values[before] + share[:, None] * (values[after] - values[before])

@@ -52,7 +52,7 @@ class Run:
         self.messages: list[str] = []
         self.estimate = KeptEstimate()  # of the mechanism, if it answers what is wrong with this body
         self._defect = Defect()
-        self._recorded = RecordedSamples(offline)
+        self._recorded = RecordedSamples(offline, lambda: (run._total.bounds() for run in self._runs))
         self._last: Samples | None = None
         self._rest: np.ndarray | None = None  # where a frame at rest is
         self._settled = slice(None)
@@ -60,9 +60,9 @@ class Run:
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(offline.coordinates, self._jumps)}
         if offline.time == "reconstructed":
+            known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
             root = offline.mass_root if offline.scene.turns else None
-            known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1, root)
-            self._segmenters["total"] = Quintic(*known, offline.driven)
+            self._segmenters["total"] = Quintic(*known, root, offline.driven)
         last = list(self._segmenters)[-1]
         self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
         if offline.initial is not None:
@@ -221,8 +221,8 @@ class Run:
 
     def node_fields(self) -> NodeFields:
         """Return what is known at every node at the worst instant, by every estimator; full-size work."""
-        known = [run.offline.nodes(run._total.worst) for run in self._runs]
-        return self._recorded.fields_of(known, self.streams()["total"])
+        known = (run.offline.nodes(run._total.worst) for run in self._runs)
+        return self._recorded.fields_of([*known], self.streams()["total"])
 
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""

@@ -11,7 +11,7 @@ from ..report.data import NodeFields
 from ..trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from ..estimates.estimate import Estimate
     from ..estimators.node_bounds import AtNodes
@@ -80,11 +80,17 @@ class RunRecord:
 
 
 class RecordedSamples:
-    """What is kept of samples along a run: t, q, output rows, their round-off, frames if outputs need them."""
+    """What is kept of samples along a run: t, output rows, their round-off, frames if outputs need them.
 
-    def __init__(self, offline: Offline):
-        self._offline, self._static_errors = offline, GrowingArray()
-        self.t, self.q = GrowingArray(), GrowingArray()
+    q, which many outputs would fit in, only where one of the `bounds` so far is largest, and of the last samples.
+    """
+
+    def __init__(self, offline: Offline, bounds: Callable[[], Iterable[dict[str, Bounds]]]):
+        self._offline, self._bounds, self._static_errors = offline, bounds, GrowingArray()
+        self.t = GrowingArray()
+        self._motions: list[tuple[int, np.ndarray]] = []  # number of the first sample, q
+        self._worst: dict[str, tuple[float, int]] = {}  # estimator -> its largest bound of |e|_M, and where
+        self._looked: dict[str, int] = {}
         self._values, self._round_off, self._frames, self._driven_frames = (GrowingArray() for _ in range(4))
 
     def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray, driven: np.ndarray) -> None:
@@ -92,8 +98,9 @@ class RecordedSamples:
 
         driven: frames as a function of time says, or those of the samples.
         """
+        self._drop_motions()
+        self._motions.append((len(self.t), new.q))
         self.t.append(new.t)
-        self.q.append(new.q)
         self._values.append(self._offline.outputs_of(new.q, new.q_t))
         of_input = self._offline.input_rounding
         self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u, own) if of_input else rounded).outputs)
@@ -104,11 +111,27 @@ class RecordedSamples:
             self._frames.append(new.frame)
             self._driven_frames.append(driven)
 
+    def _drop_motions(self) -> None:
+        """Forget q of all samples but those that were appended together with one where a bound is largest."""
+        for name, b in (pair for of_run in self._bounds() for pair in of_run.items()):
+            first = self._looked.get(name, 0)
+            if len(b.position) > first:
+                i = first + int(np.argmax(b.position[first:]))
+                if name not in self._worst or b.position[i] > self._worst[name][0]:
+                    self._worst[name] = b.position[i], i
+                self._looked[name] = len(b.position)
+        places = [i for _, i in self._worst.values()]
+        self._motions = [(a, q) for a, q in self._motions if any(a <= i < a + len(q) for i in places)]
+
+    def _motion(self, i: int) -> np.ndarray:
+        first, q = next(block for block in reversed(self._motions) if block[0] <= i)
+        return q[i - first]
+
     def fields_of(self, parts: list[dict[str, AtNodes]], bounds: dict[str, Bounds]) -> NodeFields:
         """Return what is known at nodes, with the displacements where each estimator's bound of |e|_M is largest."""
         found = {e: x for part in parts for e, x in part.items()}
         worst = {e: int(np.argmax(bounds[e].position)) for e in found}
-        moved = {e: self._offline.moved(self.q.read()[i]) for e, i in worst.items()}
+        moved = {e: self._offline.moved(self._motion(i)) for e, i in worst.items()}
         return NodeFields(
             bound={e: x.bound for e, x in found.items()},
             estimate={e: x.estimate for e, x in found.items() if x.estimate is not None},

@@ -211,7 +211,7 @@ def _causes(
     jumped = [b.jumped for b in streams["total"].values() if b.jumped is not None]
     jumps = np.min(jumped, axis=0) if jumped else np.zeros_like(best)
     # a part may be inf where its sum is not: the square of an expanded residual that cancelled at a sample
-    reduction, initial, jumps = (np.minimum(part, best) for part in (reduction, initial, jumps))
+    reduction, initial, jumps = (np.minimum(part, best) for part in (reduction, initial, jumps))  # new arrays
     with np.errstate(invalid="ignore"):  # inf - inf: sorted out below
         weights = {
             "basis": (1 - interfaces) * np.maximum(reduction - initial - jumps, 0.0),
@@ -222,9 +222,12 @@ def _causes(
         }
         total = sum(weights.values())
         scale = np.where(total > 0, best / np.where(total > 0, total, 1.0), 0.0)
-        shares = {name: scale * weight for name, weight in weights.items()}
+        for share in weights.values():  # in place: in long runs each of these arrays is large
+            share *= scale
     # an infinite bound has no shares: all of it is put down to the basis
-    return {name: np.where(np.isfinite(best), x, np.inf if name == "basis" else 0.0) for name, x in shares.items()}
+    for name, share in weights.items():
+        share[~np.isfinite(best)] = np.inf if name == "basis" else 0.0
+    return {name: share if share.any() else np.broadcast_to(0.0, share.shape) for name, share in weights.items()}
 
 
 def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Offline) -> str:

@@ -24,7 +24,7 @@ def cubic(x, hardening):
 
 @cache
 def nonlinear(hardening):
-    """e, e', e'' (3, STEPS, 2) of M e'' + D e' + K e + hardening e^3 = FORCE by the scheme, by fixed-point iteration."""
+    """e, e', e'' (3, STEPS, 2) of M e'' + D e' + K e + hardening e^3 = FORCE by the scheme; fixed-point iteration."""
     e, before = linear(FORCE[1:]), np.inf
     while not np.abs(e - before).max() < 1e-9 * np.abs(e).max():  # each leaves a third or less
         e, before = linear(FORCE[1:] - cubic(e[0], hardening)), e
@@ -87,7 +87,7 @@ def everywhere(monkeypatch):
 
 @pytest.mark.parametrize("hardening", [1.0, -1.0])
 def test_remainder_is_what_linear_equations_leave_out(hardening, everywhere):
-    """To second order: of r itself it misses three times its share of the prediction, for (e + r)^3 = e^3 + 3 e^2 r."""
+    """To second order: of r it misses three times its share of the prediction, for (e + r)^3 = e^3 + 3 e^2 r."""
     e, late, found = measured(hardening)
     true = nonlinear(hardening) - e
     share = np.abs(true[0]).max() / np.abs(e[0]).max()

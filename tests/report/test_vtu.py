@@ -19,23 +19,39 @@ def read(path):
     return pytest.importorskip("meshio").read(path)
 
 
-@pytest.fixture(scope="module")
-def bar():
-    """The bar of models/floating.py, left face held, 4 modes, a load that none of them is; its fem and tip."""
+def bar_along(t, size=1.0):
+    """The bar of models/floating.py, left face held, 4 modes, a load that none of them is: report, fem and tip."""
     fem = floating.load_fem("bar")
     left, tip = (floating.interface(fem, name)[0] for name in ("left", "tip"))
     fixed = (3 * left[:, None] + np.arange(3)).ravel()
     body = romerr.ElasticBody.from_fem(fem, rayleigh=(2.0, 1e-5), fixed=fixed)
     basis, B = romerr.modal_basis(body, 4), np.eye(body.N)[:, [3 * tip[0] + 1]]
-    t = np.linspace(0, 0.01, 41)
     omega, V = body.modes(4).omega, basis.V
-    q = 1e-3 * np.sin(np.outer(t, omega / 5)) * (V.T @ B).ravel()
-    rates = omega / 5
-    q_t, q_tt = (1e-3 * rates * np.cos(np.outer(t, rates)) * (V.T @ B).ravel(), -(rates**2) * q)
+    rates, size = omega / 5, 1e-3 * np.reshape(size, (-1, 1))
+    q = size * np.sin(np.outer(t, rates)) * (V.T @ B).ravel()
+    q_t, q_tt = (size * rates * np.cos(np.outer(t, rates)) * (V.T @ B).ravel(), -(rates**2) * q)
     outputs = [romerr.node_displacement("tip", node=int(tip[0]), component="xyz")]
     trajectory = romerr.Trajectory(t, q, q_t, q_tt, np.sin(300 * t)[:, None])
     report = romerr.evaluate(body, basis, trajectory, inputs=B, outputs=outputs, estimators=("energy", "auxiliary"))
     return report, fem, int(tip[0])
+
+
+@pytest.fixture(scope="module")
+def bar():
+    return bar_along(np.linspace(0, 0.01, 41))
+
+
+@pytest.mark.parametrize("place", [0.05, 0.5, 0.95])
+def test_displacements_of_long_runs_are_those_where_the_bound_is_largest(place):
+    """Wherever that is: of other blocks of steps the run keeps no coordinates."""
+    t = np.linspace(0, 0.9, 3600)
+    report, _, tip = bar_along(t, 1e-3 + np.exp(-(((t / t[-1] - place) / 0.02) ** 2)))
+    out, known = report.output("tip"), report.at_nodes()
+    for name, displacement in known.displacement.items():
+        i = int(np.argmax(report.position_bound[name]))
+        assert known.instant[name] == t[i]
+        np.testing.assert_allclose(displacement[tip], out.value[i], rtol=0, atol=1e-12 * np.max(np.abs(out.value)))
+    assert abs(i / len(t) - place) < 0.1
 
 
 def test_fields_are_those_of_the_report(bar, tmp_path):

@@ -12,12 +12,12 @@ from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.remainder import FACTOR
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
-from ...online.run import Run
+from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
 from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.output_estimates import OutputEstimates
-from .measured_remainder import MeasuredRemainder
+from ..shadow.measured_remainder import MeasuredRemainder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -119,7 +119,13 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
-        self._open_positions(before if goes_on else None, first, None if goes_on else (extended, readings))
+        if self._positions is not None:
+            g = shared_energy(runs[0], STREAM).g
+            if goes_on:
+                self._positions.go_on(before._positions)
+            else:
+                self._positions.start(t, extended, readings, g, self._energy_at_rest(openings))
+            self._keep_left(self._positions.opened(first[1], g))
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
         self._feedback.multipliers = self._feedback.multipliers[-1:]
@@ -162,16 +168,13 @@ class Reaction:
         self._tangents.forget()
         self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
 
-    def _open_positions(self, before: Reaction | None, first: Sequence, read: tuple | None) -> None:
-        """Begin with what is left of positions in global axes."""
-        if self._positions is None:
-            return
-        g = shared_energy(self._watches[0].run.companion, STREAM).g
-        if before is not None:
-            self._positions.go_on(before._positions)
-        else:
-            self._positions.start(float(first[0][0]), *read, g, self._forces_at_rest() is not None)
-        self._keep_left(self._positions.opened(first[1], g))
+    def _energy_at_rest(self, openings: Sequence[Opening]) -> float | None:
+        """|R|_{K^-1} of all bodies in the equilibrium that the full ones start in; None: they start without error."""
+        if self._forces_at_rest() is None:
+            return None
+        energies = (shared_energy(watch.run.companion, STREAM) for watch in self._watches)
+        parts = (energy.norm(opening.start.z) for energy, opening in zip(energies, openings, strict=True))
+        return float(np.linalg.norm([float(part) for part in parts]))
 
     def _advance_positions(self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension]) -> None:
         """Go on with what is left of positions in global axes; before the runs do."""
