@@ -21,11 +21,22 @@ def static_errors(problem: Problem, stiff: Space) -> np.ndarray:
     Source: docs/theory.md, floating frame. Does not cover: inertia of what the interfaces' deformation moves.
     """
     body, rows = problem.body, problem.rows
-    S = stiff.Z.tocsr()[body.free]
+    S, factor = stiff.Z.tocsr()[body.free], body.stiffness_factor
     response = S @ body.stiffness_within(S).solve(S.T @ rows.C.T)
-    rest = body.stiffness_factor.half_multiply(response)
-    columns = problem.dual.Y_K[:, : problem.map.coordinates.k]
-    return np.stack([-rows.of_displacements(part.T @ columns) for part in (rows.Y_C_K - rest, rest)])
+    if "Y_K" in vars(problem.dual):
+        columns, rest = problem.dual.Y_K[:, : problem.map.coordinates.k], factor.half_multiply(response)
+        whole, rest = rows.Y_C_K.T @ columns, rest.T @ columns
+    else:  # few rows are solved for, not the many columns
+        whole, rest = (_seen(problem, x) for x in (factor.solve(rows.C.T), response))
+    return np.stack([-rows.of_displacements(part) for part in (whole - rest, rest)])
+
+
+def _seen(problem: Problem, response: np.ndarray) -> np.ndarray:
+    """Rows x^T L (R, k) of responses x (n_free, R); x^T K V where |.|_K is the 2-norm: nothing cancels."""
+    terms, factor = problem.terms, problem.body.stiffness_factor
+    found = terms.seen_by(response.T)
+    found[:, terms.coordinates.stiffness_slot] = factor.half_multiply(response).T @ factor.half_multiply(terms.V)
+    return found
 
 
 def interface_share(errors: np.ndarray) -> np.ndarray:
