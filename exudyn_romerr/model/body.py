@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from ..checks import check_count
 from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import Modes, lowest_modes
+from ..linalg.factorisations import faster
 from ..linalg.symmetric_factor import SymmetricFactor
 from .admissible_space import MassOrthogonal, MeanMotion, Space, rigid_parts
 from .definiteness import check_damping, check_mass, check_masses, check_stiffness
@@ -97,13 +99,15 @@ class ElasticBody:
             raise InputError("rayleigh and damping were both given; pass one of them (or neither: undamped)")
         self.rayleigh = checked_rayleigh(rayleigh) if damping is None else None
         self.damping = None if damping is None else checked_matrix("damping", damping, self.N, symmetric=False)
+        help_at_hand = faster(self.free.size)
+        if help_at_hand:
+            warnings.warn(help_at_hand, stacklevel=2)
         check_masses(self.M, self.free)
         check_mass(self.M, self.mass_factor, self.free)
         check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
         if self.damping is not None:
             check_damping(self.D)
         self._modes: Modes | None = None
-        self._within: tuple[sp.csr_matrix, SymmetricFactor] | None = None
 
     @classmethod
     def from_fem(
@@ -164,14 +168,6 @@ class ElasticBody:
     def stiffness_factor(self) -> SymmetricFactor:
         """Factorisation of K on the free coordinates, made once."""
         return SymmetricFactor(self.K)
-
-    def stiffness_within(self, S: sp.csr_matrix) -> SymmetricFactor:
-        """Return the factorisation of S^T K S, S (n_free, k); that of the S asked for last is kept."""
-        kept, factor = self._within or (None, None)
-        if kept is None or kept.shape != S.shape or (kept != S).nnz:
-            factor = SymmetricFactor((S.T @ self.K @ S).tocsc())
-            self._within = S, factor
-        return factor
 
     def expand(self, values: np.ndarray) -> np.ndarray:
         """Return displacements of all N coordinates (N, ...) from those of the free ones."""
