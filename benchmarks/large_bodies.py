@@ -23,6 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on a shared machine thread
 
 import numpy as np
 from exudyn.FEM import FEMinterface, HCBstaticModeSelection
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 import exudyn_romerr as romerr
 from benchmarks import floating_cost
@@ -52,15 +53,17 @@ def block(coordinates: int) -> tuple[FEMinterface, list[np.ndarray], list[np.nda
 
 def reduced(fem: FEMinterface, faces: list[np.ndarray]) -> None:
     """Put the modes into fem that ComputeHurtyCraigBamptonModes makes (RBE2), faster."""
-    K, place = fem.GetStiffnessMatrix(sparse=True), fem.GetNodePositionsAsArray()
+    M, K, place = fem.massMatrix, fem.stiffnessMatrix, fem.GetNodePositionsAsArray()
     held, moved = ((3 * nodes[:, None] + np.arange(3)).ravel() for nodes in faces)
-    body = romerr.ElasticBody(fem.GetMassMatrix(sparse=True), K, fixed=np.concatenate([held, moved]))
-    static = np.zeros((body.N, 6))
-    static[moved] = rigid_modes(place[faces[1]] - place[faces[1]].mean(axis=0))
-    static[body.free] = -body.stiffness_factor.solve((K @ static)[body.free])
-    modes = body.modes(EIGENMODES)
-    fem.modeBasis = {"matrix": np.hstack([static, body.expand(modes.shapes)]), "type": "HCBmodes"}
-    fem.eigenValues = modes.omega**2
+    inner, V = np.setdiff1d(np.arange(place.size), [*held, *moved]), np.zeros((place.size, 6 + EIGENMODES))
+    V[moved, :6] = rigid_modes(place[faces[1]] - place[faces[1]].mean(axis=0))
+    own = K[inner][:, inner].tocsc()
+    factor = SymmetricFactor(own)
+    V[inner, :6] = -factor.solve((K @ V[:, :6])[inner])
+    inverse = LinearOperator(own.shape, matvec=factor.solve, dtype=float)
+    found = eigsh(own, EIGENMODES, M[inner][:, inner], sigma=0.0, OPinv=inverse, v0=np.ones(len(inner)))
+    fem.eigenValues, V[inner, 6:] = found
+    fem.modeBasis = {"matrix": V, "type": "HCBmodes"}
 
 
 def child_factor(kind: str, coordinates: int) -> None:
