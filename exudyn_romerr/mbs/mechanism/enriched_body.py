@@ -13,8 +13,10 @@ from ...checks import check_count
 from ...errors import AssumptionError
 from ...estimators.rigid_motion import Deformations
 from ...model.floating_frame import skew, unit_inertia
+from ...model.outputs import stacked_rows
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
+from ...residual.interface_stiffening import rigid_response
 from ...residual.residual import ResidualMap
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
@@ -77,6 +79,10 @@ class EnrichedBody:
         self._actions, self._terms, self.midpoint_residual = actions, terms, options.midpoint_residual
         self._frame, self.frame_size = model.frame, model.frame.size
         self.columns, (self.frame, self.modal) = columns, np.split(columns, [model.frame.size])
+        # first, for they take factorisations beside those that are kept
+        _ = body.modes(1)
+        if scene.stiff is not None:
+            rigid_response(body, scene.stiff, stacked_rows(options.outputs, body)[0])
         V, Z = model.V, body.space
         inertia, loads, wrenches = (
             Z.loads(part)
