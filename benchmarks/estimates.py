@@ -87,6 +87,8 @@ class Row:
 
 def bar_of(row: Row) -> float:
     """Return what the estimate may be off by."""
+    if row.axes == "joint":
+        return 0.1
     if row.scene == "rigid_pendulum":
         return 5e-3
     return 0.03 if row.axes != "frame" and row.scene in ("slider_crank", "sprung_body", "double_pendulum") else 0.05
@@ -158,7 +160,8 @@ def rows_of(name: str, n: int) -> tuple[list[Row], list[str]]:
 
 def axes_of(scene: EstimateScene, key: str) -> str:
     """Return what a sensor's values are seen from: the frame of its body, the ground; or that its body is rigid."""
-    return "frame" if key in scene.local else "rigid" if key in scene.rigid else "global"
+    of = {"frame": scene.local, "rigid": scene.rigid, "joint": scene.forces}
+    return next((axes for axes, keys in of.items() if key in keys), "global")
 
 
 def compared(

@@ -80,6 +80,11 @@ def at_node(node: str, name: str = "in the frame") -> str:
     return f'romerr.node_displacement("{name}", node={node}, component="y")'
 
 
+def all_at_node(node: str) -> str:
+    """Return all components of it."""
+    return f'romerr.node_displacement("in the frame, xyz", node={node})'
+
+
 def cuboids(**options: str) -> str:
     """Return our lines for the two bodies of NGsolveCreateFFRFreducedOrder."""
     end = 'romerr.mean_displacement("end {}", nodes=boundaryNodesList[1], weights=boundaryWeightsList[1])'
@@ -91,6 +96,7 @@ RIGID = {"interfaces": "'rigid'"}
 BODY = "romerr.ElasticBody.from_fem(fem, rayleigh=(0, 0), reference=romerr.mean_motion({}, {}))"
 # in a line of its own after the script's modes: those of the full model, interfaces free, in their place
 FREE = f"{IMPORT}; fem.modeBasis = dict(matrix=romerr.modal_basis({BODY}, {{}}).V, type='NormalModes')"
+SETUP = "# # Setup flexible body in exudyn\n"
 LEFT = "nodesLeftPlane", "weightsLeftPlane"
 DENSE = ("excludeRigidBodyModes = 6, useSparseSolver = True", "excludeRigidBodyModes = 6, useSparseSolver = False")
 COURSE = at_node("nMid", "mid") + ", " + at_node("nTip", "tip")
@@ -148,6 +154,21 @@ EXAMPLES = {
                 (("nModes = 8", "nModes = 40"),),
                 (("tEnd = 2", "tEnd = 0.2"),),
             ),
+            Truth(
+                "free, 80 modes",
+                ours(COURSE, "femInterface"),
+                (
+                    (
+                        SETUP,
+                        SETUP
+                        + FREE.format("nodesLeft", "weightsNodesLeft", 80)
+                        .replace("fem.", "femInterface.")
+                        .replace("(fem,", "(femInterface,")
+                        + "\n",
+                    ),
+                ),
+                (("tEnd = 2", "tEnd = 0.3"),),
+            ),
         ),
     ),
     "NGsolveFFRF": Example(
@@ -155,6 +176,14 @@ EXAMPLES = {
         {"frame": ours(at_node("boundaryNodesList[1][0]"))},
         repairs=(("import numpy as np", "import numpy as np; from math import sin, pi"),),
         note="despite its name a reduced body. 4 ms are too long for the modes; the rest alone is 3.2e-4 m",
+        truth=(
+            Truth(
+                "RBE2, 60 modes",
+                ours(at_node("boundaryNodesList[1][0]"), **RIGID),
+                (("nModes = 16", "nModes = 60"),),
+                (("tEnd = 10", "tEnd = 2"),),
+            ),
+        ),
     ),
     "NGsolveFFRFSlidingJoint": Example(
         "Examples/NGsolveFFRFSlidingJoint.py",
@@ -191,13 +220,14 @@ EXAMPLES = {
         "turning bodies take for small, is not at 50 turns a second: three quarters of the coupled bound",
         truth=tuple(
             Truth("all 339 modes", ours(out), (("nModes = 8", "nModes = 339"), DENSE))
-            for out in ("sDisp", at_node("nMid"))
+            for out in ("sDisp", all_at_node("nMid"))
         ),
     ),
     "perfObjectFFRFreducedOrder": Example(
         "TestModels/perfObjectFFRFreducedOrder.py",
         {"sensor": ours("sDisp"), "frame": ours(at_node("nMid"))},
         shorter=(("tEnd = 2", "tEnd = 0.2"),),
+        truth=(Truth("all 339 modes", ours(all_at_node("nMid")), (("nModes = 8", "nModes = 339"), DENSE)),),
     ),
     "objectFFRFreducedOrderAccelerations": Example(
         "TestModels/objectFFRFreducedOrderAccelerations.py", {"sensor": ours("sCMSdisp")}
@@ -239,6 +269,20 @@ EXAMPLES = {
         "TestModels/NGsolveCMStest.py",
         {"sensor": ours("sensTipDispl"), "frame": ours(at_node("nTip"))},
         note="rubber (1 MPa) under sudden gravity, no damping, 4 modes, a mesh made to be coarse",
+        truth=(
+            Truth(
+                "free, all modes",
+                ours(all_at_node("nTip")),
+                (
+                    (
+                        REDUCED,
+                        "fem.postProcessingModes = {}; "  # of other modes
+                        + FREE.format(*LEFT, "3*len(fem.GetNodePositionsAsArray())-6")
+                        + f"; {REDUCED}",
+                    ),
+                ),
+            ),
+        ),
     ),
     "objectFFRFTest2": Example(
         "TestModels/objectFFRFTest2.py",

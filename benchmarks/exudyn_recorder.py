@@ -128,21 +128,17 @@ def described(monitor: Any) -> tuple[dict, dict[str, np.ndarray]]:
         return {"refused": f"the solve: {error}"}, {}
     found = {
         "scope": ", ".join(sorted(set(report.scope.values()))),
-        "outputs": [output_row(out) for out in report.outputs.values()],
+        "outputs": [{"name": out.name, "unit": out.unit} for out in report.outputs.values()],
         "text": str(report),
     }
     series = {"t": report.t}
     for name, out in report.outputs.items():
         series |= {f"value {name}": out.value, f"bound {name}": out.bound["best"]}
-        if out.estimate is not None:  # what its truth has not: a run with more modes has the same steps
+        if out.estimate is not None:  # but for time steps: a run with more modes has the same
             series[f"estimate {name}"] = out.estimate - out.estimate_parts["time step"]
+            checks = [x for check, x in out.uncertainty_parts.items() if check not in ("steps", "loads")]
+            series[f"half width {name}"] = np.sum(checks, axis=0)
     return found, series
-
-
-def output_row(out: Any) -> dict[str, Any]:
-    """Return name, unit, largest value and bound of all components of an output."""
-    value, bound = np.max(np.abs(out.value)), np.max(out.bound["best"])
-    return {"name": out.name, "unit": out.unit, "value": value, "bound": bound}
 
 
 def work(script: Path) -> None:

@@ -83,7 +83,7 @@ class Bounds(Bare):
 
     label = "fast + convolution, sampled"
     options = {"time": "sampled", "estimators": ("fast", "convolution")}  # noqa: RUF012
-    limit, reach = 2.0, 1.8
+    limit = 1.8
 
     def prepare(self) -> None:
         """Attach the monitor."""
@@ -99,14 +99,14 @@ class SharpBounds(Bounds):
 
     label = "energy + auxiliary 40, reconstructed"
     options = {"estimators": ("energy", "auxiliary"), "auxiliary_modes": 40}  # noqa: RUF012
-    limit, reach = 4.0, 3.0
+    limit = 3.0
 
 
 class Default(Bounds):
     """What attach does unless told otherwise."""
 
     label = "default: energy + auxiliary 'auto'"
-    limit = reach = None
+    limit = None
     options = {}  # noqa: RUF012
 
 

@@ -16,3 +16,13 @@ def put(name: str, table: str, page: Path = PAGE) -> None:
     if len(pattern.findall(text)) != 1:
         raise ValueError(f"{page} has no code block marked {name!r}, or more than one")
     page.write_text(pattern.sub(lambda _: begin + table + end, text), encoding="utf-8")
+
+
+def put_between(name: str, text: str, page: Path) -> None:
+    """Replace what stands between <!-- name --> and <!-- end of name -->; ValueError without such marks."""
+    begin, end = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
+    head, found, rest = page.read_text(encoding="utf-8").partition(begin)
+    _, closed, tail = rest.partition(end)
+    if not (found and closed):
+        raise ValueError(f"{page} has no part between marks {name!r}")
+    page.write_text(head + begin + text + end + tail, encoding="utf-8")

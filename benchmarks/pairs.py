@@ -16,13 +16,12 @@ import numpy as np
 class Variant:
     """A scene in an mbs of its own, to be solved again and again; nothing beside it.
 
-    limit, reach : of the ratio of run times with and without bounds: what the project promised, and what issue 7
-    asks for. offline : wall time of prepare() in s.
+    limit : of the ratio of run times with and without bounds, what the project promises. offline : wall time of
+    prepare() in s.
     """
 
     label = "without bounds"
     limit: float | None = None
-    reach: float | None = None
     mbs: exu.MainSystem
     settings: exu.SimulationSettings
 

@@ -60,23 +60,26 @@ class Recorder:
         reaction.advance((t[1:], *(x[1:] for x in states)), self._mbs)
         found = reaction.time_step
         checks = [found.x2] + ([] if found.loads is None else [found.loads])
-        here, right, *checked = (self._shown(sensors, t, states, dx) for dx in (None, found.x, *checks))
+        here = self._shown(sensors, t, states, None)
+        base, right, *checked = (self._shown(sensors, t, states, dx) for dx in (0 * found.x, found.x, *checks))
         return {
             name: Estimated(
                 right[name] - y,
-                sum(np.maximum.accumulate(np.abs(moved[name] - y)) for moved in checked),
+                sum(np.maximum.accumulate(np.abs(moved[name] - base[name])) for moved in checked),
             )
             for name, y in here.items()
         }
 
     def _shown(self, sensors: dict[str, int], t: np.ndarray, states: list[np.ndarray], dx: Any) -> dict:
-        """Return what sensors show in all states, moved back by dx (3, T - 1, n) but for the first."""
+        """What sensors show in all states; dx (3, T - 1, n): moved back but for the first, where forces balance."""
         if dx is not None:
             moved = [np.vstack([x[:1], x[1:] - d]) for x, d in zip(states, dx, strict=False)]
             states = [*moved, states[-1]]
         found: dict[str, list] = {name: [] for name in sensors}
         for time, *state in zip(t, *states, strict=True):
             with state_set(self._mbs.systemData, time, state):
+                if dx is not None:
+                    self._tangents.equations.balance(self._mbs, self._tangents.independent)
                 for name, number in sensors.items():
                     found[name].append(self._mbs.GetSensorValues(number))
         return {name: np.array(values) for name, values in found.items()}

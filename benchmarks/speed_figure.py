@@ -15,8 +15,8 @@ KIND_COLOURS = (COLOURS["convolution"], COLOURS["auxiliary"])
 
 def draw(ratios: dict[str, list[Ratio]], grown: growth.Growth, path: Path) -> None:
     """Draw four panels."""
-    figure = Figure(figsize=(10, 8.4), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=(1.15, 1))
+    figure = Figure(figsize=(10, 9.4), layout="constrained")
+    top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1))
     _draw_ratios(top.subplots(), ratios)
     counts, outputs, sizes = bottom.subplots(1, 3)
     _draw_online(counts, grown.counts, "modes n (one output)")
@@ -33,13 +33,11 @@ def _draw_ratios(axes, ratios: dict[str, list[Ratio]]) -> None:
     middle = np.array([row.middle for _, row in rows])
     spread = np.array([(row.middle - row.low, row.high - row.middle) for _, row in rows]).T
     axes.errorbar(middle, place, xerr=spread, fmt="o", color=KIND_COLOURS[1], label="median and quartiles", capsize=3)
-    for name, marker, colour in (("limit", "|", COLOURS["error"]), ("reach", "x", COLOURS["value"])):
-        limits = [(getattr(row.variant, name), at) for (_, row), at in zip(rows, place, strict=True)]
-        points = np.array([point for point in limits if point[0] is not None]).T
-        label = "promised at most" if name == "limit" else "issue 7 asks for"
-        axes.plot(*points, marker, color=colour, ms=14 if marker == "|" else 6, mew=2, ls="", label=label)
+    limits = [(row.variant.limit, at) for (_, row), at in zip(rows, place, strict=True)]
+    points = np.array([point for point in limits if point[0] is not None]).T
+    axes.plot(*points, "|", color=COLOURS["error"], ms=14, mew=2, ls="", label="at most")
     axes.axvline(1, color="#999999", lw=1)
-    axes.set_yticks(place, [f"{title}: {row.variant.label}" for title, row in rows], fontsize=7)
+    axes.set_yticks(place, [f"{title}: {row.variant.label}" for title, row in rows], fontsize=6)
     axes.set(xlabel="CPU time of a run with bounds / without", xscale="log")
     axes.xaxis.set(
         major_locator=LogLocator(subs=(1, 1.5, 2, 3, 4)), major_formatter="{x:g}", minor_formatter=NullFormatter()

@@ -21,19 +21,27 @@ from examples import wishbone_suspension
 SCENE = "quarter car, arm of 14 modes, one output of 3 rows"
 
 
-class Drive(pairs.Variant):
-    """The drive to `end` in s, with bounds or without."""
+LIMITS = {"estimate": 1.15, "estimate, midpoint residuals": 1.25}
 
-    def __init__(self, end: float, bounds: bool):
-        self.bounds = bounds
-        if bounds:
-            self.label, self.limit = "default: coupled auxiliary 20", 1.3
+
+class Drive(pairs.Variant):
+    """The drive to `end` in s, with bounds and an estimate (one of LIMITS) or without."""
+
+    def __init__(self, end: float, estimate: str = ""):
+        self.estimate = estimate
+        if estimate:
+            self.label, self.limit = f"coupled auxiliary 20, {estimate}", LIMITS[estimate]
         self.end = end
         self.timed_prepare()
 
     def prepare(self) -> None:
         """Build the scene, find its equilibrium; with bounds, their offline work is the static solve's, too."""
-        scene, self.monitor = wishbone_suspension.scene_of(*wishbone_suspension.SHOWN, self.end, bounds=self.bounds)
+        scene, self.monitor = wishbone_suspension.scene_of(
+            *wishbone_suspension.SHOWN,
+            self.end,
+            bounds=bool(self.estimate),
+            midpoint_residual="midpoint" in self.estimate,
+        )
         self.scene, self.mbs = scene, scene.mbs  # the scene holds the road
         h = wishbone_suspension.STEP
         self.settings = pairs.quiet(scene.settings, round(self.end / h), h)
@@ -45,8 +53,8 @@ class Drive(pairs.Variant):
 
 
 def variants_of(end: float) -> list[Drive]:
-    """Return the drive without and with bounds."""
-    return [Drive(end, bounds) for bounds in (False, True)]
+    """Return the drive without and with bounds and estimates."""
+    return [Drive(end, estimate) for estimate in ("", *LIMITS)]
 
 
 def main(arguments: list[str] | None = None) -> tuple[list[Drive], np.ndarray]:

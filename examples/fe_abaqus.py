@@ -23,11 +23,7 @@ FILES = Path(__file__).resolve().parents[1] / "models" / "data" / "abaqus_bar"
 
 def read_fem(files: str | Path = FILES) -> FEMinterface:
     """Return nodes, elements and matrices of NAME.inp, NAME_MASS1.mtx and NAME_STIF1.mtx."""
-    fem = FEMinterface()
-    fem.ImportFromAbaqusInputFile(f"{files}.inp", typeName="Part", name="bar")  # "Instance" where the nodes are there
-    fem.ReadMassMatrixFromAbaqus(f"{files}_MASS1.mtx")
-    fem.ReadStiffnessMatrixFromAbaqus(f"{files}_STIF1.mtx")
-    return fem
+    return romerr.read_body(f"{files}.inp").to_fem()
 
 
 def main(t_end: float = 0.02) -> romerr.BoundReport:

@@ -99,7 +99,9 @@ HEADER = (
 )
 
 
-def scene_of(basis: str, n: int, t_end: float, bounds: bool = True, vectors: Any = "auto") -> tuple:
+def scene_of(
+    basis: str, n: int, t_end: float, bounds: bool = True, vectors: Any = "auto", midpoint_residual: bool = True
+) -> tuple:
     """Return the quarter car with n eigenmodes of the arm, in its equilibrium, and a monitor of its ball joint."""
     kind, static, *_ = BASES[basis]
     scene = wishbone.quarter_car(n, kind, static, h=STEP, t_end=t_end)
@@ -108,7 +110,8 @@ def scene_of(basis: str, n: int, t_end: float, bounds: bool = True, vectors: Any
         nodes, weights = floating.interface(scene.fem, "ball")
         joint = romerr.mean_displacement(NAME, nodes=nodes, weights=weights)
         flex = romerr.floating_body(scene.fem, scene.bodies[0])
-        monitor = romerr.attach(scene.mbs, flex, outputs=[joint], auxiliary_modes=vectors)
+        options = {"auxiliary_modes": vectors, "midpoint_residual": midpoint_residual}
+        monitor = romerr.attach(scene.mbs, flex, outputs=[joint], **options)
     scene.settle()
     return scene, monitor
 

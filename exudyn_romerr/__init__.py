@@ -11,6 +11,8 @@ from .basis.basis import Basis, modal_basis
 from .basis.gramian import gramian_basis
 from .basis.krylov import krylov_basis
 from .errors import AssumptionError, InputError, RomErrError, RunError
+from .fe_files.fe_model import FEModel
+from .fe_files.read_body import read_body
 from .mode_selection.mode_choice import ModeChoice
 from .model.admissible_space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
 from .model.body import Constants, ElasticBody
@@ -67,6 +69,7 @@ __all__ = [
     "BoundReport",
     "Constants",
     "ElasticBody",
+    "FEModel",
     "InputError",
     "MassOrthogonal",
     "MeanMotion",
@@ -103,6 +106,7 @@ __all__ = [
     "node_velocity",
     "plot_convergence",
     "plot_run_time",
+    "read_body",
     "relative_displacement",
     "sweep",
     "two_level",

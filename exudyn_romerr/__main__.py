@@ -1,4 +1,4 @@
-"""Command line: what a saved report says, as text, picture, HTML page or table. Needs no Exudyn."""
+"""Command line: what saved reports say, as text, picture, HTML page or table. Needs no Exudyn."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from . import __version__, load_report
 from .errors import InputError, RomErrError
+from .sweeps.collect import markdown, table_of, write_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 ABOUT = "Errors of a reduced simulation, estimated and bounded, from the file that report.save(...) wrote."
 ENDINGS = {"html": (".html", ".htm"), "csv": (".csv", ".txt")}  # a script of another ending is not written over
+SAVED = ("run.npz", "what report.save(...) wrote")
+SWEPT = ("folder", "what sweep(..., folder=...) was given")
 STATUS = "exit status: 0 fine; 1 something given is wrong, the message says what to do; 2 wrong usage"
 
 
@@ -68,10 +71,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add(commands, "report", _report, "write an HTML page", "romerr report run.npz -o run.html", "html")
     _add(commands, "csv", _csv, "write values and errors over time", "romerr csv run.npz -o run.csv", "csv")
+    collect = _add(commands, "collect", _collect, "make a table of a sweep", "romerr collect results", of=SWEPT)
+    collect.add_argument("-o", metavar="file", dest="to", help="table.csv, or table.md; default: print it")
     return parser
 
 
-def _add(commands, name: str, run, text: str, example: str, ending: str = "") -> argparse.ArgumentParser:
+def _add(
+    commands, name: str, run, text: str, example: str, ending: str = "", of: tuple[str, str] = SAVED
+) -> argparse.ArgumentParser:
     """Add a command; one that writes a file has an ending for it."""
     parser = commands.add_parser(
         name,
@@ -80,7 +87,7 @@ def _add(commands, name: str, run, text: str, example: str, ending: str = "") ->
         epilog=f"example: {example}",
         allow_abbrev=False,
     )
-    parser.add_argument("file", metavar="run.npz", help="what report.save(...) wrote")
+    parser.add_argument("file", metavar=of[0], help=of[1])
     if ending:
         known = "; .svg and .pdf too" if ending == "png" else ""
         parser.add_argument("-o", metavar="file", dest="to", help=f"default: run.{ending} beside run.npz{known}")
@@ -120,6 +127,14 @@ def _csv(given: argparse.Namespace) -> None:
     report, to = _opened(given)
     report.to_csv(to)
     print(f"written: {to}")
+
+
+def _collect(given: argparse.Namespace) -> None:
+    if given.to is None:
+        print(markdown(*table_of(given.file)))
+        return
+    write_table(given.file, given.to)
+    print(f"written: {given.to}")
 
 
 def _opened(given: argparse.Namespace) -> tuple[BoundReport, str]:

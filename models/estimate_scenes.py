@@ -24,6 +24,13 @@ from models.hex_bar import hex_bar
 SOFT_BAR = {"elements": 8, "size": (1.0, 0.04, 0.05), "material": (2e9, 2000.0, 0.3)}  # its first mode: 90 rad/s
 SOFT_DAMPING = (0.0, 2e-4)  # alpha in 1/s, beta in s
 RIGID_BAR = (0.5, 0.04, 0.06)  # m
+FORCES = (
+    "crank pin ForceLocal",
+    "crank pin TorqueLocal",
+    "piston pin ForceLocal",
+    "guide ForceLocal",
+    "shaft ForceLocal",
+)
 MANY = 64  # eigenmodes of the arm of 3369 coordinates, whose complete basis is out of reach
 
 
@@ -52,8 +59,8 @@ class LinearScene(RigidScene):
 class EstimateScene:
     """make: (n, kind, h) -> scene; h, t_end in s and n of the reduced runs; full: (n, kind) of the truth.
 
-    local, turned, rigid : names of sensors that are compared, in the frames of flexible bodies and in global axes,
-    and on rigid bodies. finer : steps of the truth in one of the reduced runs.
+    local, turned, rigid, forces : names of sensors that are compared, in the frames of flexible bodies and in global
+    axes, on rigid bodies, and of joints. finer : steps of the truth in one of the reduced runs.
     """
 
     make: Callable[[int, str, float], Any]
@@ -65,11 +72,12 @@ class EstimateScene:
     full: tuple[int, str] = (0, "complete")
     finer: tuple[int, int, int] = (8, 16, 32)
     rigid: tuple[str, ...] = ()
+    forces: tuple[str, ...] = ()
 
     @property
     def sensors(self) -> tuple[str, ...]:
         """All of them."""
-        return self.local + self.turned + self.rigid
+        return self.local + self.turned + self.rigid + self.forces
 
 
 def rigid_pendulum(h: float, t_end: float) -> RigidScene:
@@ -86,16 +94,19 @@ def rigid_pendulum(h: float, t_end: float) -> RigidScene:
             mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=body, localPosition=[x, 0, 0]))
             for x in (-length / 2, length / 2)
         )
-        mbs.AddObject(itemInterface.GenericJoint(markerNumbers=[before, left], constrainedAxes=mechanisms.HINGE))
+        joint = itemInterface.GenericJoint(markerNumbers=[before, left], constrainedAxes=mechanisms.HINGE)
+        _show_joint(scene, mbs.AddObject(joint), f"hinge {number} ForceLocal")
         before = right
         _show_rigid(scene, body, f"end {number}", [length / 2, 0, 0])
     return scene
 
 
-def slider_crank(n: int, kind: str, h: float, t_end: float) -> mechanisms.MechanismScene:
-    """The slider crank of models/mechanisms.py with a sensor of its piston."""
-    scene = mechanisms.slider_crank(n, kind, h, t_end)
+def slider_crank(n: int, kind: str, h: float, t_end: float, speed: float = 200.0) -> mechanisms.MechanismScene:
+    """The slider crank of models/mechanisms.py with sensors of its piston and of the forces in its joints."""
+    scene = mechanisms.slider_crank(n, kind, h, t_end, speed=speed)
     _show_rigid(scene, scene.objects["piston"], "piston", [0, 0, 0])
+    for name in FORCES:
+        _show_joint(scene, scene.objects[name.rsplit(" ", maxsplit=1)[0]], name)
     return scene
 
 
@@ -121,6 +132,7 @@ def hinged_bar(n: int, kind: str, h: float, t_end: float) -> mechanisms.Mechanis
     mechanisms.join(scene, "hinge", at_ground, left, mechanisms.HINGE)
     for name in ("tip", "middle"):
         _show_node(scene, flexible, int(interface(fem, name)[0][0]), name)
+    _show_joint(scene, scene.objects["hinge"], "hinge ForceLocal")
     return scene
 
 
@@ -192,6 +204,17 @@ def _show_rigid(scene: Any, body: int, name: str, place: Any) -> None:
     scene.sensors[name] = scene.mbs.AddSensor(sensor)
 
 
+def _show_joint(scene: Any, joint: int, name: str) -> None:
+    """Add a sensor of what a joint's forces are; the last word of its name says in which axes."""
+    sensor = itemInterface.SensorObject(
+        name=name,
+        objectNumber=joint,
+        outputVariableType=getattr(exu.OutputVariableType, name.split()[-1]),
+        storeInternal=True,
+    )
+    scene.sensors[name] = scene.mbs.AddSensor(sensor)
+
+
 def _show_node(scene: Any, flexible: int, node: int, name: str) -> None:
     """Add sensors of a mesh node's displacement: in global axes, and in the frame."""
     for suffix, kind in (("", "Displacement"), (" local", "DisplacementLocal")):
@@ -212,7 +235,13 @@ WISHBONE = ("ball node local",), ("ball joint",), (MANY, "RBE3")
 BOTH = ("tip 1", "middle 1", "tip 2", "middle 2")
 SCENES = {
     "rigid_pendulum": EstimateScene(
-        lambda n, kind, h: rigid_pendulum(h, 0.5), 5e-3, 0.5, (0,), (), rigid=("end 1", "end 2")
+        lambda n, kind, h: rigid_pendulum(h, 0.5),
+        5e-3,
+        0.5,
+        (0,),
+        (),
+        rigid=("end 1", "end 2"),
+        forces=("hinge 1 ForceLocal", "hinge 2 ForceLocal"),
     ),
     "slider_crank": EstimateScene(
         _timed(slider_crank, 0.12),
@@ -222,6 +251,16 @@ SCENES = {
         ("tip 1 local", "middle 1 local"),
         ("tip 1", "middle 1"),
         rigid=("piston",),
+        forces=FORCES,
+    ),
+    "slider_crank_fine": EstimateScene(  # steps that resolve every mode of the reduced mechanism
+        lambda n, kind, h: slider_crank(n, kind, h, 0.01, speed=40.0),
+        1.25e-5,
+        0.01,
+        (0,),
+        (),
+        finer=(2, 4, 8),
+        forces=("crank pin ForceLocal", "piston pin ForceLocal", "shaft ForceLocal"),
     ),
     "sprung_body": EstimateScene(
         _timed(mechanisms.sprung_body, 0.1), 1e-3, 0.1, (4,), ("tip 1 local", "middle 1 local"), BOTH[:2]
@@ -230,7 +269,13 @@ SCENES = {
         _timed(mechanisms.double_pendulum, 0.3), 2e-3, 0.3, (4,), tuple(f"{name} local" for name in BOTH), BOTH
     ),
     "hinged_bar": EstimateScene(
-        _timed(hinged_bar, 0.1), 5e-4, 0.1, (2, 8), ("tip local", "middle local"), ("tip", "middle")
+        _timed(hinged_bar, 0.1),
+        5e-4,
+        0.1,
+        (2, 8),
+        ("tip local", "middle local"),
+        ("tip", "middle"),
+        forces=("hinge ForceLocal",),
     ),
     "hinged_bar_fine": EstimateScene(
         _timed(hinged_bar, 0.05),

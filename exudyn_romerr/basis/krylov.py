@@ -40,7 +40,8 @@ def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float]
     Notes
     -----
     Rayleigh or no damping: the undamped Krylov space of K + sigma M, sigma = (s^2 + alpha s)/(1 + beta s), which
-    matches the damped moments too. General damping: Arnoldi on the companion form, positions kept.
+    matches the damped moments too (not those of ratios by mode). General damping: Arnoldi on the companion form,
+    positions kept.
     """
     check_type("body", body, ElasticBody)
     B = body.space.loads(checked_inputs(inputs, body.N))
@@ -49,7 +50,7 @@ def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float]
     if not shifts or min(shifts) < 0:
         raise InputError(f"shifts={shifts!r}; needed: one or more real numbers >= 0 in 1/s")
     shares = [n // len(shifts) + (k < n % len(shifts)) for k in range(len(shifts))]
-    chain = _companion_chain if body.rayleigh is None else _undamped_chain
+    chain = _companion_chain if body.proportional is None else _undamped_chain
     columns = [chain(body, B, s, share) for s, share in zip(shifts, shares, strict=True) if share]
     V = m_orthonormal(body.M, np.hstack(columns))[:, :n]
     deflated = n - V.shape[1]
@@ -58,7 +59,7 @@ def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float]
 
 
 def _undamped_chain(body: ElasticBody, B: np.ndarray, shift: float, n: int) -> np.ndarray:
-    alpha, beta = body.rayleigh
+    alpha, beta = body.proportional
     sigma = (shift**2 + alpha * shift) / (1 + beta * shift)
     factor = body.stiffness_factor if sigma == 0 else SymmetricFactor(body.K + sigma * body.M)
     return _arnoldi(body.M, factor.solve(B), lambda v: factor.solve(body.M @ v), n)

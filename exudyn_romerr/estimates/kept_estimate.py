@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
     from .time_step_error import TimeStep
 
+REMAINDER = "remainder"
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
+RESOLVED = 0.3  # of an estimate: beyond it is not resolved (estimates.md 4)
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
 
 
@@ -26,13 +28,26 @@ class KeptEstimate:
     The last instants may be handed over again, with better values. A half width is the largest size since the start:
     a difference passes zero. In the first samples of a run differences say less than later: the largest of FIRST
     samples counts from the start, and in a run of no more than FEW the check of steps is as large as what it checks.
-    Where a check has ended, nothing is known: its half width is inf from there on. Of the largest of each part
-    LINEARISED is what linear equations may have missed, beside what is handed over as "linearisation".
+    Where a check has ended, nothing is known: its half width is inf from there on. What linear equations may have
+    missed is handed over as "linearisation" of the error by time steps, as REMAINDER of what vectors predict. It is
+    LINEARISED of the largest of each part beside the former; at least, beside the latter, for what time steps make of
+    the vectors' own motion is in no check.
+
+    rings : outputs (r,), bool, that show what steps do not resolve more than others do: forces of constraints. Where
+    the check of steps is above RESOLVED of what it checks, it is as large as that.
+
+    Attributes
+    ----------
+    remainder : share of the latter in the deformation that vectors predict; None: it was not measured.
+    left : a bound (S, r) of what estimates leave, of outputs in global axes that have one; inf elsewhere.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, rings: np.ndarray | bool = False) -> None:
+        self._rings = rings
         self._parts: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
         self._sizes: defaultdict[str, GrowingArray] = defaultdict(GrowingArray)
+        self.remainder: float | None = None
+        self.left = GrowingArray()
         self._before: dict[str, np.ndarray] = {}  # largest (r,) of a run that this one goes on from
 
     def go_on(self, before: KeptEstimate) -> None:
@@ -46,16 +61,25 @@ class KeptEstimate:
                 kept[name].cut(len(kept[name]) - replaced)
                 kept[name].append(rows)
 
-    def put_time_step(self, step: TimeStep, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    def put_time_step(
+        self, step: TimeStep, change: Callable[[np.ndarray], np.ndarray], more: np.ndarray | float = 0.0
+    ) -> None:
         """Take the error by time steps, which is of first order: what outputs move by in the second one checks it.
 
-        change : what outputs move by (S, r) where coordinates, rates and accelerations move by x (3, S, k).
+        change : what outputs move by (S, r) where coordinates, rates and accelerations move by x (3, S, k). more :
+        what is to be added to the estimate.
         """
         there, back = change(step.x), change(-step.x)
-        sizes = {"steps": change(step.x2), "linearisation": (there + back) / 2}
+        left = [np.abs(change(x - step.x) - back) for x in step.left]
+        sizes = {"steps": change(step.x2), "linearisation": sum(left, np.abs(there + back) / 2)}
         if step.loads is not None:
             sizes["loads"] = change(step.loads)
-        self.put({"time step": (back - there) / 2}, sizes, step.replaced)
+        self.put({"time step": (back - there) / 2 + more}, sizes, step.replaced)
+
+    def record(self, index: slice) -> dict[str, Any]:
+        """Return the fields `estimate`, `left` and `remainder` of a RunRecord."""
+        share = {} if self.remainder is None else {"auxiliary": self.remainder}
+        return {"estimate": self.read(index), "left": self.left.read()[index], "remainder": share}
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""
@@ -64,12 +88,21 @@ class KeptEstimate:
         count, largest = max(map(len, self._parts.values())), self._largest()
         parts = {cause: _filled(kept.read(), count, 0.0)[index] for cause, kept in self._parts.items()}
         none = np.zeros_like(next(iter(parts.values())))
-        half_widths = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes}
-        if count <= FEW and not self._before and "steps" in half_widths:
-            half_widths["steps"] = np.maximum(half_widths["steps"], _filled(largest["time step"], count, 0.0)[index])
-        predicted = sum(_filled(largest[cause], count, np.inf)[index] for cause in self._parts)
-        half_widths["linearisation"] = LINEARISED * predicted + half_widths.get("linearisation", 0.0)
-        return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, half_widths)
+        checks = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes if check != REMAINDER}
+        if "steps" in checks:
+            steps, checked = checks["steps"], _filled(largest["time step"], count, 0.0)[index]
+            is_rough = self._rings & (steps > RESOLVED * checked) | (count <= FEW and not self._before)
+            checks["steps"] = np.where(is_rough, np.maximum(steps, checked), steps)
+        checks["linearisation"] = checks.get("linearisation", 0.0) + self._missed(largest, count)[index]
+        return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, checks)
+
+    def _missed(self, largest: dict[str, np.ndarray], count: int) -> np.ndarray:
+        """What linear equations may have missed (S, r) at so many instants."""
+        of = {cause: LINEARISED * _filled(largest[cause], count, np.inf) for cause in self._parts}
+        steps, predicted = of.pop("time step", 0.0), sum(of.values())
+        if REMAINDER in self._sizes:
+            predicted = np.maximum(predicted, _filled(largest[REMAINDER], count, 0.0))
+        return steps + predicted
 
     def _largest(self) -> dict[str, np.ndarray]:
         """Largest sizes (S, r) since the start, of every part and check."""

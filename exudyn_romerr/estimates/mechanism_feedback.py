@@ -31,12 +31,32 @@ class Companion(Protocol):
     def columns(self, steps: Steps) -> Columns | None:
         """Its right-hand sides in the next of the steps, or None."""
 
-    def take(self, steps: Steps, found: np.ndarray) -> None:
-        """Take what these come to, (S, 4, k, columns)."""
+    def take(self, steps: Steps, found: np.ndarray, multipliers: np.ndarray) -> None:
+        """Take what these come to, (S, 4, k, columns), and the multipliers that go with them (S, c, columns)."""
+
+
+class Late(Protocol):
+    """What goes through the steps of Feedback after it, and needs what it found there.
+
+    multipliers : (S, c), of what the last call of follow has added.
+    """
+
+    multipliers: np.ndarray
+
+    def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
+        """Go through some steps, which end at a part of the rows of `advance`; return what that adds to e there.
+
+        e : (3, S, k), with what those before have added; None: nothing is added.
+        """
 
 
 class Feedback:
-    """e, e' and e'' along a run that starts without error."""
+    """e, e' and e'' along a run that starts without error.
+
+    Attributes
+    ----------
+    multipliers : l (S, c) at the samples of the last call of start or advance.
+    """
 
     def __init__(self, scheme: Scheme):
         self._track = Track(scheme)
@@ -48,7 +68,8 @@ class Feedback:
         """Begin under the force (k,), without error or in equilibrium with `rest`, at t if not the tangent's time."""
         k = len(force)
         e = np.zeros(k) if rest is None else held(tangent.K, tangent, rest)
-        e_tt = held(tangent.M, tangent, force - tangent.K @ e)
+        e_tt, forces = solved(tangent.M, tangent, force - tangent.K @ e)
+        self.multipliers = forces[None]
         self.t = tangent.t if t is None else t
         self._moving = np.array([e, np.zeros(k), e_tt, e_tt])
 
@@ -64,26 +85,35 @@ class Feedback:
         times: np.ndarray,
         tangent: Callable[[int], Tangent],
         others: Sequence[Companion] = (),
+        late: Sequence[Late] = (),
     ) -> tuple[np.ndarray, np.ndarray]:
         """Go on to times t (S,) under forces (S, k); return e, e', e'' (3, S, k) and the mass norm (S,) of e'.
 
         times : (T,) of tangents, the first not after the last time before t; the last one is held. tangent : i -> it.
-        others : what else goes through the same steps, some of them at a time.
+        others : what else goes through the same steps, some of them at a time; late : what does after these, in turn,
+        and is part of what is returned.
         """
-        found, speed = np.zeros((len(t), 4, force.shape[1])), np.zeros(len(t))
+        e, speed = np.zeros((3, *force.shape)), np.zeros(len(t))
+        self.multipliers = np.zeros((len(t), self.multipliers.shape[1]))
         for i, steps in self._track.steps(self.t, t, times, tangent):
             beside = [(other, columns) for other in others if (columns := other.columns(steps)) is not None]
             own = Columns(self._moving[..., None], force[i, :, None])
-            of_own, *of_others = steps.march(own, *(columns for _, columns in beside))
-            found[i] = of_own[..., 0]
-            speed[i] = steps.speed(found[i, 1])
-            self._moving = found[i.stop - 1]
+            (of_own, forces), *of_others = steps.march(own, *(columns for _, columns in beside), multipliers=True)
+            self._moving, self.multipliers[i] = of_own[-1, ..., 0], forces[..., 0]
             for (other, _), of_other in zip(beside, of_others, strict=True):
-                other.take(steps, of_other)
+                other.take(steps, *of_other)
+            e[:, i] = of_own[:, :3, :, 0].swapaxes(0, 1)
+            check_size(e[:, i])
+            for one in late:
+                added = one.follow(steps, i, e[:, i])
+                if added is not None:
+                    e[:, i] += added
+                    self.multipliers[i] += one.multipliers
+            speed[i] = steps.speed(e[1, i])
         self._last = self.t, t, times, tangent
         self.t = float(t[-1]) if len(t) else self.t
-        check_size(found)
-        return found[:, :3].swapaxes(0, 1), speed
+        check_size(e)
+        return e, speed
 
     def again(self, others: Sequence[Companion]) -> None:
         """Let others go once more through the steps of the last `advance`."""
@@ -104,12 +134,20 @@ def check_size(found: np.ndarray) -> None:
         raise AssumptionError(TOO_SENSITIVE)
 
 
-def held(A: np.ndarray, tangent: Tangent, force: np.ndarray) -> np.ndarray:
-    """Solve A x + G^T l = force, C x = 0 for x (k,)."""
+def held(A: np.ndarray, tangent: Tangent, force: np.ndarray, values: np.ndarray | None = None) -> np.ndarray:
+    """Solve A x + G^T l = force, C x = values (c,), 0 if None, for x (k,)."""
+    return solved(A, tangent, force, values)[0]
+
+
+def solved(
+    A: np.ndarray, tangent: Tangent, force: np.ndarray, values: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same, for x (k,) and l (c,)."""
     c, k = tangent.G.shape
     scale = np.abs(np.diag(A)).max()
     whole = np.block([[A, scale * tangent.G.T], [scale * tangent.C, np.zeros((c, c))]])
     try:
-        return np.linalg.solve(whole, np.append(force, np.zeros(c)))[:k]
+        found = np.linalg.solve(whole, np.append(force, np.zeros(c) if values is None else scale * values))
+        return found[:k], scale * found[k:]
     except np.linalg.LinAlgError as error:
         raise AssumptionError(SINGULAR) from error

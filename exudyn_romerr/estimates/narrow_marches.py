@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .march import Columns
-from .mechanism_feedback import held
+from .mechanism_feedback import held, solved
 
 if TYPE_CHECKING:
     from .march import Steps, Tangent
@@ -22,6 +22,10 @@ class NarrowMarches:
     ----------
     left_out : sequence of ndarray of bool, (k,)
         Coordinates of each march that are held.
+
+    Attributes
+    ----------
+    multipliers : l (marches, S, c) at the samples of the last call of start, go_on or found.
     """
 
     def __init__(self, left_out: Sequence[np.ndarray]):
@@ -32,16 +36,17 @@ class NarrowMarches:
         """Begin as Feedback does."""
         k = len(force)
         self._moving = np.zeros((4, k, len(self._left_out)))
+        self.multipliers = np.zeros((len(self._left_out), 1, len(tangent.G)))
         for i, left in enumerate(self._left_out):
             kept = np.flatnonzero(~left)
             part = _part(tangent, kept)
             e = np.zeros(kept.size) if rest is None else held(part.K, part, rest[kept])
             self._moving[0, kept, i] = e
-            self._moving[2:, kept, i] = held(part.M, part, force[kept] - part.K @ e)
+            self._moving[2:, kept, i], self.multipliers[i, 0] = solved(part.M, part, force[kept] - part.K @ e)
 
     def go_on(self, before: NarrowMarches) -> None:
         """Go on from the state of others."""
-        self._moving = before._moving
+        self._moving, self.multipliers = before._moving, before.multipliers[:, -1:]
 
     @property
     def states(self) -> np.ndarray:
@@ -50,7 +55,7 @@ class NarrowMarches:
 
     def begin(self, force: np.ndarray) -> None:
         """Steps under forces (S, k) follow."""
-        self._force, self._found = force, []
+        self._force, self._found, self._forces = force, [], []
 
     def columns(self, steps: Steps) -> Columns:
         """Right-hand sides in the next of the steps."""
@@ -58,13 +63,15 @@ class NarrowMarches:
         force = self._force[count : count + len(steps), :, None]
         return Columns(self._moving, force, held=self._held)
 
-    def take(self, steps: Steps, found: np.ndarray) -> None:
-        """Take states (S, 4, k, marches) at the samples."""
+    def take(self, steps: Steps, found: np.ndarray, multipliers: np.ndarray) -> None:
+        """Take states (S, 4, k, marches) and multipliers (S, c, marches) at the samples."""
         self._found.append(found)
+        self._forces.append(multipliers)
         self._moving = found[-1]
 
     def found(self) -> np.ndarray:
         """Return e, e', e'' of each march at all steps since `begin`, (marches, 3, S, k)."""
+        self.multipliers = np.moveaxis(np.concatenate(self._forces), 2, 0)
         return np.moveaxis(np.concatenate(self._found)[:, :3], 3, 0).swapaxes(1, 2)
 
 

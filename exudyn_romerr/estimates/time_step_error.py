@@ -30,18 +30,21 @@ class TimeStep(NamedTuple):
 
     x, x2 : (3, S, size), of coordinates, velocities and accelerations, and the error of x. loads : likewise, what
     loads between the samples make uncertain; None where they were not looked at. replaced : so many of the first
-    samples are the last ones that were returned before, better known.
+    samples are the last ones that were returned before, better known. left : what x may lack still, the sum of the
+    sizes of these.
     """
 
     x: np.ndarray
     x2: np.ndarray
     loads: np.ndarray | None
     replaced: int
+    left: Sequence[np.ndarray] = ()
 
     def of(self, columns: np.ndarray) -> TimeStep:
         """The same of some coordinates."""
         loads = None if self.loads is None else self.loads[..., columns]
-        return TimeStep(self.x[..., columns], self.x2[..., columns], loads, self.replaced)
+        left = [x[..., columns] for x in self.left]
+        return TimeStep(self.x[..., columns], self.x2[..., columns], loads, self.replaced, left)
 
 
 class TimeStepError:
@@ -117,6 +120,12 @@ class TimeStepError:
         recent = self._recent + steps
         self._go_second(recent[len(recent) - waiting - len(steps) :], LAG)
         self._recent = recent[-PROVISIONAL:].kept()
+
+    def newest(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Return x, x', x'' (3, S, size), loads (S, size) and values of constraints (S, c) of the last samples."""
+        i = slice(self._at + 1 - count, self._at + 1)
+        values = None if self._values is None else self._values[i]
+        return self._x[i, :3, :, 0].swapaxes(0, 1), self._force[i, :, 0], values
 
     def found(self) -> TimeStep:
         """Return the errors at the samples that were added, and better ones at some before."""

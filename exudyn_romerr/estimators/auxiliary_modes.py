@@ -34,6 +34,8 @@ class Auxiliary:
 
     def __init__(self, problem: Problem):
         split = problem.split
+        if problem.body.modal is not None:
+            self.assumes = "damping ratios by mode"
         self.oscillators = ModalOscillators(split.modes.omega, problem.body.damping_ratios(split.modes.omega))
         self.rates = split.rates
         self.growth = Growth(split.norm_K, self.rates)
@@ -47,7 +49,7 @@ class Auxiliary:
         self.velocity_rows = problem.rows.velocity_rows
         self.static_cut = np.where(self.velocity_rows, 0.0, self.C_K)
         self.per_mass = self.rates[0].per_mass if self.rates else 0.0
-        self.mode_residual, self.beta = split.modes.residual, problem.body.rayleigh[1]
+        self.mode_residual, self.beta = split.modes.residual, problem.body.proportional[1]
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
@@ -115,9 +117,9 @@ class Auxiliary:
             cut[one],
         )
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
-        return self._bounds(*instant).outputs[0]
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant)
 
     def _bounds(self, z, states, growth, inexact, cut) -> Bounds:
         self._given = z, states, growth, inexact, cut

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from ..residual.problem import Problem
 
 
-LINEARISED = 0.01  # of what auxiliary vectors add; measured: up to 0.007 right after a static solve, else up to 0.002
+# of what auxiliary vectors add, where what linear equations leave out is not measured; it was up to 0.007 right after
+# a static solve, up to 0.002 else, and more where springs are short beside the motion
+LINEARISED = 0.01
 
 
 class MechanismEnergy:
@@ -85,9 +87,9 @@ class MechanismEnergy:
         """Return what bounds the outputs at entry i of the bounds returned last."""
         return tuple(x[i : i + 1] for x in self._given)
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
-        return self._bounds(*instant).outputs[0]
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
         self._given = z, g, cut
@@ -104,8 +106,8 @@ class CorrectedEnergy(MechanismEnergy):
 
     du solves linearised equations, whose matrices are interpolated between tangents. What that misses of du is in no
     residual of a body. Inertia forces of second order in du, of which a body's own R holds only what its wrenches
-    balance, go into g as the force that they are: |F|_{M^-1} of every step. For the rest LINEARISED of the largest du
-    so far is added.
+    balance, go into g as the force that they are: |F|_{M^-1} of every step. For the rest the largest so far is added
+    of what was measured (estimates/remainder.py); of LINEARISED du, where nothing was.
     """
 
     name = "auxiliary"
@@ -117,7 +119,8 @@ class CorrectedEnergy(MechanismEnergy):
         body, x = problem.body, problem.body.positions.ravel()
         self.arm, self.mass = float(np.sqrt(x @ (body.mass @ x))), body.total_mass
         self._force = 0.0  # of second order, at the end of the last block
-        self._largest = np.zeros(len(self.value_rows) + 1)  # of du so far: every output, and its mass norm
+        # so far of du, and of what it may lack: every output, and its mass norm
+        self._largest = np.zeros((2, len(self.value_rows) + 1))
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
@@ -132,9 +135,14 @@ class CorrectedEnergy(MechanismEnergy):
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
-        pieces, force = super().variations(block), self._unbalanced(block)
-        pieces[:, -1] += block.h * np.maximum(force, np.append(self._force, force[:-1]))
+        pieces = super().variations(block)
+        pieces[:, -1] += self.impulses(block)
         return pieces
+
+    def impulses(self, block: Block) -> np.ndarray:
+        """Integrals (S,) of forces of second order over the segments of the next block, |.|_{M^-1}."""
+        force = self._unbalanced(block)
+        return block.h * np.maximum(force, np.append(self._force, force[:-1]))
 
     def _unbalanced(self, block: Block) -> np.ndarray:
         """Inertia forces (S,) of second order in du at the ends of the segments, |.|_{M^-1}."""
@@ -149,23 +157,32 @@ class CorrectedEnergy(MechanismEnergy):
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        return super().instant(i), Added(*(x[i : i + 1] for x in self._added[:3]))
+        left = self._added.left
+        left = None if left is None else [tuple(x[i : i + 1] for x in states) for states in left]
+        return super().instant(i), Added(*(x[i : i + 1] for x in self._added[:3]), left=left)
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         rest, self._added = instant
-        return super().outputs_at(rest)
+        return super().bounds_at(rest)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        rest, (q, q_t, speed, _) = super()._bounds(z, g, cut), self._added
+        rest, added = super()._bounds(z, g, cut), self._added
+        rows, size = self._seen(added.q, added.q_t)
+        known = rest.correction + rows
+        du = np.abs(np.column_stack([known, size]))
+        lacks = sum((np.abs(np.column_stack(self._seen(*states))) for states in added.left or ()), 0.0 * du)
+        largest = np.maximum.accumulate(np.vstack([self._largest[None], np.stack([du, lacks], axis=1)]))[1:]
+        self._largest, (du, left) = largest[-1], largest.swapaxes(0, 1)
+        left = left if added.left is not None else np.maximum(left, LINEARISED * du)
+        slack = rest.correction_bound + left[:, :-1]
+        position = rest.position + size + left[:, -1]
+        return Bounds(position, rest.velocity + added.speed, np.abs(known) + slack, None, known, slack)
+
+    def _seen(self, q: np.ndarray, q_t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs (S, R) of modes and vectors, and their mass norm (S,)."""
         rows = self.value_rows.T
-        known = rest.correction + np.where(self.velocity_rows, q_t @ rows, q @ rows)
-        size = row_norms(q @ self.root.T)
-        largest = np.maximum.accumulate(np.vstack([self._largest, np.column_stack([np.abs(known), size])]))[1:]
-        self._largest = largest[-1]
-        slack = rest.correction_bound + LINEARISED * largest[:, :-1]
-        position = rest.position + size + LINEARISED * largest[:, -1]
-        return Bounds(position, rest.velocity + speed, np.abs(known) + slack, None, known, slack)
+        return np.where(self.velocity_rows, q_t @ rows, q @ rows), row_norms(q @ self.root.T)
 
 
 def joint_variation(columns: list[np.ndarray]) -> np.ndarray:

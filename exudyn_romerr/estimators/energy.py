@@ -61,9 +61,9 @@ class Energy:
         one = slice(i, i + 1)
         return z[one], g[:, one], g_jump[:, one], cut[one]
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
-        return self._bounds(*instant).outputs[0]
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant)
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, g_jump: np.ndarray, cut: np.ndarray) -> Bounds:
         self._given = z, g, g_jump, cut

@@ -23,7 +23,7 @@ class Estimator(Protocol):
        belong to all estimators and are not changed.
     5. Bounds hold at the ends of segments, and are never nan: inf where there is no bound. They are those of exact
        arithmetic; a run adds what rounding of its input may do. An estimator adds the rounding of its own sums.
-    6. instant and outputs_at serve other outputs at one instant, as at every mesh node: the instant of one estimator
+    6. instant and bounds_at serve other outputs at one instant, as at every mesh node: the instant of one estimator
        is given to another, made from the same problem with other displacements as outputs.
 
     Attributes
@@ -44,5 +44,5 @@ class Estimator(Protocol):
     def instant(self, i: int) -> tuple:
         """Return what bounds displacements at entry i of the bounds returned last."""
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) of displacement outputs at an instant of an estimator with other outputs."""
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) of displacement outputs at an instant of an estimator with other outputs."""

@@ -73,9 +73,9 @@ class MassNormEstimator:
         """Return what bounds displacements at entry i of the bounds returned last."""
         return (self._position[i],)
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) of displacement outputs at an instant of an estimator with other outputs."""
-        return times(np.array(instant), self.C2)[0]
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) of displacement outputs at an instant of an estimator with other outputs."""
+        return Bounds(None, None, times(np.array(instant), self.C2))
 
     def _state_bounds(self, t, integral, block) -> tuple[np.ndarray, np.ndarray]:
         """Bounds of |e|_M and |e'|_M after times t (S,) from the start, with int |R| up to there."""

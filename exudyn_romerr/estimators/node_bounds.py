@@ -1,8 +1,8 @@
-"""Bounds of the displacement at every mesh node, at the worst instant of a run."""
+"""Displacements at every mesh node, bounds and estimates of their errors, at the worst instant of a run."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,15 @@ if TYPE_CHECKING:
 CHUNK = 600  # rows solved for at once: their solutions are of full size
 
 
-def node_bounds(problem: Problem, make: Any, worst: dict[str, Worst]) -> dict[str, np.ndarray]:
-    """Return the bound of |u - u_reduced| at every node (nodes,) by every estimator.
+class AtNodes(NamedTuple):
+    """Of the error u - u_reduced at nodes: bound (nodes,) of its length; estimate (nodes, 3), None if not known."""
+
+    bound: np.ndarray
+    estimate: np.ndarray | None
+
+
+def node_bounds(problem: Problem, make: Any, worst: dict[str, Worst]) -> dict[str, AtNodes]:
+    """Return what every estimator knows of the error at every node.
 
     Parameters
     ----------
@@ -27,14 +34,29 @@ def node_bounds(problem: Problem, make: Any, worst: dict[str, Worst]) -> dict[st
     worst : dict
         Estimator -> its worst instant.
     """
-    body = problem.body
-    per_node = body.dofs_per_node
-    rows = (per_node * np.arange(len(body.positions))[:, None] + np.arange(3)).ravel()
-    bounds = {name: np.zeros(len(rows)) for name in worst}
-    Z = body.space.Z.tocsr()
-    for first in progress(range(0, len(rows), CHUNK), "bounds at nodes"):
-        part = slice(first, first + CHUNK)
-        seen = problem.with_displacements(Z[rows[part]].toarray())
+    Z = _displacement_rows(problem)
+    parts: dict[str, list] = {name: [] for name in worst}
+    for first in progress(range(0, Z.shape[0], CHUNK), "bounds at nodes"):
+        seen = problem.with_displacements(Z[first : first + CHUNK].toarray())
         for name, at in worst.items():
-            bounds[name][part] = make(name, seen).outputs_at(at.instant) + at.widened * seen.rows.C_M
-    return {name: np.linalg.norm(x.reshape(-1, 3), axis=1) for name, x in bounds.items()}
+            found = make(name, seen).bounds_at(at.instant)
+            parts[name].append((found.outputs[0] + at.widened * seen.rows.C_M, found.correction))
+    return {name: _joined(chunks) for name, chunks in parts.items()}
+
+
+def node_displacements(problem: Problem, q: np.ndarray) -> np.ndarray:
+    """Return the displacements (nodes, 3) of the reduced body at q (n,)."""
+    return (_displacement_rows(problem) @ (problem.V @ q)).reshape(-1, 3)
+
+
+def _displacement_rows(problem: Problem) -> Any:
+    """Sparse rows (3 nodes, n_free): displacements of nodes, of the free coordinates."""
+    body = problem.body
+    rows = body.dofs_per_node * np.arange(len(body.positions))[:, None] + np.arange(3)
+    return body.space.Z.tocsr()[rows.ravel()]
+
+
+def _joined(chunks: list) -> AtNodes:
+    bounds, known = zip(*chunks, strict=True)
+    estimate = None if known[0] is None else np.hstack(known).reshape(-1, 3)
+    return AtNodes(np.linalg.norm(np.concatenate(bounds).reshape(-1, 3), axis=1), estimate)

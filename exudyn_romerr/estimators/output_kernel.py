@@ -54,6 +54,8 @@ class OutputConvolution(Convolution):
     assumes = "Rayleigh damping (or none)"
 
     def __init__(self, problem: Problem):
+        if problem.body.modal is not None:
+            self.assumes = "damping ratios by mode"
         split = problem.split  # before the kernel, which would ask for the first mode alone
         super().__init__(problem)
         above = NormsAbove(problem.rows, split.modes)

@@ -79,11 +79,11 @@ class Turning:
         """Return what bounds the outputs at entry i of the bounds returned last."""
         return self.estimator.instant(i), self._seen[:, i : i + 1]
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the bounds (R,) at an instant of an estimator with other outputs."""
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         inner, seen = instant
         share = output_share(self.rates, seen, self.C_K, self.C_M, self.velocity_rows)
-        return self.estimator.outputs_at(inner) + share[0]
+        return self.estimator.bounds_at(inner).widened(0.0, 0.0, share)
 
     def _force(self, block: Block, before: Bounds, bounds: Bounds) -> np.ndarray:
         """|F|_{M^-1} (S,), its largest value in every segment."""

@@ -30,6 +30,6 @@ class StaticError:
         """Return z at entry i of the errors returned last."""
         return (self._z[i : i + 1],)
 
-    def outputs_at(self, instant: tuple) -> np.ndarray:
-        """Return the errors (R,) at an instant of an object with other outputs."""
-        return self(*instant).outputs[0]
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the errors (1, R) at an instant of an object with other outputs."""
+        return self(*instant)

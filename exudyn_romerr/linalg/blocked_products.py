@@ -1,10 +1,16 @@
 """Products of many short rows with one small matrix, kept on one core, and norms of rows."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+
 import numpy as np
+import scipy.sparse as sp
 
 # Multiplications of one product. BLAS libraries start threads above a few 1e5; for blocks of steps these cost more
 # than they give, and on cores that are shared with a simulation they wait for one another.
 ONE_THREAD = 250_000
+COLUMNS = 64  # of a tall matrix at once: what is made on the way to a result stays small beside it
 SMALLEST_SQUARE = 1e-280  # well above the numbers that lose digits by underflow
 
 
@@ -28,6 +34,20 @@ def combined(matrix: np.ndarray, arrays: list[np.ndarray]) -> np.ndarray:
         part = np.s_[:, first : first + count]
         np.matmul(matrix, columns[part], out=result[part])
     return result.reshape(len(matrix), *arrays[0].shape)
+
+
+def by_columns(
+    function: Callable[[np.ndarray], np.ndarray], columns: np.ndarray | sp.spmatrix, out: np.ndarray | None = None
+) -> np.ndarray:
+    """Return function(columns) (n, k), a linear function of columns (n, k), computed of a few at a time.
+
+    out : where to put it; may be `columns` itself.
+    """
+    result = np.empty(columns.shape, order="F") if out is None else out
+    for first in range(0, columns.shape[1], COLUMNS):
+        part = np.s_[:, first : first + COLUMNS]
+        result[part] = function(columns[part].toarray(order="F") if sp.issparse(columns) else columns[part])
+    return result
 
 
 def row_norms(rows: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..errors import InputError
+from .blocked_products import by_columns
 
 ROUNDED_AWAY = 1e-14  # of the largest scaled column: what is dropped is rounding
 DEFLATION = 1e-10  # share of a Krylov vector that must be new; less is rounding of what is already spanned
@@ -22,9 +23,18 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 
 def without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Return Y less its part in the span of the orthonormal modes."""
-    for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
-        Y = Y - modes @ (modes.T @ Y)
-    return Y
+    return take_out(modes, np.array(Y))
+
+
+def take_out(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """Take the part in the span of the orthonormal modes out of Y, in place; return Y."""
+
+    def left(part: np.ndarray) -> np.ndarray:
+        for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
+            part = part - modes @ (modes.T @ part)
+        return part
+
+    return by_columns(left, Y, out=Y)
 
 
 def m_orthonormal(M: sp.csc_matrix, columns: np.ndarray) -> np.ndarray:

@@ -6,7 +6,21 @@
 Valid for every zeta >= 0: undamped, under-, critically and overdamped (theory.md 2). omega, zeta and t broadcast.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
+
+
+@dataclass(frozen=True)
+class Constants:
+    """Suprema over time of the fundamental matrix' norms in the M-norm (paper, section 4).
+
+    C1 bounds |Phi(t)| of the first-order form (dimension mixed), C11 bounds |Phi11|, C12 (s) bounds |Phi12|.
+    """
+
+    C1: float
+    C11: float
+    C12: float
 
 
 def damping_ratios(omega: np.ndarray, alpha: float, beta: float) -> np.ndarray:

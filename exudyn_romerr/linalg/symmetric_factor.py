@@ -1,12 +1,10 @@
-"""Sparse symmetric factorisation with its inertia: solves, and the count of eigenvalues below a shift."""
-
-from functools import cached_property
+"""Sparse symmetric factorisation of scaled coordinates: solves, norms, definiteness, and counts of eigenvalues."""
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import SuperLU, splu
 
-from ..errors import AssumptionError
+from .blocked_products import by_columns
+from .factorisations import count_negative, factorised
 
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
@@ -16,89 +14,80 @@ ITERATIONS = 4  # of the inverse power method: a null vector grows by 1e12 in ea
 
 
 class SymmetricFactor:
-    """L D L^T of a sparse symmetric matrix, without pivoting off the diagonal.
+    """Factorisation of a sparse symmetric matrix that is meant to be positive definite.
 
-    The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed. Where the
-    factorisation breaks down, `complete` is False, the pivots stay zero and nothing can be solved.
+    Where it breaks down, `complete` is False and nothing can be solved; `definite` tells whether half_solve and
+    half_multiply make sense. factorisations.py chooses what factorises.
 
     Parameters
     ----------
     matrix : sparse matrix, (n, n)
         Symmetric.
-    in_order : bool
-        Its coordinates come in a good order of elimination already: to find one is half of the work.
     """
 
-    def __init__(self, matrix: sp.spmatrix, in_order: bool = False):
-        matrix = sp.csc_matrix(matrix)
-        scale = np.sqrt(np.abs(matrix.diagonal()))
-        # Symmetric scaling to a unit diagonal: units of translation and rotation no longer mix in the pivots.
-        self._scale = np.where(scale > 0, scale, 1.0)
-        inverse = sp.diags(1 / self._scale)
-        scaled = sp.csc_matrix(inverse @ matrix @ inverse)
-        self.pivots, self.complete = np.zeros(matrix.shape[0]), False
-        try:
-            self._lu = _eliminated(scaled, "NATURAL" if in_order else "MMD_AT_PLUS_A")
-        except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
-            return
-        except (MemoryError, SystemError) as error:  # SuperLU, out of memory or of 32-bit indices
-            raise AssumptionError(
-                f"a matrix of {matrix.shape[0]} coordinates and {matrix.nnz} entries is too large to factorise here "
-                f"({type(error).__name__}: {error}); take a coarser mesh, interfaces of fewer nodes, or more memory"
-            ) from error
-        if np.array_equal(self._lu.perm_r, self._lu.perm_c):
-            self.pivots = self._lu.U.diagonal()
-            self.complete = bool(np.all(self.pivots != 0))
+    def __init__(self, matrix: sp.spmatrix):
+        scaled, self._scale = _scaled(matrix)
+        self._factor = factorised(scaled)
 
     @property
-    def negative_pivots(self) -> int:
-        """Number of negative eigenvalues of the matrix; RuntimeError if the factorisation broke down."""
-        if not self.complete:
-            raise RuntimeError("the factorisation broke down: no inertia")
-        return int(np.sum(self.pivots < 0))
+    def complete(self) -> bool:
+        """Whether anything can be solved."""
+        return self._factor.complete
+
+    @property
+    def definite(self) -> bool:
+        """Whether the matrix is positive definite; without it, or close to it, smallest_pivot is what to ask."""
+        return self.complete and self._factor.negative_pivots == 0
 
     @property
     def smallest_pivot(self) -> float:
         """Smallest pivot over its diagonal entry: <= SINGULAR_PIVOT means not positive definite."""
-        return float(np.min(self.pivots, initial=1.0))
+        return self._factor.smallest_pivot
+
+    @property
+    def order(self) -> np.ndarray | None:
+        """Coordinates in the order of their elimination, (n,); None if it is not known."""
+        return self._factor.order
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Solve for one vector (n,) or many (n, k)."""
-        scale = self._scale if right.ndim == 1 else self._scale[:, None]
-        return self._lu.solve(np.ascontiguousarray(right / scale)) / scale
+        """Solve for one vector (n,) or many (n, k), which may be a sparse matrix."""
+        if right.ndim == 1:
+            return self._factor.solve(right / self._scale) / self._scale
+        scale = self._scale[:, None]
+        return by_columns(lambda part: self._factor.solve(part / scale) / scale, right)
 
     def half_solve(self, right: np.ndarray) -> np.ndarray:
         """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}: right in the coordinates where A^-1 is the identity.
 
         Norms are taken there because products with A itself lose the square of the digits that this loses.
         """
-        return self._forward.solve((right / self._scale[:, None])[self.order]) / self._root
+        scale = self._scale[:, None]
+        return by_columns(lambda part: self._factor.half_solve(part / scale), right)
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
         """Return right in the coordinates of half_solve: Y (n, k) with |Y z|_2 = |right z|_A."""
-        return (self._lower.T @ (right * self._scale[:, None])[self.order]) * self._root
-
-    @cached_property
-    def order(self) -> np.ndarray:
-        """Coordinates in the order of their elimination, (n,)."""
-        return np.argsort(self._lu.perm_r)
-
-    @cached_property
-    def _lower(self) -> sp.csr_matrix:
-        return self._lu.L.tocsr()
-
-    @cached_property
-    def _forward(self) -> SuperLU:
-        """L as a factor of its own: SuperLU solves by blocks of columns, SciPy's triangular solver one by one."""
-        return _eliminated(self._lu.L, "NATURAL")
-
-    @cached_property
-    def _root(self) -> np.ndarray:
-        return np.sqrt(self.pivots)[:, None]
+        scale = self._scale[:, None]
+        return by_columns(lambda part: self._factor.half_multiply(part * scale), right)
 
 
-def _eliminated(matrix: sp.csc_matrix, order: str) -> SuperLU:
-    return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+def negative_eigenvalues(matrix: sp.spmatrix, order: np.ndarray | None = None) -> int | None:
+    """Return the number of negative eigenvalues (Sylvester's law of inertia); None if the factorisation breaks down.
+
+    order : coordinates in a good order of elimination, if it is known: to find one is half of the work.
+    """
+    return count_negative(_scaled(matrix)[0], order)
+
+
+def _scaled(matrix: sp.spmatrix) -> tuple[sp.csc_matrix, np.ndarray]:
+    """Return S^-1 A S^-1 with a diagonal of +-1, and the diagonal of S.
+
+    Units of translation and rotation no longer mix in the pivots.
+    """
+    matrix = sp.csc_matrix(matrix)
+    scale = np.sqrt(np.abs(matrix.diagonal()))
+    scale = np.where(scale > 0, scale, 1.0)
+    inverse = sp.diags(1 / scale)
+    return sp.csc_matrix(inverse @ matrix @ inverse), scale
 
 
 def idle_motion(matrix: sp.spmatrix) -> np.ndarray | None:
@@ -108,7 +97,7 @@ def idle_motion(matrix: sp.spmatrix) -> np.ndarray | None:
     """
     diagonal = matrix.diagonal()
     factor = SymmetricFactor(matrix + sp.diags(LIFT * diagonal))
-    if not factor.complete or factor.negative_pivots:
+    if not factor.definite:
         return None
     x = np.random.default_rng(0).standard_normal(len(diagonal))
     for _ in range(ITERATIONS):

@@ -45,6 +45,11 @@ class ModeChoice:
         return self.chosen.met
 
     @property
+    def answer(self) -> str:
+        """Whether the chosen basis is enough, as BoundReport.assess says: "proven", "likely", ... "disproven"."""
+        return self.chosen.assessment.answer
+
+    @property
     def n(self) -> int:
         """Number of modes of the chosen basis."""
         return self.chosen.n
@@ -77,14 +82,11 @@ class ModeChoice:
     def __str__(self) -> str:
         scopes = {scope for report in self.reports for scope in report.scope.values()}
         frozen = ", inputs frozen (the mechanism's answer is not covered)" if self.chosen.is_frozen else ""
-        verdict = f"is enough{frozen}" if self.chosen.is_enough else "came closest, and is not enough"
-        if self.chosen.by == ESTIMATE:
-            too = (
-                "its bounds are within the tolerance, too" if self.met else "its bounds are not within the tolerance"
-            )
-            verdict = f"{verdict.replace('is enough', 'is about enough', 1)}, by the estimate; {too}"
-        lines = [f"{self.chosen.basis} {verdict}; scope of the bounds: {', '.join(sorted(scopes))}"]
+        closest = "" if self.chosen.is_enough else "came closest, "
+        bounds = f"its bounds are {'' if self.met else 'not '}within the tolerance{frozen}"
+        lines = [f"{self.chosen.basis}: {closest}{self.answer}; {bounds}; their scope: {', '.join(sorted(scopes))}"]
         lines += [f"  run {i}: {run}" for i, run in enumerate(self.tried, start=1)]
+        lines.append(f"  {self.chosen.assessment}")
         lines += [f"  {self._smaller()}"] if self.chosen.is_enough else [f"  {CURES[self.limit]}"]
         if self.failed is not None:
             lines.append(f"  not tried further, for a run failed: {self.failed}")
@@ -102,11 +104,13 @@ class ModeChoice:
             return "no smaller basis: n = 0"
         modes = self.chosen.fewer()
         name = f"modes {', '.join(map(str, modes))}" if self.chosen.picked else f"n = {len(modes)}"
-        if any((run.modes, run.kind) == (modes, self.kind) for run in self.tried):
-            return f"{name}: not enough, was tried"
+        for run in self.tried:
+            if (run.modes, run.kind) == (modes, self.kind):
+                return f"{name}: {run.assessment.answer}, was tried"
         worst = ", ".join(f"{output} <= {x:.3g}" for output, x in self.chosen.expected(modes).items())
-        verdict = "may be enough too, but was not tried" if self.chosen.would_meet(modes) else "not enough"
-        return f"{name}: {verdict}, by a forecast: {worst}"
+        decides = "estimates" if self.chosen.by == ESTIMATE else "bounds"
+        place = "within the tolerance, too, but it was not tried" if self.chosen.would_meet(modes) else "above it"
+        return f"{name}: {decides} {place}, by a forecast: {worst}"
 
 
 def smallest_basis(runs: Iterable[TriedRun]) -> TriedRun | None:

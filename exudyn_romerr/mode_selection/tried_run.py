@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
+from ..report.assessment import ANSWERS
 from ..report.estimate_wording import covers_time, estimate_scope
 from ..report.scope import FROZEN
 from ..report.wording import rounded_up, widest_scope
@@ -16,6 +17,7 @@ from .modal_forecast import BOUND, ESTIMATE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from ..report.assessment import Assessment
     from ..report.report import BoundReport, OutputReport
     from .modal_forecast import Forecast
 
@@ -63,6 +65,16 @@ class TriedRun:
     def is_enough(self) -> bool:
         """Whether everything that decides is within its tolerance."""
         return self.would_meet(self.modes)
+
+    @property
+    def assessment(self) -> Assessment:
+        """What is known of errors beside their tolerances, of the output that counts most (BoundReport.assess)."""
+        made = [
+            report.assess(out.name, self.tolerance[out.name])
+            for out, report in outputs_and_reports(self.reports)
+            if out.name in self.tolerance
+        ]
+        return min(made, key=lambda one: ANSWERS.index(one.answer))
 
     @property
     def covers_steps(self) -> bool:
@@ -115,10 +127,7 @@ class TriedRun:
 
     def __str__(self) -> str:
         said = [f"{name}{self._said_of(name)} (allowed {x:.3g})" for name, x in self.tolerance.items()]
-        verdict = "met" if self.met else "not met"
-        if self.by == ESTIMATE:
-            verdict = f"{'about enough' if self.is_enough else 'not enough'}; by the bounds {verdict}"
-        return f"{self.basis}: {', '.join(said)}: {verdict}"
+        return f"{self.basis}: {', '.join(said)}: {self.assessment.answer}"
 
     def _said_of(self, name: str) -> str:
         bound = f" <= {rounded_up(self.bound[name])}"

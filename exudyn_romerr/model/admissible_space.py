@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -157,6 +158,28 @@ class Space:
     def expand(self, y: np.ndarray) -> np.ndarray:
         """Return q = Z y."""
         return self.Z @ y
+
+
+def condition_rows(body: Any, reference: MeanMotion | MassOrthogonal | None) -> np.ndarray | None:
+    """Return the rows that hold a body in place of `fixed`; InputError if it cannot be held so."""
+    if reference is None:
+        return None
+    if not isinstance(reference, MeanMotion | MassOrthogonal):
+        raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights) or mass_orthogonal()")
+    if body.fixed.size:
+        raise InputError("fixed and reference were both given; a body is held by one of them")
+    if body.dofs_per_node != 3:
+        raise InputError("reference needs 3 coordinates a node (solids); hold nodes with rotations by fixed=")
+    return reference.rows(body.positions, body.mass)
+
+
+def checked_parts(body: Any, rigid: Sequence[Sequence[int]]) -> list[tuple]:
+    """Return the rigid parts of a body as Space takes them; InputError if it cannot have such."""
+    if not rigid:
+        return []
+    if not body.fixed.size or body.dofs_per_node != 3:
+        raise InputError("rigid needs a solid body (3 coordinates a node) held by fixed=, not by reference=")
+    return rigid_parts(rigid, body.fixed, body.positions)
 
 
 def rigid_parts(rigid: Sequence[Sequence[int]], fixed: np.ndarray, positions: np.ndarray) -> list[tuple]:

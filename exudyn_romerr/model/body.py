@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,27 +12,17 @@ from ..checks import check_count
 from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import Modes, lowest_modes
+from ..linalg.modal_damping import ModalDamping
+from ..linalg.oscillator import Constants
 from ..linalg.symmetric_factor import SymmetricFactor
-from .admissible_space import MassOrthogonal, MeanMotion, Space, rigid_parts
+from .admissible_space import MassOrthogonal, MeanMotion, Space, checked_parts, condition_rows
 from .definiteness import check_damping, check_mass, check_masses, check_stiffness
-from .matrix_input import checked_dofs, checked_matrix, checked_positions, checked_rayleigh, precision
+from .matrix_input import checked_dofs, checked_matrix, checked_positions, checked_ratios, checked_rayleigh, precision
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 ALL_MODES_LIMIT = 2000  # dense eigenproblem: above this the time and memory of the full spectrum are prohibitive
-
-
-@dataclass(frozen=True)
-class Constants:
-    """Suprema over time of the fundamental matrix' norms in the M-norm (paper, section 4).
-
-    C1 bounds |Phi(t)| of the first-order form (dimension mixed), C11 bounds |Phi11|, C12 (s) bounds |Phi12|.
-    """
-
-    C1: float
-    C11: float
-    C12: float
 
 
 class ElasticBody:
@@ -48,6 +37,8 @@ class ElasticBody:
         (alpha, beta) in 1/s and s: D = alpha M + beta K. Neither rayleigh nor damping: undamped.
     damping : scipy.sparse matrix or ndarray, (N, N), optional
         Any dissipative matrix, x^T D x >= 0; need not be symmetric (gyroscopic parts do no work).
+    modal_damping : float or sequence of float, optional
+        Ratios of the lowest modes (a float: of all) of the body as it is held; `rayleigh` damps those above them.
     fixed : sequence of int
         Coordinates held at zero. They count in N and keep their rows in V, B and output rows.
     positions : ndarray, (nodes, 3), optional
@@ -66,10 +57,12 @@ class ElasticBody:
         Stiffness singular after supports (the message says how many rigid-body modes are left), or
         damping that feeds energy in.
 
-    Notes
-    -----
     Does not cover: frames that move, nonlinear stiffness.
     """
+
+    modal: ModalDamping | None = None
+    _modes: Modes | None = None
+    _within: tuple[sp.csr_matrix, SymmetricFactor] | None = None
 
     def __init__(
         self,
@@ -81,6 +74,7 @@ class ElasticBody:
         positions: Any = None,
         reference: MeanMotion | MassOrthogonal | None = None,
         rigid: Sequence[Sequence[int]] = (),
+        modal_damping: float | Sequence[float] | None = None,
     ):
         self.precision = {"mass": precision(mass), "stiffness": precision(stiffness), "damping": precision(damping)}
         self.mass = checked_matrix("mass", mass, None)
@@ -90,7 +84,7 @@ class ElasticBody:
         self.fixed = checked_dofs(fixed, self.N)
         if self.fixed.size == self.N:
             raise InputError(f"fixed lists all {self.N} coordinates; at least one must stay free")
-        self.space = Space(self.N, self.fixed, self._conditions(reference), self._rigid_parts(rigid))
+        self.space = Space(self.N, self.fixed, condition_rows(self, reference), checked_parts(self, rigid))
         self.free = self.space.free
         self.M, self.K = self.space.matrix(self.mass), self.space.matrix(self.stiffness)
         if rayleigh is not None and damping is not None:
@@ -102,7 +96,8 @@ class ElasticBody:
         check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
         if self.damping is not None:
             check_damping(self.D)
-        self._modes: Modes | None = None
+        if modal_damping is not None:
+            self._take_ratios(modal_damping)
 
     @classmethod
     def from_fem(
@@ -111,6 +106,7 @@ class ElasticBody:
         rayleigh: Sequence[float] | None = None,
         fixed: Sequence[int] = (),
         reference: Any = None,
+        modal_damping: float | Sequence[float] | None = None,
     ) -> ElasticBody:
         """Take mass, stiffness and node positions from an Exudyn FEMinterface (3 coordinates a node).
 
@@ -128,11 +124,14 @@ class ElasticBody:
             fixed=fixed,
             positions=fem.GetNodePositionsAsArray(),
             reference=reference,
+            modal_damping=modal_damping,
         )
 
     @cached_property
-    def D(self) -> sp.csc_matrix | None:
-        """Damping on the free coordinates; None if undamped."""
+    def D(self) -> sp.csc_matrix | ModalDamping | None:
+        """Damping on the free coordinates, for products; None if undamped."""
+        if self.modal is not None:
+            return self.modal
         if self.damping is not None:
             return self.space.matrix(self.damping)
         alpha, beta = self.rayleigh
@@ -164,6 +163,14 @@ class ElasticBody:
         """Factorisation of K on the free coordinates, made once."""
         return SymmetricFactor(self.K)
 
+    def stiffness_within(self, S: sp.csr_matrix) -> SymmetricFactor:
+        """Return the factorisation of S^T K S, S (n_free, k); that of the S asked for last is kept."""
+        kept, factor = self._within or (None, None)
+        if kept is None or kept.shape != S.shape or (kept != S).nnz:
+            factor = SymmetricFactor((S.T @ self.K @ S).tocsc())
+            self._within = S, factor
+        return factor
+
     def expand(self, values: np.ndarray) -> np.ndarray:
         """Return displacements of all N coordinates (N, ...) from those of the free ones."""
         return self.space.expand(values)
@@ -180,7 +187,8 @@ class ElasticBody:
         """
         m = check_count("number of modes", m, self.free.size, "free coordinates")
         if self._modes is None or self._modes.omega.size < m:
-            self._modes = lowest_modes(self.M, self.K, m, self.stiffness_factor)
+            found = lowest_modes(self.M, self.K, m, self.stiffness_factor)
+            self._modes = found if self.modal is None else self.modal.aligned(found)
         return self._modes.first(m)
 
     def all_modes(self) -> Modes:
@@ -193,14 +201,22 @@ class ElasticBody:
         return self.modes(self.free.size)
 
     def damping_ratios(self, omega: np.ndarray) -> np.ndarray:
-        """Return zeta of modes omega (rad/s); AssumptionError unless damping is Rayleigh or none."""
+        """Return zeta of the lowest modes, omega (m,) in rad/s; AssumptionError for a general damping matrix."""
+        if self.modal is not None:
+            return self.modal.ratios_of(omega)
         return oscillator.damping_ratios(omega, *self.require_rayleigh("modal damping ratios"))
+
+    @property
+    def proportional(self) -> tuple[float, float] | None:
+        """(alpha, beta) of the modes above those with ratios of their own; None for a general matrix."""
+        return self.rayleigh if self.modal is None else self.modal.rayleigh
 
     def require_rayleigh(self, who: str) -> tuple[float, float]:
         """Return (alpha, beta) or raise AssumptionError naming `who` needs them."""
         if self.rayleigh is None:
+            found = "a general damping matrix" if self.modal is None else "ratios by mode"
             raise AssumptionError(
-                f"{who} need Rayleigh damping, found a general damping matrix; pass rayleigh=(alpha, beta), "
+                f"{who} need Rayleigh damping, found {found}; pass rayleigh=(alpha, beta), "
                 "or ask for estimators=('energy', 'fast') and kernels='certified': they take any dissipative damping"
             )
         return self.rayleigh
@@ -214,28 +230,18 @@ class ElasticBody:
         Raises
         ------
         AssumptionError
-            Damping not Rayleigh, or more than 2000 free coordinates.
+            Damping not diagonal in modes, or more than 2000 free coordinates.
         """
-        self.require_rayleigh("constants C1, C11, C12")
+        _ = self.modal or self.require_rayleigh("constants C1, C11, C12")
         omega = self.all_modes().omega
         s_max = oscillator.largest_impulse_response(omega, self.damping_ratios(omega))
         C1 = oscillator.largest_state_response(omega, s_max)
         return Constants(C1=C1, C11=1.0, C12=float(np.max(s_max)))
 
-    def _conditions(self, reference: MeanMotion | MassOrthogonal | None) -> np.ndarray | None:
-        if reference is None:
-            return None
-        if not isinstance(reference, MeanMotion | MassOrthogonal):
-            raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights) or mass_orthogonal()")
-        if self.fixed.size:
-            raise InputError("fixed and reference were both given; a body is held by one of them")
-        if self.dofs_per_node != 3:
-            raise InputError("reference needs 3 coordinates a node (solids); hold nodes with rotations by fixed=")
-        return reference.rows(self.positions, self.mass)
-
-    def _rigid_parts(self, rigid: Sequence[Sequence[int]]) -> list[tuple]:
-        if not rigid:
-            return []
-        if not self.fixed.size or self.dofs_per_node != 3:
-            raise InputError("rigid needs a solid body (3 coordinates a node) held by fixed=, not by reference=")
-        return rigid_parts(rigid, self.fixed, self.positions)
+    def _take_ratios(self, given: float | Sequence[float]) -> None:
+        if self.damping is not None:
+            raise InputError("modal_damping and damping were both given; pass one of them")
+        ratios = checked_ratios(given, self.free.size)
+        modes = self.modes(ratios.size) if ratios.ndim else self.all_modes()
+        self.modal = ModalDamping(self.M, self.K, modes, np.broadcast_to(ratios, modes.omega.shape), self.rayleigh)
+        self.rayleigh = None

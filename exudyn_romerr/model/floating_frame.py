@@ -192,13 +192,13 @@ def translations(mass: sp.csc_matrix) -> np.ndarray:
     return mass @ np.tile(np.eye(3), (mass.shape[0] // 3, 1))
 
 
-def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -> np.ndarray:
-    """Return M e_j (3), M E_ij x (9), M E_ij V (9 n): what inertia_coordinates multiply, (N, 12 + 9 n).
+def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -> sp.csc_matrix:
+    """Return M e_j (3), M E_ij x (9), M E_ij V (9 n): what inertia_coordinates multiply, (N, 12 + 9 n), sparse.
 
     M E_ij = E_ij M, for M is the same in all directions (require_isotropic_mass).
     """
     x = positions.reshape(-1, 1)
-    return np.hstack([translations(mass), _unit_products(mass @ x), _unit_products(mass @ V)])
+    return sp.hstack([translations(mass), _unit_products(mass @ x), _unit_products(mass @ V)], format="csc")
 
 
 def modal_inertia(n: int) -> slice:
@@ -213,13 +213,13 @@ def inertia_coordinates(b: np.ndarray, motion: FrameMotion, q: np.ndarray, q_t: 
     return np.hstack([b, S, turned.reshape(len(q), -1)])
 
 
-def _unit_products(X: np.ndarray) -> np.ndarray:
+def _unit_products(X: np.ndarray) -> sp.csc_matrix:
     """E_ij X for i, j = 1..3, side by side: component j of every node put in the place of component i."""
     nodes, k = len(X) // 3, X.shape[1]
-    products = np.zeros((nodes, 3, 3, 3, k))
-    for i in range(3):
-        products[:, i, i] = X.reshape(nodes, 3, k)
-    return products.reshape(3 * nodes, 9 * k)
+    values = np.tile(X.reshape(nodes, 3, k).transpose(1, 2, 0), (3, 1, 1, 1))  # of i, j, column, node
+    rows = np.broadcast_to(np.arange(3)[:, None, None, None] + 3 * np.arange(nodes), values.shape)
+    shape, starts = (3 * nodes, 9 * k), np.arange(0, values.size + 1, nodes)
+    return sp.csc_matrix((values.ravel(), rows.ravel(), starts), shape=shape)
 
 
 def require_isotropic_mass(mass: sp.csc_matrix) -> None:
@@ -238,7 +238,7 @@ def require_isotropic_mass(mass: sp.csc_matrix) -> None:
 def unit_inertia(mass: sp.csc_matrix, positions: np.ndarray) -> np.ndarray:
     """Return M e_j (3) and M E_ij x (9), of unit mass norm each (N, 12)."""
     x = positions.reshape(-1, 1)
-    motions = np.hstack([np.tile(np.eye(3), (len(positions), 1)), _unit_products(x)])
+    motions = np.hstack([np.tile(np.eye(3), (len(positions), 1)), _unit_products(x).toarray()])
     columns = mass @ motions
     size = np.sqrt(np.einsum("ij,ij->j", motions, columns))
     return columns / np.where(size > 0, size, 1.0)

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from ..checks import check_array, check_finite, check_numbers, real_array
 from ..errors import AssumptionError, InputError
-from ..linalg.symmetric_factor import SymmetricFactor
+from ..linalg.symmetric_factor import negative_eigenvalues
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,10 +42,20 @@ def precision(value: Any) -> float:
     return max(float(np.finfo(dtype).eps), DOUBLE) if single else DOUBLE
 
 
-def checked_inputs(inputs: Any, size: int) -> np.ndarray:
-    """Return the input matrix B (size, p); one column may come as a vector, None means no inputs."""
+def checked_inputs(inputs: Any, size: int) -> np.ndarray | sp.csc_matrix:
+    """Return the input matrix B (size, p); one column may come as a vector, None means no inputs.
+
+    Sparse ones, of which many columns are taken, stay sparse.
+    """
     if inputs is None:
         return np.zeros((size, 0))
+    if (
+        sp.issparse(inputs)
+        and inputs.shape[0] == size
+        and inputs.dtype.kind == "f"
+        and np.isfinite(inputs.data).all()
+    ):
+        return sp.csc_matrix(inputs, dtype=float)
     B = real_array("inputs", inputs)
     return check_array("inputs", B[:, None] if B.ndim == 1 else B, (size, None))
 
@@ -65,6 +75,16 @@ def checked_rayleigh(rayleigh: Sequence[float] | None) -> tuple[float, float]:
     if alpha < 0 or beta < 0:
         raise AssumptionError(f"rayleigh=({alpha:g}, {beta:g}) feeds energy in; alpha and beta must be >= 0")
     return float(alpha), float(beta)
+
+
+def checked_ratios(ratios: Any, size: int) -> np.ndarray:
+    """Damping ratios of the lowest modes (k,), or of all ()."""
+    ratios = check_array("modal_damping", ratios, () if np.ndim(ratios) == 0 else (None,))
+    if ratios.ndim and not 1 <= ratios.size <= size:
+        raise InputError(f"modal_damping has {ratios.size} ratios; allowed: 1..{size} (modes), or a number for all")
+    if np.any(ratios < 0):
+        raise AssumptionError(f"modal_damping has a ratio {ratios.min():g}: it feeds energy in; ratios must be >= 0")
+    return ratios
 
 
 def checked_positions(positions: Any, size: int) -> np.ndarray | None:
@@ -91,7 +111,7 @@ def is_dissipative(damping: sp.csc_matrix) -> bool:
     block = symmetric[active][:, active]
     # semidefinite is allowed: 1e-10 of the diagonal keeps rounding of zero eigenvalues from counting as negative
     lifted = block + 1e-10 * sp.diags(diagonal[active])
-    factor = SymmetricFactor(lifted)
-    if factor.complete:
-        return factor.negative_pivots == 0
+    negative = negative_eigenvalues(lifted)
+    if negative is not None:
+        return negative == 0
     return bool(np.linalg.eigvalsh(lifted.toarray())[0] >= 0)  # rare: a pivot of exactly zero

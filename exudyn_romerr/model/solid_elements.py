@@ -61,7 +61,7 @@ def strain_rows(fem: Any, node: int) -> np.ndarray:
     positions = check_array("fem node positions", fem.GetNodePositionsAsArray(), (None, 3))
     node = int(check_nodes([node], len(positions))[0])
     rows, count = np.zeros((6, *positions.shape)), 0
-    for kind, elements in _elements(fem, positions):
+    for kind, elements in elements_of(fem, positions):
         for number in np.flatnonzero((elements == node).any(axis=1)):
             own = elements[number]
             slopes = _slopes(kind, positions[own], f"{kind} element {number} (nodes {own.tolist()})")
@@ -102,7 +102,7 @@ def _strain(slopes: np.ndarray) -> np.ndarray:
     return rows
 
 
-def _elements(fem: Any, positions: np.ndarray) -> list[tuple[str, np.ndarray]]:
+def elements_of(fem: Any, positions: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Types and node numbers (e, n) of all elements; tetrahedra of ngsolve get their middle nodes back."""
     sets = [(kind, np.asarray(x)) for part in fem.elements for kind, x in part.items() if kind != "Name" and len(x)]
     if not sets:

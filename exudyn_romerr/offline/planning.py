@@ -90,8 +90,8 @@ def _estimators_not_made(problem: Problem, names, asked: Any, scene: Scene) -> I
 def _why_not(name: str, asked: Any, body: ElasticBody) -> str:
     if asked != "auto":
         return "not asked for"
-    if name == "auxiliary" and body.rayleigh is None:
-        return "needs Rayleigh damping"
+    if name == "auxiliary" and body.proportional is None:
+        return "needs Rayleigh damping, or ratios by mode"
     return "'auto' takes sharper ones"
 
 

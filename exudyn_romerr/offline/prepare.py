@@ -11,7 +11,7 @@ from ..checks import check_array, check_choice
 from ..errors import AssumptionError, InputError
 from ..estimators import ESTIMATORS
 from ..estimators.coupled_energy import CorrectedEnergy, MechanismEnergy
-from ..estimators.node_bounds import node_bounds
+from ..estimators.node_bounds import node_bounds, node_displacements
 from ..estimators.rotating_frame import Turning
 from ..estimators.static import StaticError
 from ..model.global_axes import View
@@ -36,12 +36,6 @@ UNMOVED = 1e-9  # of the entries of an output: what rounding leaves of rows that
 OF_PROBLEM = ("inputs", "outputs", "initial", "residual", "kernels", "auxiliary_modes")
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
-
-IN_GLOBAL_AXES = (
-    "no bound of {} (inf): the motion of the frame is in it, whose error has no bound; see the estimate. An output "
-    "in the body's frame is bounded ('NAME in the frame' of a sensor, or frame='body'); scope='inputs frozen' gives "
-    "a bound under the motion of the frame in this run"
-)
 ALONE = Scene()  # of a body without a frame
 
 
@@ -85,7 +79,7 @@ def prepare(
         slices=tuple(problem.slices),
         velocity_rows=problem.rows.velocity_rows,
         value_rows=problem.rows.C @ V,
-        balance=Balance(problem.terms.coordinates, W.T @ problem.terms.L),
+        balance=Balance(problem.terms.coordinates, problem.terms.seen_by(W.T)),
         packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
@@ -108,6 +102,7 @@ def prepare(
         ),
         notes=tuple(filter(None, [scene.note, problem.split.modes.left_ringing if with_modes else None, blind])),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
+        moved=lambda q: (body.positions, node_displacements(problem, q)),
         static=lambda: StaticError(problem),
     )
 
@@ -117,7 +112,7 @@ def _checked_estimators(estimators: Any, body: ElasticBody, scene: Scene) -> tup
     if isinstance(estimators, str) and estimators == "auto":
         if scene.feedback:
             return ("auxiliary",)
-        return ("energy", "auxiliary") if body.rayleigh is not None else ("fast", "energy")
+        return ("energy", "auxiliary") if body.proportional is not None else ("fast", "energy")
     return checked_names(estimators)
 
 
@@ -192,9 +187,8 @@ def _without_sight(problem: Problem, scene: Scene) -> tuple[list[View | None], s
         if np.max(np.abs(problem.rows.C[part])) <= UNMOVED * np.max(np.abs(out.resolve(problem.body))):
             views[i] = replace(views[i], blind=True)
             names += [repr(out.name)] if out.is_requested else []
-    if scene.coupled:
-        names = [repr(out.name) for out in problem.outputs if out.is_requested and out.frame == "global"]
-        return views, IN_GLOBAL_AXES.format(", ".join(names)) if names else None
+    if scene.coupled:  # what is known there comes with the run
+        return views, None
     if not names:
         return views, None
     return views, (

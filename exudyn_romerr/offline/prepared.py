@@ -47,8 +47,9 @@ class Offline:
     jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. static_errors: see residual/interface_stiffening.py.
     measure: norm of R(z) that knots of the reconstruction are chosen by. rounding: of the computation;
     input_rounding: of the input, None if all of it has 16 digits; single: names of what has fewer. initial: None,
-    "equilibrium" or "state". notes: what the reader must know. nodes: bounds at every node, on demand. static,
-    from_static: made when a static solve, or a run from its end, begins.
+    "equilibrium" or "state". notes: what the reader must know. nodes: what is known of the error at every node,
+    moved: positions and displacements of the nodes at q, on demand. static, from_static: made when a static solve, or
+    a run from its end, begins.
     """
 
     coordinates: Coordinates | PackedCoordinates
@@ -78,6 +79,7 @@ class Offline:
     scene: Scene
     notes: tuple[str, ...]
     nodes: Callable[[dict], dict]
+    moved: Callable[[np.ndarray], tuple]
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
 

@@ -22,8 +22,8 @@ IN_THE_SPAN = (
 
 NO_ACCELERATIONS = (
     "the solver has no accelerations at its start: bounds begin at t = {:g} s, where the full body is taken to be as "
-    "the reduced one; what was wrong by then is in no bound and no estimate. Implicit solvers compute accelerations "
-    "with generalizedAlpha.computeInitialAccelerations"
+    "the reduced one; what was wrong by then is in no bound and no estimate: no bound of this run is certified. "
+    "Implicit solvers compute accelerations with generalizedAlpha.computeInitialAccelerations"
 )
 LOADS_JUMP = (
     "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below the "

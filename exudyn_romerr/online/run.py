@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,9 +19,8 @@ from .run_record import UNKNOWN, RecordedSamples, RunRecord, SolverFacts
 from .summary import assemble
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from ..offline.prepared import Offline
+    from ..report.data import NodeFields
     from ..report.report import BoundReport
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
@@ -46,14 +45,14 @@ class Run:
     """The bounds along one dynamic solve."""
 
     companion: Run | None = None  # of the trajectory with auxiliary vectors
-    is_static = False
+    is_static = begins_late = False  # late: errors before its first sample are in no bound
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
         self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
         self.messages: list[str] = []
         self.estimate = KeptEstimate()  # of the mechanism, if it answers what is wrong with this body
         self._defect = Defect()
-        self._recorded = RecordedSamples(offline)
+        self._recorded = RecordedSamples(offline, lambda: (run._total.bounds() for run in self._runs))
         self._last: Samples | None = None
         self._rest: np.ndarray | None = None  # where a frame at rest is
         self._settled = slice(None)
@@ -61,9 +60,9 @@ class Run:
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(offline.coordinates, self._jumps)}
         if offline.time == "reconstructed":
+            known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
             root = offline.mass_root if offline.scene.turns else None
-            known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1, root)
-            self._segmenters["total"] = Quintic(*known, offline.driven)
+            self._segmenters["total"] = Quintic(*known, root, offline.driven)
         last = list(self._segmenters)[-1]
         self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
         if offline.initial is not None:
@@ -200,10 +199,11 @@ class Run:
             time=self.time,
             **self._recorded.read(self._settled),
             streams=self.streams(),
-            estimate=self.estimate.read(self._settled),
+            **self.estimate.record(self._settled),
             assumptions=self.assumptions(),
-            nodes=self.node_bounds,
+            nodes=self.node_fields,
             messages=tuple(self.messages),
+            begins_late=self.begins_late,
             defect=self.defect,
             worst_mode=self._defect.worst_mode,
             tolerances=self.tolerances,
@@ -219,9 +219,10 @@ class Run:
         }
         return {"total": found["reduction"], **found}
 
-    def node_bounds(self) -> dict[str, np.ndarray]:
-        """Return the bounds at every node at the worst instant, by every estimator; full-size work."""
-        return {e: bound for run in self._runs for e, bound in run.offline.nodes(run._total.worst).items()}
+    def node_fields(self) -> NodeFields:
+        """Return what is known at every node at the worst instant, by every estimator; full-size work."""
+        known = (run.offline.nodes(run._total.worst) for run in self._runs)
+        return self._recorded.fields_of([*known], self.streams()["total"])
 
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""

@@ -28,6 +28,12 @@ NO_OUTPUTS = (
     "velocity on mesh nodes to a body in a floating frame"
 )
 
+IN_GLOBAL_AXES = (
+    "no bound of {} (inf): the motion of the frame is in it, whose error has {}; see the estimate. An output "
+    "in the body's frame is bounded ('NAME in the frame' of a sensor, or frame='body'); scope='inputs frozen' gives "
+    "a bound under the motion of the frame in this run"
+)
+
 
 def run_messages(run: RunRecord) -> list[str]:
     """Return the messages of a run, the gravest first."""
@@ -36,6 +42,7 @@ def run_messages(run: RunRecord) -> list[str]:
         *_defect(run),
         *_no_outputs(run),
         *run.messages,
+        *_in_global_axes(run),
         *(run.offline.notes if run.time != "static" else ()),
         *_end(run),
         *_between_samples(run),
@@ -46,6 +53,11 @@ def run_messages(run: RunRecord) -> list[str]:
 def is_balanced(run: RunRecord) -> bool:
     """Whether the Galerkin defect could be measured, and is what the solver's tolerance leaves."""
     return run.offline.scene.checked and run.defect <= _limit(run)
+
+
+def is_certified(run: RunRecord) -> bool:
+    """Whether the run is balanced and its bounds hold from the start of the solve on."""
+    return is_balanced(run) and not run.begins_late
 
 
 def _limit(run: RunRecord) -> float:
@@ -71,6 +83,20 @@ def _defect(run: RunRecord) -> list[str]:
 
 def _no_outputs(run: RunRecord) -> list[str]:
     return [] if any(out.is_requested for out in run.offline.outputs) else [NO_OUTPUTS]
+
+
+def _in_global_axes(run: RunRecord) -> list[str]:
+    """In a mechanism: positions are bounded where vectors react with it, velocities are not."""
+    if not run.offline.scene.coupled:
+        return []
+    is_known = run.left.size > 0
+    names = [
+        repr(out.name)
+        for out in run.offline.outputs
+        if out.is_requested and out.frame == "global" and (out.of == "velocity" or not is_known)
+    ]
+    rates = "no bound of its rate" if is_known else "no bound"
+    return [IN_GLOBAL_AXES.format(", ".join(names), rates)] if names else []
 
 
 def _single(run: RunRecord) -> list[str]:

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..report.data import NodeFields
 from ..trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from ..estimates.estimate import Estimate
+    from ..estimators.node_bounds import AtNodes
     from ..offline.prepared import Offline
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
@@ -44,10 +46,12 @@ class RunRecord:
     it, and as a function of time says, if one does.
     static_errors (T, 2, R) : see residual/interface_stiffening.py; (0,) if modes make no interface rigid.
     estimate : of all outputs as shown, side by side, from the linearised mechanism; None: there is none.
+    left (T, r) : bound of what that leaves of outputs in global axes, fewer rows where it ended early.
     streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
-    nodes : bounds at every node, on demand. messages : what was noted along the run.
+    nodes : fields at every node, on demand. messages : what was noted along the run.
     defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
     tolerances : output -> what its bound was asked to stay below, of those that were asked for.
+    remainder : see BoundReport.
     rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
     """
 
@@ -62,28 +66,40 @@ class RunRecord:
     static_errors: np.ndarray
     streams: dict[str, dict[str, Bounds]]
     estimate: Estimate | None
+    left: np.ndarray
     assumptions: dict[str, str]
-    nodes: Callable[[], dict[str, np.ndarray]]
+    nodes: Callable[[], NodeFields]
     messages: tuple[str, ...]
+    begins_late: bool
     defect: float
     worst_mode: int
     tolerances: dict[str, float]
+    remainder: dict[str, float]
     rounding_share: float | None
     largest_miss: float | None
 
 
 class RecordedSamples:
-    """What is kept of samples along a run: t, output rows, their round-off, and frames if outputs need them."""
+    """What is kept of samples along a run: t, output rows, their round-off, frames if outputs need them.
 
-    def __init__(self, offline: Offline):
-        self._offline, self._static_errors = offline, GrowingArray()
-        self.t, self._values, self._round_off, self._frames, self._driven_frames = (GrowingArray() for _ in range(5))
+    q, which many outputs would fit in, only where one of the `bounds` so far is largest, and of the last samples.
+    """
+
+    def __init__(self, offline: Offline, bounds: Callable[[], Iterable[dict[str, Bounds]]]):
+        self._offline, self._bounds, self._static_errors = offline, bounds, GrowingArray()
+        self.t = GrowingArray()
+        self._motions: list[tuple[int, np.ndarray]] = []  # number of the first sample, q
+        self._worst: dict[str, tuple[float, int]] = {}  # estimator -> its largest bound of |e|_M, and where
+        self._looked: dict[str, int] = {}
+        self._values, self._round_off, self._frames, self._driven_frames = (GrowingArray() for _ in range(4))
 
     def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray, driven: np.ndarray) -> None:
         """Keep further samples; rounded: what rounding of the computation may move there; own: see RoundOff.
 
         driven: frames as a function of time says, or those of the samples.
         """
+        self._drop_motions()
+        self._motions.append((len(self.t), new.q))
         self.t.append(new.t)
         self._values.append(self._offline.outputs_of(new.q, new.q_t))
         of_input = self._offline.input_rounding
@@ -94,6 +110,35 @@ class RecordedSamples:
         if any(self._offline.views):  # outputs in global axes
             self._frames.append(new.frame)
             self._driven_frames.append(driven)
+
+    def _drop_motions(self) -> None:
+        """Forget q of all samples but those that were appended together with one where a bound is largest."""
+        for name, b in (pair for of_run in self._bounds() for pair in of_run.items()):
+            first = self._looked.get(name, 0)
+            if len(b.position) > first:
+                i = first + int(np.argmax(b.position[first:]))
+                if name not in self._worst or b.position[i] > self._worst[name][0]:
+                    self._worst[name] = b.position[i], i
+                self._looked[name] = len(b.position)
+        places = [i for _, i in self._worst.values()]
+        self._motions = [(a, q) for a, q in self._motions if any(a <= i < a + len(q) for i in places)]
+
+    def _motion(self, i: int) -> np.ndarray:
+        first, q = next(block for block in reversed(self._motions) if block[0] <= i)
+        return q[i - first]
+
+    def fields_of(self, parts: list[dict[str, AtNodes]], bounds: dict[str, Bounds]) -> NodeFields:
+        """Return what is known at nodes, with the displacements where each estimator's bound of |e|_M is largest."""
+        found = {e: x for part in parts for e, x in part.items()}
+        worst = {e: int(np.argmax(bounds[e].position)) for e in found}
+        moved = {e: self._offline.moved(self._motion(i)) for e, i in worst.items()}
+        return NodeFields(
+            bound={e: x.bound for e, x in found.items()},
+            estimate={e: x.estimate for e, x in found.items() if x.estimate is not None},
+            displacement={e: x for e, (_, x) in moved.items()},
+            instant={e: float(self.t.read()[i]) for e, i in worst.items()},
+            positions=next(iter(moved.values()))[0],
+        )
 
     def read(self, index: slice) -> dict[str, np.ndarray]:
         """Return the fields t, values, round_off, frames of a RunRecord."""

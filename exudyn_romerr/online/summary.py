@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..estimates.estimate import Estimate, estimated
+from ..estimators.coupled_energy import LINEARISED, CorrectedEnergy
 from ..report.formats.provenance import made_here
 from ..report.report import BoundReport, OutputReport
 from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in, unbounded
-from .run_messages import is_balanced, run_messages
+from .run_messages import is_certified, run_messages
 
 if TYPE_CHECKING:
     from ..model.global_axes import View
@@ -32,13 +34,14 @@ def assemble(run: RunRecord) -> BoundReport:
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=_output_reports(run, is_requested=True),
         scope={name: scene.scope_of(name) for name in total},
-        scope_reason="; ".join(filter(None, [scene.reason, "" if is_balanced(run) else NOT_CERTIFIED])),
+        scope_reason="; ".join(filter(None, [scene.reason, "" if is_certified(run) else NOT_CERTIFIED])),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
         plan=offline.plan,
         messages=run_messages(run),
         time=run.time,
         total_mass=offline.total_mass,
         nodes=run.nodes,
+        remainder=run.remainder,
         made=made_here(),
     )
 
@@ -58,7 +61,8 @@ def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputRepor
             seen = rows if view is None else _turned(view, rows, run)
             share = _interface_share(run, part, view)
             known = _estimate(run, i, seen.streams, share)
-            seen = seen if view is None or not offline.scene.coupled else seen.without(offline.scene)
+            if view is not None and offline.scene.coupled:
+                seen = seen.of_a_moving_frame(offline.scene, _in_global_axes(run, i))
             more = share, known, run.tolerances.get(out.name)
             found[out.name] = _output_report(out, seen, widest, *more)
     return found
@@ -71,13 +75,35 @@ class _Seen(NamedTuple):
     round_off: np.ndarray
     streams: dict[str, dict[str, Bounds]]
 
-    def without(self, scene: Scene) -> _Seen:
-        """Return the same without bounds of scope coupled: the motion of the frame has an error without a bound."""
-        streams = {
-            stream: {e: unbounded(b) if scene.scope_of(e) == COUPLED else b for e, b in bounds.items()}
-            for stream, bounds in self.streams.items()
-        }
+    def of_a_moving_frame(self, scene: Scene, known: tuple[np.ndarray, np.ndarray]) -> _Seen:
+        """Return the same with bounds of scope coupled by a known error (T, r), of which so much is left (T, r).
+
+        Only vectors that react with the mechanism know how the frame moves.
+        """
+        error, left = known
+
+        def seen(name: str, b: Bounds) -> Bounds:
+            if scene.scope_of(name) != COUPLED:
+                return b
+            if name != CorrectedEnergy.name or np.isinf(left).all():
+                return unbounded(b)
+            bound = np.abs(error) + left
+            return replace(b, outputs=bound, jumped=None, correction=error, correction_bound=left)
+
+        streams = {stream: {e: seen(e, b) for e, b in bounds.items()} for stream, bounds in self.streams.items()}
         return self._replace(streams=streams)
+
+
+def _in_global_axes(run: RunRecord, i: int) -> tuple[np.ndarray, np.ndarray]:
+    """What is known of the error (T, r) of output i in global axes of a mechanism, and a bound of the rest."""
+    part = run.offline.shown_slices[i]
+    none = np.zeros((len(run.t), part.stop - part.start))
+    if run.estimate is None or not run.left.size:
+        return none, none + np.inf
+    parts = run.estimate.of_rows(part).parts
+    error, left = parts["basis"] + parts["interfaces"], none + np.inf
+    left[: len(run.left)] = run.left[:, part]
+    return error, left + LINEARISED * np.maximum.accumulate(np.abs(error), axis=0)
 
 
 class _Known(NamedTuple):
@@ -185,7 +211,7 @@ def _causes(
     jumped = [b.jumped for b in streams["total"].values() if b.jumped is not None]
     jumps = np.min(jumped, axis=0) if jumped else np.zeros_like(best)
     # a part may be inf where its sum is not: the square of an expanded residual that cancelled at a sample
-    reduction, initial, jumps = (np.minimum(part, best) for part in (reduction, initial, jumps))
+    reduction, initial, jumps = (np.minimum(part, best) for part in (reduction, initial, jumps))  # new arrays
     with np.errstate(invalid="ignore"):  # inf - inf: sorted out below
         weights = {
             "basis": (1 - interfaces) * np.maximum(reduction - initial - jumps, 0.0),
@@ -196,9 +222,12 @@ def _causes(
         }
         total = sum(weights.values())
         scale = np.where(total > 0, best / np.where(total > 0, total, 1.0), 0.0)
-        shares = {name: scale * weight for name, weight in weights.items()}
+        for share in weights.values():  # in place: in long runs each of these arrays is large
+            share *= scale
     # an infinite bound has no shares: all of it is put down to the basis
-    return {name: np.where(np.isfinite(best), x, np.inf if name == "basis" else 0.0) for name, x in shares.items()}
+    for name, share in weights.items():
+        share[~np.isfinite(best)] = np.inf if name == "basis" else 0.0
+    return {name: share if share.any() else np.broadcast_to(0.0, share.shape) for name, share in weights.items()}
 
 
 def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Offline) -> str:

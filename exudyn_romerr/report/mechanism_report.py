@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from .data import Plan
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
 from .wording import is_uncertified, widest_scope
+
+if TYPE_CHECKING:
+    from .assessment import Assessment
 
 ASK_BODIES = "a mechanism has no {} of its own; ask report.bodies[...], a report for each body"
 NO_BOUND = "estimated only, no bound of it is known: {}"
@@ -38,10 +41,14 @@ class MechanismReport(BoundReport):
 
     bodies: tuple[BoundReport, ...] = ()
 
-    @property
-    def node_bound(self) -> dict[str, np.ndarray]:
+    def at_nodes(self) -> NoReturn:
         """InputError: those of report.bodies are meant."""
         raise InputError(ASK_BODIES.format("node_bound"))
+
+    def assess(self, name: str, tolerance: float, relative: bool = False) -> Assessment:
+        """As of a body: what is proved of one needs no other; see BoundReport.assess."""
+        of = next((body for body in self.bodies if name in body.outputs), super())
+        return of.assess(name, tolerance, relative)
 
     def _estimator_lines(self) -> list[str]:
         return [line for i, body in enumerate(self.bodies) for line in (f"  bodies[{i}]:", *body._estimator_lines())]
@@ -82,6 +89,7 @@ def joined(
         time=times.pop() if len(times) == 1 else "sampled",
         total_mass=None,
         made=bodies[0].made,
+        remainder={e: max(b.remainder.get(e, 0.0) for b in bodies) for b in bodies for e in b.remainder},
         bodies=tuple(bodies),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..checks import check_array, check_choice, real_array
 from ..errors import InputError
-from ..trajectory.samples import SAME_TIMES
+from ..trajectory.samples import instants_in
 from .advice import advice
 from .assessment import Assessment, assess
 from .data import OutputData, ReportData
@@ -23,10 +23,8 @@ from .wording import (
     advises,
     at_round_off,
     corrected_within,
+    estimator_lines,
     outside,
-    rounded_up,
-    scope_lines,
-    under,
     widest_scope,
 )
 
@@ -77,9 +75,10 @@ class BoundReport(ReportData):
     t : (T,) instants in s. position_bound[e], velocity_bound[e] : (T,) bounds of |e|_M and |e'|_M.
     scope[e] : "complete" (loads and supports do not depend on the body's deformation), "coupled (linearised)" (they
     do, and the bound covers it to first order) or "inputs frozen" (they do; the bound holds for the full body under
-    those of this simulation). time : "reconstructed",
-    "sampled" or "static". messages : what the reader must know first. made : when, by which script and versions the
-    run was bounded. origin : the file it was saved to, or read from, last.
+    those of this simulation). time : "reconstructed", "sampled" or "static". remainder[e] : in a mechanism, size of
+    what linear equations leave out over that of the deformation that auxiliary vectors predict, as measured; empty
+    where it was not. messages : what the reader must know first. made : when, by which script and versions the run
+    was bounded. origin : the file it was saved to, or read from, last.
     """
 
     outputs: dict[str, OutputReport]
@@ -118,12 +117,7 @@ class BoundReport(ReportData):
         if not t.size:
             raise InputError("t is empty; give the truth at report.t")
         y = check_array("y", y[:, None] if y.ndim == 1 else y, (len(t), out.value.shape[1]))
-        at = np.clip(np.searchsorted(t, self.t), 1, max(len(t) - 1, 1)) if len(t) > 1 else np.zeros(len(self.t), int)
-        at = np.where(np.abs(t[at - 1] - self.t) < np.abs(t[at] - self.t), at - 1, at)
-        gap = np.abs(t[at] - self.t)
-        if gap.max() > SAME_TIMES * max(np.ptp(self.t), np.finfo(float).tiny):
-            raise InputError(f"t lacks the report's instant {self.t[gap.argmax()]:.6g} s; give the truth at report.t")
-        out.error = y[at] - out.value
+        out.error = y[instants_in(t, self.t)] - out.value
         truth = np.max(np.abs(out.error), axis=0)
         out.effectivity = {e: _ratio(np.max(bound, axis=0), truth) for e, bound in out.bound.items()}
         if out.estimate is not None:
@@ -189,13 +183,7 @@ class BoundReport(ReportData):
         return "\n".join(lines + self._estimator_lines())
 
     def _estimator_lines(self) -> list[str]:
-        divisor = 1.0 if self.total_mass is None else np.sqrt(self.total_mass)
-        what = "error in the mass norm" if self.total_mass is None else "mass-weighted RMS error of position"
-        return [
-            f"  {e:<13} scope {self.scope[e]}; {what}{under(self.scope, e)} <= "
-            f"{rounded_up(np.max(bound) / divisor)}; {self.reasons[e]}"
-            for e, bound in self.position_bound.items()
-        ] + [f"  {line}" for line in scope_lines(self)]
+        return estimator_lines(self)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn).
@@ -235,6 +223,12 @@ class BoundReport(ReportData):
     def to_csv(self, path: str | os.PathLike) -> None:
         """Write the columns of to_dict to a CSV file; InputError if it cannot be written."""
         write_csv(self, path)
+
+    def to_vtu(self, path: str | os.PathLike, mesh: Any = None, estimator: str | None = None) -> None:
+        """Write mesh, displacement, node bound and estimate at the worst instant; see formats.vtu_file.write_vtu."""
+        from .formats.vtu_file import write_vtu
+
+        write_vtu(self, path, mesh, estimator)
 
     def to_html(self, path: str | os.PathLike) -> None:
         """Write a page that needs no other file: verdicts, scope, figures, tables; InputError if it cannot."""

@@ -41,6 +41,7 @@ CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the chec
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
 NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be many times larger"
+REMAINDER = "linear equations leave out about {:.2g} % of the deformation that {!r} predicts, as measured"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
@@ -65,6 +66,12 @@ def widest_scope(scope: dict[str, str]) -> str:
 def widest(scope: dict[str, str]) -> list[str]:
     """Return the estimators whose scope covers most."""
     return [e for e in scope if scope[e] == widest_scope(scope)]
+
+
+def sharpest_at_nodes(report: ReportData) -> str:
+    """Return, of the estimators whose scope covers most, the one whose largest bound at a node is smallest."""
+    known = (e for e in widest(report.scope) if e in report.node_bound)
+    return min(known, key=lambda e: np.max(report.node_bound[e]))
 
 
 def best_estimator(out: OutputData, row: int, scope: dict[str, str]) -> str:
@@ -104,13 +111,25 @@ def instant(time: str, t: float) -> str:
     return f"load factor {t:.4g}" if time == "static" else f"t = {t:.4g} s"
 
 
+def estimator_lines(report: ReportData) -> list[str]:
+    """Return a line for each estimator: its scope, the error of the whole body, what it assumes; then scope_lines."""
+    divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
+    what = "error in the mass norm" if report.total_mass is None else "mass-weighted RMS error of position"
+    return [
+        f"  {e:<13} scope {report.scope[e]}; {what}{under(report.scope, e)} <= "
+        f"{rounded_up(np.max(bound) / divisor)}; {report.reasons[e]}"
+        for e, bound in report.position_bound.items()
+    ] + [f"  {line}" for line in scope_lines(report)]
+
+
 def scope_lines(report: ReportData) -> list[str]:
-    """Return what the bounds cover and where that is explained, and which full model is the truth."""
+    """Return what the bounds cover and where that is explained, the full model that is the truth, the remainder."""
     scope = widest_scope(report.scope)
     time = {"reconstructed": "" if scope == COUPLED else ", time steps too", "sampled": ", no time steps"}
     lines = [f"scope: {scope}: {COVERS[scope]}{time.get(report.time, '')}; {PAGE}"]
     _, known, model = report.scope_reason.partition(f"{FULL_MODEL}: ")
-    return lines + ([f"full model: {model}"] if known else [])
+    lines += [f"full model: {model}"] if known else []
+    return lines + [REMAINDER.format(100 * share, e) for e, share in report.remainder.items()]
 
 
 def is_uncertified(report: ReportData) -> bool:

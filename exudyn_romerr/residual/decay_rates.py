@@ -10,9 +10,10 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from ..linalg.eigenmodes import GAP, lowest_modes
 from ..linalg.oscillator import largest_decay_rate
-from ..linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor
+from ..linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
 
 if TYPE_CHECKING:
+    from ..linalg.modal_damping import ModalDamping
     from ..model.body import ElasticBody
 
 SHARES = (0.0, 0.5, 0.9)  # of the largest admissible rate: 0 is best for short runs, 0.9 for long ones
@@ -45,11 +46,26 @@ def _rayleigh_rate(r: float, omega: float, a: float, beta: float) -> DecayRate:
     return DecayRate(r, float(c), float(1 / np.sqrt(kappa)), float(np.sqrt(1 + r**2 / kappa)))
 
 
+def modal_rates(damping: ModalDamping) -> list[DecayRate]:
+    """Return rates for all modes where the lowest have ratios of their own: what is admissible for each of them."""
+    omega, cut = damping.modes.omega * (1 - GAP), damping.modes.cut
+    parts = [(w, 2 * zeta * w, 0.0) for w, zeta in zip(omega.tolist(), damping.ratios.tolist(), strict=True)]
+    parts += [(cut, *damping.rayleigh)] if np.isfinite(cut) else []
+    limit = min(largest_decay_rate(*part) for part in parts)
+    found = []
+    for r in (limit * np.array(SHARES if limit > 0 else SHARES[:1])).tolist():
+        rates = [_rayleigh_rate(r, w, (alpha + beta * w**2) / 2, beta) for w, alpha, beta in parts]
+        found.append(DecayRate(r, *(max(getattr(rate, x) for rate in rates) for x in ("c", "per_mass", "velocity"))))
+    return found
+
+
 def body_rates(body: ElasticBody) -> list[DecayRate]:
     """Return rates for the whole body: closed form for Rayleigh damping, one tried rate for symmetric D > 0."""
     omega = float(body.modes(1).omega[0]) * (1 - GAP)
     if body.rayleigh is not None:
         return rayleigh_rates(omega, *body.rayleigh)
+    if body.modal is not None:
+        return modal_rates(body.modal)
     plain = DecayRate(0.0, 1.0, 1 / omega, 1.0)
     found = _general_rate(body)
     return [plain] if found is None else [plain, found]
@@ -79,8 +95,7 @@ def _bound_of_ratio(K, K_r, ratio: float) -> float:
     """Raise the ratio until ratio K_r - K >= 0 is proved by its pivots."""
     while True:
         ratio *= 1 + 1e-6
-        factor = SymmetricFactor(ratio * K_r - K)
-        if factor.complete and factor.negative_pivots == 0:
+        if negative_eigenvalues(ratio * K_r - K) == 0:
             return ratio
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..linalg.blocked_products import by_columns
 from .residual import StartNorms, make_norm
 
 if TYPE_CHECKING:
@@ -38,27 +39,35 @@ class DualNorms:
         """[L, K q0, M q0'] where |.|_{M^-1} is the 2-norm; M V as it is, so that no digits are lost in it."""
         factor = self.body.mass_factor
         q0, q0_t = self.initial_state or (None, None)
-        rest = [*self.map.blocks[1:], *([] if q0 is None else [self.body.K @ q0[:, None]])]
-        last = [] if q0_t is None else [factor.half_multiply(q0_t[:, None])]
-        return np.hstack([factor.half_multiply(self.map.V), *map(factor.half_solve, filter(np.size, rest)), *last])
+        started = q0 is not None
+        return _side_by_side(
+            (factor.half_multiply, self.map.V, 1),
+            *((factor.half_solve, block, 1) for block in self.map.of_motion[1:]),
+            (factor.half_solve, self.map.B, -1),
+            *([(factor.half_solve, self.body.K @ q0[:, None], 1)] if started else []),
+            *([(factor.half_multiply, q0_t[:, None], 1)] if started else []),
+        )
 
     @cached_property
     def Y_K(self) -> np.ndarray:
         """[L, K q0, M q0'] where |.|_{K^-1} is the 2-norm; K V as it is, so that no digits are lost in it."""
         factor = self.body.stiffness_factor
-        before = [factor.half_solve(block) for block in self.map.blocks[:-2]]
-        after = [factor.half_solve(self.map.blocks[-1])] if self.map.B.size else []
+        start = []
         if self.initial_state is not None:
             q0, q0_t = self.initial_state
-            after += [factor.half_multiply(q0[:, None]), factor.half_solve(self.body.M @ q0_t[:, None])]
-        return np.hstack([*before, factor.half_multiply(self.map.V), *after])
+            start = [(factor.half_multiply, q0[:, None], 1), (factor.half_solve, self.body.M @ q0_t[:, None], 1)]
+        return _side_by_side(
+            *((factor.half_solve, block, 1) for block in self.map.of_motion[:-1]),
+            (factor.half_multiply, self.map.V, 1),
+            (factor.half_solve, self.map.B, -1),
+            *start,
+        )
 
     @cached_property
     def Y_static(self) -> np.ndarray:
         """K^-1 [L, K q0, M q0'] where |.|_M is the 2-norm."""
         solve = self.body.stiffness_factor.solve
-        loads = [solve(self.map.blocks[-1])] if self.map.B.size else []
-        columns = [*map(solve, self.map.blocks[:-2]), self.map.V, *loads]
+        columns = [*map(solve, self.map.of_motion[:-1]), self.map.V, -solve(self.map.B)]
         if self.initial_state is not None:
             q0, q0_t = self.initial_state
             columns += [q0[:, None], solve(self.body.M @ q0_t[:, None])]
@@ -83,6 +92,17 @@ class DualNorms:
     def start_norms(self) -> StartNorms | None:
         """Norms of an initial error; None if there is none."""
         return StartNorms(self.norm_K, self.norm_static, self.norm_M) if self.has_initial_error else None
+
+
+def _side_by_side(*parts: tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, int]) -> np.ndarray:
+    """Columns sign * function(columns) of every part (function, columns, sign), nothing of their size beside them."""
+    count = sum(columns.shape[1] for _, columns, _ in parts)
+    result, first = np.empty((parts[0][1].shape[0], count), order="F"), 0
+    for function, columns, sign in parts:
+        own = result[:, first : first + columns.shape[1]]
+        by_columns(lambda part, function=function, sign=sign: sign * function(part), columns, out=own)
+        first += columns.shape[1]
+    return result
 
 
 class OutputNorms:

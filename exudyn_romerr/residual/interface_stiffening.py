@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linalg.symmetric_factor import SymmetricFactor
-
 if TYPE_CHECKING:
     from ..model.admissible_space import Space
     from .problem import Problem
@@ -24,7 +22,7 @@ def static_errors(problem: Problem, stiff: Space) -> np.ndarray:
     """
     body, rows = problem.body, problem.rows
     S = stiff.Z.tocsr()[body.free]
-    response = S @ SymmetricFactor((S.T @ body.K @ S).tocsc()).solve(S.T @ rows.C.T)
+    response = S @ body.stiffness_within(S).solve(S.T @ rows.C.T)
     rest = body.stiffness_factor.half_multiply(response)
     columns = problem.dual.Y_K[:, : problem.map.coordinates.k]
     return np.stack([-rows.of_displacements(part.T @ columns) for part in (rows.Y_C_K - rest, rest)])

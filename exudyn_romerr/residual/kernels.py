@@ -92,7 +92,7 @@ class CertifiedKernel(Kernel):
         self.omega_1 = body.modes(1).omega[0]
         general = body.rayleigh is None
         self._set_rates(*((0.0, 0.0) if general else body.rayleigh))
-        self.C11 = None if general else 1.0
+        self.C11 = None if body.proportional is None else 1.0  # ratios by mode: every mode for itself
 
     def _set_rates(self, alpha: float, beta: float) -> None:
         w = self.omega_1

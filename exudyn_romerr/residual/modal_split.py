@@ -48,14 +48,17 @@ class AuxiliaryModes:
         outputs: OutputNorms,
         requested: np.ndarray,
     ):
-        body.require_rayleigh("auxiliary modes")
+        if body.proportional is None:
+            body.require_rayleigh("auxiliary modes")
         self.body = body
         self._bases = V, W
         self.capped: str | None = None
         self.left_ringing: str | None = None
         if asked == "auto":
-            asked = self._auto_count(outputs, requested)
-        modes = body.modes(check_count("auxiliary_modes", asked, body.free.size, "free coordinates; or 'auto'"))
+            asked = max(self._auto_count(outputs, requested), 1 if body.modal is None else body.modal.count)
+        least = 1 if body.modal is None else body.modal.count
+        of = "free coordinates; or 'auto'" + (f"; {least} have damping ratios of their own" if body.modal else "")
+        modes = body.modes(check_count("auxiliary_modes", asked, body.free.size, of, least))
         self.omega, self.P, self.cut = modes.omega, modes.shapes, modes.cut
 
     @cached_property
@@ -125,7 +128,7 @@ class Split:
     @cached_property
     def rates(self) -> list[DecayRate]:
         """Admissible decay rates of the rest; none if nothing is left."""
-        return rayleigh_rates(self.modes.cut, *self.modes.body.rayleigh) if np.isfinite(self.modes.cut) else []
+        return rayleigh_rates(self.modes.cut, *self.modes.body.proportional) if np.isfinite(self.modes.cut) else []
 
     @cached_property
     def start_norms(self) -> StartNorms | None:
@@ -151,8 +154,11 @@ class Split:
     def PL(self) -> np.ndarray:
         """P^T [L, K q0, M q0'], with Omega^2 P^T M in place of P^T K, which cancels."""
         dual, omega, MP = self._dual, self.modes.omega, self.modes.body.M @ self.modes.P
-        PL = self.modes.P.T @ dual.map.L
-        PL[:, dual.map.coordinates.stiffness_slot] = omega[:, None] ** 2 * (MP.T @ dual.map.V)
+        PL = dual.map.seen_by(self.modes.P.T)
+        coordinates, MPV = dual.map.coordinates, MP.T @ dual.map.V
+        PL[:, coordinates.stiffness_slot] = omega[:, None] ** 2 * MPV
+        if coordinates.has_damping:
+            PL[:, coordinates.damping_slot] = (2 * self.modes.body.damping_ratios(omega) * omega)[:, None] * MPV
         if dual.initial_state is None:
             return PL
         q0, q0_t = dual.initial_state

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..linalg.blocked_products import row_norms, rows_times
-from ..linalg.orthogonalise import orthonormal, without
+from ..linalg.orthogonalise import orthonormal, take_out
 from .dual_norms import OutputNorms
 from .modal_split import Split
 from .problem import Problem
@@ -138,11 +138,12 @@ class PackedProblem(Problem):
         auxiliary = self._auxiliary_modes() if with_modes else None
         modes = np.zeros((len(self.V), 0)) if auxiliary is None else auxiliary.Y_K
         states = plain.k - plain.p
-        frame = np.arange(states, plain.k)[cut]
-        rest = without(modes, columns)
+        frame = slice(states + cut.start, states + cut.stop)
+        # columns are overwritten: of a large body a copy of those that turn with the frame fills the memory
+        in_modes, rest = modes.T @ columns, take_out(modes, columns)
         basis = orthonormal(np.delete(rest, frame, axis=1))
-        T = np.vstack([modes.T @ columns, basis.T @ rest])
-        left = np.linalg.norm(without(basis, rest[:, frame]), axis=0)
+        T = np.vstack([in_modes, basis.T @ rest])
+        left = np.linalg.norm(take_out(basis, rest[:, frame]), axis=0)
         self.packing = Packing(T[:, states:], cut, left)
         self.map = PackedMap(PackedCoordinates(replace(plain, p=0), T[:, :states]))
         omega = np.full(len(T), self.body.modes(1).omega[0] if auxiliary is None else auxiliary.cut)

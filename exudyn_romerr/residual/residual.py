@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from ..checks import check_array, check_choice
 from ..linalg.blocked_products import row_norms, rows_times
@@ -47,6 +48,11 @@ class Coordinates:
         return slice(0, self.n)
 
     @property
+    def damping_slot(self) -> slice:
+        """Entries that multiply D V, if there are such."""
+        return slice(self.n, 2 * self.n)
+
+    @property
     def stiffness_slot(self) -> slice:
         """Entries that multiply K V."""
         return slice(self.n * (1 + self.has_damping), self.n * (2 + self.has_damping))
@@ -70,16 +76,28 @@ class ResidualMap:
     Parameters
     ----------
     V : ndarray, (n_free, n)
-    B : ndarray, (n_free, p)
+    B : ndarray or sparse matrix, (n_free, p)
+
+    Attributes
+    ----------
+    of_motion : M V, D V where it counts, K V.
     """
 
-    def __init__(self, body: ElasticBody, V: np.ndarray, B: np.ndarray, merged: bool = True):
+    def __init__(self, body: ElasticBody, V: np.ndarray, B: np.ndarray | sp.spmatrix, merged: bool = True):
         rayleigh = body.rayleigh if merged else None
         has_damping = rayleigh is None and body.D is not None
         self.body, self.V, self.B = body, V, B
         self.coordinates = Coordinates(V.shape[1], B.shape[1], rayleigh, has_damping)
-        self.blocks = [body.M @ V, *([body.D @ V] if has_damping else []), body.K @ V, -B]
-        self.L = np.hstack(self.blocks)
+        self.of_motion = [body.M @ V, *([body.D @ V] if has_damping else []), body.K @ V]
+
+    @property
+    def L(self) -> np.ndarray:
+        """All columns (n_free, k); of a large body and many inputs they fill the memory: see `seen_by`."""
+        return np.hstack([*self.of_motion, -(self.B.toarray() if sp.issparse(self.B) else self.B)])
+
+    def seen_by(self, rows: np.ndarray) -> np.ndarray:
+        """Return rows L (r, k) of rows (r, n_free)."""
+        return np.hstack([*(rows @ block for block in self.of_motion), -(rows @ self.B)])
 
 
 class OrthonormalNorm:

@@ -53,7 +53,7 @@ class RoundOff:
         self.eps_K, self.eps_M, self.eps_D, self.eps_B = (
             eps[name] for name in ("stiffness", "mass", "damping", "inputs")
         )
-        body, V, B = problem.body, np.abs(problem.V), np.abs(problem.B)
+        body, V = problem.body, np.abs(problem.V)
         norm, KV = body.stiffness_factor.half_solve, abs(body.K) @ V
         self._responses = lambda: self._of_motion(body, body.stiffness_factor.solve(problem.B))
         self.of_start = 0.0
@@ -62,7 +62,7 @@ class RoundOff:
         self.of_K, self.of_balance = np.linalg.norm(norm(KV), axis=0), self.eps_K * np.abs(problem.W).T @ KV
         self.of_M = np.linalg.norm(norm(abs(body.M) @ V), axis=0) if self.eps_M > DOUBLE else None
         self.of_D = np.linalg.norm(norm(abs(body.D) @ V), axis=0) if self.eps_D > DOUBLE else None
-        self.of_B = np.linalg.norm(norm(B), axis=0) if self.eps_B > DOUBLE else None
+        self.of_B = np.linalg.norm(norm(abs(problem.B)), axis=0) if self.eps_B > DOUBLE else None
         self.constants = np.where(problem.rows.velocity_rows, problem.rows.C_M, problem.rows.C_K)
         self.value_rows = (eps["samples"] + eps["outputs"])[:, None] * np.abs(problem.rows.C @ problem.V)
 

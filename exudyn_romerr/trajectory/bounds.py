@@ -38,8 +38,8 @@ class Bounds:
         left = None if self.correction_bound is None else self.correction_bound + outputs
         return replace(
             self,
-            position=self.position + position,
-            velocity=self.velocity + velocity,
+            position=None if self.position is None else self.position + position,
+            velocity=None if self.velocity is None else self.velocity + velocity,
             outputs=self.outputs + outputs,
             correction_bound=left,
         )

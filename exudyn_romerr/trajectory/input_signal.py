@@ -11,26 +11,60 @@ import numpy as np
 from ..checks import check_array
 from ..errors import InputError
 
-COMPARED = 256  # of the values that one call gives for many times every so many-th, and the last, is called singly
+COMPARED = 256  # of the values that one call gives for many times every so many-th, and the last, are called singly
 FEW = 3  # times that are called one by one
+PARTS, SHARE = 64, 1 / 32  # of times that branch: with more calls than either they are called one by one
+
+
+class _MixedError(Exception):
+    """A condition holds at some times and does not at others."""
+
+
+class _Times(np.ndarray):
+    """Many times, for functions of one time: where a condition is the same at all of them, it may be asked for."""
+
+    def __bool__(self) -> bool:
+        holds = self.view(np.ndarray)
+        if holds.any() and not holds.all():
+            raise _MixedError
+        return bool(holds.any())
 
 
 def values_at_once(f: Callable, t: np.ndarray, p: int) -> np.ndarray | None:
-    """Return f at times t (T,) from one call, (T, p); None unless it takes arrays as NumPy functions do.
+    """Return f at times t (T,) from few calls, (T, p); None unless it takes arrays as NumPy functions do.
 
-    Values that are the same at all times may be single numbers. Some are compared with single calls.
+    Where it branches, times are halved until all of a part take the same branch. Values that are the same at all
+    times may be single numbers. Some are compared with single calls.
     """
+    values, parts, calls = np.empty((len(t), p)), [slice(0, len(t))], max(PARTS, int(SHARE * len(t)))
+    compared = set(range(0, len(t), COMPARED))
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # they would be of our call, not of the user's
-            found = f(t.copy())
-            parts = [found] if p == 1 and np.shape(found) == t.shape else found
-            values = np.stack([np.broadcast_to(np.asarray(x, dtype=float), t.shape) for x in parts], axis=1)
-            compared = np.append(np.arange(0, len(t) - 1, COMPARED), len(t) - 1)
-            single = np.array([f(x) for x in t[compared].tolist()], dtype=float).reshape(len(compared), p)
+            while parts:
+                part, calls = parts.pop(), calls - 1
+                try:
+                    values[part] = _of_part(f, t[part], p)
+                    compared.add(part.stop - 1)
+                except _MixedError:
+                    middle = (part.start + part.stop) // 2
+                    parts += [slice(middle, part.stop), slice(part.start, middle)]
+                if calls < len(parts):
+                    return None
+            rows = sorted(compared)
+            single = np.array([f(x) for x in t[rows].tolist()], dtype=float).reshape(len(rows), p)
     except Exception:  # whatever a user's function does with an array it was not written for
         return None
-    return values if values.shape[1] == p and np.array_equal(values[compared], single) else None
+    return values if np.array_equal(values[rows], single) else None
+
+
+def _of_part(f: Callable, t: np.ndarray, p: int) -> np.ndarray:
+    """Return f at times t (T,), (T, p): few are called one by one."""
+    if len(t) <= FEW:
+        return np.array([f(x) for x in t.tolist()], dtype=float).reshape(len(t), p)
+    found = f(t.copy().view(_Times))
+    parts = [found] if p == 1 and np.shape(found) in ((), t.shape) else found
+    return np.stack([np.broadcast_to(np.asarray(x, dtype=float), t.shape) for x in parts], axis=1)
 
 
 class InputSignal:
@@ -61,7 +95,7 @@ class InputSignal:
         return self._one_by_one([t])[0]
 
     def _one_by_one(self, t: Any) -> np.ndarray:
-        values = [self._value(float(time)) for time in t]
+        values = [self._value(time) for time in np.asarray(t, dtype=float).tolist()]
         return check_array("input_function's values", np.reshape(values, (len(t), -1)), (len(t), self.p))
 
     def _value(self, t: float) -> Any:

@@ -127,3 +127,13 @@ def checked_states(t: np.ndarray, states: Sequence, n: int, last: float) -> list
         at = int(np.argmax(steps <= 0))
         raise InputError(f"t does not increase at entry {at}: {t[at]:.9g} s after {([last, *t])[at]:.9g} s")
     return states
+
+
+def instants_in(t: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return where in t (n,), ascending, the wanted instants are; InputError for the first that it lacks."""
+    at = np.clip(np.searchsorted(t, wanted), 1, max(len(t) - 1, 1)) if len(t) > 1 else np.zeros(len(wanted), int)
+    at = np.where(np.abs(t[at - 1] - wanted) < np.abs(t[at] - wanted), at - 1, at)
+    gap = np.abs(t[at] - wanted)
+    if gap.max() > SAME_TIMES * max(np.ptp(wanted), np.finfo(float).tiny):
+        raise InputError(f"t lacks the report's instant {wanted[gap.argmax()]:.6g} s; give the truth at report.t")
+    return at

@@ -33,13 +33,15 @@ class Added(NamedTuple):
     """What auxiliary vectors add to a reduced trajectory, which was bounded with it.
 
     q, q_t : (S, n) of modes and vectors. speed : (S,) the root of twice the kinetic energy of all that is added.
-    veer : how far that moves the frame; None: not at all.
+    veer : how far that moves the frame; None: not at all. left : (q, q_t) of what it may lack still, sum of sizes;
+    None: not known.
     """
 
     q: np.ndarray
     q_t: np.ndarray
     speed: np.ndarray
     veer: Veer | None = None
+    left: Sequence[tuple[np.ndarray, np.ndarray]] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class Block:
     joint: np.ndarray | None = None
     added: Added | None = None
     is_driven: bool = False
-    _norms: dict = field(default_factory=dict, init=False)
+    _made: dict = field(default_factory=dict, init=False)
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
@@ -106,12 +108,13 @@ class Block:
 
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""
-        if norm not in self._norms:
-            self._norms[norm] = norm(self.c)
-        return self._norms[norm]
+        return self._once((norm, "norms"), lambda: norm(self.c))
 
     def integral(self, norm: Callable) -> np.ndarray:
         """Upper bounds (S,) of int |R| over each segment: |R| <= sum_j B_j |c_j| and int B_j = h/(d + 1)."""
+        return self._once((norm, "integral"), lambda: self._integral(norm))
+
+    def _integral(self, norm: Callable) -> np.ndarray:
         return self.h * (self.norms(norm).mean(axis=1) + self.unresolved @ self.input_norms(norm))
 
     def variation(self, norm: Callable, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,7 +138,12 @@ class Block:
     def input_norms(self, norm: Callable) -> np.ndarray:
         """Norms (p,) of the columns of B."""
         p = self.unresolved.shape[1]
-        return norm(np.eye(self.c.shape[2])[self.c.shape[2] - p :])
+        return self._once((norm, "inputs"), lambda: norm(np.eye(self.c.shape[2])[self.c.shape[2] - p :]))
+
+    def _once(self, key: tuple, make: Callable) -> np.ndarray:
+        if key not in self._made:
+            self._made[key] = make()
+        return self._made[key]
 
 
 def turn_of(block: Block, frame: np.ndarray) -> Turn | None:

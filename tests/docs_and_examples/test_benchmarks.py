@@ -15,6 +15,7 @@ from benchmarks import (
     pairs,
     question,
     question_scenes,
+    short_runs,
     speed,
     speed_figure,
     wishbone_cost,
@@ -111,13 +112,40 @@ def test_mechanism_cost_measures_every_variant(capsys):
 
 @pytest.mark.slow
 def test_wishbone_cost_measures_the_same_drive(capsys):
-    (bare, bounded), times = wishbone_cost.main(["--end", "0.005", "--pairs", "1"])
-    assert times.shape == (1, 2)
-    assert len(bounded.report.t) == 11
-    states = [drive.mbs.systemData.GetODE2Coordinates() for drive in (bare, bounded)]
-    # both static solves end within the solver's tolerance, and eigenmodes start from random numbers
-    np.testing.assert_allclose(*np.abs(states), atol=1e-7 * np.max(np.abs(states)))
-    assert "promised at most 1.3" in capsys.readouterr().out
+    (bare, *bounded), times = wishbone_cost.main(["--end", "0.005", "--pairs", "1"])
+    assert times.shape == (1, 3)
+    for drive in bounded:
+        assert len(drive.report.t) == 11
+        states = [one.mbs.systemData.GetODE2Coordinates() for one in (bare, drive)]
+        # both static solves end within the solver's tolerance, and eigenmodes start from random numbers
+        np.testing.assert_allclose(*np.abs(states), atol=1e-7 * np.max(np.abs(states)))
+    printed = capsys.readouterr().out
+    assert "promised at most 1.15" in printed
+    assert "promised at most 1.25" in printed
+
+
+def test_forked_runs_begin_where_they_were_forked():
+    """Each anew, from the process before or after it was changed."""
+    count = [0]
+
+    def counted():
+        count[0] += 1
+        return count[0]
+
+    before = short_runs.Forks(counted)
+    count[0] = 10
+    assert [before.next(), short_runs.forked(counted), before.next(), short_runs.forked(counted)] == [1, 11, 1, 11]
+    before.end()
+    assert count == [10]
+
+
+@pytest.mark.slow
+def test_short_run_is_the_first_solve_of_its_process(capsys):
+    found = short_runs.main(["--pairs", "1"])
+    bare, ours = found[short_runs.CRANK]
+    assert ours.variant.limit == short_runs.LIMIT
+    assert bare.middle == 1 < ours.middle
+    assert "before the solve" in capsys.readouterr().out
 
 
 def test_ratios_are_taken_pair_by_pair():
@@ -150,7 +178,7 @@ def test_growth_runs_a_mesh_and_long_runs_in_processes_of_their_own():
     printed = growth.text(found)
     for words in ("n = 6", "1 outputs", "100 steps", "    1113", "resident MB"):
         assert words in printed
-    assert [promise.issue for promise in speed.growth_promises(found)] == [7, 7]
+    assert [promise.issue for promise in speed.growth_promises(found)] == [20, 20]
 
 
 def test_a_child_that_does_not_end_is_ended(monkeypatch):
@@ -186,7 +214,9 @@ def test_speed_prints_every_scene_and_limit(capsys, tmp_path, monkeypatch):
     for scene in few:
         assert scene.title in printed
     assert [promise.issue for promise in promises] == sorted(promise.issue for promise in promises)
-    assert {promise.issue for promise in promises} == {2, 3, 4, 5, 6, 7}
+    assert {promise.issue for promise in promises} == {2, 20}
+    # linkage 2, complete 2, frozen 2, mechanisms 2 each, a short run
+    assert sum(promise.issue == 20 for promise in promises) == 13
     assert promises[0].verdict in ("kept", "NOT KEPT")
 
 

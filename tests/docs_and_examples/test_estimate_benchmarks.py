@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks import estimates, page, sweep_estimates
+from benchmarks import estimates, page, search_estimates, sweep_estimates
+from benchmarks.random_mechanisms import drawn
 from models.estimate_scenes import SCENES
 
 SEED = 0  # its truth takes a second
@@ -83,3 +84,26 @@ def test_sweep_does_not_compute_truths_again(folder, results, monkeypatch, capsy
     monkeypatch.setattr(sweep_estimates, "truth_of", None)
     assert sweep_estimates.main([str(folder), "--seed", str(SEED), "--count", "1"]) == results
     assert "frames" in capsys.readouterr().out
+
+
+def test_search_keeps_what_is_off_by_more(folder, results, tmp_path, capsys):
+    """One random mechanism, whose truth is stored; one change of it."""
+    file = tmp_path / "page.md"
+    file.write_text(f"<!-- {search_estimates.MARK} -->\n```text\nold\n```\n")
+    arguments = [str(folder), "--seed", str(SEED), "--count", "1", "--rounds", "1", "--table", str(file)]
+    worst = search_estimates.main(arguments)
+    assert worst.deviation == worst.off / worst.half_width > 0
+    assert worst.mechanism.seed == SEED
+    table = file.read_text()
+    assert str(worst) in table
+    assert "components of 1 random mechanisms" in capsys.readouterr().out
+
+
+def test_changes_are_of_one_feature():
+    """Pulses are not shorter than a step, and of many changes all sorts come up."""
+    rng, before, names = np.random.default_rng(3), drawn(SEED), set()
+    for _ in range(60):
+        mechanism, change = search_estimates.changes(before, rng)
+        assert mechanism.loads[0].shape.duration >= min(mechanism.h, before.loads[0].shape.duration)
+        names.add(change.split()[0])
+    assert {"load", "h", "rho", "damping", "gravity"} <= names

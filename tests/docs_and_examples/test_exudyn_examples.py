@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks import exudyn_examples
+from benchmarks import exudyn_examples, exudyn_runs, page
 from benchmarks.exudyn_patches import EXAMPLES, IMPORT, Example, PatchError, Truth, edited, inserted, ours
 
 SCRIPT = """
@@ -46,8 +46,8 @@ def run(example, tmp_path, monkeypatch, *options):
     return exudyn_examples.main([str(tmp_path), "--pairs", "1", *options])
 
 
-def as_dicts(rows, columns=exudyn_examples.COLUMNS):
-    return [dict(zip(columns, row, strict=True)) for row in rows]
+def as_dicts(rows):
+    return [dict(zip(exudyn_examples.COLUMNS, row, strict=True)) for row in rows]
 
 
 def test_table_of_all_kinds_of_rows(tmp_path, monkeypatch, capsys):
@@ -57,11 +57,14 @@ def test_table_of_all_kinds_of_rows(tmp_path, monkeypatch, capsys):
         "items": ours("sTip", items="{}"),
         "failing": ours("noSuchSensor"),
     }
-    rows = as_dicts(run(Example(FILE, lines, note="a note", parts=("bar",)), tmp_path, monkeypatch, "--markdown"))
+    monkeypatch.setattr(exudyn_examples, "PAGE", tmp_path / "page.md")
+    (tmp_path / "page.md").write_text("head\n<!-- examples -->\nold\n<!-- end of examples -->\ntail\n")
+    rows = as_dicts(run(Example(FILE, lines, note="a note", parts=("bar",)), tmp_path, monkeypatch, "--docs"))
     row, other, refused, failing = rows
     assert [found["lines"] for found in rows] == list(lines)
     assert (row["scope"], row["output"]) == ("complete", "bar: tip")
-    assert 0 < float(row["largest bound"].split()[0]) < float(row["largest value"].split()[0])
+    assert 0 < float(row["bound"]) < float(row["largest value"].split()[0])
+    assert 0 < float(row["estimate"].split(" +- ")[0]) < float(row["bound"])
     # q, q_t, ODE1, multipliers, data; the sensor's last value; its file
     assert int(row["results with and without"].removeprefix("all ").removesuffix(" arrays equal")) >= 7
     assert float(row["CPU time"].removesuffix(" times")) > 0
@@ -72,19 +75,36 @@ def test_table_of_all_kinds_of_rows(tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "| tiny | sensor | complete | bar: tip |" in printed
     assert "*tiny:* a note." in printed
+    written = (tmp_path / "page.md").read_text()
+    assert written == "head\n<!-- examples -->\n" + printed.strip() + "\n<!-- end of examples -->\ntail\n"
+
+
+def test_a_page_without_marks_is_an_error(tmp_path):
+    (tmp_path / "page.md").write_text("<!-- examples -->\nno end\n")
+    with pytest.raises(ValueError, match="no part between marks 'examples'"):
+        page.put_between("examples", "new", tmp_path / "page.md")
 
 
 @pytest.mark.slow
 def test_truth_compares_every_instant(tmp_path, monkeypatch):
     wrong = Truth("another load", OURS, (*TRUTH.more, ("1e4 * t", "2e4 * t")))  # that no bound of the first covers
     example = Example(FILE, {"sensor": OURS}, truth=(TRUTH, wrong))
-    good, bad = as_dicts(run(example, tmp_path, monkeypatch, "--truth"), exudyn_examples.TRUTH)
-    assert good["instants above the bound"] == "0 of 21"
-    assert good["estimate of the modes' part"] == bad["estimate of the modes' part"] != ""  # of the same run
-    assert 0 < float(good["estimate of the modes' part"]) < float(good["bound"])
-    assert float(bad["off by"].split()[0]) > 90  # percent: no estimate knows of the other load
+    _, good, bad = as_dicts(run(example, tmp_path, monkeypatch))
+    assert (good["truth"], bad["truth"]) == ("20 modes", "another load")
+    assert good["above the bound"] == "0 of 21"
+    assert good["estimate"] == bad["estimate"] != ""  # of the same run
+    assert 0 < float(good["estimate"].split()[0]) < float(good["bound"])
+    assert float(bad["estimate off by"].split()[0]) > 90  # percent: no estimate knows of the other load
     assert 0 < float(good["error"]) < float(good["bound"])
-    assert int(bad["instants above the bound"].split()[0]) > 10
+    assert int(bad["above the bound"].split()[0]) > 10
+
+
+@pytest.mark.parametrize(
+    ("bound", "error", "text"),
+    [([[2.0], [3.0]], [[1.0], [0.5]], "3"), ([[2.0, 4.0]], [[1.0, 0.1]], "4, one row 40")],
+)
+def test_sharpness_of_all_rows_and_of_the_worst(bound, error, text):
+    assert exudyn_examples.sharpness(np.array(bound), np.array(error)) == text
 
 
 def test_notes_that_are_the_same_come_once(monkeypatch):
@@ -128,7 +148,7 @@ def test_lines_take_the_indentation_of_the_solve():
 )
 def test_differences_are_named(other, names):
     bare = {"q": np.array([1.0, 2.0]), "file": np.array([7], np.uint8)}
-    assert exudyn_examples.differences(bare, {name: np.array(x) for name, x in other.items()}) == names
+    assert exudyn_runs.differences(bare, {name: np.array(x) for name, x in other.items()}) == names
 
 
 @pytest.mark.parametrize(
@@ -140,7 +160,7 @@ def test_numbers_are_readable(x, text):
 
 def test_nothing_to_compare_is_an_error():
     with pytest.raises(RuntimeError, match="nothing to compare"):
-        exudyn_examples.differences({"q": np.zeros(0)}, {"q": np.zeros(0)})
+        exudyn_runs.differences({"q": np.zeros(0)}, {"q": np.zeros(0)})
 
 
 def test_a_path_without_exudyn_is_refused(tmp_path, capsys):

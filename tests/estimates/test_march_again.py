@@ -26,8 +26,9 @@ class Beside:
         done = sum(map(len, self.steps))
         return Columns(self.moving, self.force[done : done + len(steps)], held=self.held)
 
-    def take(self, steps, found):
+    def take(self, steps, found, given=None):
         [(same, multipliers)] = steps.march(self.columns(steps), multipliers=True)
+        assert given is None or np.abs(given - multipliers).max() <= SAME * np.abs(multipliers).max()
         assert np.abs(same - found).max() <= SAME * np.abs(found).max()
         self.found.append(found)
         self.multipliers.append(multipliers)

@@ -178,7 +178,7 @@ class Scenario:
     @cached_property
     def columns(self):
         """What frame and loads multiply, (N, 12 + 9 n + p)."""
-        return np.hstack([-inertia_columns(self.body.mass, self.body.positions, self.V), self.B])
+        return np.hstack([-inertia_columns(self.body.mass, self.body.positions, self.V).toarray(), self.B])
 
     @cached_property
     def forces(self):

@@ -121,7 +121,7 @@ def test_curved_mesh_of_ngsolve():
     mesh = ngsolve.Mesh(occ.OCCGeometry(shape).GenerateMesh(maxh=0.03, curvaturesafety=0.7))
     fem = FEMinterface()
     fem.ImportMeshFromNGsolve(mesh, density=1.0, youngsModulus=1.0, poissonsRatio=0.3, meshOrder=2)
-    (kind, found), *_ = solid._elements(fem, fem.GetNodePositionsAsArray())
+    (kind, found), *_ = solid.elements_of(fem, fem.GetNodePositionsAsArray())
     wanted = np.array([[p.nr - 1 for p in element.points] for element in mesh.ngmesh.Elements3D()])
     assert kind == "Tet10"
     assert np.array_equal(found, wanted[:, [0, 1, 2, 3, 4, 7, 5, 6, 8, 9]])

@@ -34,15 +34,17 @@ def test_all_steps_are_those_stored(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_truths_are_better_than_what_is_compared_with_them(name):
-    """A tenth of what is promised: 0.5 % of the error for rigid bodies, 3 % or more for others."""
+    """A tenth of what is promised: 0.5 % of the error for rigid bodies, 3 % or more for others.
+
+    Errors of joint forces are 1e-5 of these and more: of fine steps they are the basis', not the steps'.
+    """
     truths = estimate_truths.stored(name)
     assert truths.keys() == {*SCENES[name].sensors}
-    for truth in truths.values():
+    for key, truth in truths.items():
         assert truth.value.shape == truth.same_steps.shape == (round(SCENES[name].t_end / SCENES[name].h) + 1, 3)
-        assert (
-            truth.off.max()
-            <= (5e-4 if name == "rigid_pendulum" else 3e-3) * np.abs(truth.value - truth.same_steps).max()
-        )
+        share = 5e-4 if name == "rigid_pendulum" and key in SCENES[name].rigid else 3e-3
+        fine = 1e-6 * np.abs(truth.value).max() if name == "slider_crank_fine" else 0.0
+        assert truth.off.max() <= max(share * np.abs(truth.value - truth.same_steps).max(), fine)
 
 
 def test_driven_bar_is_that_of_a_truth_without_steps():

@@ -343,3 +343,24 @@ def test_solve_loads_nothing_that_draws(tmp_path):
     """Exudyn loads matplotlib's base by itself; no figures."""
     names = ("matplotlib.figure", "matplotlib.pyplot", "tkinter", "scipy.signal", "scipy.stats")
     assert loaded_after(SOLVED, names, tmp_path) == "[]"
+
+
+COUPLED = """
+import sys
+from models import mechanisms
+import exudyn_romerr as romerr
+scene = mechanisms.sprung_body(4, t_end=0.01)
+flex = romerr.floating_body(scene.fem, scene.bodies[0])
+monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("y", node=0, component="y")])
+scene.mbs.Assemble()
+before = set(sys.modules)
+scene.solve()
+assert "coupled (linearised)" in monitor.report().scope.values()
+late = sorted(name for name in set(sys.modules) - before if name.startswith(("scipy", "exudyn_romerr")))
+"""
+
+
+def test_modules_that_a_mechanism_needs_are_loaded_when_it_is_attached(tmp_path):
+    """Not within the solve: scipy.interpolate takes 0.1 s, as long as a short run."""
+    code = COUPLED + "assert late == [], late\n"
+    assert loaded_after(code, ("scipy.interpolate",), tmp_path) == "['scipy.interpolate']"

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
 from examples import pictures as example
-from exudyn_romerr.report.data import Plan
+from exudyn_romerr.report.data import NodeFields, Plan
 from exudyn_romerr.report.plots.body_surface import draw_body, plot_body, surface_triangles
 from exudyn_romerr.report.plots.over_time import (
     BAR,
@@ -73,7 +73,17 @@ def made_up(best=None, t=None, truth=True, corrected=True, time="reconstructed",
     norms = {e: best[:, 0] for e in ("energy", "auxiliary")}
     scope = dict.fromkeys(norms, "complete")
     head = {"scope_reason": "", "reasons": dict.fromkeys(norms, ""), "plan": Plan((), ()), "messages": []}
-    return BoundReport(t, norms, norms, {"tip": out}, scope, **head, time=time, total_mass=1.0, nodes=nodes or None)
+    return BoundReport(
+        t,
+        norms,
+        norms,
+        {"tip": out},
+        scope,
+        **head,
+        time=time,
+        total_mass=1.0,
+        nodes=NodeFields(nodes) if nodes else None,
+    )
 
 
 def axes_of(draw, *arguments, **options):
@@ -705,4 +715,5 @@ def test_page_runs(tmp_path, monkeypatch):
     names = {}
     for block in CODE:
         exec(block, names)
-    assert {path.name for path in tmp_path.iterdir()} == set(re.findall(r'"(\w+\.(?:png|svg|pdf))"', "".join(CODE)))
+    named = set(re.findall(r'"(\w+\.(?:png|svg|pdf|vtu))"', "".join(CODE)))
+    assert {path.name for path in tmp_path.iterdir()} == named

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import InputError, load_report
+from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.scope import FROZEN, NOT_CERTIFIED
 from exudyn_romerr.report.wording import rounded_up
 from tests.helpers import tolerances as tol
@@ -127,7 +128,7 @@ def test_saved_file_needs_no_pickle(report, tmp_path):
 def test_report_comes_through_pickle(report):
     """As a sweep on several processes sends it; bounds at nodes only where they were asked for."""
     assert repr(report) == f"<BoundReport: 2 outputs, {len(report.t)} instants, t = 0 .. {report.t[-1]:g} s>"
-    report.nodes = lambda: {"fast": report.t}
+    report.nodes = lambda: NodeFields({"fast": report.t})
     again = pickle.loads(pickle.dumps(report))
     assert str(again) == str(report)
     assert again.nodes is None

@@ -10,6 +10,7 @@ from exudyn_romerr.mbs.floating.actions import over_time
 from exudyn_romerr.trajectory.input_signal import COMPARED, InputSignal
 
 T = np.linspace(0.0, 3.0, 1000)
+FINE = np.linspace(0.0, 3.0, 4000)
 
 
 class Counted:
@@ -29,23 +30,34 @@ AT_ONCE = {
     "list, some constant": (3, lambda t: [0.0, np.cos(t), -9.81]),
     "table": (1, lambda t: np.interp(t, [0.0, 1.0, 3.0], [0.0, 2.0, 1.0])),
 }
-ONE_BY_ONE = {
+BRANCHES = {
     "branch": (1, lambda t: 1.0 if t < 1.0 else 2.0),
+    "ramp": (3, lambda t: [0, 0, 0] if t < 0.5 else [0.0, 5 * np.sin(t), 1.0] if t <= 2 else [0.0, 0.0, np.exp(-t)]),
+    "limits": (1, lambda t: max(0.0, min(t - 1.0, 0.5))),
+    "periods": (2, lambda t: (t % 1.0, 0.0) if t % 1.0 > 0.4 and not t > 2.5 else (0.0, 1.0)),
+    "pulse": (1, lambda t: 1e3 * (t - 1.0) if 1.0 < t < 1.004 else 0.0),
+}
+ONE_BY_ONE = {
+    "many branches": (1, lambda t: 1.0 if t % 0.1 < 0.05 else 0.0),
+    "branch and math": (1, lambda t: math.sin(t) if t < 1.0 else 2.0),
     "math": (3, lambda t: (0.0, math.sin(t), 0.0)),
     "largest of all": (2, lambda t: [np.max(np.stack([0 * t, np.sin(4 * t)])), 0.0]),
     "changes what it is given": (1, lambda t: np.multiply(t, 2.0, out=t) if np.ndim(t) else 3.0 * t),
 }
 
 
-@pytest.mark.parametrize("name", [*AT_ONCE, *ONE_BY_ONE])
+@pytest.mark.parametrize("name", [*AT_ONCE, *BRANCHES, *ONE_BY_ONE])
 def test_signal_is_what_single_calls_give(name):
-    p, f = {**AT_ONCE, **ONE_BY_ONE}[name]
-    counted, times = Counted(f), T.copy()
+    p, f = {**AT_ONCE, **BRANCHES, **ONE_BY_ONE}[name]
+    given = T if name in AT_ONCE else FINE
+    counted, times = Counted(f), given.copy()
     found = InputSignal(counted, p)(times)
-    assert np.array_equal(found, np.reshape([f(t) for t in T.tolist()], (len(T), p)))
-    assert np.array_equal(times, T)
-    few = 2 + len(T) // COMPARED + 1
-    assert counted.calls <= few if name in AT_ONCE else counted.calls >= len(T)
+    assert np.array_equal(found, np.reshape([f(t) for t in given.tolist()], (len(given), p)))
+    assert np.array_equal(times, given)
+    if name in ONE_BY_ONE:
+        assert counted.calls >= len(given)
+    else:  # for each of up to five places where it branches parts are halved ten times, each with two calls more
+        assert counted.calls <= 3 + len(given) // COMPARED + (0 if name in AT_ONCE else 5 * 10 * 4)
 
 
 def test_loads_of_floating_bodies_are_called_at_once():

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssumptionError
+from ..memory.kept_values import Copies
 from .dependence import Dependences, normalised
 from .equations import Equations
 from .load_functions import controllers, loads_with_functions
@@ -67,6 +68,7 @@ class Tangents:
         increments = {j for rotation in rotations_of(mbs, INCREMENTS) for j in rotation}
         self.differentiable = np.array([j not in increments for j in range(self.size)])
         self._rotations, self._loads = rotations_of(mbs, PARAMETERS), loads_with_functions(mbs)
+        self._copies = Copies()
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
         self._stride, self._active, self._rows = FIRST, None, None
@@ -126,6 +128,11 @@ class Tangents:
         """What independent constraints keep zero (S, c), in rows of t, q, q_t, q_tt, multipliers."""
         return self.equations.drifts(mbs, rows)[:, self._rows]
 
+    @property
+    def independent(self) -> np.ndarray:
+        """Numbers (c,) of the constraints that are kept, among all."""
+        return self._rows
+
     def _read(self, mbs: Any, t: float) -> Reading:
         state = current_state(mbs.systemData)
         M, G = self.equations.mass(mbs), self._constraints(mbs, t)
@@ -139,7 +146,7 @@ class Tangents:
 
     def _check_loads(self, mbs: Any) -> None:
         try:
-            found = controllers(mbs, self._loads)
+            found = controllers(mbs, self._loads, self._copies)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
         if found:

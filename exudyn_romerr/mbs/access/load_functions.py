@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..memory.kept_values import Copies
 from ..memory.user_memory import memory_kept
 from .state_guard import coordinates_kept
 
@@ -21,20 +22,21 @@ def loads_with_functions(mbs: Any) -> list[int]:
     return [i for i in range(mbs.systemData.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
 
 
-def controllers(mbs: Any, numbers: list[int]) -> dict[int, str]:
+def controllers(mbs: Any, numbers: list[int], copies: Copies | None = None) -> dict[int, str]:
     """Number -> name of those loads that are not functions of time alone: they see the motion, or keep something.
 
     They are called in this state twice, in another one and a little later; what they keep is put back. Those that
     hold what cannot be put back are not called. All together, for most often there is none; else one by one.
+    copies: of what they keep, where they are looked at again and again.
     """
-    if not numbers or _why_not_by_time_alone(mbs, numbers) is None:
+    if not numbers or _why_not_by_time_alone(mbs, numbers, copies) is None:
         return {}
     reasons = {i: _why_not_by_time_alone(mbs, [i]) for i in numbers}
     found = {i: reason for i, reason in reasons.items() if reason is not None} or dict.fromkeys(numbers, "")
     return {i: f"load {i} ({mbs.GetLoad(i)['name']}{reason})" for i, reason in found.items()}
 
 
-def _why_not_by_time_alone(mbs: Any, numbers: list[int]) -> str | None:
+def _why_not_by_time_alone(mbs: Any, numbers: list[int], copies: Copies | None = None) -> str | None:
     """None if loads are functions of time alone; else what their functions hold, if that cannot be put back."""
     system, values, t = mbs.systemData, [], mbs.systemData.GetTime()
     loads = [mbs.GetLoad(i) for i in numbers]
@@ -43,7 +45,7 @@ def _why_not_by_time_alone(mbs: Any, numbers: list[int]) -> str | None:
     def keep() -> None:
         values.append([mbs.GetLoadValues(i) for i in numbers])
 
-    with memory_kept(mbs, [f for own in functions for f in own]) as memory:
+    with memory_kept(mbs, [f for own in functions for f in own], copies) as memory:
         if memory.lost:
             return f", whose function can reach: {memory.lost}"
         keep()

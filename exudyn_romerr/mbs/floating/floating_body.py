@@ -205,7 +205,8 @@ def _rayleigh_factors(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> tuple[floa
     if off > SAME_MATRICES:
         raise AssumptionError(
             f"damping of the body is not alpha M + beta K (off by {off:.1e} of its largest entry); the full model's "
-            "damping is then unknown: use massProportionalDamping and stiffnessProportionalDamping"
+            "damping is then unknown (ratios of the basis' modes do not tell it: the full body has others): use "
+            "massProportionalDamping and stiffnessProportionalDamping"
         )
     alpha, beta = factors * size / scale
     # rounding of a factor that is zero, and nothing else, may come out negative

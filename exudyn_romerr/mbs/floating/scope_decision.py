@@ -139,7 +139,7 @@ def _refusals(
         )
     objects = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
     yield from _unattached(objects, attached)
-    yield from _switching(objects)
+    yield from _switching(objects, attached)
     yield from _controlled(mbs)
 
 
@@ -165,8 +165,8 @@ def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]
         yield f"flexible bodies of this mbs are not attached, so their errors are not known: {', '.join(missing)}"
 
 
-def _switching(objects: list[dict]) -> Iterator[str]:
-    """Objects that are no ideal joints, linear springs or dampers."""
+def _switching(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
+    """Objects that are no ideal joints, linear springs or dampers, nor attached linear bodies: these see t alone."""
     for i, item in enumerate(objects):
         kind, name = item["objectType"], f"object {i} ({item['name']}, {item['objectType']})"
         if "Contact" in kind or kind in SWITCHING or any(item.get(key) for key in SWITCHES):
@@ -174,7 +174,7 @@ def _switching(objects: list[dict]) -> Iterator[str]:
         if item.get("velocityLevel"):
             yield f"{name} constrains velocities, not positions"
         functions = [key for key in item if _controls(key) and item[key]]
-        if functions:
+        if functions and not (kind == "GenericODE2" and i in attached):
             yield f"{name} has {', '.join(functions)}: a controller may do work on the error"
 
 

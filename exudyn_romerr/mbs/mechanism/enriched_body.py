@@ -11,6 +11,7 @@ from ...basis.basis import Basis
 from ...basis.enrichment import Enrichment
 from ...checks import check_count
 from ...errors import AssumptionError
+from ...estimators.rigid_motion import Deformations
 from ...model.floating_frame import skew, unit_inertia
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     import scipy.sparse as sp
 
     from ...model.body import ElasticBody
+    from ...model.floating_frame import FrameMotion
     from ...offline.prepared import Offline
     from ...report.scope import Scene
     from ..floating.actions import Actions
@@ -52,9 +54,11 @@ class EnrichedBody:
     Attributes
     ----------
     m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
-    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. columns, modal :
+    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
+    rows of modes, vectors and the rest. columns, modal :
     coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors.
-    midpoint_residual : as asked for. note : line for the plan.
+    midpoint_residual : as asked for. note : line for the plan. flex, rayleigh, shapes (N, n + m) : the body as it
+    is in the mbs, its damping, its modes and vectors.
     """
 
     def __init__(
@@ -98,7 +102,8 @@ class EnrichedBody:
             (0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads
         ]
         self._force(body, V_y, found.P)
-        self._prepare(flex, body, np.hstack([V, P]), actions, support, scene, options)
+        self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
+        self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
     def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:
         """Matrices between the body's coordinates and P, and of P (m, m)."""
@@ -106,19 +111,19 @@ class EnrichedBody:
         alpha, beta = rayleigh
         self.M_PP, self.K_PP, self._M_VP, self.K_VP = P.T @ MP, P.T @ KP, V.T @ MP, V.T @ KP
         self.D_PP, self.D_VP = (alpha * M + beta * K for M, K in ((self.M_PP, self.K_PP), (self._M_VP, self.K_VP)))
-        MP, V, P = (X.reshape(nodes, 3, -1) for X in (MP, V, P))
-        self._pull = MP.sum(axis=0)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
-        self._arms = np.einsum("ai,ajm->ijm", flex.positions, MP)
-        self._of_V = np.einsum("ain,ajm->ijnm", V, MP, optimize=True)
-        self._of_P = np.einsum("ain,ajm->ijnm", P, MP, optimize=True)
+        MP, V, P = (np.ascontiguousarray(X).reshape(nodes, 3, -1).swapaxes(0, 1) for X in (MP, V, P))
+        self._pull = MP.sum(axis=1)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
+        self._arms = (flex.positions.T @ MP).swapaxes(0, 1)
+        self._of_V, self._of_P = (X[:, None].swapaxes(2, 3) @ MP[None] for X in (V, P))
 
     def _force(self, body: ElasticBody, V: np.ndarray, P: np.ndarray) -> None:
         """-P^T R = -P^T L z of the modes alone."""
         residual = ResidualMap(body, V, body.space.loads(self._terms.columns))
-        self._layout, self._forcing = residual.coordinates, -P.T @ residual.L
+        self._layout, self._forcing = residual.coordinates, -residual.seen_by(P.T)
 
     def _prepare(self, flex, body, V: np.ndarray, actions: Actions, support: Support, scene: Scene, options) -> None:
         terms = InputTerms(actions, support, flex, V)
+        self.deformations = Deformations.of(body, V, options.outputs, flex.mass)
         kept = {name: getattr(options, name) for name in ("outputs", "residual", "kernels", "time")}
         self.offline: Offline = prepare(
             body,
@@ -173,7 +178,7 @@ class EnrichedBody:
         D += np.vstack([np.zeros((size, self.m)), self.D_VP, self.D_PP])
         K += np.vstack([np.zeros((size, self.m)), self.K_VP, self.K_PP])
         inputs = self._terms.values(self._actions, t, motion, *modal[:2])
-        K[:, 3:size] += rates.swapaxes(1, 2) @ self._moved_arms(inputs, w, S, arms, modal)
+        K[:, 3:size] += rates.swapaxes(1, 2) @ self._moved_arms(motion, inputs, S, arms, modal)
         D_rows, K_rows = self._by_the_frame(t, states)
         D_rows = np.concatenate([D_rows, self.D_VP.T - _contracted(w, self._of_V).swapaxes(1, 2)], axis=2)
         K_rows = np.concatenate(
@@ -188,9 +193,14 @@ class EnrichedBody:
         parts = [A @ turning @ self._pull, rates.swapaxes(1, 2) @ moment, of_modes, of_P]
         return np.concatenate([np.broadcast_to(part, (len(A), *part.shape[1:])) for part in parts], axis=1)
 
-    def _moved_arms(self, inputs: np.ndarray, w: np.ndarray, S: np.ndarray, arms: np.ndarray, modal) -> np.ndarray:
-        """Moments (T, 3, m) of inertia forces and loads of the reduced motion on nodes that P moves."""
-        b = inputs[:, :3] if self._terms.weighs else np.zeros((len(inputs), 3))
+    def _moved_arms(
+        self, motion: FrameMotion, inputs: np.ndarray, S: np.ndarray, arms: np.ndarray, modal
+    ) -> np.ndarray:
+        """Moments (T, 3, m) of inertia forces and loads of the reduced motion on nodes that P moves.
+
+        Not of gravity: Exudyn's LoadMassProportional turns a body by its undeformed mass centre.
+        """
+        b, w = motion.local(motion.r_tt), 2 * skew(motion.w)
         products = self._pull[:, None] * b[:, None, :, None] + np.einsum("tkl,tljm->tjkm", S, arms)
         rates = np.einsum("tn,ljnm->tljm", modal[1], self._of_V)
         products += np.einsum("tkl,tljm->tjkm", w, rates) + np.einsum("tn,kjnm->tjkm", modal[2], self._of_V)

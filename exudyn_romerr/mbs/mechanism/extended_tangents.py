@@ -10,14 +10,14 @@ import numpy as np
 from ...estimates.march import Tangent
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from ..access.linearisation import Reading
     from .enriched_body import EnrichedBody
 
 
 class ExtendedTangents:
-    """Tangents with the vectors behind the coordinates of the mechanism, on a spline in time through its readings.
+    """Tangents with the vectors behind the coordinates of the mechanism, and rates of a spline in time through them.
 
     Made when asked for, two kept. t : their times, those of the readings.
     """
@@ -28,17 +28,17 @@ class ExtendedTangents:
         times = np.array([reading.t for reading in readings])
         states = [np.array([reading.state[k] for reading in readings]) for k in range(3)]
         coupled = [(body.couplings(times, [x[:, body.columns] for x in states]), body, own) for body, own in parts]
-        whole = np.array([self._whole(j, reading, coupled) for j, reading in enumerate(readings)])
+        whole = np.array([self._extended(j, reading, coupled) for j, reading in enumerate(readings)])
         self.t = times
-        self._spline, self._turning = _held(whole[0]), _held(readings[0].C)
+        self._whole, self._rates = whole, np.zeros_like(whole)
         if len(times) > 1:
-            from scipy.interpolate import CubicHermiteSpline, CubicSpline  # here, for it takes long to import
+            from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
 
             varies = (whole != whole[0]).any(axis=0)  # of two bodies much is zero, and stays so
-            self._spline = _filled(whole[0], varies, CubicSpline(times, whole[:, varies]))
-            # rates of the motion itself: where pieces of splines meet, C would have a kink
-            C, C_t = (np.array([getattr(reading, name) for reading in readings]) for name in ("C", "C_t"))
-            self._turning = CubicHermiteSpline(times, C, C_t)
+            slopes = CubicSpline(times, np.eye(len(times)))(times, 1)  # of values at these times
+            self._rates[:, varies] = slopes @ (whole[:, varies] - whole[0, varies])
+        # rates of the motion itself: where pieces of splines meet, C would have a kink
+        self._turning = [(reading.C, reading.C_t if len(times) > 1 else 0 * reading.C) for reading in readings]
         self._made: dict[int, Tangent] = {}
 
     def __getitem__(self, j: int) -> Tangent:
@@ -49,12 +49,11 @@ class ExtendedTangents:
 
     def _tangent(self, j: int, order: int) -> Tangent:
         """The tangent, or its rate."""
-        n, t = self._size, self.t[j]
-        turning, whole = self._turning(t, order), self._spline(t, order)
+        n, turning, whole = self._size, self._turning[j][order], (self._whole, self._rates)[order][j]
         C = np.hstack([turning, np.zeros((len(turning), n - turning.shape[1]))])
-        return Tangent(t, *whole[: 3 * n].reshape(3, n, n), whole[3 * n :], C)
+        return Tangent(self.t[j], *whole[: 3 * n].reshape(3, n, n), whole[3 * n :], C)
 
-    def _whole(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
+    def _extended(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
         """M, D, K and G of reading j with the vectors, one upon another."""
         n = len(reading.M)
         M, D, K = np.zeros((3, self._size, self._size))
@@ -67,19 +66,3 @@ class ExtendedTangents:
         G = np.zeros((len(reading.G), self._size))
         G[:, :n] = reading.G
         return np.vstack([M, D, K, G])
-
-
-def _filled(value: np.ndarray, varies: np.ndarray, spline: Callable) -> Callable[[float, int], np.ndarray]:
-    """What changes with time in some entries, by a spline, and its rate."""
-
-    def at(t: float, order: int) -> np.ndarray:
-        found = _held(value)(t, order).copy()
-        found[varies] = spline(t, order)
-        return found
-
-    return at
-
-
-def _held(value: np.ndarray) -> Callable[[float, int], np.ndarray]:
-    """What does not change with time, and its rate."""
-    return lambda _, order: np.zeros_like(value) if order else value

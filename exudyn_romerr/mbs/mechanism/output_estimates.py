@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...estimates.kept_estimate import REMAINDER
 from ...estimates.time_step_error import PROVISIONAL
 
 if TYPE_CHECKING:
@@ -30,13 +31,21 @@ class OutputEstimates:
         self._last: States = ()  # computed motion where the time-step error is provisional
 
     def take_basis(
-        self, run: Run, t: np.ndarray, here: States, moved: States, fewer: States, rigid: States | None = None
+        self,
+        run: Run,
+        t: np.ndarray,
+        here: States,
+        moved: States,
+        fewer: States,
+        rigid: States | None = None,
+        left: Sequence[States] | None = None,
     ) -> None:
         """Take the computed motion at times t (S,), and where auxiliary vectors move it.
 
         The static rest -C K^-1 R(u + du) in the frame is part of it. fewer : by so many vectors less that the
         difference tells how far the prediction can be trusted; rigid : by those that keep interfaces as rigid as the
-        modes make them, None: these make none rigid. What is above the latter is the part "interfaces".
+        modes make them, None: these make none rigid. What is above the latter is the part "interfaces". left : what
+        `moved` may lack, the sum of the sizes of these; None: it was not measured.
         """
         at, base = self._shown(here), self._rows(here)[0]
         values, frame = self._rows(moved)
@@ -47,6 +56,9 @@ class OutputEstimates:
         if rigid is not None:  # R of u + du, whose wrenches are those of all vectors
             parts["basis"] = self._completed(rigid, self._body.static_rest(t, moved, keeps=True)) - at
             parts["interfaces"] = change - parts["basis"]
+        if left is not None:
+            before = self._shown(moved)
+            checks[REMAINDER] = sum(np.abs(self._moved(moved, x) - before) for x in left)
         run.estimate.put(parts, checks)
 
     def _completed(self, states: States, rest: np.ndarray) -> np.ndarray:

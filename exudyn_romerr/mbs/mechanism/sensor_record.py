@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ...online.run import Run
 
 ENDED = "estimates of the mechanism ended before its bounds: see the messages of the bodies"
+UNBALANCED = "it depends on accelerations or forces of constraints, which are not computed away from the run: {}"
 UNITS = {
     "Displacement": "m",
     "Position": "m",
@@ -33,26 +34,32 @@ UNITS = {
 
 
 class Sensor(NamedTuple):
-    """A sensor that can be estimated: number, name, what it shows, rows."""
+    """A sensor that can be estimated: number, name, what it shows, rows.
+
+    balanced : whether it depends on accelerations or multipliers, which are those that balance the forces.
+    """
 
     number: int
     name: str
     shows: Any
     rows: int
+    balanced: bool = False
 
 
 class SensorRecord:
     """What sensors showed along one solve.
 
     runs : of the bodies. sensors, left_out : those read, and (name, why) of others. values (T, r), estimate : of all
-    rows. failure : why nothing is known.
+    rows. failure : why nothing is known. unbalanced : why forces cannot be balanced, which some sensors need.
     """
 
     def __init__(self, runs: Sequence[Run], sensors: Sequence[Sensor], left_out: Sequence[tuple[str, str]]):
         self.runs, self.sensors, self.left_out = tuple(runs), tuple(sensors), tuple(left_out)
         ends = np.cumsum([0, *(sensor.rows for sensor in sensors)])
         self.parts = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        self.values, self.estimate, self.failure = GrowingArray(), KeptEstimate(), ""
+        rings = np.repeat([sensor.balanced for sensor in sensors], [sensor.rows for sensor in sensors])
+        self.values, self.estimate, self.failure = GrowingArray(), KeptEstimate(rings), ""
+        self.unbalanced = ""
 
     def outputs(self, count: int) -> tuple[list[OutputReport], list[tuple[str, str]]]:
         """Return what is known at the first `count` instants, and (name, why) of what is not."""
@@ -60,7 +67,10 @@ class SensorRecord:
         if failure or not self.sensors:
             return [], left_out + [(sensor.name, failure) for sensor in self.sensors]
         whole, at = self.estimate.read(slice(count)), self.values.read()[:count]
-        return [self._output(*of, whole, at) for of in zip(self.sensors, self.parts, strict=True)], left_out
+        lost = [sensor for sensor in self.sensors if sensor.balanced and self.unbalanced]
+        left_out += [(sensor.name, UNBALANCED.format(self.unbalanced)) for sensor in lost]
+        known = [of for of in zip(self.sensors, self.parts, strict=True) if of[0] not in lost]
+        return [self._output(*of, whole, at) for of in known], left_out
 
     @staticmethod
     def _output(sensor: Sensor, part: slice, whole: Estimate, at: np.ndarray) -> OutputReport:

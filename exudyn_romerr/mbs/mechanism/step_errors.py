@@ -76,9 +76,13 @@ class StepErrors:
         """Right-hand sides in the next of the steps."""
         return self._do(lambda error: error.columns(steps))
 
-    def take(self, steps: Steps, found: np.ndarray) -> None:
-        """Take what these come to."""
+    def take(self, steps: Steps, found: np.ndarray, multipliers: np.ndarray) -> None:
+        """Take what these come to; multipliers of steps ring, and are left out."""
         self._do(lambda error: error.take(steps, found))
+
+    def newest(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None] | None:
+        """See TimeStepError; None: there is none."""
+        return self._do(lambda error: error.newest(count))
 
     def finish(self) -> None:
         """All steps were gone through."""

@@ -15,7 +15,10 @@ from ..access.state_guard import set_state, state_kept
 from ..memory.user_memory import memory_kept
 
 BALANCED = 1e-3  # of the largest force: what may be left at a sample, where Newton's iterations have ended
-MATTERS = 0.1  # of the largest local error of velocities: a residual that moves them by more is looked at closer
+# of the largest local error of a velocity: a residual that moves it by more is looked at closer. Each velocity by
+# itself: where modes ring unresolved, their local errors hide those of a load that switches and moves the body
+MATTERS = 0.1
+SEEN = 1e-2  # of the local errors of all: those of single velocities below count as such
 QUARTERS, MIDDLE = (0.25, 0.75), 0.5
 # Boole's rule less Simpson's, of residuals at quarter, middle, three quarters; both have 0 at the ends
 CLOSER = np.array([32 / 90, 12 / 90 - 2 / 3, 32 / 90]) / (2 / 3)  # 2/3: what at_samples multiplies by
@@ -61,7 +64,9 @@ class StoredResiduals:
         """The middle of all steps; where that matters, their quarters too."""
         r = self._at(mbs, rows, MIDDLE, np.arange(first, len(rows[0]) - 1))
         uncertain = np.zeros_like(r)
-        closer = np.flatnonzero(np.diff(rows[0])[first:] * self._speed(r) > MATTERS * self._largest(dv))
+        light = np.sqrt(self._tangents.readings[-1].masses)
+        moved, known = np.diff(rows[0])[first:, None] * np.abs(r) / light, np.abs(dv * light).max(axis=0)
+        closer = np.flatnonzero((moved > MATTERS * np.maximum(known, SEEN * self._largest(dv))).any(axis=1))
         if closer.size:
             quarter, last = (self._at(mbs, rows, share, first + closer) for share in QUARTERS)
             uncertain[closer] = np.tensordot(CLOSER, [quarter, r[closer], last], axes=1)

@@ -6,7 +6,7 @@ import copyreg
 import io
 import pickle
 import sys
-from collections.abc import Callable, Iterator, MutableMapping
+from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from functools import partial
 from types import FunctionType, MemberDescriptorType, MethodType, ModuleType
 from typing import Any, NamedTuple
@@ -16,51 +16,94 @@ import numpy as np
 OURS = __name__.split(".")[0]
 EXUDYN = "exudynCPP"  # in the name of its compiled module, of which there are several
 WRAPPERS = partial | MethodType | staticmethod | classmethod | property
+NUMBERS = (type(None), bool, int, float, complex, str, bytes)
+PROTOCOL = 5  # contents of arrays may stay where they are
 STREAMS = ("__next__", "fileno")  # of generators and open files, of files and sockets
 
 
 class Variable(NamedTuple):
-    """A variable that a user function can change, and what it held: pickled, but for objects that stay what they are.
-
-    own : names of modules. held : those objects, by number.
-    """
+    """A variable that a user function can change, and what it held. own : names of modules."""
 
     read: Callable[[], Any]
     write: Callable[[Any], None]
     own: set[str]
-    kept: bytes | None
-    held: dict[int, Any]
+    frozen: Frozen
 
     def has_changed(self) -> bool:
         """Whether it holds something else now."""
-        return Frozen.of(self.read(), self.own).kept != self.kept
+        return not self.frozen.is_as(Frozen.of(self.read(), self.own))
 
     def before(self) -> Any:
         """Return a copy of what it held."""
-        return _Unpickler(self.kept, self.held).load()
+        return self.frozen.thawed()
 
     def stays(self, value: Any) -> bool:
         """Whether an object is itself, no copy."""
-        return self.held.get(id(value)) is value
+        return self.frozen.held.get(id(value)) is value
+
+
+class Copies:
+    """Copies of contents of arrays, made once while these stay the same: to compare costs less than fresh memory."""
+
+    def __init__(self) -> None:
+        self._kept: list[bytes] = []
+        self._next = 0
+
+    def begin(self) -> None:
+        """What is asked for from now on comes in the same order as before, most often."""
+        del self._kept[self._next :]
+        self._next = 0
+
+    def of(self, content: memoryview) -> bytes:
+        """Return a copy."""
+        i, self._next = self._next, self._next + 1
+        if i < len(self._kept) and _same_bytes(self._kept[i], content):
+            return self._kept[i]
+        self._kept[i:] = [bytes(content)]
+        return self._kept[i]
 
 
 class Frozen(NamedTuple):
-    """A value, pickled; objects that stay what they are, by number; types of what is lost once it was read."""
+    """A value, pickled, but for contents of arrays and objects that stay what they are; None: that failed.
+
+    arrays : those contents. held : those objects, by number. lost : types of what is lost once it was read.
+    """
 
     kept: bytes | None
+    arrays: Sequence[bytes | memoryview]
     held: dict[int, Any]
     lost: set[str]
 
     @classmethod
     def of(cls, value: Any, own: set[str]) -> Frozen:
-        """Pickle a value; None if that fails, whatever a script may hold."""
+        """Pickle a value, whatever a script may hold; arrays are where they were."""
+        if type(value) in NUMBERS:
+            return cls(pickle.dumps(value, PROTOCOL), (), {}, set())
+        if _stays(value, own):
+            return cls(b"%d" % id(value), (), {id(value): value}, set())
         file = io.BytesIO()
         pickler = _Pickler(file, own)
         try:
             pickler.dump(value)
         except Exception:
-            return cls(None, pickler.held, pickler.lost)
-        return cls(file.getvalue(), pickler.held, pickler.lost)
+            return cls(None, (), pickler.held, pickler.lost)
+        return cls(file.getvalue(), [array.raw() for array in pickler.arrays], pickler.held, pickler.lost)
+
+    def copied(self, copies: Copies) -> Frozen:
+        """Return the same with arrays of its own."""
+        return self._replace(arrays=[copies.of(array) for array in self.arrays])
+
+    def is_as(self, other: Frozen) -> bool:
+        """Whether it is the same value."""
+        same = self.kept == other.kept and len(self.arrays) == len(other.arrays)
+        return same and all(map(_same_bytes, self.arrays, other.arrays))
+
+    def thawed(self) -> Any:
+        """Return a copy of the value."""
+        for number, value in self.held.items():
+            if self.kept == b"%d" % number:
+                return value
+        return _Unpickler(self.kept, self.held, [bytearray(array) for array in self.arrays]).load()
 
 
 class _Pickler(pickle.Pickler):
@@ -70,7 +113,8 @@ class _Pickler(pickle.Pickler):
     """
 
     def __init__(self, file: io.BytesIO, own: set[str]):
-        super().__init__(file)
+        self.arrays: list[pickle.PickleBuffer] = []
+        super().__init__(file, PROTOCOL, buffer_callback=self.arrays.append)
         self.held: dict[int, Any] = {}
         self.lost: set[str] = set()
         self._own = own
@@ -79,25 +123,17 @@ class _Pickler(pickle.Pickler):
         """Return how a value is pickled that is no number, text, or container of Python's own."""
         if value is _same or isinstance(value, np.generic | np.ndarray):  # of which there may be many
             return NotImplemented
-        found = None if self._stays(value) else self._reduced(value)
+        found = None if _stays(value, self._own) else self._reduced(value)
         if found is None:
             self.held[id(value)] = value
             found = _same, (id(value),)
         return found
 
-    def _stays(self, value: Any) -> bool:
-        kind = type(value)
-        if isinstance(value, FunctionType | type | ModuleType | WRAPPERS):
-            return True
-        if kind.__module__ in self._own and kind.__new__ is object.__new__:  # it is all in its attributes
-            return True
-        return EXUDYN in kind.__module__ or kind.__module__.split(".")[0] == OURS
-
     def _reduced(self, value: Any) -> Any:
         if type(value) in copyreg.dispatch_table:
             return NotImplemented
         try:
-            return value.__reduce_ex__(pickle.DEFAULT_PROTOCOL)
+            return value.__reduce_ex__(PROTOCOL)
         except Exception:
             printed = value is sys.stdout or value is sys.stderr  # nothing is read from there
             if not printed and any(hasattr(type(value), name) for name in STREAMS):
@@ -108,8 +144,8 @@ class _Pickler(pickle.Pickler):
 class _Unpickler(pickle.Unpickler):
     """Gives objects that stay what they are."""
 
-    def __init__(self, kept: bytes, held: dict[int, Any]):
-        super().__init__(io.BytesIO(kept))
+    def __init__(self, kept: bytes, held: dict[int, Any], arrays: Sequence[bytearray]):
+        super().__init__(io.BytesIO(kept), buffers=arrays)
         self._held = held
 
     def find_class(self, module: str, name: str) -> Any:
@@ -121,6 +157,24 @@ class _Unpickler(pickle.Unpickler):
 
 def _same(number: int) -> Any:
     """Stands in pickled values for the object of a number."""
+
+
+def _stays(value: Any, own: set[str]) -> bool:
+    """Whether an object stays what it is: it is not pickled."""
+    kind = type(value)
+    if isinstance(value, FunctionType | type | ModuleType | WRAPPERS):
+        return True
+    if kind.__module__ in own and kind.__new__ is object.__new__:  # it is all in its attributes
+        return True
+    return EXUDYN in kind.__module__ or kind.__module__.split(".")[0] == OURS
+
+
+def _same_bytes(one: bytes | memoryview, other: bytes | memoryview) -> bool:
+    """Whether both have the same content: 8 bytes at once, where they can be."""
+    if len(one) != len(other) or not len(one):
+        return len(one) == len(other)
+    kind = np.uint64 if len(one) % 8 == 0 else np.uint8
+    return bool((np.frombuffer(one, kind) == np.frombuffer(other, kind)).all())
 
 
 class _Slots(MutableMapping):

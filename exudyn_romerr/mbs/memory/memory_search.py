@@ -7,7 +7,7 @@ from functools import partial
 from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
-from .kept_values import WRAPPERS, Frozen, Variable, spaces_of
+from .kept_values import WRAPPERS, Copies, Frozen, Variable, spaces_of
 
 
 class MemorySearch:
@@ -17,10 +17,11 @@ class MemorySearch:
     libraries, most often.
     """
 
-    def __init__(self, functions: Iterable[Callable]):
+    def __init__(self, functions: Iterable[Callable], copies: Copies):
         self.spaces: list[tuple[MutableMapping, set]] = []
         self.variables: list[Variable] = []
         self.lost: set[str] = set()
+        self._copies = copies
         self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
         codes = [_code(f.func if isinstance(f, partial) else f) for f in functions]
         self._own = {code.__globals__.get("__name__", "") for code in codes if code}
@@ -35,7 +36,7 @@ class MemorySearch:
         found = Frozen.of(read(), self._own)
         self.lost |= found.lost
         if found.kept is not None:
-            self.variables.append(Variable(read, write, self._own, found.kept, found.held))
+            self.variables.append(Variable(read, write, self._own, found.copied(self._copies)))
         for value in found.held.values():
             if self._is_own(value):
                 self.add_behind(value)

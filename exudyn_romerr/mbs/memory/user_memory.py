@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .kept_values import spaces_of
+from .kept_values import Copies, spaces_of
 from .memory_search import MemorySearch
 
 RANDOM = ((random.getstate, random.setstate), (np.random.get_state, np.random.set_state))
@@ -31,8 +31,9 @@ class UserMemory:
 
     was_changed = False
 
-    def __init__(self, mbs: Any, functions: Sequence[Callable]):
-        search = MemorySearch(functions)
+    def __init__(self, mbs: Any, functions: Sequence[Callable], copies: Copies):
+        copies.begin()
+        search = MemorySearch(functions, copies)
         for pair in RANDOM:
             search.add_variable(*pair)
         for space in (mbs.variables, mbs.sys):
@@ -63,9 +64,9 @@ class UserMemory:
 
 
 @contextmanager
-def memory_kept(mbs: Any, functions: Sequence[Callable]) -> Iterator[UserMemory]:
-    """Give the memory of user functions, and put it back."""
-    memory = UserMemory(mbs, functions)
+def memory_kept(mbs: Any, functions: Sequence[Callable], copies: Copies | None = None) -> Iterator[UserMemory]:
+    """Give the memory of user functions, and put it back; copies: made before, for the same functions."""
+    memory = UserMemory(mbs, functions, Copies() if copies is None else copies)
     try:
         yield memory
     finally:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ...checks import check_choice
 from ...errors import InputError
 from ...offline.options import BoundOptions
+from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
 from ..floating.scope_decision import ASKABLE
 from ..mechanism.other_sensors import OtherSensors
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ...model.outputs import Output
-    from ..access.reduced_body import ReducedBody
 
 
 def attach(
@@ -54,8 +54,8 @@ def attach(
         Sensors on mesh nodes of a floating body; they give their output its name. Default: all of displacement,
         position or velocity that are there when a solve begins; in a mechanism, beside those in global axes, "NAME in
         the frame", which have a bound. Of a list of bodies: sensor numbers, which find their body, and
-        (flex, Output); default: all of these, and all sensors on no flexible body that show the motion. The latter
-        have an estimate and no bound; those of joint forces, loads and user functions are left out, see the plan.
+        (flex, Output); default: all of these, and all sensors on no flexible body that show motion or forces. The
+        latter have an estimate and no bound; those of loads and user functions are left out, see the plan.
     initial : None, ((N,), (N,)) or "equilibrium"
         State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
     jumps : sequence of float
@@ -63,7 +63,7 @@ def attach(
     tolerance : dict or float, optional
         Output name -> value in the output's unit (a float if there is one output). The best bound is
         compared with it at every step; when it is exceeded the solve is stopped, and the report says when. One on an
-        output in global axes of a mechanism asks for the scope "inputs frozen", which alone has a bound for it.
+        output in global axes of a mechanism asks for the scope "inputs frozen", which has a bound at every step.
     hook : callable, optional
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
@@ -76,7 +76,7 @@ def attach(
         What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
         that can be had (all flexible bodies attached, nothing that switches), else, and with "inputs frozen", the
         error under the loads, wrenches and frame motion of the reduced simulation. The report says which, and why.
-        Outputs in global axes have a bound in the latter, in the former an estimate of their error.
+        Velocities in global axes have a bound in the latter, in the former an estimate of their error.
 
     Returns
     -------
@@ -127,6 +127,7 @@ def _attach_all(mbs: Any, flexes: Sequence, hook: Callable | None, options: Boun
     ]
     watches = [Watch(subject, tolerance) for subject, (_, tolerance) in zip(subjects, asked, strict=True)]
     found = shared_hook(mbs, hook, *watches)
-    others = OtherSensors(sensors, [flex for flex in flexes if isinstance(flex, FloatingBody)])
+    linear = [int(flex.items["nGenericODE2"]) for flex in flexes if isinstance(flex, ReducedBody)]
+    others = OtherSensors(sensors, [flex for flex in flexes if isinstance(flex, FloatingBody)], linear)
     found.sensors.append(others)
     return MechanismMonitor(mbs, [Monitor(mbs, found, watch) for watch in watches], others)

@@ -236,6 +236,7 @@ class Watch:
             run.messages.append(LOADS_JUMP)
         if self._late and self._kind is Run:
             run.messages.append(NO_ACCELERATIONS.format(t))
+        run.begins_late = self._kind is Run and (self._late or (before is not None and before.begins_late))
         self.run = run
 
     def _diverge(self, t: float) -> None:

@@ -9,22 +9,29 @@ import numpy as np
 
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
+from ...estimates.remainder import FACTOR
 from ...model.floating_frame import Veer
-from ...online.coupled_runs import join_extensions, joined_openings
-from ...online.run import Run
+from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
+from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
+from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.output_estimates import OutputEstimates
+from .measured_remainder import MeasuredRemainder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ...estimates.time_step_error import TimeStep
+    from ...trajectory.samples import Extension
     from ..access.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors
     from .body_monitor import Watch
+
+STREAM = "reduction"  # of a mechanism's bounds, which are those at samples
+NO_POSITIONS = "positions in global axes have an estimate only: {}"
 
 
 class Reaction:
@@ -52,6 +59,9 @@ class Reaction:
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
+        self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors)
+        coupled = bool(watches) and all(watch.is_coupled for watch in watches)
+        self._positions = GlobalPositions.of(self.parts, self.size) if coupled else None
 
     def _left_out(self) -> list[np.ndarray]:
         """Vectors (size,) without which the prediction is made once more: to check it, and with rigid interfaces."""
@@ -63,7 +73,7 @@ class Reaction:
     @property
     def time_step(self) -> TimeStep | None:
         """Error by time steps of all coordinates, at the rows of the last call of open or advance, or None."""
-        return self._step_errors.found
+        return self._remainder.corrected(self._step_errors.found)
 
     def time_step_of(self, i: int) -> TimeStep | None:
         """The same of the frame, the modes and the vectors of body i."""
@@ -79,20 +89,22 @@ class Reaction:
         if goes_on:
             self._feedback = before._feedback
             self._narrow.go_on(before._narrow)
+            self._remainder.go_on(mbs, before._remainder)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             t = float(first[0][0])
-            tangent = ExtendedTangents(
-                [reading for reading in self._tangents.readings if reading.t <= t][-1:], self.size, self.parts
-            )[0]
+            readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
+            extended = ExtendedTangents(readings, self.size, self.parts)
+            tangent = extended[0]
             samples = [watch.sampled(*first) for watch in self._watches]
             start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
-        e = self._feedback.state[:, None]
+            self._remainder.open(mbs, tangent, first, self._feedback.state[:, None])
+        e = (self._feedback.state + self._remainder.state)[:, None]
         runs, openings = [], []
-        for watch, (body, own) in zip(self._watches, self.parts, strict=True):
+        for i, (watch, (body, own)) in enumerate(zip(self._watches, self.parts, strict=True)):
             rest = watch.opening.rest
             after = watch.opening.before.companion if goes_on else None
             states, offline = self._states(body, own, first[1:], e), body.offline if after is None else after.offline
@@ -102,17 +114,26 @@ class Reaction:
             sample = (None if x is None else x[0] for x in body.sampler(first[0], *states))
             opening = runs[-1].opening(first[0][0], *sample, after=after, rest=rest)
             if rest is not None:
-                opening = opening._replace(start=replace(opening.start, added=self._added(body, own, e, np.zeros(1))))
+                opening = opening._replace(start=replace(opening.start, added=self._added(i, e, np.zeros(1))))
             openings.append(opening)
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
+        if self._positions is not None:
+            g = shared_energy(runs[0], STREAM).g
+            if goes_on:
+                self._positions.go_on(before._positions)
+            else:
+                self._positions.start(t, extended, readings, g, self._energy_at_rest(openings))
+            self._keep_left(self._positions.opened(first[1], g))
         for sensors in self._sensors:
             sensors.open([watch.run for watch in self._watches], goes_on)
+        self._feedback.multipliers = self._feedback.multipliers[-1:]
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
         self._say(self._step_errors.notes)
+        self._say(self._remainder.notes)
 
     def advance(self, rows: tuple[np.ndarray, ...], mbs: Any) -> None:
         """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates), multipliers (S, ...)."""
@@ -122,34 +143,69 @@ class Reaction:
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
         others = [steps, self._narrow]
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others)
+        self._remainder.begin(mbs, rows, forces)
+        e, speed = self._feedback.advance(
+            rows[0], forces, extended.t, extended.__getitem__, others, [self._remainder]
+        )
+        self._remainder.finish()
         steps.finish()
-        self._tangents.forget()
         self._say(steps.notes)
+        self._say(self._remainder.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
-        for watch, run, (body, own) in zip(self._watches, runs, self.parts, strict=True):
+        for i, (watch, run, (body, own)) in enumerate(zip(self._watches, runs, self.parts, strict=True)):
             sample = body.sampler(rows[0], *self._states(body, own, rows[1:], e))
             extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
             veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
             for block, _ in extension.segments.values():
-                block.added = self._added(body, own, e, speed)._replace(veer=veer)
+                block.added = self._added(i, e, speed)._replace(veer=veer)
             extensions.append(extension)
+            watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
             join_extensions(runs, extensions)
+            self._advance_positions(extended, tuple(rows[:2]), extensions)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
+        self._tangents.forget()
         self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
+
+    def _energy_at_rest(self, openings: Sequence[Opening]) -> float | None:
+        """|R|_{K^-1} of all bodies in the equilibrium that the full ones start in; None: they start without error."""
+        if self._forces_at_rest() is None:
+            return None
+        energies = (shared_energy(watch.run.companion, STREAM) for watch in self._watches)
+        parts = (energy.norm(opening.start.z) for energy, opening in zip(energies, openings, strict=True))
+        return float(np.linalg.norm([float(part) for part in parts]))
+
+    def _advance_positions(self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension]) -> None:
+        """Go on with what is left of positions in global axes; before the runs do."""
+        if self._positions is None:
+            return
+        energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
+        blocks = [extension.segments[STREAM][0] for extension in extensions]
+        g = energies[0].g + np.cumsum(blocks[0].joint)
+        impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
+        self._keep_left(self._positions.advance(tangents, self._tangents.readings, steps, g, impulses))
+
+    def _keep_left(self, left: list[np.ndarray]) -> None:
+        for watch, rows in zip(self._watches, left, strict=True):
+            watch.run.estimate.left.append(rows)
+        if self._positions.failure:
+            self._say([NO_POSITIONS.format(self._positions.failure)])
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        t, *states, _ = rows
+        (t, *states, _), none, missed = rows, [0 * x for x in rows[1:4]], self._remainder.found
+        narrow = narrow if missed is None else narrow + missed.added
         for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
             here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
-            outputs.take_basis(watch.run, t, here, *moved)
+            left = missed and [self._states(*part, none, x) for x in missed.left(FACTOR)]
+            outputs.take_basis(watch.run, t, here, *moved, left=left)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
+        forces = [self._feedback.multipliers, *self._narrow.multipliers]
+        moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, e, narrow, self.time_step)
+            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left(FACTOR))
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
@@ -175,9 +231,15 @@ class Reaction:
             samples.append((opening.first.q, none, none, opening.rest[None]))
         return self._forces(samples, 1)[0]
 
-    @staticmethod
-    def _added(body: EnrichedBody, own: slice, e: np.ndarray, speed: np.ndarray) -> Added:
-        return Added(*(np.hstack([x[:, body.modal], x[:, own]]) for x in e[:2]), speed)
+    def _added(self, i: int, e: np.ndarray, speed: np.ndarray) -> Added:
+        """What is added to body i, and what that may lack."""
+        body, own = self.parts[i]
+        found = self._remainder.found
+        of_all, *left = (
+            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
+            for of in (e, *(found.left(FACTOR) if found else ()))
+        )
+        return Added(*of_all, speed, left=left if found else None)
 
     @staticmethod
     def _states(body: EnrichedBody, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .body_monitor import Watch
 
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
+FREED = 1_000_000  # numbers of an array that is made and let go, so that the C library keeps memory of blocks
 TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines through all take 15 times that
 
 
@@ -58,6 +59,9 @@ class StepHook:
         at_once = False
         with self._run_goes_on():
             at_once = self._begin(mbs)
+        # glibc gives back to the system what blocks free, and asking for it again takes a third of their time; not so
+        # once it has seen a piece come and go that is as large; nothing is ever written into this one
+        np.empty(FREED)
         system = mbs.systemData
         return self._new_arrays(system.ODE2Size(), len(system.GetAECoordinates()), at_once)
 

@@ -7,6 +7,8 @@ import io
 from itertools import count
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..estimate_wording import estimated_under
 from ..wording import under
 from .atomic_write import write_whole
@@ -15,8 +17,6 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Iterator
     from typing import BinaryIO
-
-    import numpy as np
 
     from ..data import OutputData, ReportData
 
@@ -48,6 +48,24 @@ def columns(report: ReportData) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
     for name, x in _named(report):
         found[name if name not in found else _another(name, found)] = x
+    return found
+
+
+def largest(report: ReportData) -> dict[str, float]:
+    """Return the largest absolute value over time of every row of every output, its estimate and bound.
+
+    Names are those of columns(report) with "largest": "tip z largest [m]", "tip z bound largest [m]".
+    """
+    found: dict[str, float] = {}
+    for out in report.outputs.values():
+        condition = estimated_under(out, report.scope)
+        kinds = {"": out.value, f"estimate{condition}": out.estimate, f"uncertainty{condition}": out.uncertainty}
+        kinds[f"bound{under(report.scope)}"] = out.bound["best"]
+        for row, name in enumerate(out.row_names):
+            for what, x in kinds.items():
+                if x is not None:
+                    full = " ".join(filter(None, [name, what, "largest", f"[{out.unit}]"]))
+                    found[full] = float(np.max(np.abs(x[:, row])))
     return found
 
 

@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from ...errors import InputError
-from ..data import Plan
+from ..data import NodeFields, Plan
 from ..mechanism_report import MechanismReport, OfBodies
 from ..report import BoundReport, OutputReport
-from .npz_file import DICTS, FORMAT, OPTIONAL
+from .npz_file import DICTS, FORMAT, NODE_DICTS, OPTIONAL
 
 
 def load_report(path: str | os.PathLike) -> BoundReport:
@@ -27,10 +27,9 @@ def load_report(path: str | os.PathLike) -> BoundReport:
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {key: file[key] for key in file.files}
-        meta = json.loads(str(arrays["meta"]))
-        found = meta["format"]
+        found = json.loads(str(arrays["meta"]))["format"]
         if found == FORMAT:
-            return _assembled(arrays, meta, os.fspath(path))
+            return report_of(arrays, os.fspath(path))
     except IsADirectoryError as error:
         raise InputError(f"{path} is a folder; pass one of the files that report.save wrote there") from error
     except FileNotFoundError as error:
@@ -42,7 +41,9 @@ def load_report(path: str | os.PathLike) -> BoundReport:
     raise InputError(f"{path} has format {found!r}; this version reads format {FORMAT}: save it again")
 
 
-def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
+def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
+    """Return the report that npz_file.arrays_of took apart; origin: the file that they were in."""
+    meta = json.loads(str(arrays["meta"]))
     count = len(meta["outputs"])
     older = {"labels": (), "tolerances": None, "estimate_scopes": ""}  # what older files lack
     more = zip(*(meta.get(key, [nothing] * count) for key, nothing in older.items()), strict=True)
@@ -60,18 +61,26 @@ def _assembled(arrays: dict, meta: dict, origin: str) -> BoundReport:
         velocity_bound=bounds[1],
         outputs={out.name: out for out in outputs},
         plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
-        nodes=_under(arrays, "node/") or None,
+        nodes=_at_nodes(arrays),
         made=meta.get("made", {}),
         origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
+        remainder=meta.get("remainder", {}),
     )
+
+
+def _at_nodes(arrays: dict) -> NodeFields | None:
+    if not (bound := _under(arrays, "node/")):
+        return None
+    found = {kind: _under(arrays, f"nodes/{kind}/") for kind in NODE_DICTS}
+    found["instant"] = {e: float(t) for e, t in found["instant"].items()}
+    return NodeFields(bound, positions=arrays.get("nodes/positions"), **found)
 
 
 def _bodies(arrays: dict, origin: str) -> tuple[BoundReport, ...]:
     """The reports of a mechanism's bodies."""
     count = next(i for i in itertools.count() if f"body/{i}/t" not in arrays)
-    of = [_under(arrays, f"body/{i}/") for i in range(count)]
-    return tuple(_assembled(own, json.loads(str(own["meta"])), origin) for own in of)
+    return tuple(report_of(_under(arrays, f"body/{i}/"), origin) for i in range(count))
 
 
 def _load_output(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..data import NodeFields
 from .atomic_write import write_whole
 
 if TYPE_CHECKING:
@@ -17,21 +18,23 @@ if TYPE_CHECKING:
 # fields of an output that are dicts of arrays, and fields that may be None
 DICTS = ("bound", "reduction_bound", "causes", "effectivity", "estimate_parts", "uncertainty_parts")
 OPTIONAL = ("corrected", "corrected_bound", "estimate", "uncertainty", "estimate_off", "error")
+NODE_DICTS = ("estimate", "displacement", "instant")
 FORMAT = 2  # of the saved file; a file of another format is refused
 
 
 def write_npz(report: ReportData, path: str | os.PathLike) -> None:
     """Write everything to one .npz file; InputError if it cannot be written."""
-    arrays, meta = _arrays(report), np.array(json.dumps(_meta(report)))
-    write_whole(path, lambda stream: np.savez_compressed(stream, meta=meta, **arrays))
+    arrays = arrays_of(report)
+    write_whole(path, lambda stream: np.savez_compressed(stream, **arrays))
 
 
-def _arrays(report: ReportData) -> dict[str, np.ndarray]:
-    arrays = {"t": report.t}
+def arrays_of(report: ReportData) -> dict[str, np.ndarray]:
+    """Return everything as plain arrays; "meta" is a text, in JSON."""
+    arrays = {"meta": np.array(json.dumps(_meta(report))), "t": report.t}
     arrays.update({f"position/{e}": x for e, x in report.position_bound.items()})
     arrays.update({f"velocity/{e}": x for e, x in report.velocity_bound.items()})
-    if isinstance(report.nodes, dict):
-        arrays.update({f"node/{e}": x for e, x in report.nodes.items()})
+    if isinstance(report.nodes, NodeFields):
+        arrays.update(_at_nodes(report.nodes))
     for i, out in enumerate(report.outputs.values()):
         arrays[f"output/{i}/value"], arrays[f"output/{i}/round_off"] = out.value, out.round_off
         for kind in OPTIONAL:
@@ -40,9 +43,15 @@ def _arrays(report: ReportData) -> dict[str, np.ndarray]:
         for kind in DICTS:
             arrays.update({f"output/{i}/{kind}/{e}": x for e, x in getattr(out, kind).items()})
     for i, body in enumerate(getattr(report, "bodies", ())):  # of a mechanism: whole reports
-        own = {"meta": np.array(json.dumps(_meta(body))), **_arrays(body)}
-        arrays.update({f"body/{i}/{key}": x for key, x in own.items()})
+        arrays.update({f"body/{i}/{key}": x for key, x in arrays_of(body).items()})
     return arrays
+
+
+def _at_nodes(nodes: NodeFields) -> dict[str, np.ndarray]:
+    arrays = {f"node/{e}": x for e, x in nodes.bound.items()}
+    for kind in NODE_DICTS:
+        arrays.update({f"nodes/{kind}/{e}": np.asarray(x) for e, x in getattr(nodes, kind).items()})
+    return arrays if nodes.positions is None else {**arrays, "nodes/positions": nodes.positions}
 
 
 def _meta(report: ReportData) -> dict:
@@ -60,4 +69,5 @@ def _meta(report: ReportData) -> dict:
         "messages": report.messages,
         "time": report.time,
         "total_mass": report.total_mass,
+        "remainder": report.remainder,
     }

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...checks import check_array, check_choice, check_nodes
 from ...errors import InputError
-from ..wording import error_kind, instant, rounded_up, under, widest
+from ..wording import error_kind, instant, rounded_up, sharpest_at_nodes, under
 from .style import COLOURS, THIN, WIDE, picture
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def draw_body(
     """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-    e = estimator or _sharpest(report)
+    e = estimator or sharpest_at_nodes(report)
     check_choice("estimator", e, report.node_bound)
     bound, at = report.node_bound[e], int(np.argmax(report.position_bound[e]))
     positions, cells = _mesh(mesh, len(bound))
@@ -84,11 +84,6 @@ def draw_body(
     bar.set_label(f"bound of the {error_kind(report.time)} by '{e}'{under(report.scope, e)} / {unit}")
     bar.formatter.set_powerlimits((-3, 4))
     ax.set_title(_title(report, bound, at, scale, f"{unit}{under(report.scope, e)}"))
-
-
-def _sharpest(report: ReportData) -> str:
-    known = (e for e in widest(report.scope) if e in report.node_bound)
-    return min(known, key=lambda e: np.max(report.node_bound[e]))
 
 
 def surface_triangles(elements: Any) -> np.ndarray:

@@ -14,7 +14,7 @@ import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr.mbs.access import load_functions
-from exudyn_romerr.mbs.memory.kept_values import Frozen
+from exudyn_romerr.mbs.memory.kept_values import Copies, Frozen
 from exudyn_romerr.mbs.memory.user_memory import memory_kept
 from models import mechanisms
 from tests.helpers.mechanism_runs import FROZEN, STEP, add_load, ground_marker, pendulum, reports, solve, watch
@@ -422,6 +422,41 @@ def test_memory_is_put_back_in_place():
     assert array.tolist() == [0.0, 0.0]
     assert owner.seen == []
     assert not vars(write)
+
+
+ARRAYS = {
+    "rows": np.arange(12.0).reshape(3, 4),
+    "columns": np.asfortranarray(np.arange(12.0).reshape(3, 4)),
+    "part": np.arange(24.0)[::2],
+    "bytes": np.arange(5, dtype=np.int8),
+    "none": np.zeros((0, 3)),
+    "nan": np.array([np.nan, 1.0]),
+}
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+def test_arrays_are_compared_and_put_back_in_place(name):
+    """Those of attributes and in lists; also where copies are kept from one look to the next."""
+    array, copies, mbs = ARRAYS[name].copy(order="K"), Copies(), Space()
+    mbs.variables["list"] = listed = [array.copy(), "text"]
+
+    def write(factor):
+        array[...] = factor * array + 1
+        listed[0] = listed[0] * factor + 1
+        listed.append(factor)
+
+    for now in (0, 1, 1, 2):
+        array[...] += now
+        before = array.copy(), listed[0].copy()
+        with memory_kept(mbs, [write], copies) as memory:
+            assert not memory.changed
+            write(3)
+        assert memory.was_changed
+        np.testing.assert_array_equal(array, before[0])
+        np.testing.assert_array_equal(listed[0], before[1])
+        assert mbs.variables["list"] is listed
+        assert len(listed) == 2
+        listed[0] += 1  # which can be written to
 
 
 def test_loads_are_tried_together_and_told_apart(monkeypatch):

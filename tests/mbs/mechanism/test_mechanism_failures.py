@@ -11,6 +11,7 @@ from exudyn_romerr.mbs.access.equations import Equations
 from exudyn_romerr.mbs.access.linearisation import Tangents
 from exudyn_romerr.mbs.monitoring import step_hook as hook
 from exudyn_romerr.online.run import Run
+from exudyn_romerr.report.scope import NOT_CERTIFIED
 from models import floating, mechanisms
 from tests.helpers.mechanism_runs import (
     BOTH,
@@ -73,6 +74,9 @@ def test_solve_without_initial_accelerations_is_bounded_late_in_all_bars(estimat
         assert set(report.scope.values()) == {COUPLED}
         assert report.t[0] == pytest.approx(STEP)
         assert any("no accelerations at its start" in message for message in report.messages)
+        assert report.scope_reason.endswith(NOT_CERTIFIED)
+        assert "not certified" in str(report)
+        assert report.assess("probe", 1e9).answer == "unknown"  # whatever is small enough is not known to be so
 
 
 def test_diverged_simulation_is_bounded_up_to_there():

@@ -151,14 +151,23 @@ def test_saved_report_keeps_scopes(tmp_path):
         assert str(loaded) == str(report)
 
 
-def test_bounds_at_nodes_are_those_of_outputs():
+def test_fields_at_nodes_are_those_of_outputs():
+    """Bounds; displacements of the run, also beside vectors that react; the estimate that corrects the output."""
     scene = pendulum()
     for report in reports(scene, estimators=BOTH):
+        fields, out = report.at_nodes(), report.output("probe")
+        i, size = np.argmax(report.position_bound["auxiliary"]), np.max(np.abs(out.value))
+        moved, known = (x["auxiliary"][mechanisms.MIDDLE] for x in (fields.displacement, fields.estimate))
+        np.testing.assert_allclose(moved, out.value[i], rtol=0, atol=1e-9 * size)
+        np.testing.assert_allclose(known, out.corrected[i] - out.value[i], rtol=0, atol=1e-9 * size)
+        assert np.max(np.abs(known)) > 1e-6 * size
+        assert fields.instant["auxiliary"] == report.t[i]
         for e in BOTH:
             assert report.node_bound[e].shape == (scene.fem.NumberOfNodes(),)
             there = report.output("probe").bound[e][np.argmax(report.position_bound[e])]
-            # rounding, 1e-9 of these bounds, is bounded by way of the mass norm at nodes
-            assert np.max(there) <= report.node_bound[e][mechanisms.MIDDLE] <= np.linalg.norm(there) * (1 + 1e-7)
+            # rounding, 1e-9 of the bounds by energy, is bounded by way of the mass norm at nodes
+            rounding = 1e-7 * np.max(report.output("probe").bound["energy"])
+            assert np.max(there) <= report.node_bound[e][mechanisms.MIDDLE] <= np.linalg.norm(there) + rounding
 
 
 def test_tolerance_on_one_bar_stops_the_solve():

@@ -34,6 +34,7 @@ CASES = [
 # Issue: estimates of errors below 1e-6 of the output are not asked for. Rotations of the right face are held by its
 # static modes to 1e-5.
 MATTERS = 1e-6
+NEWTON = 1e-10  # of the largest value: relative tolerance of both runs
 FIRST = 20  # steps
 CONTINUED = {"basis": 0.01, "time step": 0.05}  # of the largest: tangents at other steps; one-sided where a run ends
 
@@ -65,11 +66,24 @@ def test_estimate_is_the_difference_to_all_modes(name, n, kind):
             largest = np.max(np.abs(error))
             assert out.estimate_scope == "coupled (linearised)"
             if largest > MATTERS * np.max(np.abs(out.value)):
-                allowed = 0.03 if np.isinf(out.bound["best"]).all() else 0.05
+                allowed = 0.03 if key in ("displacement", "position", "velocity") else 0.05
                 assert np.max(np.abs(of_basis(out) - error)) <= allowed * largest
                 compared.add(key)
     assert compared >= {"displacement", "velocity", "displacement in the frame", "velocity in the frame"}
     assert compared >= {"rotation", "stress"}
+
+
+def test_gravity_turns_a_body_by_its_undeformed_mass_centre():
+    """So does Exudyn. With the moment of gravity on what vectors move, positions here were off by 68 % of the error.
+
+    What Newton's tolerance leaves of both runs is 1.2 % of it.
+    """
+    truth = output_truths.stored("double_pendulum")
+    for i, report in enumerate(estimated("double_pendulum", 1, "RBE3"), start=1):
+        for key in ("displacement", "position", "velocity"):
+            out = report.output(key)
+            error = truth[f"{key} of bar {i}"] - out.value
+            assert np.max(np.abs(of_basis(out) - error)) <= 0.03 * np.max(np.abs(error)), key
 
 
 @pytest.mark.parametrize(("name", "n", "kind"), CASES)
@@ -84,11 +98,10 @@ def test_parts_add_up_and_so_do_checks(name, n, kind):
             assert np.max(out.uncertainty) > 0
 
 
-def test_frame_has_what_is_proved_and_global_axes_have_no_bound():
-    """In the frame the part of the basis is the correction of the bound; in global axes nothing is proved."""
+def test_corrections_are_the_part_of_the_basis_and_velocities_in_global_axes_have_no_bound():
     (report,) = estimated("slider_crank", 4, "RBE3")
     for name, out in report.outputs.items():
-        if name in ("displacement", "position", "velocity"):
+        if name == "velocity":
             assert np.isinf(out.bound["best"]).all()
             assert np.isinf(out.reduction_bound["best"]).all()
             assert out.corrected is None
@@ -99,8 +112,23 @@ def test_frame_has_what_is_proved_and_global_axes_have_no_bound():
             assert np.isfinite(out.bound["best"]).all()
     moved, placed = (report.output(name) for name in ("displacement", "position"))
     np.testing.assert_allclose(moved.estimate, placed.estimate, atol=tol.SUMS * np.max(np.abs(placed.value)))
-    told = [message for message in report.messages if message.startswith("no bound of 'displacement', 'position', ")]
+    told = [message for message in report.messages if message.startswith("no bound of 'velocity' (inf): ")]
     assert len(told) == 1
+
+
+@pytest.mark.parametrize(("name", "n", "kind"), [*CASES, ("double_pendulum", 1, "RBE3")])
+def test_positions_in_global_axes_are_within_their_bounds(name, n, kind):
+    """At every instant; and the largest bound is not far above the largest error (measured: 1.01 to 1.15 times)."""
+    truth = output_truths.stored(name)
+    for i, report in enumerate(estimated(name, n, kind), start=1):
+        for key in ("displacement", "position"):
+            out = report.output(key)
+            error = np.abs(truth[f"{key} of bar {i}"] - out.value)
+            left = np.abs(truth[f"{key} of bar {i}"] - out.corrected)
+            newton = NEWTON * np.max(np.abs(out.value))
+            assert (error <= out.bound["best"] + newton).all()
+            assert (left <= out.corrected_bound + newton).all()
+            assert (out.bound["best"].max(axis=0) <= 1.2 * error.max(axis=0)).all()
 
 
 def test_first_steps_of_the_truth_are_those_stored():

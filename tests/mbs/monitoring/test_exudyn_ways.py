@@ -370,14 +370,11 @@ def test_sensors_in_a_mechanism_keep_their_names():
     np.testing.assert_allclose(reports[0].output("sensor0").value[-1], shown, rtol=1e-9)
     for report in reports:
         for name, out in report.outputs.items():
-            in_global_axes = name in ("sensor0", "sensor1", "sensor3", "sensor5")
-            assert np.isinf(out.bound["best"]).all() == in_global_axes
+            assert np.isfinite(out.bound["best"]).all(), name  # displacements in global axes, too
             assert out.estimate_scope == "coupled (linearised)"
             assert 0 < np.max(np.abs(out.estimate)) < np.inf
     told = [line for line in str(reports[0]).splitlines() if "the motion of the frame is in it" in line]
-    assert len(told) == 1  # one line, of both sensors
-    assert told[0].startswith("! no bound of 'sensor0', 'sensor1' (inf): the motion of the frame is in it, whose")
-    assert "'NAME in the frame' of a sensor" in told[0]
+    assert not told
     assert monitors[0].plan is monitors[0].plan  # nothing was made anew
 
 

@@ -1,6 +1,7 @@
 """One monitor for a mechanism: its bodies as with a monitor each, and sensors that are on none of them."""
 
 from itertools import chain
+from types import SimpleNamespace
 
 import exudyn as exu
 import numpy as np
@@ -9,7 +10,7 @@ from exudyn import itemInterface
 from exudyn.utilities import InertiaCuboid
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.mechanism import other_sensors, sensor_record
+from exudyn_romerr.mbs.mechanism import other_sensors, sensor_dependence, sensor_record
 from exudyn_romerr.mbs.mechanism.sensor_record import Sensor, SensorRecord
 from exudyn_romerr.mbs.studies.scene_run import build_trial
 from exudyn_romerr.report.mechanism_report import MechanismReport
@@ -19,7 +20,7 @@ from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve
 T_END = 0.01  # s
 BASIS = 1e-3  # of the error of the basis: what compressed vectors leave of it; measured 4e-4, of accelerations
 SHOWN = ("Displacement", "Velocity", "Acceleration", "AngularVelocity")
-CRANK = tuple(f"crank {name}" for name in (*SHOWN, "Rotation"))
+CRANK = (*(f"crank {name}" for name in (*SHOWN, "Rotation")), "force of a joint")
 
 
 def slider_crank(n=0, kind="RBE3", t_end=T_END):
@@ -43,7 +44,10 @@ def slider_crank(n=0, kind="RBE3", t_end=T_END):
     )
     for sensor in (
         itemInterface.SensorObject(
-            name="force of a joint", objectNumber=joint, outputVariableType=exu.OutputVariableType.ForceLocal
+            name="force of a joint",
+            objectNumber=joint,
+            outputVariableType=exu.OutputVariableType.ForceLocal,
+            **options,
         ),
         itemInterface.SensorLoad(name="torque", loadNumber=0),
         itemInterface.SensorUserFunction(name="function", sensorUserFunction=lambda *_: [1.0]),
@@ -142,8 +146,9 @@ def test_angles_change_without_full_turns(monkeypatch, kind, change):
     """From below pi to above -pi."""
     sensors = other_sensors.OtherSensors([0], [])
     sensors.sensors = [Sensor(0, "angle", getattr(exu.OutputVariableType, kind), 1)]
-    monkeypatch.setattr(sensors, "_shown", lambda mbs, rows: np.array([[0.001 - np.pi]]))
+    monkeypatch.setattr(sensors, "_shown", lambda mbs, rows, record: np.array([[0.001 - np.pi]]))
     rows, none = (np.zeros(1), *np.zeros((4, 1, 2))), np.zeros((3, 1, 2))
+    sensors._tangents = SimpleNamespace(independent=[])
     found = sensors._change(None, rows, np.array([[np.pi - 0.001]]), none)
     np.testing.assert_allclose(found, change, rtol=1e-12)  # rounding of 2 pi beside 0.002
 
@@ -184,7 +189,7 @@ def test_rotations_by_increments_are_left_out():
     solve(scene)
     report = monitor.report()
     assert list(report.outputs) == ["centre"]
-    assert dict(report.plan.left_out)["edge"] == other_sensors.ROTATIONS
+    assert dict(report.plan.left_out)["edge"] == sensor_dependence.ROTATIONS
 
 
 def test_bodies_are_as_with_a_monitor_each():
@@ -206,11 +211,10 @@ def test_bodies_are_as_with_a_monitor_each():
 
 def test_sensors_without_estimate_say_why(report):
     left_out = dict(report.plan.left_out)
-    assert left_out["force of a joint"] == other_sensors.MULTIPLIERS
-    assert left_out["torque"] == other_sensors.NO_STATE["Load"]
-    assert left_out["function"] == other_sensors.NO_STATE["UserFunction"]
-    assert left_out["ground"] == other_sensors.STILL
-    assert not {"force of a joint", "torque", "function", "ground"} & set(report.outputs)
+    assert left_out["torque"] == sensor_dependence.NO_STATE["Load"]
+    assert left_out["function"] == sensor_dependence.NO_STATE["UserFunction"]
+    assert left_out["ground"] == sensor_dependence.STILL
+    assert not {"torque", "function", "ground"} & set(report.outputs)
     assert any(line.startswith("estimated only, no bound of it is known: piston") for line in report.messages)
 
 
@@ -263,7 +267,7 @@ def test_the_plan_names_bodies_and_sensors(run):
     _, monitor = run
     assert not {name for name in dict(monitor.plan.left_out) if name.startswith(("piston", "crank"))}
     assert "output 'tip 1 local'" in str(monitor.plan)
-    assert f"torque: {other_sensors.NO_STATE['Load']}" in str(monitor.plan)
+    assert f"torque: {sensor_dependence.NO_STATE['Load']}" in str(monitor.plan)
 
 
 def test_equal_names_are_refused_with_both_places():

@@ -186,7 +186,8 @@ def test_estimate_may_decide_and_met_stays_with_the_bound(monkeypatch):
         patch.setattr(Trial, "solve", with_loose_bounds)
         choice = romerr.choose_modes(crank, 0.01, relative=True, by="estimate")
     assert (choice.chosen.is_enough, choice.met, choice.limit) == (True, False, None)
-    assert " is about enough, by the estimate; its bounds are not within the tolerance; " in str(choice)
+    assert str(choice).startswith("n = 5: likely; its bounds are not within the tolerance; their scope: coupled")
+    assert "tip: likely, its error is about " in str(choice) or "mid: likely, its error is about " in str(choice)
     for name, out in choice.reports[0].outputs.items():
         most = np.max(np.abs(out.estimate) + out.uncertainty)
         assert most <= choice.chosen.tolerance[name]
@@ -194,7 +195,8 @@ def test_estimate_may_decide_and_met_stays_with_the_bound(monkeypatch):
         assert out.tolerance == choice.chosen.tolerance[name]  # its advice is about that
         out.bound = {e: bound / 100 for e, bound in out.bound.items()}
     assert choice.met
-    assert " is about enough, by the estimate; its bounds are within the tolerance, too; " in str(choice)
+    assert str(choice).startswith("n = 5: likely; its bounds are within the tolerance; their scope: coupled")
+    assert [choice.answer, *(run.assessment.answer for run in choice.tried)] == ["likely", "unlikely", "likely"]
 
 
 def test_what_decides_has_two_names():

@@ -1,0 +1,177 @@
+"""Remainder: what linear equations leave out of the motion they predict, from the residual of that motion.
+
+    M r'' + D r' + K r + G^T l = -(M q'' + G^T l - f) ,   C r = -g     of the predicted motion
+
+Nonlinear equations less these are of second order in the prediction, so r is known to that order, and it knows what
+tangents that are interpolated miss, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from .march import Columns
+from .mechanism_feedback import held
+
+if TYPE_CHECKING:
+    from .march import Steps, Tangent
+
+EVERY = 16  # samples: at least there the residual is looked at, and it is taken for linear between
+DENSE = 16  # first samples of a run: there at all of them
+PAYS = 0.02  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
+LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
+ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
+RAMP = 32  # steps within which r sets in
+# what may be left, in sizes of r: seen at every 16th sample it came out down to 0.5 of what it is (slider crank), at
+# all of them within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
+FACTOR = 4.0
+Loads = tuple[np.ndarray, np.ndarray]
+Residuals = Callable[[Sequence[np.ndarray]], Loads | None]
+Sizes = Callable[[np.ndarray], np.ndarray]
+
+
+class Measured(NamedTuple):
+    """What was found at the rows of a block, (3, S, k): r, and the part of it that was added to the prediction."""
+
+    r: np.ndarray
+    added: np.ndarray
+
+    def left(self, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """What the prediction may still lack, the sum of the sizes of these: so many times what was not added."""
+        return factor * (self.r - self.added), self.added
+
+
+class Remainder:
+    """r along a run, through the steps of Feedback, after it.
+
+    sizes : of x (3, S, k), (S, quantities), that r and the prediction are compared by. at_once : whether all of r is
+    added where that pays first; else it sets in, from rest.
+
+    Attributes
+    ----------
+    adds : whether r is added to the prediction. multipliers (S, c) : of what the last call of follow has added.
+    """
+
+    def __init__(self, size: int, quantities: int, sizes: Sizes, at_once: bool = False):
+        self._sizes, self._at_once = sizes, at_once
+        self._moving = np.zeros((4, size, 2))  # r and what is added of it: e, e', e'', algorithmic a
+        self._count, self._ramp, self.adds, self._ended = 0, 0, False, False
+        self.multipliers = np.zeros((0, 0))
+        self._largest = np.zeros((3, quantities))  # of r, of the prediction, of the motion
+
+    def start(self, t: float, constraints: int) -> None:
+        """Begin at time t, where nothing is predicted."""
+        self._known = t, np.zeros(self._moving.shape[1]), np.zeros(constraints)
+
+    def rest(self, tangent: Tangent, rows: Sequence[np.ndarray], e: np.ndarray, residuals: Residuals) -> None:
+        """Begin at the first of rows t (1,), q, q_t, q_tt (1, k), where e (3, 1, k) is known; e' is 0.
+
+        If e is not 0, both motions are in equilibrium there, under whatever loads.
+        """
+        (t, q, *_), none = rows, 0 * e[0]
+        if e[0].any():
+            (F, g), (before, _) = (residuals((t, x, none, none)) for x in (q + e[0], q))
+            self._moving[0, :, 0] = held(tangent.K, tangent, (before - F)[0] + tangent.K @ e[0, 0], -g[0])
+            self._known = t[0], none[0], g[0]
+
+    def go_on(self, before: Remainder) -> None:
+        """Go on from the state of another run's."""
+        self._moving, self._known, self._count = before._moving, before._known, before._count
+        self._ramp, self.adds, self._largest = before._ramp, before.adds, before._largest
+
+    @property
+    def state(self) -> np.ndarray:
+        """What is added to e, e', e'' now, (3, k)."""
+        return self._moving[:3, :, 1]
+
+    @property
+    def at_start(self) -> Measured:
+        """What is known where the run starts."""
+        return Measured(*self._moving[:3].transpose(2, 0, 1)[:, :, None])
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Largest r so far over the largest of the prediction, (quantities,)."""
+        return self._shares(self._largest)
+
+    @staticmethod
+    def _shares(largest: np.ndarray) -> np.ndarray:
+        r, predicted, motion = largest
+        return r / np.maximum(np.maximum(predicted, ROUNDING * motion), np.finfo(float).tiny)
+
+    def begin(self, rows: Sequence[np.ndarray], residuals: Residuals) -> None:
+        """Steps to rows t (S,), q, q_t, q_tt (S, k) follow."""
+        self._rows, self._residuals, self._found = rows, residuals, []  # None of it: they are not known any more
+
+    def follow(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> np.ndarray | None:
+        """Go through some of the steps, where e, e', e'' (3, S, k) are predicted; return what is added to these.
+
+        own : loads (S, k) and values of constraints (S, c) that belong to the prediction; None: none.
+        """
+        rows, number = [x[part] for x in self._rows], self._count + 1 + np.arange(len(steps))
+        looked = self.adds | (number <= DENSE) | (number % EVERY == 0)
+        looked[-1] |= len(steps) >= EVERY / 2  # else it is held from the last before
+        known = self._look(rows, e, own, looked, [self._known])
+        found, largest = self._marched(steps, rows, e, known)
+        if np.any(self._shares(largest) > PAYS) and not self.adds:
+            known = self._look(rows, e, own, ~looked, known)
+            self._begin_to_add(self._shares(largest[:, -1]))
+            found, largest = self._marched(steps, rows, e, known)
+        self._moving, self._known, self._largest = found[-1], known[-1], largest[:, -1]
+        self._count += len(steps)
+        found = found[:, :3].transpose(3, 1, 0, 2)
+        self._found.append(found)
+        added = found[1] if self.adds else None
+        self._ramp += self.adds * len(steps)
+        return added
+
+    def _begin_to_add(self, shares: np.ndarray) -> None:
+        """Do so if that pays, and helps."""
+        self.adds = not self._ended and bool(np.any(shares > PAYS) and np.all(shares < LOST))
+        if self.adds and self._at_once:
+            self._moving[..., 1], self._ramp = self._moving[..., 0], RAMP
+
+    def found(self) -> Measured | None:
+        """Return what was found since `begin`; None: it did not follow."""
+        return Measured(*np.concatenate(self._found, axis=2)) if self._found else None
+
+    def _look(
+        self, rows: Sequence[np.ndarray], e: np.ndarray, own: Loads | None, where: np.ndarray, known: list[tuple]
+    ) -> list[tuple]:
+        """Return t, residuals and values of constraints where they are known, in the order of time, and here."""
+        t, *states = (x[where] for x in rows)
+        if not len(t) or self._ended:
+            return known
+        residuals = self._residuals((t, *(x + dx for x, dx in zip(states, e[:, where], strict=True))))
+        if residuals is None:
+            self._ended = True
+            return known
+        if own is not None:
+            residuals = [x - of[where] for x, of in zip(residuals, own, strict=True)]
+        first, *more = known
+        return [first, *sorted([*more, *zip(t, *residuals, strict=True)], key=lambda one: one[0])]
+
+    def _marched(
+        self, steps: Steps, rows: Sequence[np.ndarray], e: np.ndarray, known: list[tuple]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return e, e', e'', a (S, 4, k, 2) of r and what is added, and the largest so far (3, S, quantities)."""
+        times, *values = (np.array(x) for x in zip(*known, strict=True))
+        F, g = (_linear(rows[0], times, x)[..., None] for x in values)
+        share = self.adds * np.minimum((self._ramp + 1 + np.arange(len(steps))) / RAMP, 1.0)
+        both = np.column_stack([np.ones(len(steps)), share**2 * (3 - 2 * share)])[:, None]
+        [(found, forces)] = steps.march(Columns(self._moving, -F * both, -g * both), multipliers=True)
+        self.multipliers = forces[..., 1]
+        r = found[:, :3, :, 0].swapaxes(0, 1)
+        sizes = np.array([self._sizes(x) for x in (r, e, np.array(rows[1:]))])
+        return found, np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
+
+
+def _linear(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (S, ...) at t (S,), linear between times (T,), held after the last."""
+    after = np.minimum(np.searchsorted(times, t), len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    share = np.clip((t - times[before]) / np.maximum(times[after] - times[before], np.finfo(float).tiny), 0.0, 1.0)
+    return values[before] + share[:, None] * (values[after] - values[before])

@@ -1,0 +1,1 @@
+"""Finite-element models from files of other programs: matrices, nodes, elements, sets."""

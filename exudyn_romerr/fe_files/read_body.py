@@ -1,0 +1,150 @@
+"""read_body: a body from the files that finite-element programs write."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .abaqus_input import read_input
+from .ansys_files import read_ansys_mesh, read_full
+from .assembled import assembled
+from .fe_data import Matrix, Mesh
+from .fe_model import FEModel
+from .matrix_files import read_matrix
+from .nastran_files import read_bulk, read_nastran
+from .saved_files import read_saved
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MATRIX = (".mtx", ".gz", ".npz", ".npy")
+ANSYS_MESHES = (".cdb", ".rst")
+NASTRAN = (".pch", ".op2", ".op4")
+BULK = (".bdf", ".dat", ".nas", ".blk")
+SAVED = (".npz", ".hdf5", ".h5", ".pkl")
+
+
+def read_body(
+    path: str | os.PathLike,
+    *,
+    mass: str | os.PathLike | None = None,
+    stiffness: str | os.PathLike | None = None,
+    mesh: str | os.PathLike | None = None,
+    rayleigh: Sequence[float] | None = None,
+    fixed: str | Sequence[str | int] = (),
+    reference: Any = None,
+    unpickle: bool = False,
+) -> FEModel:
+    """Read mass and stiffness, and what else is there: nodes, elements, node sets, supports.
+
+    Parameters
+    ----------
+    path : path
+        Abaqus: .inp, with JOB_MASS1.mtx and JOB_STIF1.mtx beside it (both formats of *Matrix Output). Ansys: .full
+        (extra [ansys]), with .cdb or .rst of that name for nodes. Nastran: .pch with DMIG, .op2 or .op4 (extra
+        [nastran]). Matrix Market .mtx or .mtx.gz, scipy's .npz: the stiffness matrix, with mass=. What
+        FEMinterface.SaveToFile wrote: .npz, .hdf5 (needs h5py), .pkl. What FEModel.save wrote: .npz.
+    mass, stiffness : path, optional
+        The file of that matrix, where its name does not tell, or the matrix itself is in none of the above. Of
+        Nastran: its name in the file, "MAAX".
+    mesh : path, optional
+        The file with nodes, where it is another one: .inp, .cdb, .rst, or Nastran's bulk data .bdf, .dat, .nas, .blk.
+    rayleigh, fixed, reference
+        Of `.body`, as ElasticBody takes them; fixed may name node sets.
+    unpickle : bool
+        FEMinterface's .npz and .pkl hold Python objects (pickle), which may run any code while they are read. True:
+        you trust the file. Its .hdf5 needs no trust.
+
+    Returns
+    -------
+    FEModel
+        `.body` (ElasticBody), `.node_sets`, `.to_fem()` (exudyn FEMinterface); nodes count from 0 in ascending order
+        of the file's numbers, `.node_numbers`.
+
+    Raises
+    ------
+    InputError
+        A file that is missing, damaged, of no known kind, or lacks something: the message says what and how to get
+        it. A package that is not installed. A pickle without unpickle=True.
+
+    Does not cover: several parts or instances, constraints between nodes (*Equation, *Tie, RBE2 ... refused where the
+    reader sees them), damping matrices, superelements, units (those of the files are kept).
+    """
+    path = Path(path)
+    options = {"rayleigh": rayleigh, "fixed": fixed, "reference": reference}
+    for name, other in (("path", path), ("mesh", mesh)):
+        if other is not None and not os.path.isfile(other):
+            raise InputError(f"{name}={os.fspath(other)!r} is no file")
+    kind = path.suffix.lower()
+    nodes = None if mesh is None else _mesh(Path(mesh))
+    if kind in NASTRAN:
+        found = read_nastran(path, mass, stiffness)
+        return assembled(found.stiffness, found.mass, nodes or found.mesh, **options)
+    if kind == ".full":
+        return assembled(*read_full(path), nodes or _beside(path, ANSYS_MESHES), **options)
+    if kind == ".inp":
+        pair = [_matrix(path, given, what) for given, what in ((stiffness, "STIF"), (mass, "MASS"))]
+        return assembled(*pair, nodes or read_input(path), **options)
+    if kind in SAVED and mass is None and (found := read_saved(path, unpickle, options)) is not None:
+        return found
+    if kind in MATRIX:
+        return assembled(*_pair(path, mass, stiffness), nodes, **options)
+    raise InputError(f"path={os.fspath(path)!r}: files that end in {kind!r} are not known; see docs/fe_input.md")
+
+
+def _mesh(path: Path) -> Mesh:
+    kind = path.suffix.lower()
+    if kind == ".inp":
+        return read_input(path)
+    if kind in ANSYS_MESHES:
+        return read_ansys_mesh(path)
+    if kind in BULK or kind in NASTRAN:
+        return read_bulk(path)
+    raise InputError(f"mesh={os.fspath(path)!r}: known are .inp, {', '.join((*ANSYS_MESHES, *BULK))}")
+
+
+def _beside(path: Path, endings: tuple[str, ...]) -> Mesh | None:
+    """The mesh in a file of the same name, if there is one."""
+    return next((_mesh(other) for end in endings if (other := path.with_suffix(end)).is_file()), None)
+
+
+def _pair(path: Path, mass: Any, stiffness: Any) -> list[Matrix]:
+    if mass is None and stiffness is None:
+        other = _counterpart(path)
+        mass, stiffness = (path, other) if "MASS" in path.name.upper() else (other, path)
+    return [read_matrix(_existing(name, x or path)) for name, x in (("stiffness", stiffness), ("mass", mass))]
+
+
+def _counterpart(path: Path) -> Path:
+    """The file whose name says MASS where this one says STIF, or the other way round."""
+    for one, other in (("STIF", "MASS"), ("MASS", "STIF"), ("stiffness", "mass"), ("mass", "stiffness")):
+        beside = path.with_name(path.name.replace(one, other))
+        if beside != path and beside.is_file():
+            return beside
+    raise InputError(f"{path.name} has one matrix; pass mass= and stiffness=, the files of both")
+
+
+def _matrix(path: Path, given: Any, what: str) -> Matrix:
+    """The matrix that belongs to an .inp: the one given, or JOB_MASS1.mtx, of the only step that wrote one."""
+    word = {"MASS": "mass", "STIF": "stiffness"}[what]
+    if given is not None:
+        return read_matrix(_existing(word, given))
+    pattern = re.compile(rf"{re.escape(path.stem)}_?{what}\d+\.mtx", re.IGNORECASE)
+    found = sorted(other for other in path.parent.iterdir() if pattern.fullmatch(other.name))
+    if len(found) > 1:
+        raise InputError(f"beside {path.name} are {', '.join(x.name for x in found)}; pass {word}=, one of them")
+    if not found:
+        raise InputError(
+            f"there is no {path.stem}_{what}1.mtx beside {path.name}: the {word} matrix, which Abaqus writes after "
+            f"*Matrix Generate, stiffness, mass and *Matrix Output, stiffness, mass; or pass {word}=, its file"
+        )
+    return read_matrix(found[0])
+
+
+def _existing(name: str, path: Any) -> Path:
+    if not os.path.isfile(path):
+        raise InputError(f"{name}={os.fspath(path)!r} is no file")
+    return Path(path)

@@ -1,0 +1,174 @@
+"""Shadow: an mbs of our own beside that of a run, whose flexible bodies have their auxiliary vectors as modes.
+
+Made of what GetNode, GetObject, GetMarker and GetLoad give of the mbs, so that Exudyn's own equations can be asked in
+states for which the mbs of the run has no coordinates. (Exudyn's GetDictionary refuses objects with user functions.)
+The run's mbs is read and set back, nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import exudyn as exu
+import numpy as np
+
+from ...errors import RunError
+from ..access.equations import Equations
+from ..access.state_guard import current_state, set_state, state_kept
+from ..access.wider_object import object_terms
+from ..memory.user_memory import memory_kept
+from .stored_residuals import GONE, HOLDS, MEMORY, user_functions
+
+if TYPE_CHECKING:
+    from ..access.linearisation import Tangents
+    from .enriched_body import EnrichedBody
+
+    Parts = Sequence[tuple[EnrichedBody, slice]]
+
+AGREES = 1e-9  # of the largest entry; measured: up to 3e-13
+AWAY = 0.01  # of coordinates: where both are compared, so that nothing vanishes by chance
+SEED = 17
+NO_COPY = "it cannot be copied: {}"
+MORE = "it has data coordinates, or such of first order, which stored steps lack"
+OTHER = "its copy has other equations: {} differ by {:.1e} of the largest entry"
+
+
+class Shadow:
+    """Equations of an mbs with vectors: coordinates q (k,) are those of the mbs, then the vectors of all bodies.
+
+    parts : bodies, and where their vectors are among these coordinates. tangents : of the running solver.
+
+    Raises
+    ------
+    RunError
+        The mbs cannot be copied, or its copy has other equations; a user function keeps something from call to call.
+    """
+
+    def __init__(self, mbs: Any, parts: Parts, tangents: Tangents):
+        if mbs is None:
+            raise RunError(GONE)
+        self._original, self._rows, self._functions = tangents.equations, tangents.independent, user_functions(mbs)
+        if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
+            raise RunError(MORE)
+        try:
+            self._container = exu.SystemContainer()  # goes when nobody holds it, and what is in it
+            self._mbs = self._container.AddSystem()
+            _copy(mbs, self._mbs, [body for body, _ in parts])
+            self._mbs.Assemble()
+            self._equations = Equations(self._mbs, tangents.equations.threads)
+            self._places = _places(mbs, self._mbs, parts)
+        except Exception as error:
+            raise RunError(NO_COPY.format(error)) from error
+        self.compare(mbs)
+
+    def residuals(self, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return M q'' + G^T l - f (S, k), and what constraints keep zero (S, c), in rows t, q, q_t, q_tt (S, k).
+
+        Multipliers l are those that leave least of it.
+        """
+        with self._functions_kept():
+            found = [self._at(t, state) for t, *state in zip(*rows, strict=True)]
+        forces, M, G, g = (np.array(x) for x in zip(*found, strict=True))
+        return without_constraints(forces, M, G), g
+
+    def _at(self, t: float, state: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
+        """M q'' - f (k,), the diagonal of M (k,), G (c, k), g (c,)."""
+        places = self._places
+        self._set(t, state)
+        M, force, G, g = self._equations_of(self._equations, self._mbs)
+        return force[places], np.diag(M)[places], G[:, places], g
+
+    def _equations_of(self, own: Equations, mbs: Any) -> tuple[np.ndarray, ...]:
+        """M, M q'' - f, G and g of independent constraints, in the current state."""
+        M, G, g = own.mass(mbs), own.constraints(mbs)[self._rows], own.drift(mbs)[self._rows]
+        return M, M @ mbs.systemData.GetODE2Coordinates_tt() - own.forces(mbs), G, g
+
+    def _set(self, t: float, state: Sequence[np.ndarray]) -> None:
+        system, wide = self._mbs.systemData, np.zeros((3, len(self._places)))
+        wide[:, self._places] = state
+        set_state(system, t, (*wide, system.GetAECoordinates()))
+
+    @contextmanager
+    def _functions_kept(self) -> Iterator[None]:
+        """Call user functions, RunError if they keep something; that is put back."""
+        with memory_kept(self._mbs, self._functions) as memory:
+            if memory.lost:
+                raise RunError(HOLDS.format(memory.lost))
+            yield
+            if memory.changed:
+                raise RunError(MEMORY)
+
+    def compare(self, mbs: Any) -> None:
+        """RunError unless M, forces, G and g are those of the mbs where no vector moves."""
+        if mbs is None:
+            raise RunError(GONE)
+        own, rng, system = self._original, np.random.default_rng(SEED), mbs.systemData
+        t = system.GetTime()
+        state = [x + AWAY * rng.uniform(0.5, 1.0, len(x)) * np.abs(x).max(initial=1.0) for x in current_state(system)]
+        at = self._places[: own.size]
+        with self._functions_kept():
+            with state_kept(system):
+                set_state(system, t, state)
+                wanted = [x.copy() for x in self._equations_of(own, mbs)]
+            self._set(t, [np.append(x, np.zeros(len(self._places) - own.size)) for x in state[:3]])
+            M, force, G, g = self._equations_of(self._equations, self._mbs)
+            found = M[np.ix_(at, at)], force[at], G[:, at], g
+        for name, one, other in zip(("masses", "forces", "G", "constraints"), wanted, found, strict=True):
+            off = np.abs(one - other).max(initial=0.0) / max(np.abs(one).max(initial=0.0), np.finfo(float).tiny)
+            if not off <= AGREES:
+                raise RunError(OTHER.format(name, off))
+
+
+def _copy(mbs: Any, shadow: Any, bodies: Sequence[EnrichedBody]) -> None:
+    """Add all items of the mbs to another one, but for sensors; bodies have vectors behind their modes there."""
+    system, wider = mbs.systemData, {body.flex.number: body for body in bodies}
+    nodes = {int(mbs.GetObject(number)["nodeNumbers"][1]): body for number, body in wider.items()}
+    for i in range(system.NumberOfNodes()):
+        node = _bare(mbs.GetNode(i))
+        if i in nodes:
+            node["numberOfODE2Coordinates"] = nodes[i].shapes.shape[1]
+            for name in ("referenceCoordinates", "initialCoordinates", "initialCoordinates_t"):
+                node[name] = np.append(node[name], np.zeros(nodes[i].m))
+        shadow.AddNode(node)
+    for i in range(system.NumberOfObjects()):
+        item = _bare(mbs.GetObject(i))
+        if i in wider:
+            item |= object_terms(wider[i].flex, wider[i].shapes, wider[i].rayleigh)
+        shadow.AddObject(item)
+    for i in range(system.NumberOfMarkers()):
+        shadow.AddMarker(_bare(mbs.GetMarker(i)))
+    for i in range(system.NumberOfLoads()):
+        shadow.AddLoad(_bare(mbs.GetLoad(i)))
+
+
+def _bare(item: dict[str, Any]) -> dict[str, Any]:
+    """Return an item without its name and what is drawn."""
+    return {key: value for key, value in item.items() if not (key.startswith("V") or key == "name")}
+
+
+def _places(mbs: Any, shadow: Any, parts: Parts) -> np.ndarray:
+    """Return where the coordinates of the mbs, and the vectors behind them, are among those of its shadow."""
+    system, wider = mbs.systemData, shadow.systemData
+    found = np.full(sum(body.m for body, _ in parts) + len(system.GetODE2Coordinates()), -1)
+    for node in range(system.NumberOfNodes()):
+        narrow, wide = (np.array(of.GetNodeLTGODE2(node), dtype=int) for of in (system, wider))
+        found[narrow] = wide[: len(narrow)]
+    for body, own in parts:
+        node = int(mbs.GetObject(body.flex.number)["nodeNumbers"][1])
+        found[own] = wider.GetNodeLTGODE2(node)[-body.m :] if body.m else []
+    return found
+
+
+def without_constraints(forces: np.ndarray, masses: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """Return forces (S, k) with those of constraints, G^T l of G (S, c, k), that leave least of them.
+
+    Least in the norm of the accelerations of masses (S, k), as near as their sizes matter.
+    """
+    if not G.shape[1]:
+        return forces
+    light = 1 / np.maximum(masses, np.finfo(float).eps * masses.max(axis=1, keepdims=True))
+    by = G * light[:, None]
+    multipliers = np.linalg.solve(by @ G.swapaxes(1, 2), -(by @ forces[..., None]))
+    return forces + (G.swapaxes(1, 2) @ multipliers)[..., 0]

@@ -1,0 +1,157 @@
+"""MeasuredRemainder: what a mechanism's linear equations leave out of their prediction, by its shadow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunError
+from ...estimates.remainder import LOST, Measured, Remainder
+from ...estimates.time_step_error import PROVISIONAL
+from ...linalg.blocked_products import row_norms
+from ..mechanism.shadow import Shadow
+
+if TYPE_CHECKING:
+    from ...estimates.march import Steps, Tangent
+    from ...estimates.time_step_error import TimeStep
+    from ..access.linearisation import Tangents
+    from ..mechanism.enriched_body import EnrichedBody
+    from ..mechanism.step_errors import StepErrors
+
+    Parts = Sequence[tuple[EnrichedBody, slice]]
+
+INCREMENTS = "rotations of Lie group nodes are increments"
+LEFT_OUT = "what linear equations leave out is taken for 1 % of what they predict, not measured: {}"
+
+
+class MeasuredRemainder:
+    """Remainders of what vectors predict, and of errors by time steps; what fails ends them, and nothing else.
+
+    step_errors : errors by time steps, which have gone through steps before `follow` is called.
+
+    Attributes
+    ----------
+    found : what was measured of the vectors' prediction at the rows of the last call of open, go_on or finish; None:
+    nothing. notes : why, once.
+    """
+
+    def __init__(self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors):
+        self._tangents, self._parts, self._size, self._step_errors = tangents, parts, size, step_errors
+        self._shadow: Shadow | None = None
+        self._of_vectors, self._of_steps = (
+            Remainder(size, len(parts) + 1, self._sizes, at_once) for at_once in (False, True)
+        )
+        self._failure = ""
+        self.found: Measured | None = None
+        self.notes: list[str] = []
+
+    def open(self, mbs: Any, tangent: Tangent, rows: Sequence[np.ndarray], e: np.ndarray) -> None:
+        """Begin at the first of rows t (1,), q, q_t, q_tt (1, n), where e (3, 1, k) is predicted."""
+        self._constraints = len(tangent.C)
+        for one in (self._of_vectors, self._of_steps):
+            one.start(float(rows[0][0]), self._constraints)
+        self._try(self._make, mbs)
+        self._try(self._of_vectors.rest, tangent, self._wide(rows), e, self._residuals)
+        self._open()
+
+    def go_on(self, mbs: Any, before: MeasuredRemainder) -> None:
+        """Go on from another run's."""
+        self._of_vectors.go_on(before._of_vectors)
+        self._of_steps.go_on(before._of_steps)
+        self._failure, self._constraints = before._failure, before._constraints
+        self._try(self._make, mbs)
+        self._open()
+
+    def _open(self) -> None:
+        self.found = None if self._failure or not self._parts else self._of_vectors.at_start
+        self._last: Measured | None = self._of_steps.at_start
+
+    @property
+    def state(self) -> np.ndarray:
+        """What is added to e, e', e'' now, (3, k)."""
+        return self._of_vectors.state
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """Multipliers (S, c) of what the last call of follow has added."""
+        return self._of_vectors.multipliers
+
+    def share(self, i: int) -> float | None:
+        """Size of what is left out of the deformation of body i over that of the prediction; None: not known."""
+        return None if self._failure or not self._parts else float(self._of_vectors.shares[i])
+
+    def begin(self, mbs: Any, rows: Sequence[np.ndarray], forces: np.ndarray) -> None:
+        """Steps to rows t (S,), q, q_t, q_tt (S, n) follow, under forces (S, k) on vectors."""
+        self._forces = forces
+        self._try(self._compare, mbs)
+        for one in (self._of_vectors, self._of_steps):
+            one.begin(self._wide(rows), self._residuals)
+
+    def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
+        """Return what is added to e, e', e'' (3, S, k) in some of the steps; None: nothing."""
+        newest, drift = self._step_errors.newest(len(steps)), None
+        if newest is not None:
+            x, force, values = newest
+            none = np.zeros((len(steps), self._constraints))
+            drift = None if values is None else (0 * force, values)
+            if self._of_steps.adds or not self._failure:
+                self._of_steps.follow(steps, part, -x, (-force - self._forces[part], none))
+        if self._parts and (self._of_vectors.adds or not self._failure):
+            return self._of_vectors.follow(steps, part, e, drift)
+        return None
+
+    def finish(self) -> None:
+        """All steps were gone through."""
+        self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
+        self.found = None if self._failure else self.found
+        last, self._last = self._last, steps
+        if last is not None and steps is not None:  # of the block before, where errors are provisional
+            before = (x[:, -PROVISIONAL:] for x in last)
+            self._last = Measured(*(np.concatenate(pair, axis=1) for pair in zip(before, steps, strict=True)))
+
+    def corrected(self, step: TimeStep | None) -> TimeStep | None:
+        """Return errors by time steps, as found last, with what linear equations leave out of them."""
+        if step is None or self._last is None:
+            return step
+        of = Measured(*(x[:, x.shape[1] - step.x.shape[1] :] for x in self._last))
+        of = of if np.all(self._of_steps.shares < LOST) else of._replace(added=0 * of.added)
+        return step._replace(x=step.x - of.added, left=() if self._failure else of.left())
+
+    def _make(self, mbs: Any) -> None:
+        """Make the shadow of this solve."""
+        if not self._tangents.differentiable.all():
+            raise RunError(INCREMENTS)
+        self._shadow = Shadow(mbs, self._parts, self._tangents)
+
+    def _residuals(self, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
+        """Those of the shadow, or None from where they are not to be had."""
+        return self._try(lambda: self._shadow.residuals(rows))
+
+    def _compare(self, mbs: Any) -> None:
+        self._shadow.compare(mbs)
+
+    def _try(self, work: Callable, *arguments: Any) -> Any:
+        """Do what is left to do unless something has failed; what fails ends the measurement, and nothing else."""
+        if not self._failure:
+            try:
+                return work(*arguments)
+            except Exception as failure:
+                self._failure = str(failure)
+                self.notes.append(LEFT_OUT.format(failure))
+        return None
+
+    def _wide(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Rows whose states have vectors, too, which do not move in the run."""
+        t, *states = rows
+        return [t, *(np.hstack([x, np.zeros((len(t), self._size - x.shape[1]))]) for x in states)]
+
+    def _sizes(self, x: np.ndarray) -> np.ndarray:
+        """Sizes (S, bodies + 1) of changes (3, S, k): of deformations in the mass norm, of all motion about so."""
+        masses = self._tangents.readings[-1].masses
+        whole = row_norms(x[0][:, : len(masses)] * np.sqrt(masses))
+        parts = (
+            (body.offline.mass_root, np.hstack([x[0][:, body.modal], x[0][:, own]])) for body, own in self._parts
+        )
+        return np.column_stack([*(row_norms(y @ root.T) for root, y in parts), whole])
