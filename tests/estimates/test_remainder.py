@@ -160,4 +160,6 @@ def test_a_second_run_goes_on_from_the_first():
         after.remainder.go_on(late.remainder)
         late = after
     for k in range(2):
-        np.testing.assert_allclose(np.concatenate([x[k] for x in parts], axis=1), whole[k], rtol=0, atol=1e-10 * np.abs(whole[k]).max())
+        np.testing.assert_allclose(
+            np.concatenate([x[k] for x in parts], axis=1), whole[k], rtol=0, atol=1e-10 * np.abs(whole[k]).max()
+        )
