@@ -58,7 +58,7 @@ class EnrichedBody:
     ----------
     m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
     if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
-    rows of modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, those of its frame, its modes.
+    rows of modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, of its frame, its modes.
     offline, sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan.
     flex, rayleigh, shapes (N, n + m) : the body as it is in the mbs, its damping, modes and vectors.
     """
