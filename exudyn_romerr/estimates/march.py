@@ -98,8 +98,8 @@ class Columns(NamedTuple):
 class Steps:
     """Consecutive steps, ready to be marched through; sums of steps are steps, too.
 
-    h (S,) : step sizes. wide, inverses : lists of [[K, D, A], [C, 0, ...]] at the samples, where A is
-    [[mass M + damping D + K, G^T], [C, 0]], and of nearly A^-1; they hold until Track makes the next ones.
+    h (S,) : step sizes. wide, inverses : of each step, [[K, D, A], [C, 0, ...]] at the sample, where A is
+    [[mass M + damping D + K, G^T], [C, 0]], and nearly A^-1; they hold until Track makes the next ones.
     once (S,) : where these are so near that what is found need not be corrected.
     """
 
@@ -107,8 +107,8 @@ class Steps:
         self,
         scheme: Scheme | None,
         h: np.ndarray,
-        wide: list[np.ndarray],
-        inverses: list[np.ndarray],
+        wide: Sequence[np.ndarray],
+        inverses: Sequence[np.ndarray],
         once: np.ndarray,
     ):
         self.scheme, self.h, self.wide, self.inverses, self.once = scheme, h, wide, inverses, once
@@ -123,7 +123,7 @@ class Steps:
 
     def __add__(self, other: Steps) -> Steps:
         h, once = (np.concatenate(pair) for pair in ((self.h, other.h), (self.once, other.once)))
-        return Steps(other.scheme, h, self.wide + other.wide, self.inverses + other.inverses, once)
+        return Steps(other.scheme, h, [*self.wide, *other.wide], [*self.inverses, *other.inverses], once)
 
     def __getitem__(self, part: slice) -> Steps:
         return Steps(self.scheme, self.h[part], self.wide[part], self.inverses[part], self.once[part])
@@ -138,8 +138,8 @@ class Steps:
         _, k = e_t.shape
         mass, damping = self.scheme.mass_and_damping(self.h)
         apart = np.concatenate([-e_t, -damping[:, None] * e_t, e_t], axis=1)  # K, D and A to mass M
-        squares = [v.dot(Q[:k, : 3 * k].dot(x)) for v, x, Q in zip(e_t, apart, self.wide, strict=True)]
-        return np.sqrt(np.maximum(squares / mass, 0.0))
+        momentum = np.matmul(np.asarray(self.wide)[:, :k, : 3 * k], apart[..., None])[..., 0]
+        return np.sqrt(np.maximum(np.einsum("sk,sk->s", e_t, momentum) / mass, 0.0))
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """What forces (k, columns) accelerate (k, columns), where the steps begin."""
@@ -178,13 +178,15 @@ class Steps:
             return all_found
         return list(zip(all_found, np.split(z[:, k:], ends[:-1], axis=2), strict=True))
 
-    def _hold(self, column: int, J: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
+    def _hold(self, column: int, J: np.ndarray) -> tuple[int, np.ndarray | slice, np.ndarray]:
         """What holds coordinates J of a column at zero: their number, they, (S, k + c, J).
 
         Forces of constraints. With z = A^-1 r the increment of a step and B = A^-1: z - B_:J (B_JJ)^-1 z_J, whose
         residual has entries in the rows J only.
         """
-        B = np.array([inverse[:, J] for inverse in self.inverses])
+        if J[-1] - J[0] == len(J) - 1:
+            J = slice(int(J[0]), int(J[-1]) + 1)  # faster
+        B = np.asarray(self.inverses)[:, :, J]
         return column, J, B @ np.linalg.inv(B[:, J])
 
     def _marched(
@@ -194,7 +196,7 @@ class Steps:
 
         Return what is found, and the solutions z (S, k + c, columns): increments, and l in their last rows.
         """
-        (S, n, columns), k, dot = right.shape, moving.shape[1], np.dot
+        (S, n, columns), k, dot, subtract = right.shape, moving.shape[1], np.dot, np.subtract
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
         ahead[1:] = ahead[1:] @ onward[:-1]
         # what is known of e, e', a, then z: increments, and l behind them
@@ -210,7 +212,7 @@ class Steps:
             if kicked is not None:
                 e += kicked[i]
             dot(Q[:, : 2 * k], e, out=before)
-            r -= before
+            subtract(r, before, out=r)
             dot(inverse, r, out=z)
             for column, J, hold in holds:
                 z[:, column] -= dot(hold[i], z[J, column])

@@ -61,16 +61,17 @@ class Track:
         self._allocate(tangent(0))
         after = np.minimum(np.searchsorted(times, t, side="left"), len(times) - 1)
         other = np.flatnonzero((np.diff(after) > 0) | (np.abs(np.diff(h)) > SAME_STEP * h[1:])) + 1
-        borders, found, done = {0, *other.tolist()}, Steps.none(), 0
+        borders, done = {0, *other.tolist()}, 0
         counts = dict(zip(sorted(borders), np.diff([0, *other, S]).tolist(), strict=True))
         for a, b in pairwise(sorted({*borders, *range(0, S, self._room), S})):
             if a in borders:
                 ends = tangent(max(int(after[a]) - 1, 0)), tangent(int(after[a]))
                 self._begin(*ends, float(h[a]), counts[a])
-            found = found + self._made(slice(a - done, b - done), h[a:b], _share(t[a:b], *ends))
+            self._make(slice(a - done, b - done), _share(t[a:b], *ends))
             if b == S or b - done == self._room:
-                yield slice(done, b), found
-                found, done = Steps.none(), b
+                made = (of[: b - done] for of in (self._wide, self._inverses, self._once))
+                yield slice(done, b), Steps(self.scheme, h[done:b], *made)
+                done = b
 
     def _begin(self, first: Tangent, last: Tangent, h: float, count: int) -> None:
         """Begin with so many steps of size h between two tangents."""
@@ -97,13 +98,14 @@ class Track:
         self._shape, n, self._heaviest = (c, k), k + c, np.abs(np.diag(tangent.M)).max()
         self._room = int(np.clip(IN_CACHE // (n * (2 * k + 2 * n)), AT_LEAST, TOGETHER))
         self._cubic, self._wide = np.zeros((4, n, 2 * k + n)), np.zeros((self._room, n, 2 * k + n))
+        self._once = np.zeros(self._room, dtype=bool)
         self._inverses, self._instant = np.zeros((self._room, n, n)), np.zeros((1, n, 2 * k + n))
         self._end: tuple[Tangent | None, float, np.ndarray | None] = (None, 0.0, None)
 
-    def _made(self, place: slice, h: np.ndarray, shares: np.ndarray) -> Steps:
-        """Steps at shares of the time between the tangents."""
+    def _make(self, place: slice, shares: np.ndarray) -> None:
+        """Make steps at shares of the time between the tangents."""
         wide, inverses = _at(shares, self._cubic, self._wide[place]), self._inverses[place]
-        once, low, done = np.zeros(len(h), dtype=bool), 0.0, 0
+        low, done = 0.0, 0
         for high, values, exact in self._pieces:
             part = slice(done, int(np.searchsorted(shares, high, side="right")))
             if values is None:
@@ -112,9 +114,8 @@ class Track:
             elif part.stop > done:
                 weights = _weights((shares[part] - low) / (high - low), len(values))
                 _combined(weights, values, inverses[part])
-            once[part] = exact
+            self._once[place][part] = exact
             low, done = high, part.stop
-        return Steps(self.scheme, h, list(wide), list(inverses), once)
 
     def _interpolated(self, low: float, high: float, count: int, start: np.ndarray, end: np.ndarray) -> list[_Piece]:
         """Return pieces of so many steps between two shares of the time; start, end : the inverses at both."""

@@ -53,10 +53,8 @@ def read_full(path: Path) -> tuple[Matrix, Matrix]:
         ) from error
     except Exception as error:  # damaged bytes make a reader in C raise anything
         raise InputError(f"{path} cannot be read as a .full file: {error}") from error
-    if full._header["ncefull"]:
-        raise InputError(
-            f"{path} has {full._header['ncefull']} constraint equations (CE, CP, RBE3), which are not read"
-        )
+    if count := full._header.get("ncefull", 0):
+        raise InputError(f"{path} has {count} constraint equations (CE, CP, RBE3), which are not read")
     for name, matrix in zip(("stiffness", "mass"), matrices, strict=True):
         if matrix is None or not np.count_nonzero(abs(matrix).sum()):
             raise InputError(f"{path} has no {name} matrix; a modal analysis (ANTYPE, MODAL with WRFULL) writes both")

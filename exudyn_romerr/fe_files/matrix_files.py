@@ -92,7 +92,8 @@ def _labelled(rows: np.ndarray, path: Path) -> Matrix:
     ends = rows[:, :4].astype(int).reshape(-1, 2, 2)
     if ends[:, :, 0].min(initial=1) < 1:
         raise InputError(
-            f"{path} has internal nodes of Abaqus (negative numbers), which elements of other kinds need"
+            f"{path} has internal nodes of Abaqus (negative numbers), as elements like B33 or hybrid ones have: "
+            "coordinates that no node of the mesh has are not read; take elements without"
         )
     if ends[:, :, 1].max(initial=1) > 6:
         raise InputError(f"{path} has coordinate {ends[:, :, 1].max()} of a node; displacements are 1 to 6")

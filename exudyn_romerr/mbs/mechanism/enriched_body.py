@@ -18,6 +18,7 @@ from ...offline.prepare import prepare
 from ...residual.residual import ResidualMap
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
+from .mechanism_residuals import NetInertia
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,7 +76,7 @@ class EnrichedBody:
     ):
         self._actions, self._terms, self.midpoint_residual = actions, terms, options.midpoint_residual
         self._frame, self.frame_size = model.frame, model.frame.size
-        self.columns, self.modal = columns, columns[model.frame.size :]
+        self.columns, (self.frame, self.modal) = columns, np.split(columns, [model.frame.size])
         V, Z = model.V, body.space
         inertia, loads, wrenches = (
             Z.loads(part)
@@ -103,6 +104,7 @@ class EnrichedBody:
         ]
         self._force(body, V_y, found.P)
         self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
+        self.net = NetInertia(model.frame, flex.mass, flex.positions, self.shapes)
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
     def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:
@@ -149,6 +151,11 @@ class EnrichedBody:
     def forces(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return -P^T R (S, m) of samples of the reduced body."""
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
+
+    def moved(self, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
+        """Return q, q_t, q_tt (S, k + m) of frame, modes and vectors in states of the mbs plus e (3, S, size)."""
+        pairs = zip(states, e, strict=True)
+        return [np.hstack([x[:, self.columns] + added[:, self.columns], added[:, own]]) for x, added in pairs]
 
     def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool = False) -> np.ndarray:
         """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.

@@ -79,19 +79,26 @@ class GlobalPositions:
 
     def go_on(self, before: GlobalPositions) -> None:
         """Go on from the run before."""
-        self._t, self._motion, self.failure = before._t, copy.copy(before._motion), before.failure
+        self._t, self._at_rest, self.failure = before._t, before._at_rest, before.failure
+        self._motion = copy.copy(before._motion)
 
-    def start(self, t: float, tangents: ExtendedTangents, readings: Sequence[Reading], g: float, rests: bool) -> None:
-        """Begin at a reading with the energy g, without error or in static equilibrium."""
-        self._t = t
-        self._motion.start(_RigidRows(tangents, readings, self._rigid, self._others).at(t, 0), g, rests)
+    def start(
+        self, t: float, tangents: ExtendedTangents, readings: Sequence[Reading], g: float, at_rest: float | None
+    ) -> None:
+        """Begin at a reading with the energy g, without error or in static equilibrium.
+
+        at_rest : |R|_{K^-1} there, which is not in g; None: without error.
+        """
+        self._t, self._at_rest, rests = t, at_rest or 0.0, at_rest is not None
+        rows = _RigidRows(tangents, readings, self._rigid, self._others)
+        self._motion.start(rows.at(t, 0), g + self._at_rest, rests)
         if self._motion.freedoms > MOST:
             self.failure = MANY.format(self._motion.freedoms, MOST)
 
     def opened(self, q: np.ndarray, g: float) -> list[np.ndarray]:
         """Return what is left (1, r) of every body's outputs as shown, at coordinates q (1, all)."""
         at = self._looked_at([_seen(body, q) for body, _ in self._parts], 0)
-        return [(g * direct + freed)[None] for direct, freed in at]
+        return [((g + self._at_rest) * direct + freed)[None] for direct, freed in at]
 
     def advance(
         self,
@@ -106,7 +113,7 @@ class GlobalPositions:
         readings : those of the tangents. steps : t (S,), coordinates q (S, all) at their ends. g, impulses (S,) :
         energy there, integral of |F|_{M^-1} in them.
         """
-        t, q = steps
+        (t, q), g = steps, g + self._at_rest  # |R|_{K^-1} is at most that
         rows, nodes = _RigidRows(tangents, readings, self._rigid, self._others), self._nodes(tangents.t, t)
         ends = np.array([0, *(np.searchsorted(t, node.end, side="right") for node in nodes)])
         seen = [_seen(body, q[np.maximum(ends - 1, 0)]) for body, _ in self._parts]

@@ -19,6 +19,7 @@ from ..access.state_guard import state_set
 OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
 APART = 32  # steps between those that are tried, at most
+SOME = 16  # of the rows between two readings
 SEED = 15
 
 
@@ -127,8 +128,9 @@ class LateReadings:
         """Rows whose forces or positions are not those that the tangents around them belong to."""
         for interval in self._intervals():
             off = np.abs(self._turned(interval)) @ self._tangents.carried_near(self._t[interval.middle]).turning
-            if self._off(interval).max() > OFF:
-                off = np.maximum(off, self._off_by_forces(interval))
+            by_forces = self._off(interval)
+            if by_forces.max() > OFF:
+                off = np.maximum(off, self._off_in_motions(interval, by_forces))
             if off.max() > OFF:
                 yield interval.rows.start + int(off.argmax())
 
@@ -160,14 +162,17 @@ class LateReadings:
         found = np.abs(changes[1:-1]) * both[matters]
         return found[:, moved > OFF].max(axis=1, initial=0.0)
 
-    def _off_by_forces(self, interval: _Interval) -> np.ndarray:
-        """The same in the motions that constraints admit: of what single coordinates feel, these may feel little."""
+    def _off_in_motions(self, interval: _Interval, off: np.ndarray) -> np.ndarray:
+        """The same in motions that constraints admit, which may feel little of it; 0 at rows that are not tried.
+
+        off : by single coordinates; the row where that is largest is tried, and some of all.
+        """
         carried, motions = self._tangents.carried_near(self._t[interval.middle]), interval.last.motions
-        found = np.zeros(interval.count)
-        for row, x in enumerate(self._moving[interval.rows]):
-            K = np.zeros(2 * (len(motions),))
-            K[carried.i, carried.j] = carried.by @ x
-            found[row] = np.abs(motions.T @ K @ motions).max(initial=0.0)
+        rows = np.unique([off.argmax(), *np.linspace(0, len(off) - 1, SOME).astype(int)])
+        K = np.zeros((len(rows), len(motions), len(motions)))
+        K[:, carried.i, carried.j] = self._moving[interval.rows][rows] @ carried.by.T
+        found = np.zeros(len(off))
+        found[rows] = np.abs(motions.T @ K @ motions).max(axis=(1, 2), initial=0.0)
         return found
 
     def _untrue(self) -> Iterator[int]:

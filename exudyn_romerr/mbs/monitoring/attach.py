@@ -63,7 +63,7 @@ def attach(
     tolerance : dict or float, optional
         Output name -> value in the output's unit (a float if there is one output). The best bound is
         compared with it at every step; when it is exceeded the solve is stopped, and the report says when. One on an
-        output in global axes of a mechanism asks for the scope "inputs frozen", which alone has a bound for it.
+        output in global axes of a mechanism asks for the scope "inputs frozen", which has a bound at every step.
     hook : callable, optional
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
@@ -76,7 +76,7 @@ def attach(
         What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
         that can be had (all flexible bodies attached, nothing that switches), else, and with "inputs frozen", the
         error under the loads, wrenches and frame motion of the reduced simulation. The report says which, and why.
-        Outputs in global axes have a bound in the latter, in the former an estimate of their error.
+        Velocities in global axes have a bound in the latter, in the former an estimate of their error.
 
     Returns
     -------

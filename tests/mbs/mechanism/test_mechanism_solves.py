@@ -51,6 +51,21 @@ def test_continued_solve_is_as_one():
             np.testing.assert_allclose(np.concatenate(parts), bound, rtol=0, atol=RESTART * np.max(bound))
 
 
+def test_positions_in_global_axes_go_on():
+    scene = pendulum(steps=20)
+    monitors = watch(scene, outputs="tip {}")
+    solve(scene, solverType=TRAPEZOIDAL)
+    from_to(scene, 0, 8)
+    solve(scene, solverType=TRAPEZOIDAL, updateInitialValues=True)
+    from_to(scene, 8, 20)
+    solve(scene, solverType=TRAPEZOIDAL)
+    for monitor in monitors:
+        whole, *parts = (monitor.report(i).output("probe").bound["best"] for i in range(3))
+        found = np.concatenate([parts[0], parts[1][1:]])
+        # tangents are read at other steps: the constants are those of other instants; 1 % of the largest starts anew
+        np.testing.assert_allclose(found, whole, rtol=0, atol=0.02 * np.max(whole))
+
+
 def test_second_solve_starts_anew():
     """A tangent is read at the end of the second, when it is asked for, but not of the first, which is over then."""
     scene = pendulum()
