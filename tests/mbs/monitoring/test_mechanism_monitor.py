@@ -18,6 +18,7 @@ from models import mechanisms
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve
 
 T_END = 0.01  # s
+FORCE = 3e-3  # of the same, of a joint's force; measured 1.5e-3: tangents between readings are in the multipliers
 BASIS = 1e-3  # of the error of the basis: what compressed vectors leave of it; measured 4e-4, of accelerations
 SHOWN = ("Displacement", "Velocity", "Acceleration", "AngularVelocity")
 CRANK = (*(f"crank {name}" for name in (*SHOWN, "Rotation")), "force of a joint")
@@ -138,7 +139,7 @@ def test_the_basis_part_is_what_all_modes_show(make, names):
     for name in names:
         error = truth[name] - reduced[name]
         off = np.abs(found.output(name).estimate_parts["basis"] - error).max()
-        assert off <= BASIS * np.abs(error).max()
+        assert off <= (FORCE if name.startswith("force") else BASIS) * np.abs(error).max()
 
 
 @pytest.mark.parametrize(("kind", "change"), [("Rotation", 0.002), ("Displacement", 0.002 - 2 * np.pi)])
