@@ -41,7 +41,7 @@ class Late(Protocol):
     multipliers : (S, c), of what the last call of follow has added.
     """
 
-    multipliers: np.ndarray
+    multipliers: np.ndarray | float
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Go through some steps, which end at a part of the rows of `advance`; return what that adds to e there.

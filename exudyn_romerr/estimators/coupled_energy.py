@@ -149,7 +149,8 @@ class CorrectedEnergy(MechanismEnergy):
         if block.added is None or block.added.veer is None:
             return np.zeros(len(block.h))
         du, du_t = (row_norms(x @ self.root.T) for x in (block.added.q, block.added.q_t))
-        return block.added.veer.unbalanced(du, du_t, self.arm, self.mass)
+        bound, known = block.added.veer.unbalanced(du, du_t, self.arm, self.mass), block.added.beside
+        return bound if known is None else np.where(np.isnan(known), bound, known)
 
     def _nothing(self, count: int) -> Added:
         none = np.zeros((count, self.value_rows.shape[1]))

@@ -76,8 +76,12 @@ class Deformations(NamedTuple):
     @classmethod
     def of(cls, body: ElasticBody, V: np.ndarray, outputs: Sequence[Output], mass: sp.spmatrix) -> Deformations:
         """Make it of V (N, k) and outputs of a body with this mass matrix (N, N)."""
-        inertia = inertia_columns(mass, body.positions, np.zeros((len(V), 0))).toarray()
-        V, C, inertia = body.space.coordinates("V", V), stacked_rows(outputs, body).C, body.space.loads(inertia)
+        inertia = inertia_columns(mass, body.positions, np.zeros((len(V), 0)))
+        V, C, inertia = (
+            body.space.coordinates("V", V),
+            stacked_rows(outputs, body).C,
+            body.space.loads(inertia.toarray()),
+        )
         factor = body.stiffness_factor
         modes = np.linalg.qr(factor.half_multiply(V))
         other = factor.half_solve(np.hstack([C.T, inertia]))

@@ -34,7 +34,8 @@ class Added(NamedTuple):
 
     q, q_t : (S, n) of modes and vectors. speed : (S,) the root of twice the kinetic energy of all that is added.
     veer : how far that moves the frame; None: not at all. left : (q, q_t) of what it may lack still, sum of sizes;
-    None: not known.
+    None: not known. beside : (S,) |.|_{M^-1} of the inertia forces of second order that are not in it and that no
+    residual of the body shows, nan where these are not known; None: nowhere.
     """
 
     q: np.ndarray
@@ -42,6 +43,7 @@ class Added(NamedTuple):
     speed: np.ndarray
     veer: Veer | None = None
     left: Sequence[tuple[np.ndarray, np.ndarray]] | None = None
+    beside: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

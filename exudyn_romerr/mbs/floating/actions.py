@@ -109,6 +109,10 @@ class Actions:
         self.loads = [load for load in self.loads if load.place.name not in still]
         return idle
 
+    def gravity_at(self, t: np.ndarray) -> np.ndarray:
+        """Return the acceleration of gravity at times t (S,), in global axes: (S, 3)."""
+        return sum((over_time(g, t) for g in self.gravity), np.zeros((len(t), 3)))
+
     @property
     def free(self) -> list[str]:
         """Names of markers that nothing acts at."""

@@ -8,7 +8,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...model.floating_frame import inertia_columns, inertia_coordinates, modal_inertia, translations
-from .actions import over_time
 
 if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
@@ -54,7 +53,7 @@ class InputTerms:
     def _inertia(self, actions: Actions, t, motion: FrameMotion, q, q_t) -> list[np.ndarray]:
         if not self.weighs:
             return []
-        gravity = sum((over_time(g, t) for g in actions.gravity), np.zeros(3))
+        gravity = actions.gravity_at(t)
         if self.at_rest:
-            return [motion.local(np.broadcast_to(-gravity, motion.r.shape))]
+            return [motion.local(-gravity)]
         return [inertia_coordinates(motion.local(motion.r_tt - gravity), motion, q, q_t)]

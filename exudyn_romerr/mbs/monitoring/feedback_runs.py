@@ -9,15 +9,16 @@ import numpy as np
 
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
-from ...estimates.remainder import FACTOR
+from ...estimates.residual_passes import ResidualPasses
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
 from ..mechanism.global_positions import GlobalPositions
+from ..mechanism.mechanism_residuals import MechanismResiduals
 from ..mechanism.output_estimates import OutputEstimates
-from .measured_remainder import MeasuredRemainder
+from ..shadow.measured_remainder import MeasuredRemainder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,6 +60,7 @@ class Reaction:
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
+        self._passes = ResidualPasses(MechanismResiduals(self.parts), self.size)
         self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors)
         coupled = bool(watches) and all(watch.is_coupled for watch in watches)
         self._positions = GlobalPositions.of(self.parts, self.size) if coupled else None
@@ -89,6 +91,7 @@ class Reaction:
         if goes_on:
             self._feedback = before._feedback
             self._narrow.go_on(before._narrow)
+            self._passes.go_on(before._passes)
             self._remainder.go_on(mbs, before._remainder)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
@@ -101,13 +104,14 @@ class Reaction:
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
-            self._remainder.open(mbs, tangent, first, self._feedback.state[:, None])
-        e = (self._feedback.state + self._remainder.state)[:, None]
+            self._passes.start(tangent, first, self._feedback.state, start[-1] is not None)
+            self._remainder.open(mbs, tangent, first, (self._feedback.state + self._passes.state)[:, None])
+        e = (self._feedback.state + self._passes.state + self._remainder.state)[:, None]
         runs, openings = [], []
         for i, (watch, (body, own)) in enumerate(zip(self._watches, self.parts, strict=True)):
             rest = watch.opening.rest
             after = watch.opening.before.companion if goes_on else None
-            states, offline = self._states(body, own, first[1:], e), body.offline if after is None else after.offline
+            states, offline = body.moved(own, first[1:], e), body.offline if after is None else after.offline
             runs.append(Run(offline if rest is None else offline.from_static()))
             if rest is not None:
                 rest = body.rest(states[0][0, body.frame_size :], rest)
@@ -143,21 +147,22 @@ class Reaction:
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
         others = [steps, self._narrow]
+        self._passes.begin(rows)
         self._remainder.begin(mbs, rows, forces)
-        e, speed = self._feedback.advance(
-            rows[0], forces, extended.t, extended.__getitem__, others, [self._remainder]
-        )
+        late = [self._passes, self._remainder]
+        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         self._remainder.finish()
         steps.finish()
         self._say(steps.notes)
         self._say(self._remainder.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
         for i, (watch, run, (body, own)) in enumerate(zip(self._watches, runs, self.parts, strict=True)):
-            sample = body.sampler(rows[0], *self._states(body, own, rows[1:], e))
+            sample = body.sampler(rows[0], *body.moved(own, rows[1:], e))
             extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
             veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
+            beside = self._passes.residuals.size_beside(body, self._passes.beside)
             for block, _ in extension.segments.values():
-                block.added = self._added(i, e, speed)._replace(veer=veer)
+                block.added = self._added(i, e, speed)._replace(veer=veer, beside=beside)
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
@@ -195,17 +200,19 @@ class Reaction:
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
         (t, *states, _), none, missed = rows, [0 * x for x in rows[1:4]], self._remainder.found
+        narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
         narrow = narrow if missed is None else narrow + missed.added
-        for i, (watch, outputs, part) in enumerate(zip(self._watches, self._estimates, self.parts, strict=True)):
-            here, *moved = (self._states(*part, states, added) for added in (0 * e, e, *narrow))
-            left = missed and [self._states(*part, none, x) for x in missed.left(FACTOR)]
+        for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
+            body, own = self.parts[i]
+            here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
+            left = missed and [body.moved(own, none, x) for x in missed.left()]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left(FACTOR))
+            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left())
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
@@ -237,12 +244,6 @@ class Reaction:
         found = self._remainder.found
         of_all, *left = (
             tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
-            for of in (e, *(found.left(FACTOR) if found else ()))
+            for of in (e, *(found.left() if found else ()))
         )
         return Added(*of_all, speed, left=left if found else None)
-
-    @staticmethod
-    def _states(body: EnrichedBody, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
-        """Coordinates of frame, modes and vectors with what is added, their rates and accelerations."""
-        pairs = zip(states, e, strict=True)
-        return [np.hstack([x[:, body.columns] + added[:, body.columns], added[:, own]]) for x, added in pairs]

@@ -96,7 +96,7 @@ class Estimated:
         self.mbs.SetPostStepUserFunction(self.step)
         self.mbs.SolveDynamic(settings)
         self.rows = joined(self.taken)
-        x, x2, loads, _ = self.parts[0] or (None,) * 4
+        x, x2, loads, *_ = self.parts[0] or (None,) * 3
         for part in filter(None, self.parts[1:]):
             known = x.shape[1] - part.replaced
             x, x2 = (np.hstack([old[:, :known], new]) for old, new in ((x, part.x), (x2, part.x2)))
@@ -127,7 +127,7 @@ class Estimated:
         rows, self.waiting = joined(self.waiting), []
         LateReadings(self.tangents, mbs, rows[0], rows[1:]).read()
         if not self.parts:
-            self.reaction.open(rows, None)
+            self.reaction.open(rows, None, mbs)
             self.parts.append(self.reaction.time_step)
             rows = tuple(x[1:] for x in rows)
         if len(rows[0]):

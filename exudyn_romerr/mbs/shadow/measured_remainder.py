@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.remainder import LOST, Measured, Remainder
+from ...estimates.remainder import LOST, Measured, Remainder, joined
 from ...estimates.time_step_error import PROVISIONAL
 from ...linalg.blocked_products import row_norms
-from ..mechanism.shadow import Shadow
+from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
@@ -40,6 +40,7 @@ class MeasuredRemainder:
     def __init__(self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors):
         self._tangents, self._parts, self._size, self._step_errors = tangents, parts, size, step_errors
         self._shadow: Shadow | None = None
+        self._mbs, self._is_compared = None, True  # while rows are evaluated: the mbs, whether it is as it was
         self._of_vectors, self._of_steps = (
             Remainder(size, len(parts) + 1, self._sizes, at_once) for at_once in (False, True)
         )
@@ -85,7 +86,7 @@ class MeasuredRemainder:
     def begin(self, mbs: Any, rows: Sequence[np.ndarray], forces: np.ndarray) -> None:
         """Steps to rows t (S,), q, q_t, q_tt (S, n) follow, under forces (S, k) on vectors."""
         self._forces = forces
-        self._try(self._compare, mbs)
+        self._mbs, self._is_compared = mbs, False
         for one in (self._of_vectors, self._of_steps):
             one.begin(self._wide(rows), self._residuals)
 
@@ -104,33 +105,37 @@ class MeasuredRemainder:
 
     def finish(self) -> None:
         """All steps were gone through."""
+        self._mbs = None
         self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
         self.found = None if self._failure else self.found
         last, self._last = self._last, steps
         if last is not None and steps is not None:  # of the block before, where errors are provisional
-            before = (x[:, -PROVISIONAL:] for x in last)
-            self._last = Measured(*(np.concatenate(pair, axis=1) for pair in zip(before, steps, strict=True)))
+            before = Measured(last.r[:, -PROVISIONAL:], last.added[:, -PROVISIONAL:], last.times[-PROVISIONAL:])
+            self._last = joined([before, steps])
 
     def corrected(self, step: TimeStep | None) -> TimeStep | None:
         """Return errors by time steps, as found last, with what linear equations leave out of them."""
         if step is None or self._last is None:
             return step
-        of = Measured(*(x[:, x.shape[1] - step.x.shape[1] :] for x in self._last))
-        of = of if np.all(self._of_steps.shares < LOST) else of._replace(added=0 * of.added)
-        return step._replace(x=step.x - of.added, left=() if self._failure else of.left())
+        r, added, times = (x[..., -step.x.shape[1] :, :] for x in (*self._last[:2], self._last.times[:, None]))
+        added = added if np.all(self._of_steps.shares < LOST) else 0.0 * added
+        left = () if self._failure else Measured(r, added, times[:, 0] / times[:, 0]).left()
+        return step._replace(x=step.x - added, left=left)
 
     def _make(self, mbs: Any) -> None:
-        """Make the shadow of this solve."""
+        """Make the shadow of this solve, if anything is predicted."""
+        if not self._parts and self._step_errors.found is None:
+            return
         if not self._tangents.differentiable.all():
             raise RunError(INCREMENTS)
         self._shadow = Shadow(mbs, self._parts, self._tangents)
 
     def _residuals(self, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
         """Those of the shadow, or None from where they are not to be had."""
-        return self._try(lambda: self._shadow.residuals(rows))
-
-    def _compare(self, mbs: Any) -> None:
-        self._shadow.compare(mbs)
+        if not self._is_compared:
+            self._try(self._shadow.compare, self._mbs)
+            self._is_compared = True
+        return self._try(self._shadow.residuals, rows)
 
     def _try(self, work: Callable, *arguments: Any) -> Any:
         """Do what is left to do unless something has failed; what fails ends the measurement, and nothing else."""

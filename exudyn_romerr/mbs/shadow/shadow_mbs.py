@@ -17,13 +17,13 @@ import numpy as np
 from ...errors import RunError
 from ..access.equations import Equations
 from ..access.state_guard import current_state, set_state, state_kept
-from ..access.wider_object import object_terms
+from ..mechanism.stored_residuals import GONE, HOLDS, MEMORY, user_functions
 from ..memory.user_memory import memory_kept
-from .stored_residuals import GONE, HOLDS, MEMORY, user_functions
+from .wider_object import object_terms
 
 if TYPE_CHECKING:
     from ..access.linearisation import Tangents
-    from .enriched_body import EnrichedBody
+    from ..mechanism.enriched_body import EnrichedBody
 
     Parts = Sequence[tuple[EnrichedBody, slice]]
 
@@ -122,7 +122,11 @@ class Shadow:
 
 
 def _copy(mbs: Any, shadow: Any, bodies: Sequence[EnrichedBody]) -> None:
-    """Add all items of the mbs to another one, but for sensors; bodies have vectors behind their modes there."""
+    """Add all items of the mbs to another one, but for sensors; bodies have vectors behind their modes there.
+
+    User functions find the variables that they know.
+    """
+    shadow.variables, shadow.sys = mbs.variables, mbs.sys
     system, wider = mbs.systemData, {body.flex.number: body for body in bodies}
     nodes = {int(mbs.GetObject(number)["nodeNumbers"][1]): body for number, body in wider.items()}
     for i in range(system.NumberOfNodes()):

@@ -1,0 +1,122 @@
+"""ResidualPasses: what linear equations leave of a mechanism's residual goes through them once more.
+
+Modes leave no residual in their span. The motion that the linearised mechanism corrects does, for that misses terms
+of second order: less this residual, as a force, drives a correction of the correction. Bounds hold for every
+correction, if the residual is that of what it leads to (theory.md 8).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from .march import Columns
+from .mechanism_feedback import held
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from .march import Steps, Tangent
+
+PASSES = 2
+SMALLER = 0.3  # than what they correct: passes that are not do not converge, and are given up
+
+
+class Residuals(Protocol):
+    """Residuals of a mechanism along its run, of which some rows are known at a time."""
+
+    rows: Sequence[np.ndarray]
+
+    def left(self, part: slice, e: np.ndarray) -> np.ndarray:
+        """Return less the residual (S, k) of modes and vectors in rows of the run that e (3, S, k) corrects."""
+
+    def second_order(self, part: slice, e: np.ndarray) -> np.ndarray:
+        """Return forces (S, k) on frames that no residual of a body shows, as far as linear equations miss them."""
+
+    def largest(self, e: np.ndarray) -> float:
+        """Return the largest energy norm of e (3, S, k)."""
+
+    def pay(self, part: slice, e: np.ndarray) -> bool:
+        """Return whether bounds would be sharper without these."""
+
+
+class ResidualPasses:
+    """PASSES along a run from where they pay, each through the steps of Feedback.
+
+    Attributes
+    ----------
+    are_made : whether they have begun. added : (3, S, k) what they add to e, e', e'' in the rows taken last.
+    beside : (S, k) forces of second order that are left; nan where there was no pass. multipliers : (S, c) of what
+    the last call of follow has added.
+    """
+
+    def __init__(self, residuals: Residuals, size: int):
+        self.residuals, self.are_made = residuals, False
+        self._moving, self._converge, self._largest = np.zeros((PASSES, 4, size, 1)), True, 0.0
+        self.multipliers: np.ndarray | float = 0.0
+
+    def start(self, tangent: Tangent, rows: Sequence[np.ndarray], e: np.ndarray, at_rest: bool) -> None:
+        """Begin at the first of rows of the run, where e, e', e'' are e (3, k); at_rest : in an equilibrium."""
+        self.residuals.rows = rows
+        self.are_made, here, e = self.residuals.pay(slice(1), e[:, None]), slice(1), e.copy()
+        for moving in self._moving if self.are_made else ():
+            force = self.residuals.left(here, e[:, None])[0]
+            if at_rest:
+                moving[0, :, 0] = held(tangent.K, tangent, force)
+            else:
+                moving[2:, :, 0] = held(tangent.M, tangent, force)
+            e += moving[:3, :, 0]
+        self.added = self.state[:, None]
+
+    def go_on(self, before: ResidualPasses) -> None:
+        """Go on from the state of those of another run."""
+        self.are_made, self._moving = before.are_made, before._moving
+        self._converge, self._largest = before._converge, before._largest
+        self.added = self.state[:, None]
+
+    @property
+    def state(self) -> np.ndarray:
+        """What is added to e, e', e'' now, (3, k)."""
+        return self._moving[:, :3, :, 0].sum(axis=0)
+
+    def begin(self, rows: Sequence[np.ndarray]) -> None:
+        """Steps to rows t (S,), q, q_t, q_tt (S, coordinates of the mechanism) of the run follow."""
+        self.residuals.rows = rows
+        self.added = np.zeros((3, len(rows[0]), self._moving.shape[2]))
+        self.beside = np.full(self.added.shape[1:], np.nan)
+
+    def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
+        """Return what is added to e, e', e'' (3, S, k) in some steps; None: nothing is."""
+        self.are_made = self.are_made or self.residuals.pay(part, e)
+        self.multipliers = 0.0
+        if not self.are_made:
+            return None
+        before = self._moving.copy()
+        added, self.beside[part] = self._driven(steps, part, e) if self._converge else self._free(steps)
+        self._largest = max(self._largest, self.residuals.largest(e))
+        if self._converge and not self.residuals.largest(added) <= SMALLER * self._largest:  # or nan
+            self._converge, self._moving = False, before
+            added, self.beside[part] = self._free(steps)
+        self.added[:, part] = added
+        return added
+
+    def _driven(self, steps: Steps, part: slice, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is added, and the forces of second order that are left."""
+        corrected, applied = e, 0.0
+        for i, moving in enumerate(self._moving):
+            beside = self.residuals.second_order(part, corrected)
+            force = self.residuals.left(part, corrected) - (beside - applied)
+            [(found, multipliers)] = steps.march(Columns(moving, force[..., None]), multipliers=True)
+            self._moving[i], applied = found[-1], beside
+            self.multipliers = self.multipliers + multipliers[..., 0]
+            corrected = corrected + found[:, :3, :, 0].swapaxes(0, 1)
+        return corrected - e, self.residuals.second_order(part, corrected) - applied
+
+    def _free(self, steps: Steps) -> tuple[np.ndarray, float]:
+        """The same where nothing drives: what was added goes on without a force."""
+        moving = np.concatenate([*self._moving], axis=2)
+        [(found, multipliers)] = steps.march(Columns(moving), multipliers=True)
+        self._moving = np.array(np.split(found[-1], PASSES, axis=2))
+        self.multipliers = multipliers.sum(axis=2)
+        return found[:, :3].sum(axis=3).swapaxes(0, 1), np.nan

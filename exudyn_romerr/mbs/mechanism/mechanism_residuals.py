@@ -1,0 +1,177 @@
+"""MechanismResiduals: what the bodies of a mechanism leave in the motion that the linearised mechanism corrects."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...linalg.blocked_products import row_norms
+from ...model.admissible_space import rigid_modes
+from ...model.floating_frame import Veer, skew
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import scipy.sparse as sp
+
+    from ..floating.frame_node import FrameNode
+    from .enriched_body import EnrichedBody
+
+PROBED = 8  # of so many steps one is looked at, whether passes pay
+PAYS = 0.5  # of what stays of R outside the span of modes and vectors
+MATTERS = 1e-3  # of the energy that vectors add: less is nothing beside the error
+EULER_PARAMETERS = 4  # other rotations are increments: sums of states are no states there
+
+
+class MechanismResiduals:
+    """Residuals (estimates/residual_passes.py) of bodies, and where their vectors are among all coordinates.
+
+    Attributes
+    ----------
+    rows : t (S,), q, q_t, q_tt (S, coordinates of the mbs) of the run.
+    """
+
+    def __init__(self, parts: Sequence[tuple[EnrichedBody, slice]]):
+        self._parts, self.rows = parts, ()
+        self._roots = [np.linalg.cholesky(_stiffness(body)) for body, _ in parts]
+        self._removed = self._stays = 0.0  # by passes, and with them, of what bounds add up
+
+    def left(self, part: slice, e: np.ndarray) -> np.ndarray:
+        """Return -(V, P)^T R (S, all coordinates) in rows that e (3, S, all coordinates) corrects."""
+        force, (t, *states) = np.zeros(e.shape[1:]), (x[part] for x in self.rows)
+        for body, own in self._parts:
+            layout, rows = body.offline.balance
+            found = -layout(*body.sampler(t, *body.moved(own, states, e))[:4]) @ rows.T
+            force[:, body.modal], force[:, own] = np.split(found, [len(body.modal)], axis=1)
+        return force
+
+    def second_order(self, part: slice, e: np.ndarray) -> np.ndarray:
+        """Return inertia forces (S, all coordinates) on frames, those of second order in e."""
+        force, (t, *states) = np.zeros(e.shape[1:]), (x[part] for x in self.rows)
+        for body, own in self._parts:
+            here, moved = (body.moved(own, states, x) for x in (0 * e, e))
+            force[:, body.frame] = body.net.second_order(body.sampler.actions.gravity_at(t), here, moved)
+        return force
+
+    def size_beside(self, body: EnrichedBody, force: np.ndarray) -> np.ndarray:
+        """Return |.|_{M^-1} (S,) of forces (S, all coordinates) on the frame of a body."""
+        return body.net.size(self.rows[1][:, body.frame], force[:, body.frame])
+
+    def largest(self, e: np.ndarray) -> float:
+        """Return the largest energy norm of modes and vectors in e."""
+        if not self._parts:
+            return 0.0
+        sizes = [
+            row_norms(np.hstack([e[0][:, body.modal], e[0][:, own]]) @ root)
+            for (body, own), root in zip(self._parts, self._roots, strict=True)
+        ]
+        return float(np.linalg.norm(sizes, axis=0).max(initial=0.0))
+
+    def pay(self, part: slice, e: np.ndarray) -> bool:
+        """Return whether so far much of what bounds add up would not be there with passes."""
+        squares, times = np.zeros((3, 1)), self.rows[0][part]
+        probed = slice((len(times) - 1) % PROBED, None, PROBED)  # the last one, too
+        (t, *states), e = (x[part][probed] for x in self.rows), e[:, probed]
+        for (body, own), root in zip(self._parts, self._roots, strict=True):
+            here, moved = (body.moved(own, states, x) for x in (0 * e, e))
+            squares = squares + _sizes(body, root, t, here, moved) ** 2
+        inside, outside, force = np.sqrt(squares).max(axis=1, initial=0.0)
+        self._removed += inside + np.ptp(times) * len(times) / max(len(times) - 1, 1) * force
+        self._stays += outside
+        return self._removed > max(PAYS * self._stays, MATTERS * self.largest(e))
+
+
+def _sizes(body: EnrichedBody, root: np.ndarray, t: np.ndarray, here: Sequence, moved: Sequence) -> np.ndarray:
+    """|.|_{K^-1} of R in the span of modes and vectors and outside, |.|_{M^-1} of forces of second order, (3, S)."""
+    q, q_t, q_tt, u, frame = body.sampler(t, *moved)
+    (layout, rows), bound, size = body.offline.balance, body.offline.estimators["auxiliary"], body.frame_size
+    inside = row_norms(np.linalg.solve(root, rows @ layout(q, q_t, q_tt, u).T).T)
+    if body.offline.packing is not None:
+        u, _ = body.offline.packing(u)
+    whole = bound.norm(body.offline.coordinates(q, q_t, q_tt, u))
+    before = body.sampler.frame.motion(*(x[:, :size] for x in here)).rows()
+    veer = Veer.between(u[:, :3], moved[2][:, :3] - here[2][:, :3], before, frame)
+    added = (row_norms((x - y)[:, size:] @ bound.root.T) for x, y in zip(moved[:2], here, strict=False))
+    force = veer.unbalanced(*added, bound.arm, bound.mass)
+    return np.array([inside, np.sqrt(np.maximum(whole**2 - inside**2, 0.0)), force])
+
+
+def _stiffness(body: EnrichedBody) -> np.ndarray:
+    """K of modes and vectors."""
+    layout, rows = body.offline.balance
+    return rows[:, layout.stiffness_slot]
+
+
+class NetInertia:
+    """Forces of a body's inertia and weight on the coordinates of its frame, and how they are of second order.
+
+    The body's residual does not show these: there the wrench of one interface balances the body, whatever it is.
+
+    Parameters
+    ----------
+    mass : sparse matrix, (N, N)
+    positions : ndarray, (nodes, 3)
+    shapes : ndarray, (N, k)
+        Modes and vectors.
+    """
+
+    def __init__(self, frame: FrameNode, mass: sp.csc_matrix, positions: np.ndarray, shapes: np.ndarray):
+        self._frame, (nodes, _) = frame, positions.shape
+        u, of_u = (X.reshape(nodes, 3, -1) for X in (shapes, mass @ shapes))
+        of_x, rigid = (mass @ positions.ravel()).reshape(nodes, 3), rigid_modes(positions)
+        whole = rigid.T @ (mass @ rigid)
+        self._total, self._first, self._pull = whole[0, 0], of_x.sum(axis=0), of_u.sum(axis=0)
+        self._root = np.linalg.inv(np.linalg.cholesky(whole))
+        self._xx = positions.T @ of_x  # sums of x_i M x_j, x_i M u_j, u_i M u_j
+        self._xu = np.einsum("ai,ajm->ijm", positions, of_u)
+        self._uu = np.einsum("ain,ajm->nijm", u, of_u, optimize=True)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the frame's coordinates are such that forces of second order can be told."""
+        return self._frame.size == 3 + EULER_PARAMETERS
+
+    def second_order(
+        self, gravity: np.ndarray, here: Sequence[np.ndarray], moved: Sequence[np.ndarray]
+    ) -> np.ndarray:
+        """Return what forces (S, size) are of second order in moved states less those here; gravity (S, 3).
+
+        States q, q_t, q_tt (S, size + k) are those of frame, modes and vectors. What is of even order, in fact.
+        """
+        if not self.is_known:
+            return np.zeros((len(gravity), self._frame.size))
+        back = [2 * x - y for x, y in zip(here, moved, strict=True)]
+        there, back, here = (self._forces(gravity, states) for states in (moved, back, here))
+        return (there + back) / 2 - here
+
+    def size(self, q: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Return |.|_{M^-1} (S,) of the rigid body's inertia that does such forces (S, size) at q; nan: unknown."""
+        if not self.is_known:
+            return np.full(len(q), np.nan)
+        still = np.zeros_like(q)
+        local = np.einsum("sji,sj->si", self._frame.motion(q, still, still).A, force[:, :3])
+        moment = np.einsum("sij,sj->si", self._frame.rates(q), force[:, 3:]) / EULER_PARAMETERS
+        return row_norms(np.hstack([local, moment]) @ self._root.T)
+
+    def _forces(self, gravity: np.ndarray, states: Sequence[np.ndarray]) -> np.ndarray:
+        size = self._frame.size
+        (q, q_t, q_tt), (c, c_t, c_tt) = ([x[:, part] for x in states] for part in (slice(size), slice(size, None)))
+        q = self._of_unit_length(q)
+        motion, rates = self._frame.motion(q, q_t, q_tt), self._frame.rates(q)
+        b, weight, S, w = motion.local(motion.r_tt), motion.local(-gravity), motion.S, 2 * skew(motion.w)
+        first, by_c = self._first + c @ self._pull.T, self._xu + np.tensordot(c, self._uu, axes=1)
+        of_c, of_rates, of_accelerations = (np.einsum("sijm,sm->sij", by_c, x) for x in (c, c_t, c_tt))
+        second = self._xx + of_c + np.einsum("ijm,sm->sji", self._xu, c)
+        turned = lambda turning, x: np.einsum("sjk,sk->sj", turning, x)  # noqa: E731
+        force = self._total * (b + weight) + turned(S, first) + turned(w, c_t @ self._pull.T) + c_tt @ self._pull.T
+        arms = first[:, :, None] * b[:, None] + self._first[:, None] * weight[:, None]
+        arms += second @ S.swapaxes(1, 2) + of_rates @ w.swapaxes(1, 2)
+        arms += of_accelerations
+        moment = np.stack([arms[:, j, k] - arms[:, k, j] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
+        return np.hstack([turned(motion.A, force), np.einsum("sij,si->sj", rates, moment)])
+
+    def _of_unit_length(self, q: np.ndarray) -> np.ndarray:
+        """Euler parameters that are off to first order leave unit length to second order."""
+        p = self._frame.reference[3:] + q[:, 3:]
+        return np.hstack([q[:, :3], p / np.linalg.norm(p, axis=1)[:, None] - self._frame.reference[3:]])

@@ -1,0 +1,94 @@
+"""ResidualPasses: what linear equations leave is marched once more, where that pays and as long as it converges.
+
+Truth: the residual of nonlinear equations, M q'' + K q + N(q) = f, N cubic, evaluated; the computed motion is rest,
+so that e is all of it.
+"""
+
+import numpy as np
+import pytest
+
+from exudyn_romerr.estimates.march import Scheme, Tangent
+from exudyn_romerr.estimates.mechanism_feedback import Feedback
+from exudyn_romerr.estimates.residual_passes import ResidualPasses
+
+K, STEPS, H, BLOCK = 3, 120, 0.02, 50
+M, STIFFNESS = np.diag([1.0, 2.0, 0.5]), np.diag([9.0, 4.0, 30.0])
+TIMES = H * np.arange(1, STEPS + 1)
+FORCE = np.outer(np.sin(TIMES), [1.0, -0.5, 0.3])
+
+
+class Cubic:
+    """Residuals of the equations; the last coordinate is one of a frame, whose residual is not seen."""
+
+    def __init__(self, size, from_step=0):
+        self.size, self.from_step, self.rows, self.done = size, from_step, (), 0
+
+    def missed(self, e):
+        return self.size * e[0] ** 3
+
+    def residual(self, part, e):
+        return e[2] @ M + e[0] @ STIFFNESS + self.missed(e) - FORCE[self.done :][part]
+
+    def left(self, part, e):
+        return -self.residual(part, e) * [1, 1, 0]
+
+    def second_order(self, part, e):
+        return self.missed(e) * [0, 0, 1]
+
+    def largest(self, e):
+        return float(np.abs(e[0]).max(initial=0.0))
+
+    def pay(self, part, e):
+        return self.done + part.start >= self.from_step if part.start is not None else False
+
+
+def run(residuals):
+    """E, e', e'' (3, STEPS, K) in two blocks, and passes."""
+    tangent = Tangent(0.0, M, 0 * M, STIFFNESS, np.zeros((0, K)), np.zeros((0, K)))
+    feedback, passes = Feedback(Scheme.of_radius(1.0)), ResidualPasses(residuals, K)
+    feedback.start(tangent, np.zeros(K))
+    passes.start(tangent, (np.zeros(1),), feedback.state, False)
+    found, beside = [], []
+    for block in (slice(BLOCK), slice(BLOCK, STEPS)):
+        residuals.done = block.start or 0
+        passes.begin((TIMES[block],))
+        e, _ = feedback.advance(TIMES[block], FORCE[block], np.zeros(1), lambda _: tangent, late=[passes])
+        found.append(e)
+        beside.append(passes.beside)
+    residuals.done = 0
+    return np.concatenate(found, axis=1), np.concatenate(beside), passes
+
+
+def test_passes_take_what_is_missed_out_of_the_residual():
+    """By a first-order share of itself each, of all coordinates: two leave the square of it."""
+    before, _, _ = run(residuals := Cubic(10.0, from_step=STEPS))
+    after, beside, passes = run(Cubic(10.0))
+    sizes = [np.abs(residuals.residual(slice(None), e)).max(axis=0) for e in (before, after)]
+    share = np.abs(after - before)[0].max() / np.abs(before[0]).max()
+    assert passes.are_made
+    assert 0.01 < share < 0.3
+    assert np.all(sizes[1] < 9 * share**2 * sizes[0])  # of a cube: three times the share, each
+    np.testing.assert_allclose(beside[:, 2], residuals.residual(slice(None), after)[:, 2], atol=1e-12)
+
+
+def test_passes_may_begin_late_and_not_at_all():
+    """Before they pay nothing is added, nor is anything known of what they leave."""
+    before, beside, passes = run(Cubic(10.0, from_step=STEPS))
+    assert not passes.are_made
+    assert np.isnan(beside).all()
+    late, beside, passes = run(Cubic(10.0, from_step=BLOCK))
+    assert passes.are_made
+    assert np.array_equal(late[:, :BLOCK], before[:, :BLOCK])
+    assert np.isnan(beside[:BLOCK]).all()
+    assert np.isfinite(beside[BLOCK:]).all()
+    assert np.abs(late - before)[0, BLOCK:].max() > 0.01 * np.abs(before[0]).max()
+
+
+@pytest.mark.parametrize("size", [200.0, -1e4])
+def test_passes_that_do_not_converge_are_given_up(size):
+    """What is missed is larger than what is known: the linear prediction is what stays, or near it."""
+    before, _, _ = run(Cubic(size, from_step=STEPS))
+    after, beside, _passes = run(Cubic(size))
+    assert np.isfinite(after).all()
+    assert np.isnan(beside[-1]).all()
+    assert np.abs(after - before)[0].max() < np.abs(before[0]).max()
