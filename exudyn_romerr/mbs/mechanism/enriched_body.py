@@ -18,7 +18,6 @@ from ...offline.prepare import prepare
 from ...residual.residual import ResidualMap
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
-from .mechanism_residuals import NetInertia
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -104,7 +103,6 @@ class EnrichedBody:
         ]
         self._force(body, V_y, found.P)
         self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
-        self.net = NetInertia(model.frame, flex.mass, flex.positions, self.shapes)
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
     def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:

@@ -117,6 +117,8 @@ class MeasuredRemainder:
         """Return errors by time steps, as found last, with what linear equations leave out of them."""
         if step is None or self._last is None:
             return step
+        if self._last.r.shape[1] < step.x.shape[1]:  # it ended in the middle of a block
+            return step._replace(left=())
         of = Measured(*(x[:, x.shape[1] - step.x.shape[1] :] for x in self._last))
         of = of if np.all(self._of_steps.shares < LOST) else of._replace(added=0 * of.added)
         return step._replace(x=step.x - of.added, left=() if self._failure else of.left())
