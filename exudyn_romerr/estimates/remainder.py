@@ -19,29 +19,35 @@ from .mechanism_feedback import held
 if TYPE_CHECKING:
     from .march import Steps, Tangent
 
-EVERY = 16  # samples: at least there the residual is looked at, and it is taken for linear between
-DENSE = 16  # first samples of a run: there at all of them
-PAYS = 0.02  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
+# samples: in as many one at least is looked at, each time so many later, for where tangents are read they are exact;
+# between them the residual is taken for linear
+EVERY, LATER = 8, 3
+DENSE = 16  # first samples of a run: all of them are looked at
+PAYS = 0.01  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
 LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
 ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
 RAMP = 32  # steps within which r sets in
-# what may be left, in sizes of r: seen at every 16th sample it came out down to 0.5 of what it is (slider crank), at
-# all of them within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
-FACTOR = 4.0
+# what may be left, in sizes of r: looked at now and then it came out down to 0.17 of what it is, looked at everywhere
+# within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
+SAMPLED, LOOKED = 8.0, 2.0
 Loads = tuple[np.ndarray, np.ndarray]
 Residuals = Callable[[Sequence[np.ndarray]], Loads | None]
 Sizes = Callable[[np.ndarray], np.ndarray]
 
 
 class Measured(NamedTuple):
-    """What was found at the rows of a block, (3, S, k): r, and the part of it that was added to the prediction."""
+    """What was found at the rows of a block: r and the part of it that was added to the prediction, (3, S, k).
+
+    times : (S,), SAMPLED or LOOKED.
+    """
 
     r: np.ndarray
     added: np.ndarray
+    times: np.ndarray
 
-    def left(self, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    def left(self) -> list[np.ndarray]:
         """What the prediction may still lack, the sum of the sizes of these: so many times what was not added."""
-        return factor * (self.r - self.added), self.added
+        return [self.times[:, None] * (self.r - self.added), self.added][: 1 + self.added.any()]
 
 
 class Remainder:
@@ -90,7 +96,7 @@ class Remainder:
     @property
     def at_start(self) -> Measured:
         """What is known where the run starts."""
-        return Measured(*self._moving[:3].transpose(2, 0, 1)[:, :, None])
+        return Measured(*self._moving[:3].transpose(2, 0, 1)[:, :, None], np.array([LOOKED]))
 
     @property
     def shares(self) -> np.ndarray:
@@ -112,31 +118,34 @@ class Remainder:
         own : loads (S, k) and values of constraints (S, c) that belong to the prediction; None: none.
         """
         rows, number = [x[part] for x in self._rows], self._count + 1 + np.arange(len(steps))
-        looked = self.adds | (number <= DENSE) | (number % EVERY == 0)
-        looked[-1] |= len(steps) >= EVERY / 2  # else it is held from the last before
+        looked = (number <= DENSE) | (number % EVERY == LATER * (number // EVERY) % EVERY)
+        looked[-1] |= len(steps) >= EVERY  # else it is held from the last before
         known = self._look(rows, e, own, looked, [self._known])
         found, largest = self._marched(steps, rows, e, known)
-        if np.any(self._shares(largest) > PAYS) and not self.adds:
+        if not looked.all() and np.any(self._shares(largest) > PAYS):
             known = self._look(rows, e, own, ~looked, known)
-            self._begin_to_add(self._shares(largest[:, -1]))
+            looked[:] = True
+            found, largest = self._marched(steps, rows, e, known)
+        if not self.adds and self._begins_to_add(self._shares(largest[:, -1])):
             found, largest = self._marched(steps, rows, e, known)
         self._moving, self._known, self._largest = found[-1], known[-1], largest[:, -1]
         self._count += len(steps)
         found = found[:, :3].transpose(3, 1, 0, 2)
-        self._found.append(found)
+        self._found.append(Measured(*found, np.full(len(steps), LOOKED if looked.all() else SAMPLED)))
         added = found[1] if self.adds else None
         self._ramp += self.adds * len(steps)
         return added
 
-    def _begin_to_add(self, shares: np.ndarray) -> None:
-        """Do so if that pays, and helps."""
+    def _begins_to_add(self, shares: np.ndarray) -> bool:
+        """Begin to add r if that pays, and helps."""
         self.adds = not self._ended and bool(np.any(shares > PAYS) and np.all(shares < LOST))
         if self.adds and self._at_once:
             self._moving[..., 1], self._ramp = self._moving[..., 0], RAMP
+        return self.adds
 
     def found(self) -> Measured | None:
         """Return what was found since `begin`; None: it did not follow."""
-        return Measured(*np.concatenate(self._found, axis=2)) if self._found else None
+        return joined(self._found) if self._found else None
 
     def _look(
         self, rows: Sequence[np.ndarray], e: np.ndarray, own: Loads | None, where: np.ndarray, known: list[tuple]
@@ -167,6 +176,12 @@ class Remainder:
         r = found[:, :3, :, 0].swapaxes(0, 1)
         sizes = np.array([self._sizes(x) for x in (r, e, np.array(rows[1:]))])
         return found, np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
+
+
+def joined(parts: Sequence[Measured]) -> Measured:
+    """Return what was found in several blocks as one."""
+    r, added, times = zip(*parts, strict=True)
+    return Measured(np.concatenate(r, axis=1), np.concatenate(added, axis=1), np.concatenate(times))
 
 
 def _linear(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -101,8 +101,8 @@ def test_a_look_now_and_then_tells_the_size(monkeypatch):
     monkeypatch.setattr(module, "PAYS", np.inf)
     e, late, found = measured(0.1)
     true = nonlinear(0.1) - e
-    assert module.FACTOR * np.abs(found.r[0]).max() > 2 * np.abs(true[0]).max() > np.abs(found.r[0]).max()
-    assert len(late.looked) == module.DENSE + STEPS // module.EVERY - module.DENSE // module.EVERY
+    assert np.abs(found.r[0]).max() == pytest.approx(np.abs(true[0]).max(), rel=0.3)
+    assert len(late.looked) < module.DENSE + 1.2 * STEPS / module.EVERY
 
 
 @pytest.mark.parametrize("at_once", [False, True])
@@ -138,7 +138,7 @@ def test_left_covers_what_is_left():
     for hardening in (0.1, 1.0, -1.0):
         e, late, found = measured(hardening)
         true = np.abs(nonlinear(hardening)[0] - e[0] - late.added[0])
-        left = sum(np.abs(x[0]) for x in found.left(module.FACTOR))
+        left = sum(np.abs(x[0]) for x in found.left())
         allowed = np.maximum.accumulate(left)
         assert np.all(true <= allowed + 1e-3 * np.abs(true).max())
 

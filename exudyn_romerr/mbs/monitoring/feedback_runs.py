@@ -9,7 +9,6 @@ import numpy as np
 
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
-from ...estimates.remainder import FACTOR
 from ...estimates.residual_passes import ResidualPasses
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
@@ -206,14 +205,14 @@ class Reaction:
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
-            left = missed and [body.moved(own, none, x) for x in missed.left(FACTOR)]
+            left = missed and [body.moved(own, none, x) for x in missed.left()]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
             if (step := self.time_step_of(i)) is not None:
                 outputs.take_time_step(watch.run, here, step)
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left(FACTOR))
+            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left())
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
@@ -245,6 +244,6 @@ class Reaction:
         found = self._remainder.found
         of_all, *left = (
             tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
-            for of in (e, *(found.left(FACTOR) if found else ()))
+            for of in (e, *(found.left() if found else ()))
         )
         return Added(*of_all, speed, left=left if found else None)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.remainder import LOST, Measured, Remainder
+from ...estimates.remainder import LOST, Measured, Remainder, joined
 from ...estimates.time_step_error import PROVISIONAL
 from ...linalg.blocked_products import row_norms
 from .shadow_mbs import Shadow
@@ -110,18 +110,17 @@ class MeasuredRemainder:
         self.found = None if self._failure else self.found
         last, self._last = self._last, steps
         if last is not None and steps is not None:  # of the block before, where errors are provisional
-            before = (x[:, -PROVISIONAL:] for x in last)
-            self._last = Measured(*(np.concatenate(pair, axis=1) for pair in zip(before, steps, strict=True)))
+            before = Measured(last.r[:, -PROVISIONAL:], last.added[:, -PROVISIONAL:], last.times[-PROVISIONAL:])
+            self._last = joined([before, steps])
 
     def corrected(self, step: TimeStep | None) -> TimeStep | None:
         """Return errors by time steps, as found last, with what linear equations leave out of them."""
         if step is None or self._last is None:
             return step
-        if self._last.r.shape[1] < step.x.shape[1]:  # it ended in the middle of a block
-            return step._replace(left=())
-        of = Measured(*(x[:, x.shape[1] - step.x.shape[1] :] for x in self._last))
-        of = of if np.all(self._of_steps.shares < LOST) else of._replace(added=0 * of.added)
-        return step._replace(x=step.x - of.added, left=() if self._failure else of.left())
+        r, added, times = (x[..., -step.x.shape[1] :, :] for x in (*self._last[:2], self._last.times[:, None]))
+        added = added if np.all(self._of_steps.shares < LOST) else 0.0 * added
+        left = () if self._failure else Measured(r, added, times[:, 0] / times[:, 0]).left()
+        return step._replace(x=step.x - added, left=left)
 
     def _make(self, mbs: Any) -> None:
         """Make the shadow of this solve, if anything is predicted."""
