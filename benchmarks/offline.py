@@ -30,7 +30,7 @@ import scipy.linalg as la
 from exudyn.FEM import FEMinterface, HCBstaticModeSelection
 
 import exudyn_romerr as romerr
-from benchmarks import floating_cost
+from benchmarks import floating_cost, large_bodies
 from examples import wishbone_suspension
 from exudyn_romerr.linalg import eigenmodes as modes
 from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
@@ -210,7 +210,7 @@ def main(arguments: list[str] | None = None) -> list[Offline]:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--quick", action="store_true", help="the stored arm only")
-    parser.add_argument("--large", action="store_true", help=f"a mesh of {LARGE} coordinates, too")
+    parser.add_argument("--large", action="store_true", help=f"a mesh of {LARGE} coordinates, large_bodies.py")
     parser.add_argument("--profile", metavar="NAME", help="profile one case instead")
     options = parser.parse_args(arguments)
     chosen = cases(options.quick, options.large)
@@ -221,6 +221,8 @@ def main(arguments: list[str] | None = None) -> list[Offline]:
         return []
     found = [measured(name, make()) for name, make in chosen.items()]
     print(text(found))
+    if options.large:
+        large_bodies.main([])
     return found
 
 

@@ -196,7 +196,7 @@ def _parted(body: ElasticBody, stiff: sp.spmatrix | None) -> list[_Part]:
     whole = body.stiffness_factor
     if stiff is None:
         return [_Part(whole.solve, whole.half_solve)]
-    factor = body.stiffness_within(stiff)
+    factor = SymmetricFactor((stiff.T @ body.K @ stiff).tocsc())
 
     def rigid(forces: np.ndarray) -> np.ndarray:
         return stiff @ factor.solve(stiff.T @ forces)

@@ -10,6 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from ..trajectory.bounds import Bounds
 
+RESOLVED = 0.3  # half width over the largest estimate: above it no digit of the estimate is right
 CAUSES = ("basis", "interfaces", "time step", "initial", "jumps")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..estimators.coupled_energy import LINEARISED
 from ..trajectory.growing_array import GrowingArray
-from .estimate import CAUSES, Estimate
+from .estimate import CAUSES, RESOLVED, Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 REMAINDER = "remainder"
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
-RESOLVED = 0.3  # of an estimate: beyond it is not resolved (estimates.md 4)
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
 
 

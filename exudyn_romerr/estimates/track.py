@@ -18,7 +18,7 @@ from .march import Scheme, Steps, Tangent
 INVERSE_ERROR, USED_ONCE = 3e-4, 1e-8
 SAME_STEP = 1e-9  # of a step size: solvers add up their steps
 # inverses that a polynomial in time goes through, those of a shorter row among them; steps of one size from which on
-NODES = {3: 4, 5: 10, 9: 18}
+NODES = {3: 4, 5: 6, 9: 12}
 INTERPOLATED_FROM = NODES[3]
 TOGETHER = 128  # steps that are made, and marched through, at once
 IN_CACHE = 1_000_000  # or fewer, so that their matrices have no more numbers than this

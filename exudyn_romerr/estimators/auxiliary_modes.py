@@ -11,7 +11,7 @@ from ..linalg.modal_oscillators import ModalOscillators
 from ..residual.modal_split import NormsAbove
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Block, Start
-from .energy import Growth, cut_size, jump_share, output_share, smallest
+from .energy import Growth, Smooth, cut_size, jump_share, output_share, smallest
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem
@@ -37,8 +37,8 @@ class Auxiliary:
         if problem.body.modal is not None:
             self.assumes = "damping ratios by mode"
         self.oscillators = ModalOscillators(split.modes.omega, problem.body.damping_ratios(split.modes.omega))
-        self.rates = split.rates
-        self.growth = Growth(split.norm_K, self.rates)
+        self.growth = Growth(split.norm_K, split.rates, Smooth.of(problem.body, split.rates))
+        self.rates = self.growth.bounds
         self.norm_static = split.norm_static
         self.start_norms = split.start_norms
         self.forcing = -split.PL[:, : problem.map.coordinates.k]

@@ -13,6 +13,7 @@ from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Block, Start
 
 if TYPE_CHECKING:
+    from ..model.body import ElasticBody
     from ..residual.problem import Problem
     from ..residual.residual import StartNorms
 
@@ -31,8 +32,9 @@ class Energy:
     inside: tuple[np.ndarray, np.ndarray] | None = None
 
     def __init__(self, problem: Problem):
-        self.rates = body_rates(problem.body)
-        self.growth = Growth(problem.dual.norm_K, self.rates)
+        rates = body_rates(problem.body)
+        self.growth = Growth(problem.dual.norm_K, rates, Smooth.of(problem.body, rates))
+        self.rates = self.growth.bounds
         self.norm_static = problem.dual.norm_static
         self.start_norms = problem.dual.start_norms
         self.static_rows = problem.rows.static_rows
@@ -79,17 +81,22 @@ class Growth:
     """The energy g of every rate along a run: bounds |d|_{K_r}, d = e + K^-1 R.
 
     norm is |R|_{K^-1} of whatever residual is bounded (the whole, or the rest above auxiliary modes). g_jump is the
-    part of g that load jumps made.
+    part of g that load jumps made. smooth: a bound by R' and R'', in one more row; None: there is none.
+
+    Attributes
+    ----------
+    bounds : what follows from each row of g.
     """
 
-    def __init__(self, norm: Callable, rates: Sequence[DecayRate]):
-        self.norm, self.rates = norm, rates
-        self.g = self.g_jump = [0.0] * len(rates)
+    def __init__(self, norm: Callable, rates: Sequence[DecayRate], smooth: Smooth | None = None):
+        self.norm, self.rates, self.smooth = norm, rates, smooth
+        self.bounds = [*rates, *([] if smooth is None else [smooth.bound])]
+        self.g = self.g_jump = [0.0] * len(self.bounds)
         self._before: np.ndarray | None = None
         self._varied = np.zeros(0)
 
-    def _next(self, g: list[float], g_jump: list[float], before: np.ndarray) -> Growth:
-        following = Growth(self.norm, self.rates)
+    def _next(self, g: list[float], g_jump: list[float], before: np.ndarray, smooth: Smooth | None) -> Growth:
+        following = Growth(self.norm, self.rates, smooth)
         following.g, following.g_jump, following._before = g, g_jump, before
         return following
 
@@ -104,13 +111,14 @@ class Growth:
         with K d0 = L (y0 + z0). norms: of the initial error.
         """
         if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0)
-            g = [float(self.norm(start.z)) + start.cut] * len(self.rates)
+            g = [float(self.norm(start.z)) + start.cut] * len(self.bounds)
         else:
             w = start.y0.copy()
             w[: len(start.z)] += start.z
             d_K, d_M, v_M = float(norms.K(w)), float(norms.static(w)), float(norms.M(start.y0_t))
-            g = [float(np.hypot(d_K, np.sqrt(v_M * (v_M + 2 * rate.r * d_M)))) for rate in self.rates]
-        return self._next(g, [0.0] * len(g), start.z)
+            g = [float(np.hypot(d_K, np.sqrt(v_M * (v_M + 2 * rate.r * d_M)))) for rate in self.bounds]
+        smooth = None if self.smooth is None else Smooth(self.smooth.bound, g[-1])
+        return self._next(g, [0.0] * len(g), start.z, smooth)
 
     def advanced(self, block: Block) -> tuple[Growth, np.ndarray, np.ndarray]:
         """Return the growth after a block, and g and g_jump (rates, S) at the ends of its segments."""
@@ -122,13 +130,19 @@ class Growth:
             g_jump = self._summed(decays, [e * jumps for e in decays], self.g_jump, block)
         else:
             g_jump = np.zeros_like(g)
-        following = self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1])
+        smooth = self.smooth
+        if smooth is not None:
+            more = inside - block.pieces(self.norm).sum(axis=1)
+            smooth, last = smooth.advanced(block, self.norm, jumps, more) if smooth.pays(block.h) else (smooth, g[0])
+            g, g_jump = np.vstack([g, last]), np.vstack([g_jump, g_jump[0]])
+            smooth = smooth if smooth is not self.smooth else Smooth(smooth.bound, float(g[0, -1]))
+        following = self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1], smooth)
         following._varied = inside + jumps
         return following, g, g_jump
 
     def inside(self, g: np.ndarray, following: Growth) -> np.ndarray:
         """Return the largest |d|_M and |e'|_M (2, S) within the segments of the block that led to `following`."""
-        start = np.hstack([np.array(self.g)[:, None], g[:, :-1]])
+        start = np.hstack([np.array(self.g)[:, None], g[:, :-1]])[: len(self.rates)]
         return smallest(self.rates, start + following._varied)[1:]
 
     def static_inside(self, norm_static: Callable, before: Growth, block: Block) -> np.ndarray:
@@ -139,8 +153,54 @@ class Growth:
 
     @staticmethod
     def _summed(decays, added, starts, block: Block) -> np.ndarray:
-        sums = [decaying_sum(e, a, x) for e, a, x in zip(decays, added, starts, strict=True)]
+        sums = [decaying_sum(e, a, x) for e, a, x in zip(decays, added, starts[: len(decays)], strict=True)]
         return np.array(sums).reshape(len(sums), len(block.h))
+
+
+class Smooth:
+    """Bounds where R is slow beside what is bounded, without damping: M d'' + K d = M K^-1 R'' =: -R_n.
+
+        |d + K^-1 R_n|_K <= g ,   |d'|_M <= g ,   |R_n|_{K^-1} <= |R''|/omega^2
+
+    g grows by the total variation of R'' over omega^2, at jumps by |[R]| + |[R']|/omega + |[R'']|/omega^2, all in the
+    K^-1 norm; omega : the lowest frequency there is. So |d|_K <= g + |R''|/omega^2 and |e'|_M <= g + |R'|/omega.
+    """
+
+    def __init__(self, bound: DecayRate, g: float = 0.0, last: tuple[np.ndarray | float, ...] = (0.0, 0.0)):
+        """Last: R' and R'' before, the jumps from which come."""
+        self.bound, self._g, self._last = bound, g, last
+
+    @classmethod
+    def of(cls, body: ElasticBody, rates: Sequence[DecayRate]) -> Smooth | None:
+        """Make it for the frequencies that rates are of, the first of which is 0; None: a damped body forgets."""
+        damped = body.D is not None if body.rayleigh is None else any(body.rayleigh)
+        return None if damped or not rates else cls(rates[0])
+
+    def pays(self, h: np.ndarray) -> bool:
+        """Whether R may be slow: its polynomials change from segment to segment."""
+        return bool(np.mean(h) > self.bound.per_mass)
+
+    def advanced(
+        self, block: Block, norm: Callable, steps: np.ndarray, more: np.ndarray
+    ) -> tuple[Smooth, np.ndarray]:
+        """Return what follows a block, and bounds (S,) of |d|_K and |e'|_M at the ends of its segments.
+
+        steps (S,) : jumps of R. more (S,) : variation that control points do not hold.
+        """
+        degree, h, per_rate = block.c.shape[1] - 1, block.h[:, None, None], self.bound.per_mass
+        rate = degree * np.diff(block.c, axis=1) / h
+        bend = (degree - 1) * np.diff(rate, axis=1) / h if degree > 1 else np.zeros_like(rate)
+        jumps = norm(np.stack([_jumps(x, before) for x, before in zip((rate, bend), self._last, strict=True)]))
+        varied = norm(np.diff(bend, axis=1)).sum(axis=1)
+        g = self._g + np.cumsum(more + steps + per_rate * jumps[0] + per_rate**2 * (jumps[1] + varied))
+        ends = norm(np.stack([rate[:, -1], bend[:, -1]]))
+        following = Smooth(self.bound, float(g[-1]), (rate[-1, -1], bend[-1, -1]))
+        return following, g + np.maximum(per_rate * ends[0], per_rate**2 * ends[1])
+
+
+def _jumps(points: np.ndarray, before: np.ndarray | float) -> np.ndarray:
+    """Jumps (S, k) at the begin of segments with control points (S, d, k)."""
+    return points[:, 0] - np.vstack([np.broadcast_to(before, points[:1, 0].shape), points[:-1, -1]])
 
 
 def cut_size(block: Block) -> np.ndarray:

@@ -6,6 +6,8 @@ of what is here. All know the diagonal of their matrix to be +-1.
 
 from __future__ import annotations
 
+import platform
+import sys
 from functools import cached_property
 from importlib.util import find_spec
 from typing import Protocol
@@ -14,19 +16,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
-from ..errors import AssumptionError
-from .split_product import SplitMatrix
+from .pardiso import PardisoFactor, count_negative_pivots, too_large
 
+PACKAGES = {"pardiso": "pymklpardiso", "metis": "pymetis"}  # the best first
+MANY = 30_000  # coordinates whose factorisation takes longer than a user likes to wait
+SECONDS = {"superlu": 17.0, "metis": 9.0, "pardiso": 2.3}  # of 55,488 coordinates: benchmarks/large_bodies.py
 # coordinates; below, an order that fills less and supernodes do not make up for finding and building them
 FEW = 5_000
-ITERATIONS = 3  # of the inverse power method
-CANDIDATES = 4  # coordinates whose compliance is computed
-# of PARDISO, from zero: METIS's order, perturbation of pivots below 1e-13, Bunch-Kaufman pivots, no messages of size
-OPTIONS = {1: 2, 9: 13, 20: 1}
-POSITIVE, NEGATIVE, PERTURBED = 21, 22, 13  # where PARDISO says how many pivots it found
-FORWARD = 331  # the phase that solves with L alone
-DEFINITE, INDEFINITE = 2, -2
-NO_ROOM = "not enough memory"
 
 
 class Factor(Protocol):
@@ -54,7 +50,18 @@ def solver(n: int) -> str:
     return next((name for name, package in PACKAGES.items() if find_spec(package)), "superlu")
 
 
-PACKAGES = {"pardiso": "pymklpardiso", "metis": "pymetis"}  # the best first
+def faster(n: int) -> str | None:
+    """Return what would make the factorisation of n coordinates much faster, as a sentence; None if nothing would."""
+    kind, intel = solver(n), sys.platform != "darwin" and platform.machine() in ("x86_64", "AMD64")
+    if n < MANY or kind == "pardiso" or (kind == "metis" and not intel):
+        return None
+    package, better = ("py-mkl-pardiso", "pardiso") if intel else ("pymetis", "metis")
+    taken = {"superlu": "SuperLU", "metis": "SuperLU in METIS's order"}[kind]
+    return (
+        f"{n} coordinates are factorised several times by {taken}, which takes long. `pip install {package}` before "
+        f"makes it faster (measured: 55,000 coordinates of a solid in {SECONDS[better]:g} s in place of "
+        f"{SECONDS[kind]:g} s) and takes less memory; bounds stay the same"
+    )
 
 
 def factorised(matrix: sp.csc_matrix) -> Factor:
@@ -69,7 +76,7 @@ def count_negative(matrix: sp.csc_matrix, order: np.ndarray | None = None) -> in
     order : a good order of elimination, if it is known.
     """
     kind = solver(matrix.shape[0])
-    found = _pardiso_count(matrix) if kind == "pardiso" else None
+    found = count_negative_pivots(matrix) if kind == "pardiso" else None
     if found is not None:
         return found
     factor = SuperLUFactor(matrix, _order(matrix, kind) if order is None else order)
@@ -143,80 +150,6 @@ class SuperLUFactor:
         return np.sqrt(self.pivots)[:, None]
 
 
-class PardisoFactor:
-    """Cholesky's L L^T; `complete` is False where there is none."""
-
-    order = None  # it is not told
-    negative_pivots = 0
-
-    def __init__(self, matrix: sp.csc_matrix):
-        self._matrix = matrix
-        self._solver = None if matrix.diagonal().min(initial=1.0) <= 0 else _pardiso(matrix, DEFINITE)
-        self.complete = self._solver is not None
-
-    @cached_property
-    def smallest_pivot(self) -> float:
-        """Smallest last pivot of all orders of elimination, 1/max_i (A^-1)_ii, over likely i; 0 without a factor.
-
-        Where rounding alone holds a motion the power method finds it at once, and (A^-1)_ii where it is largest.
-        """
-        if not self.complete:
-            return 0.0
-        n = self._matrix.shape[0]
-        motion = np.random.default_rng(0).standard_normal((n, 1))
-        for _ in range(ITERATIONS):
-            motion = self.solve(motion / np.abs(motion).max())
-        likely = np.argsort(-np.abs(motion[:, 0]))[:CANDIDATES]
-        unit = np.zeros((n, len(likely)))
-        unit[likely, range(len(likely))] = 1.0
-        return float(1 / np.max(self.solve(unit)[likely, range(len(likely))]))
-
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        """Solve for one vector (n,) or many (n, k)."""
-        return self._solver.solve(np.ascontiguousarray(right) if right.ndim == 1 else np.asfortranarray(right))
-
-    def half_solve(self, right: np.ndarray) -> np.ndarray:
-        """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}."""
-        result = np.empty(right.shape, order="F")
-        if right.size:
-            self._solver.run_phase_into(FORWARD, np.asfortranarray(right), result)
-        return result
-
-    def half_multiply(self, right: np.ndarray) -> np.ndarray:
-        """Return Y (n, k) with |Y z|_2 = |right z|_A: L^T x = L^-1 (A x), for PARDISO has no product with L^T.
-
-        A plain product is not enough: the modes of a linkage, orthonormal here to 2e-14, were so to 5e-11 only.
-        """
-        return self.half_solve(self._split.times(right))
-
-    @cached_property
-    def _split(self) -> SplitMatrix:
-        return SplitMatrix(sp.csr_matrix(self._matrix))
-
-
-def _pardiso(matrix: sp.csc_matrix, kind: int):
-    """Return PARDISO's factorisation; None if there is none of this kind."""
-    from pymklpardiso import PardisoSolver
-
-    upper = sp.tril(matrix, format="csc").T  # of a symmetric matrix, by rows
-    upper.sort_indices()
-    try:
-        return PardisoSolver(upper, kind, OPTIONS)
-    except RuntimeError as error:
-        if NO_ROOM in str(error):
-            raise too_large(matrix, error) from error
-        return None
-
-
-def _pardiso_count(matrix: sp.csc_matrix) -> int | None:
-    """Return the number of negative pivots; None if any was perturbed: the sign of such a pivot says nothing."""
-    solver = _pardiso(matrix, INDEFINITE)
-    if solver is None:
-        return None
-    positive, negative, perturbed = (solver.get_iparm_value(i) for i in (POSITIVE, NEGATIVE, PERTURBED))
-    return negative if perturbed == 0 and positive + negative == matrix.shape[0] else None
-
-
 def _order(matrix: sp.csc_matrix, kind: str) -> np.ndarray | None:
     """Order of elimination by METIS's nested dissection, where it is installed; None: SuperLU finds its own."""
     if kind == "superlu" or not find_spec("pymetis"):
@@ -230,11 +163,3 @@ def _order(matrix: sp.csc_matrix, kind: str) -> np.ndarray | None:
 
 def _eliminated(matrix: sp.csc_matrix, order: str) -> SuperLU:
     return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-
-def too_large(matrix: sp.spmatrix, error: Exception) -> AssumptionError:
-    """Return the error to raise for a matrix that does not fit."""
-    return AssumptionError(
-        f"a matrix of {matrix.shape[0]} coordinates and {matrix.nnz} entries is too large to factorise here "
-        f"({type(error).__name__}: {error}); take a coarser mesh, interfaces of fewer nodes, or more memory"
-    )

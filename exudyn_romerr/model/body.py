@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from ..checks import check_count
 from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import Modes, lowest_modes
+from ..linalg.factorisations import faster
 from ..linalg.modal_damping import ModalDamping
 from ..linalg.oscillator import Constants
 from ..linalg.symmetric_factor import SymmetricFactor
@@ -91,6 +93,9 @@ class ElasticBody:
             raise InputError("rayleigh and damping were both given; pass one of them (or neither: undamped)")
         self.rayleigh = checked_rayleigh(rayleigh) if damping is None else None
         self.damping = None if damping is None else checked_matrix("damping", damping, self.N, symmetric=False)
+        help_at_hand = faster(self.free.size)
+        if help_at_hand:
+            warnings.warn(help_at_hand, stacklevel=2)
         check_masses(self.M, self.free)
         check_mass(self.M, self.mass_factor, self.free)
         check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
@@ -162,14 +167,6 @@ class ElasticBody:
     def stiffness_factor(self) -> SymmetricFactor:
         """Factorisation of K on the free coordinates, made once."""
         return SymmetricFactor(self.K)
-
-    def stiffness_within(self, S: sp.csr_matrix) -> SymmetricFactor:
-        """Return the factorisation of S^T K S, S (n_free, k); that of the S asked for last is kept."""
-        kept, factor = self._within or (None, None)
-        if kept is None or kept.shape != S.shape or (kept != S).nnz:
-            factor = SymmetricFactor((S.T @ self.K @ S).tocsc())
-            self._within = S, factor
-        return factor
 
     def expand(self, values: np.ndarray) -> np.ndarray:
         """Return displacements of all N coordinates (N, ...) from those of the free ones."""

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..estimates.estimate import RESOLVED
 from .scope import FROZEN
 from .wording import CURES_OF_CHECKS, SHORT, error_kind, percent, permitted, rounded_up, widest_scope
 
 if TYPE_CHECKING:
     from .data import OutputData
 
-RESOLVED = 0.3  # half width over the largest estimate: above it no digit of the estimate is right
 THREE_DIGITS = 0.05  # half width over the largest estimate: below it the third digit says something
 SHOWN = 0.005  # of the largest estimate: a part or half width below it is not seen in three digits
 

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ..linalg.symmetric_factor import SymmetricFactor
+
 if TYPE_CHECKING:
     from ..model.admissible_space import Space
+    from ..model.body import ElasticBody
     from .problem import Problem
+
+_RESPONSES: WeakKeyDictionary[Space, tuple[ElasticBody, np.ndarray, np.ndarray]] = WeakKeyDictionary()
 
 
 def static_errors(problem: Problem, stiff: Space) -> np.ndarray:
@@ -21,11 +27,34 @@ def static_errors(problem: Problem, stiff: Space) -> np.ndarray:
     Source: docs/theory.md, floating frame. Does not cover: inertia of what the interfaces' deformation moves.
     """
     body, rows = problem.body, problem.rows
-    S = stiff.Z.tocsr()[body.free]
-    response = S @ body.stiffness_within(S).solve(S.T @ rows.C.T)
-    rest = body.stiffness_factor.half_multiply(response)
-    columns = problem.dual.Y_K[:, : problem.map.coordinates.k]
-    return np.stack([-rows.of_displacements(part.T @ columns) for part in (rows.Y_C_K - rest, rest)])
+    factor, response = body.stiffness_factor, rigid_response(body, stiff, rows.C)
+    if "Y_K" in vars(problem.dual):
+        columns, rest = problem.dual.Y_K[:, : problem.map.coordinates.k], factor.half_multiply(response)
+        whole, rest = rows.Y_C_K.T @ columns, rest.T @ columns
+    else:  # few rows are solved for, not the many columns
+        whole, rest = (_seen(problem, x) for x in (factor.solve(rows.C.T), response))
+    return np.stack([-rows.of_displacements(part) for part in (whole - rest, rest)])
+
+
+def _seen(problem: Problem, response: np.ndarray) -> np.ndarray:
+    """Rows x^T L (R, k) of responses x (n_free, R); x^T K V where |.|_K is the 2-norm: nothing cancels."""
+    terms, factor = problem.terms, problem.body.stiffness_factor
+    found = terms.seen_by(response.T)
+    found[:, terms.coordinates.stiffness_slot] = factor.half_multiply(response).T @ factor.half_multiply(terms.V)
+    return found
+
+
+def rigid_response(body: ElasticBody, stiff: Space, C: np.ndarray) -> np.ndarray:
+    """Return S (S^T K S)^-1 S^T C^T (n_free, R).
+
+    The last one of every space is kept: of a large body the factor behind it takes much memory, and time.
+    """
+    kept = _RESPONSES.get(stiff)
+    if kept is None or kept[0] is not body or not np.array_equal(kept[1], C):
+        S = stiff.Z.tocsr()[body.free]
+        response = S @ SymmetricFactor((S.T @ body.K @ S).tocsc()).solve(S.T @ C.T)
+        kept = _RESPONSES[stiff] = body, C, response
+    return kept[2]
 
 
 def interface_share(errors: np.ndarray) -> np.ndarray:

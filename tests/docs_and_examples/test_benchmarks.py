@@ -8,6 +8,7 @@ from benchmarks import (
     floating_cost,
     growth,
     kernel_offline,
+    large_bodies,
     mechanism_cost,
     offline,
     online_linkage,
@@ -52,6 +53,15 @@ def test_kernel_offline_tells_what_is_counted(capsys):
     assert "omega_1 included" in printed
     assert "omega_1 not included" in printed
     assert exponential > kernels["certified"][0] > kernels["certified, omega_1 known"][0] > 0
+
+
+def test_large_bodies_measures_every_task(capsys):
+    tasks = ["factor", "attach", "Craig-Bampton"]
+    (found,) = large_bodies.main(["--coordinates", "600", "--only", "superlu", "--tasks", *tasks])
+    assert found["N"] == 3 * 12 * 16
+    assert found["attach, MB"] > found["before, MB"] > found["MB"] >= 0
+    assert all(found[name] > 0 for name in large_bodies.FIGURES if "MB" not in name)
+    assert capsys.readouterr().out.splitlines()[1].split()[:2] == ["superlu", "576"]
 
 
 def test_floating_cost_measures_every_variant(capsys):

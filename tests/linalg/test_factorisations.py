@@ -10,7 +10,7 @@ import scipy.sparse as sp
 import exudyn_romerr as romerr
 from exudyn_romerr.linalg import factorisations
 from exudyn_romerr.linalg.eigenmodes import count_below
-from exudyn_romerr.linalg.split_product import SplitMatrix
+from exudyn_romerr.linalg.pardiso import SplitMatrix
 from exudyn_romerr.linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
 from models.hex_bar import hex_bar
 from tests.helpers import tolerances
@@ -108,6 +108,21 @@ def test_split_product_has_the_digits_that_cancel():
     x = numbers.astype(float)[:, None]
     found = SplitMatrix(K).times(x)[:, 0] / unit
     np.testing.assert_array_equal(found, exact.astype(float))
+
+
+def test_a_long_wait_is_announced(monkeypatch):
+    """Where nothing better is installed, before it begins, with what to install; not of small bodies."""
+    monkeypatch.setattr(factorisations, "find_spec", lambda name: None)
+    monkeypatch.setattr(factorisations, "MANY", 300)
+    monkeypatch.setattr(factorisations.sys, "platform", "linux")
+    monkeypatch.setattr(factorisations.platform, "machine", lambda: "x86_64")
+    with pytest.warns(UserWarning, match=r"360 coordinates .* by SuperLU, .* `pip install py-mkl-pardiso`"):
+        romerr.ElasticBody(*bar())
+    monkeypatch.setattr(factorisations.sys, "platform", "darwin")
+    assert "`pip install pymetis`" in factorisations.faster(360)
+    assert factorisations.faster(299) is None
+    monkeypatch.setattr(factorisations, "solver", lambda n: "pardiso")
+    assert factorisations.faster(360) is None
 
 
 def test_large_bodies_take_the_best_that_is_installed(monkeypatch):

@@ -58,9 +58,14 @@ class Equations:
 
     def residual(self, mbs: Any) -> np.ndarray:
         """M q'' + G^T l - f (n,)."""
+        return self._made(mbs)[0]
+
+    def _made(self, mbs: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """That, M and G (all, n)."""
         forces = self.forces(mbs)
         _, _, q_tt, multipliers = current_state(mbs.systemData)
-        return self.mass(mbs) @ q_tt + self.constraints(mbs).T @ multipliers - forces
+        M, G = self.mass(mbs), self.constraints(mbs)
+        return M @ q_tt + G.T @ multipliers - forces, M, G
 
     def forces(self, mbs: Any) -> np.ndarray:
         """Return f (n,), without those of constraints."""
@@ -74,7 +79,8 @@ class Equations:
         independent constraints.
         """
         system, n = mbs.systemData, self.size
-        left, M, G = self.residual(mbs), self.mass(mbs), self.constraints(mbs)[rows]
+        left, M, G = self._made(mbs)
+        G = G[rows]
         scale = np.abs(np.diag(M)).max()
         whole = np.block([[M, scale * G.T], [scale * G, np.zeros((len(rows), len(rows)))]])
         change = np.linalg.solve(whole, -np.append(left, scale * self._bend(mbs)[rows]))

@@ -13,8 +13,10 @@ from ...checks import check_count
 from ...errors import AssumptionError
 from ...estimators.rigid_motion import Deformations
 from ...model.floating_frame import skew, unit_inertia
+from ...model.outputs import stacked_rows
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
+from ...residual.interface_stiffening import rigid_response
 from ...residual.residual import ResidualMap
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
@@ -56,10 +58,9 @@ class EnrichedBody:
     ----------
     m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
     if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
-    rows of modes, vectors and the rest. columns, modal :
-    coordinates of the body in the mbs, and those of its modes. offline, sampler : of the body on modes and vectors.
-    midpoint_residual : as asked for. note : line for the plan. flex, rayleigh, shapes (N, n + m) : the body as it
-    is in the mbs, its damping, its modes and vectors.
+    rows of modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, of its frame, its modes.
+    offline, sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan.
+    flex, rayleigh, shapes (N, n + m) : the body as it is in the mbs, its damping, modes and vectors.
     """
 
     def __init__(
@@ -77,6 +78,9 @@ class EnrichedBody:
         self._actions, self._terms, self.midpoint_residual = actions, terms, options.midpoint_residual
         self._frame, self.frame_size = model.frame, model.frame.size
         self.columns, (self.frame, self.modal) = columns, np.split(columns, [model.frame.size])
+        body.modes(1)  # first, and the next: they take factorisations beside those that are kept
+        if scene.stiff is not None:
+            rigid_response(body, scene.stiff, stacked_rows(options.outputs, body)[0])
         V, Z = model.V, body.space
         inertia, loads, wrenches = (
             Z.loads(part)
@@ -93,15 +97,12 @@ class EnrichedBody:
             found = Enrichment(body, V_y, inertia, loads, wrenches, asked, _stiff_columns(body, scene))
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
-        P = Z.expand(found.P)
-        self.m, self.keeps, self.first = P.shape[1], found.keeps, found.first
+        P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
         self._couple(flex, V, P, model.rayleigh)
         # where forces act: their motion by P (3, m); torques do not care
-        self._moved_loads = [
-            (0.0 if load.torque else 1.0) * load.place.columns[:, :3].T @ P for load in actions.loads
-        ]
+        self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
         self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
         self.net = NetInertia(model.frame, flex.mass, flex.positions, self.shapes)

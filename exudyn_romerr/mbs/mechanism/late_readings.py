@@ -103,7 +103,9 @@ class LateReadings:
         """Whether the mbs gives in the states of readings what it gave when they were read."""
         if self._can_read is None:
             within = [r for r in self._tangents.readings if r.t <= self._t[-1]]
-            ends = (within[max(0, np.searchsorted([r.t for r in within], self._t[0], side="right") - 1)], within[-1])
+            ends = [within[max(0, np.searchsorted([r.t for r in within], self._t[0], side="right") - 1)], within[-1]]
+            if ends[0] is ends[1] or ends[1].t == self._t[-1]:  # read just now, or if not, the first one tells
+                del ends[1]
             try:
                 self._can_read = self._mbs is not None and all(
                     self._tangents.reads_the_same(self._mbs, reading) for reading in ends

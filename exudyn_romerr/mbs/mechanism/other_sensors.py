@@ -158,7 +158,7 @@ class OtherSensors:
         self._last = [np.concatenate(pair) for pair in zip(self._last, rows, strict=True)] if self._last else [*rows]
         if step is not None:
             late = [x[len(x) - step.x.shape[1] :] for x in self._last]
-            at, balanced = self._shown(mbs, late), self._shown(mbs, late, record)
+            at, balanced = record.values.read()[-len(late[0]) :], self._shown(mbs, late, record)
             record.estimate.put_time_step(
                 step, lambda x: self._change(mbs, late, balanced, x, record=record), balanced - at
             )
@@ -177,6 +177,8 @@ class OtherSensors:
 
         dx (3, S, k), multipliers (S, c) : what moves. record : of sensors that are read where forces balance there.
         """
+        if not dx.any() and not np.any(multipliers):
+            return 0.0 * here
         t, *states, forces = rows
         n = states[0].shape[1]
         moved = [x + more[:, :n] for x, more in zip(states, dx, strict=True)]

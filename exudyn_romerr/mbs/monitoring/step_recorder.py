@@ -73,7 +73,7 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
         i += 1
         if due:
             due -= 1
-            if due == 0 or i == room:  # the last row of a block has a tangent of its own
+            if due == 0 or i == room or t >= end:  # the last row of a block has a tangent of its own
                 due = hook.read_tangent(mbs, t)
                 room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
         go_on = True
