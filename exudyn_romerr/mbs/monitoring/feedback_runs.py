@@ -212,7 +212,7 @@ class Reaction:
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left())
+            sensors.take(mbs, rows, moves, self.time_step, self._remainder.left)
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
