@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 # samples: in as many one at least is looked at, each time so many later, for where tangents are read they are exact;
 # between them the residual is taken for linear
 EVERY, LATER = 8, 3
-DENSE = 16  # first samples of a run: all of them are looked at
-PAYS = 0.01  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
+DENSE = 32  # first samples of a run, where all sets in: all of them are looked at
+PAYS = 0.02  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
 LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
 ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
 RAMP = 32  # steps within which r sets in
