@@ -371,7 +371,7 @@ def test_ctrl_c_while_the_mbs_is_read(monkeypatch, ctrl_c):
     assert len(bench.solve()) == len(bench.monitor.report().t) == STEPS + 1
 
 
-@pytest.mark.parametrize("reading", [0, 1, 2])
+@pytest.mark.parametrize("reading", [0, 1, 3])
 def test_ctrl_c_while_a_tangent_is_read(monkeypatch, ctrl_c, reading):
     """At the first one there are no bounds yet, at others all steps are kept; the next solve is as if undisturbed."""
     scene = pendulum()
