@@ -38,7 +38,8 @@ def child(script: str, *task: str, limits: tuple[float, float] = LIMITS) -> dict
     )
     try:
         said, errors = process.communicate(timeout=seconds)
-        ended = errors.strip().splitlines()[-1] if process.returncode else ""
+        last = errors.strip().splitlines()[-1:] or [f"ended with {process.returncode}"]
+        ended = last[0] if process.returncode else ""
     except subprocess.TimeoutExpired:
         process.kill()
         said, _ = process.communicate()
