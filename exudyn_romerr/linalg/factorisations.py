@@ -96,13 +96,13 @@ class SuperLUFactor:
         try:
             ordered = matrix if order is None else matrix[order][:, order]
             self._lu = _eliminated(ordered, "MMD_AT_PLUS_A" if order is None else "NATURAL")
+            if np.array_equal(self._lu.perm_r, self._lu.perm_c):
+                self.pivots = self._lu.U.diagonal()
+                self.complete = bool(np.all(self.pivots != 0))
         except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
             return
         except (MemoryError, SystemError) as error:  # SuperLU, out of memory or of 32-bit indices
             raise too_large(matrix, error) from error
-        if np.array_equal(self._lu.perm_r, self._lu.perm_c):
-            self.pivots = self._lu.U.diagonal()
-            self.complete = bool(np.all(self.pivots != 0))
 
     @property
     def negative_pivots(self) -> int:
