@@ -121,8 +121,7 @@ class Watch:
         self.rows: tuple = ()
         if self.error is None and self._listens:
             with self.kept_errors():
-                of = self._columns
-                self._look(t.copy(), *(s[:, of].copy() if isinstance(of, slice) else s[:, of] for s in states))
+                self._look(t.copy(), *(state[:, self._columns].copy() for state in states))
 
     def postpone(self) -> None:
         """Leave the run closed: other bodies cannot open theirs yet."""
