@@ -126,6 +126,8 @@ class MeasuredRemainder:
         """Return errors by time steps, as found last, with what linear equations leave out of them."""
         if step is None or self._last is None:
             return step
+        if self._last.r.shape[1] < step.x.shape[1]:  # it ended within a block
+            return step._replace(left=())
         r, added, times = (x[..., -step.x.shape[1] :, :] for x in (*self._last[:2], self._last.times[:, None]))
         added = added if np.all(self._of_steps.shares < LOST) else 0.0 * added
         told = not self._failure and np.any(self._of_steps.shares > TOLD)
