@@ -78,7 +78,11 @@ class KeptEstimate:
     def record(self, index: slice) -> dict[str, Any]:
         """Return the fields `estimate`, `left` and `remainder` of a RunRecord."""
         share = {} if self.remainder is None else {"auxiliary": self.remainder}
-        return {"estimate": self.read(index), "left": self.left.read()[index], "remainder": share}
+        left = self.left.read()
+        if left.size and REMAINDER in self._sizes:
+            measured = self._largest()[REMAINDER]
+            left = left + measured[np.minimum(np.arange(len(left)), len(measured) - 1)]
+        return {"estimate": self.read(index), "left": left[index], "remainder": share}
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""
