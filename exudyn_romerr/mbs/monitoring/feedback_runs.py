@@ -160,7 +160,7 @@ class Reaction:
             sample = body.sampler(rows[0], *body.moved(own, rows[1:], e))
             extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
             veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
-            beside = self._passes.residuals.size_beside(body, self._passes.beside)
+            beside = self._passes.residuals.size_beside(i, self._passes.beside)
             for block, _ in extension.segments.values():
                 block.added = self._added(i, e, speed)._replace(veer=veer, beside=beside)
             extensions.append(extension)

@@ -1,5 +1,6 @@
 """Corrected motions: net inertia against sums over nodes; passes make bounds of soft bodies sharp."""
 
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -17,6 +18,11 @@ GRAVITY = np.array([[1.0, -2.0, 9.0]])
 def frame_node():
     reference = [0.1, 0.2, -0.3, 0.5, 0.5, 0.5, 0.5]
     return FrameNode({"nodeType": "RigidBodyEP", "referenceCoordinates": reference})
+
+
+def net_inertia(node, mass, positions, shapes):
+    flex, sampler = SimpleNamespace(mass=mass, positions=positions), SimpleNamespace(frame=node)
+    return NetInertia(SimpleNamespace(flex=flex, sampler=sampler, shapes=shapes))
 
 
 def states(rng, shapes):
@@ -45,7 +51,7 @@ def test_net_inertia_is_the_sum_over_nodes():
     fem, rng = floating.load_fem("bar"), np.random.default_rng(5)
     mass, positions = fem.GetMassMatrix(sparse=True), fem.GetNodePositionsAsArray()
     shapes, node = 0.1 * rng.standard_normal((mass.shape[0], 4)), frame_node()
-    net = NetInertia(node, mass, positions, shapes)
+    net = net_inertia(node, mass, positions, shapes)
     here, change = states(rng, 4)
     expected = by_nodes(node, mass, positions, shapes, *here)
     np.testing.assert_allclose(
@@ -62,7 +68,7 @@ def test_size_of_net_forces_is_that_of_a_rigid_body():
     """Of inertia forces of a rigid acceleration it is this acceleration's mass norm."""
     fem, rng, node = floating.load_fem("bar"), np.random.default_rng(6), frame_node()
     mass, positions = fem.GetMassMatrix(sparse=True), fem.GetNodePositionsAsArray()
-    net, (here, _) = NetInertia(node, mass, positions, np.zeros((mass.shape[0], 0))), states(rng, 0)
+    net, (here, _) = net_inertia(node, mass, positions, np.zeros((mass.shape[0], 0))), states(rng, 0)
     motion, rates = node.motion(*here), node.rates(here[0])[0]
     b, al = rng.standard_normal((2, 3))
     a = b + np.cross(al, positions)

@@ -251,6 +251,7 @@ def fails_late(bench, monkeypatch):
 def test_failed_evaluation_keeps_every_step_before(bench, fails_late, monkeypatch, capfd, length):
     """At the end, in the middle or anywhere of a block; the run goes on without bounds."""
     monkeypatch.setattr(hook, "BLOCK", length)
+    monkeypatch.setattr(hook, "LONGEST", 1)
     bench.solve()
     whole = bench.bound()
     fails_late.append(ArithmeticError("mine"))
@@ -295,6 +296,7 @@ def test_run_after_a_gap_does_not_continue_the_bound(fails_late, bench):
 def test_interrupt_that_the_evaluation_itself_raises(bench, fails_late, monkeypatch):
     """Blocks before are kept, the solve ends at once."""
     monkeypatch.setattr(hook, "BLOCK", 8)
+    monkeypatch.setattr(hook, "LONGEST", 1)
     fails_late.append(INTERRUPT)
     with pytest.raises(exu.ModelError) as caught:
         bench.solve()
