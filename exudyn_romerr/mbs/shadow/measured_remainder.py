@@ -117,6 +117,7 @@ class MeasuredRemainder:
         self._mbs = None
         self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
         self.found = None if self._failure else self.found
+        steps = steps if steps is not None and len(steps.times) == len(self._forces) else None  # it may have failed
         last, self._last = self._last, steps
         if last is not None and steps is not None:  # of the block before, where errors are provisional
             before = Measured(last.r[:, -PROVISIONAL:], last.added[:, -PROVISIONAL:], last.times[-PROVISIONAL:])
