@@ -116,7 +116,7 @@ def test_passes_make_bounds_of_an_undamped_bar_sharp(monkeypatch):
 
 
 def test_a_sudden_start_needs_tangents_at_its_first_steps():
-    """Gravity at once, steps that do not resolve what rings: 0.8 % off along the bar's motion, 4.8 % with every 8th."""
+    """Gravity at once, steps that do not resolve what rings: 0.7 % off in the plane, 4.8 % with every eighth."""
     scene = estimate_scenes.SCENES["hinged_bar"]
     made = scene.make(8, "RBE3", scene.h)
     made.mbs.SetSensorParameter(made.sensors["tip local"], "name", "tip")
