@@ -26,7 +26,7 @@ DENSE = 32  # first samples of a run, where all sets in: all of them are looked 
 PAYS = 0.02  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
 LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
 ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
-NEWTON = 1e-8  # of the motion: less of r is what Newton's iteration (Exudyn's default tolerance) leaves of constraints
+NEWTON = 1e-8  # of the motion, Exudyn's default tolerance: less of r is what Newton's iteration leaves
 RAMP = 32  # steps within which r sets in
 # what may be left, in sizes of r: looked at now and then it came out down to 0.17 of what it is, looked at everywhere
 # within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
