@@ -38,7 +38,8 @@ class KeptEstimate:
     Attributes
     ----------
     remainder : share of the latter in the deformation that vectors predict; None: it was not measured.
-    left : a bound (S, r) of what estimates leave, of outputs in global axes that have one; inf elsewhere.
+    left : a bound (S, r) of what estimates leave, of outputs in global axes that have one; inf elsewhere. REMAINDER
+        goes into it: rigid motions keep what was not added of it, and no energy knows them.
     """
 
     def __init__(self, rings: np.ndarray | bool = False) -> None:
@@ -78,7 +79,14 @@ class KeptEstimate:
     def record(self, index: slice) -> dict[str, Any]:
         """Return the fields `estimate`, `left` and `remainder` of a RunRecord."""
         share = {} if self.remainder is None else {"auxiliary": self.remainder}
-        return {"estimate": self.read(index), "left": self.left.read()[index], "remainder": share}
+        return {"estimate": self.read(index), "left": self._left()[index], "remainder": share}
+
+    def _left(self) -> np.ndarray:
+        """What is left of outputs in global axes, with what linear equations missed of rigid motions as measured."""
+        left = self.left.read()
+        if REMAINDER not in self._sizes or not left.size:
+            return left
+        return left + _filled(self._largest()[REMAINDER], len(left), np.inf)[: len(left)]
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""
