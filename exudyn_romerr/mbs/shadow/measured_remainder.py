@@ -87,8 +87,9 @@ class MeasuredRemainder:
         """Steps to rows t (S,), q, q_t, q_tt (S, n) follow, under forces (S, k) on vectors."""
         self._forces = forces
         self._mbs, self._is_compared = mbs, False
+        read = [reading.t for reading in self._tangents.readings]
         for one in (self._of_vectors, self._of_steps):
-            one.begin(self._wide(rows), self._residuals)
+            one.begin(self._wide(rows), self._residuals, read)
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Return what is added to e, e', e'' (3, S, k) in some of the steps; None: nothing."""
@@ -108,6 +109,7 @@ class MeasuredRemainder:
         self._mbs = None
         self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
         self.found = None if self._failure else self.found
+        steps = steps if self._of_steps.adds or not self._failure else None  # else it may have ended on the way
         last, self._last = self._last, steps
         if last is not None and steps is not None:  # of the block before, where errors are provisional
             before = Measured(last.r[:, -PROVISIONAL:], last.added[:, -PROVISIONAL:], last.times[-PROVISIONAL:])
