@@ -19,8 +19,8 @@ from .mechanism_feedback import held
 if TYPE_CHECKING:
     from .march import Steps, Tangent
 
-# samples: in as many one at least is looked at, each time so many later, for where tangents are read they are exact;
-# between them the residual is taken for linear
+# samples: in as many one at least is looked at, each time so many later, for where tangents are read they are exact,
+# and one between two tangents; between them the residual is taken for linear
 EVERY, LATER = 8, 3
 DENSE = 32  # first samples of a run, where all sets in: all of them are looked at
 PAYS = 0.02  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
@@ -109,9 +109,10 @@ class Remainder:
         r, predicted, motion = largest
         return r / np.maximum(np.maximum(predicted, ROUNDING * motion), np.finfo(float).tiny)
 
-    def begin(self, rows: Sequence[np.ndarray], residuals: Residuals) -> None:
-        """Steps to rows t (S,), q, q_t, q_tt (S, k) follow."""
+    def begin(self, rows: Sequence[np.ndarray], residuals: Residuals, read: Sequence[float] = ()) -> None:
+        """Steps to rows t (S,), q, q_t, q_tt (S, k) follow. read : times of tangents; between them it is looked."""
         self._rows, self._residuals, self._found = rows, residuals, []  # None of it: they are not known any more
+        self._far = _middles(rows[0], np.asarray(read))
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> np.ndarray | None:
         """Go through some of the steps, where e, e', e'' (3, S, k) are predicted; return what is added to these.
@@ -120,6 +121,7 @@ class Remainder:
         """
         rows, number = [x[part] for x in self._rows], self._count + 1 + np.arange(len(steps))
         looked = (number <= DENSE) | (number % EVERY == LATER * (number // EVERY) % EVERY)
+        looked |= self._far[part]
         looked[-1] |= len(steps) >= EVERY  # else it is held from the last before
         known = self._look(rows, e, own, looked, [self._known])
         found, largest = self._marched(steps, rows, e, known)
@@ -188,6 +190,14 @@ def joined(parts: Sequence[Measured]) -> Measured:
     """Return what was found in several blocks as one."""
     r, added, times = zip(*parts, strict=True)
     return Measured(np.concatenate(r, axis=1), np.concatenate(added, axis=1), np.concatenate(times))
+
+
+def _middles(t: np.ndarray, read: np.ndarray) -> np.ndarray:
+    """Whether samples (S,) are the nearest to the middle between two times of tangents, and not at one of these."""
+    if len(read) < 2:
+        return np.zeros(len(t), dtype=bool)
+    nearest = np.abs(t[:, None] - (read[:-1] + read[1:]) / 2).argmin(axis=0)
+    return np.isin(np.arange(len(t)), nearest) & ~np.isin(t, read)
 
 
 def _linear(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -181,7 +181,8 @@ class _Slots(MutableMapping):
     """Attributes of an object that has __slots__, as a dict of those that are set."""
 
     def __init__(self, value: Any):
-        found = [d for of in type(value).__mro__ for d in vars(of).values() if isinstance(d, MemberDescriptorType)]
+        classes = [of for of in type(value).__mro__ if "__slots__" in vars(of)]  # members of others may be read-only
+        found = [d for of in classes for d in vars(of).values() if isinstance(d, MemberDescriptorType)]
         self._value, self.names = value, {(d.__objclass__, d.__name__): d for d in found}
 
     def __getitem__(self, name: tuple) -> Any:

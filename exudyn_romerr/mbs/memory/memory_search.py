@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, MutableMapping
 from functools import partial
 from types import CodeType, FunctionType, MethodType, ModuleType
@@ -9,9 +10,13 @@ from typing import Any
 
 from .kept_values import WRAPPERS, Copies, Frozen, Variable, spaces_of
 
+SETS = re.compile(r"Set(\w+Parameter|(ODE1|ODE2|AE|Data)Coordinates(_t|_tt)?|SystemState|Time)$")  # of an mbs
+
 
 class MemorySearch:
     """Finds variables: `spaces` (with the names in them), `variables`, and types of what is `lost` once it was read.
+
+    What functions set in an mbs, or functions that they name, is lost, too: its items have too much to be copied.
 
     Looks into functions, classes and objects of the modules that the functions are of, and of no others: these are
     libraries, most often.
@@ -23,8 +28,9 @@ class MemorySearch:
         self.lost: set[str] = set()
         self._copies = copies
         self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
-        codes = [_code(f.func if isinstance(f, partial) else f) for f in functions]
-        self._own = {code.__globals__.get("__name__", "") for code in codes if code}
+        codes = [code for f in functions if (code := _code(f.func if isinstance(f, partial) else f))]
+        self._own = {code.__globals__.get("__name__", "") for code in codes}
+        self.lost |= {name for code in _called(codes) for name in _names(code.__code__) if SETS.match(name)}
 
     def add_space(self, space: MutableMapping) -> None:
         """Add all names of a dict or an object, and whether there are more."""
@@ -103,6 +109,23 @@ def _code(f: Callable) -> FunctionType | None:
     """Return the Python function behind a function, a method or a callable object."""
     candidates = (f, getattr(f, "__func__", None), type(f).__call__)
     return next((of for of in candidates if isinstance(of, FunctionType)), None)
+
+
+def _called(functions: list[FunctionType]) -> list[FunctionType]:
+    """Return functions, and those that they know by name and may call."""
+    found = []
+    while functions:
+        f, *functions = functions
+        if f not in found:
+            found.append(f)
+            known = [f.__globals__.get(name) for name in _names(f.__code__)]
+            known += map(_content, f.__closure__ or ())
+            functions += [other for other in known if isinstance(other, FunctionType) and _is_beside(f, other)]
+    return found
+
+
+def _is_beside(f: FunctionType, other: FunctionType) -> bool:
+    return f.__module__ == other.__module__
 
 
 def _names(code: CodeType) -> list[str]:

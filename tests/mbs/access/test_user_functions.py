@@ -7,7 +7,7 @@ import threading
 import warnings
 import weakref
 from functools import partial
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +17,17 @@ from exudyn_romerr.mbs.access import load_functions
 from exudyn_romerr.mbs.memory.kept_values import Copies, Frozen
 from exudyn_romerr.mbs.memory.user_memory import memory_kept
 from models import mechanisms
-from tests.helpers.mechanism_runs import FROZEN, STEP, add_load, ground_marker, pendulum, reports, solve, watch
+from tests.helpers.mechanism_runs import (
+    FROZEN,
+    STEP,
+    add_load,
+    add_spring,
+    ground_marker,
+    pendulum,
+    reports,
+    solve,
+    watch,
+)
 
 
 def integral_of_the_mbs(scene):
@@ -145,6 +155,16 @@ def of_slots():
     return count
 
 
+def of_a_namespace():
+    calls = SimpleNamespace(number=0)
+
+    def count():
+        calls.number += 1
+        return 1e-2 * calls.number
+
+    return count
+
+
 def of_a_module():
     module = ModuleType("settings")
     module.calls, module.seen = 0, {"number": 0}
@@ -205,6 +225,7 @@ HIDDEN = (
     of_an_object_that_cannot_be_pickled,
     of_a_partial,
     of_slots,
+    of_a_namespace,
     of_a_module,
     of_an_object_in_a_list_beside_a_function,
     of_an_object_that_is_replaced,
@@ -235,6 +256,20 @@ def of_a_generator(scene):
     return lambda mbs, t, vector: [0.0, 10.0 + next(numbers), 0.0]
 
 
+def setting_an_item(scene):
+    """Load that makes a spring softer by every call: a parameter of the mbs is no variable that is put back."""
+    number = add_spring(scene)
+
+    def soften(mbs):
+        mbs.SetObjectParameter(number, "stiffness", (1 - 1e-9) * mbs.GetObjectParameter(number, "stiffness"))
+
+    def force(mbs, t, vector):
+        soften(mbs)
+        return [0.0, 10.0, 0.0]
+
+    return force
+
+
 OPEN = []
 
 
@@ -263,6 +298,7 @@ LOADS = {
     "mbs.sys": counting_in_mbs_sys,
     "generator": of_a_generator,
     "open file": of_an_open_file,
+    "item": setting_an_item,
 }
 
 

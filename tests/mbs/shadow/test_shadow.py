@@ -10,14 +10,11 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 import exudyn_romerr as romerr
 from exudyn_romerr import RunError
 from exudyn_romerr.estimates import remainder
-from exudyn_romerr.mbs.access.linearisation import Tangents
-from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from exudyn_romerr.mbs.shadow.measured_remainder import LEFT_OUT
 from exudyn_romerr.mbs.shadow.shadow_mbs import Shadow
 from exudyn_romerr.mbs.shadow.wider_object import object_terms
-from models import estimate_truths, mechanisms
-from models.estimate_scenes import SCENES
+from models import mechanisms
 from models.floating import RAYLEIGH, load_fem
 from tests.helpers.mechanism_runs import pendulum, solve
 
@@ -121,11 +118,11 @@ def test_remainder_is_the_true_one(name):
 
 
 def test_now_and_then_it_tells_the_size():
-    """Twice as well as what is allowed for; measured 0.5 to 3.5 of what is true."""
+    """Looked at where tangents are farthest, and linear from there to where it is looked at next: rather too much."""
     watched, measured, true = compared("slider_crank", remainder.EVERY)
     for rows in parts_of(watched):
         found, of_all = (np.abs(x @ rows.T).max() for x in (measured, true))
-        assert 2 * of_all / remainder.SAMPLED < found < of_all * remainder.SAMPLED / 2
+        assert 0.4 * of_all < found < 2 * of_all  # measured 1.4
     share = watched.report.remainder["auxiliary"]
     outputs = parts_of(watched)[0]
     assert 0.1 * share < np.abs(true @ outputs.T).max() / np.abs(watched.predicted[0] @ outputs.T).max() < 10 * share
@@ -201,52 +198,26 @@ def test_what_cannot_be_measured_is_said():
     assert [m for m in watched.report.messages if "the reason" in m] == [LEFT_OUT.format("the reason")]
 
 
+@pytest.mark.parametrize("last", [1, 2])
+def test_what_fails_on_the_way_ends_the_measurement_alone(last):
+    """Where some parts of a block were gone through, and some were not."""
+    calls, residuals = [], Shadow.residuals
+
+    def failing(self, rows):
+        calls.append(len(rows[0]))
+        if len(calls) > last:
+            raise RunError("the reason")
+        return residuals(self, rows)
+
+    with mock.patch.object(Shadow, "residuals", failing):
+        watched = Watched(mechanisms.double_pendulum(0, h=1e-3, t_end=0.06))
+    assert len(calls) == last + 1
+    assert [m for m in watched.report.messages if "the reason" in m] == [LEFT_OUT.format("the reason")]
+
+
 def test_the_share_is_saved_and_said(watched, tmp_path):
     report = watched.report
     assert 0 < report.remainder["auxiliary"] < 1e-3
     assert f"leave out about {100 * report.remainder['auxiliary']:.2g} % of the deformation" in str(report)
     report.save(tmp_path / "run.npz")
     assert romerr.load_report(tmp_path / "run.npz").remainder == report.remainder
-
-
-def seldom(monkeypatch, stride):
-    """Tangents are read so seldom that errors by time steps are wrong by linear equations."""
-    read = Tangents.read
-
-    def every(self, mbs, t):
-        read(self, mbs, t)
-        return stride
-
-    def last(self):
-        if self._tangents.readings[-1].t < self._t[-1]:
-            self._read([len(self._t) - 1])
-
-    monkeypatch.setattr(Tangents, "read", every)
-    monkeypatch.setattr(LateReadings, "read", last)
-
-
-def steps_of_the_slider_crank():
-    """How far the part by time steps is off, and its half width, of the tip in global axes, in largest errors."""
-    known, truth = SCENES["slider_crank"], estimate_truths.stored("slider_crank")["tip 1"]
-    scene = known.make(4, "RBE3", known.h)
-    scene.mbs.SetSensorParameter(scene.sensors["tip 1"], "name", "tip")
-    out = Watched(scene, outputs=[scene.sensors["tip 1"]]).report.output("tip")
-    true = truth.value - truth.same_steps
-    row = np.argmax(np.abs(true).max(axis=0))
-    found = out.estimate_parts["time step"] - true, out.uncertainty
-    return [float(np.abs(x[:, row]).max() / np.abs(true[:, row]).max()) for x in found]
-
-
-def test_old_tangents_are_made_good_for(monkeypatch):
-    """Every 32 steps, half a turn: 24 % off without what is measured, and 1.2 % with it."""
-    seldom(monkeypatch, 32)
-    assert steps_of_the_slider_crank()[0] < 0.05
-    monkeypatch.setattr(remainder, "PAYS", np.inf)
-    assert steps_of_the_slider_crank()[0] > 0.2
-
-
-def test_tangents_that_are_too_old_are_noticed(monkeypatch):
-    """Every 64 steps, a whole turn: 21 % off, which no pass makes good for, and the half width says so."""
-    seldom(monkeypatch, 64)
-    off, half_width = steps_of_the_slider_crank()
-    assert 0.1 < off < half_width
