@@ -43,8 +43,8 @@ from .tangent_reading import (
 )
 
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
-# steps between tangents, also where nothing changes; they double from 1 on (from 8 on, what rings after a sudden start
-# was predicted 5 to 20 times worse)
+# steps between tangents, also where nothing changes; they double from 1 on (from 8 on, what rings after a sudden
+# start was predicted 5 to 20 times worse)
 LONGEST = 256
 SMALL = 0.4  # of CHANGE: less, and less often
 DIFFERENCE = 1e-7  # of coordinates, to differentiate by

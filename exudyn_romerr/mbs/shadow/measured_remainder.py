@@ -96,8 +96,9 @@ class MeasuredRemainder:
         """Steps to rows t (S,), q, q_t, q_tt (S, n) follow, under forces (S, k) on vectors."""
         self._forces = forces
         self._mbs, self._is_compared = mbs, False
+        read = [reading.t for reading in self._tangents.readings]
         for one in (self._of_vectors, self._of_steps):
-            one.begin(self._wide(rows), self._residuals)
+            one.begin(self._wide(rows), self._residuals, read)
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Return what is added to e, e', e'' (3, S, k) in some of the steps; None: nothing."""
