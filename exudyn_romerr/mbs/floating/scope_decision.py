@@ -162,7 +162,8 @@ def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]
     reduced = {i: item["name"] for i, item in enumerate(objects) if item["objectType"] == "FFRFreducedOrder"}
     missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
     if missing:
-        yield f"flexible bodies of this mbs are not attached, so their errors are not known: {', '.join(missing)}"
+        named = ", ".join(missing)
+        yield f"flexible bodies of this mbs are not attached, so their errors are not known: {named}; attach them all"
 
 
 def _switching(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
