@@ -56,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         "--tolerance",
         type=_tolerance,
         metavar="X",
-        help="say of every output whether its error is within X: of its largest value, such as 1%%, or in its unit",
+        help="say of every output whether its error is within X: 1%% of each row's largest value, or in its unit",
     )
     plot = _add(
         commands,

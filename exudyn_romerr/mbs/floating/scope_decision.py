@@ -45,8 +45,8 @@ BY_FUNCTION = (
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
-    "them. Neglected, but for what auxiliary vectors carry: how directions of joints and internal forces turn with "
-    "the error, its centrifugal and gyroscopic terms"
+    "them, displacements and positions in global axes too. Neglected, but for what auxiliary vectors carry: how "
+    "directions of joints and internal forces turn with the error, its centrifugal and gyroscopic terms"
 )
 
 
