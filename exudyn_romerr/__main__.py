@@ -56,7 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         "--tolerance",
         type=_tolerance,
         metavar="X",
-        help="say of every output whether its error is within X: of its largest value, such as 1%%, or in its unit",
+        help="say of every output whether its error is within X: 1%% of each row's largest value, or in its unit",
     )
     plot = _add(
         commands,
@@ -98,7 +98,10 @@ def _add(
 def _tolerance(text: str) -> tuple[float, bool]:
     """A number, and whether it is a share."""
     share = text.rstrip().endswith("%")
-    number = float(text.rstrip().rstrip("%")) / (100 if share else 1)
+    try:
+        number = float(text.rstrip().rstrip("%")) / (100 if share else 1)
+    except ValueError:
+        number = math.nan
     if not 0 < number < math.inf:
         raise argparse.ArgumentTypeError(f"{text!r} is not a positive number, or one with %")
     return number, share

@@ -12,7 +12,8 @@ def check_choice(name: str, value: object, known: Iterable[str]) -> None:
     """Raise InputError unless `value` is one of the `known` names."""
     known = list(known)
     if not isinstance(value, str) or value not in known:
-        raise InputError(f"{name}={value!r} is unknown; allowed: {', '.join(map(repr, known))}")
+        allowed = ", ".join(map(repr, known)) or "nothing, there is none"
+        raise InputError(f"{name}={value!r} is unknown; allowed: {allowed}")
 
 
 def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> np.ndarray:

@@ -109,7 +109,7 @@ def test_version(capsys):
         ["show"],
         ["show", "run.npz", "more"],
         ["plot", "run.npz", "--out", "tip z"],
-        *(["show", "run.npz", "--tolerance", x] for x in ("0", "nan", "inf", "1 m", "%")),
+        *(["show", "run.npz", "--tolerance", x] for x in ("0", "nan", "inf", "1 m", "%", "much")),
     ],
 )
 def test_wrong_usage_is_status_2(run, capsys, arguments):
@@ -117,7 +117,9 @@ def test_wrong_usage_is_status_2(run, capsys, arguments):
     with pytest.raises(SystemExit) as left:
         main(arguments)
     assert left.value.code == 2
-    assert capsys.readouterr().err.startswith("usage: romerr")
+    said = capsys.readouterr().err
+    assert said.startswith("usage: romerr")
+    assert ("is not a positive number, or one with %" in said) == ("--tolerance" in arguments)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

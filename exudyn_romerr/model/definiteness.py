@@ -76,6 +76,7 @@ def _singular_stiffness(K: sp.csc_matrix, M: sp.csc_matrix, fixed: int, precisio
     return (
         f"stiffness is not positive definite with {fixed} fixed coordinates: {rigid} rigid-body "
         "(or unstable) modes are left; hold the body by fixed=... (coordinate numbers: 3 node + 0, 1, 2 for "
-        "solids, not node numbers) or reference=mean_motion(nodes). Frames that move are not covered yet. A link "
-        "so stiff that 16 digits hold nothing beside it looks the same: join what it links to one coordinate"
+        "solids, not node numbers) or reference=mean_motion(nodes); a body that joints let move: "
+        "floating_body(fem, items). A link so stiff that 16 digits hold nothing beside it looks the same: join what "
+        "it links to one coordinate"
     )

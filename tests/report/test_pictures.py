@@ -269,7 +269,7 @@ def test_round_off_is_drawn_where_it_hides_the_bound():
 
 def test_shares_of_the_causes_add_up():
     ax = axes_of(draw_causes, made_up(), "tip")
-    assert ax.get_ylabel() == "share of the error bound / %"
+    assert ax.get_ylabel() == "share of the\nerror bound / %"
     assert legend(ax) == ["basis, 25 %", "time step, 75 %", "worst instant, t = 1 s: 2 mm"]  # no others: zero
     assert (area(ax, "basis"), area(ax, "time step")) == ((0, 25), (25, 100))
 
@@ -372,6 +372,33 @@ def test_outputs_at_round_off_are_left_out_first():
     last = report.output(f"out {PANELS}")
     last.round_off = last.bound["best"]
     assert drawn(plot_report(report)) == [f"out {number}" for number in range(PANELS)]
+
+
+def test_outputs_without_a_bound_are_drawn_by_their_estimate():
+    """An infinite bound is not the largest error; there are no causes of it."""
+    report = several(PANELS + 1, 2)
+    first, last = report.output("out 0"), report.output(f"out {PANELS}")
+    for out, size in ((first, 1e-3), (last, 1e3)):
+        out.bound = {e: np.full_like(x, np.inf) for e, x in out.bound.items()}
+        out.estimate = size * np.ones_like(out.value) * [2.0, 1.0]
+        out.uncertainty = np.zeros_like(out.value)
+    assert drawn(plot_report(report)) == [*(f"out {number} y" for number in range(1, PANELS)), f"out {PANELS} x"]
+    assert drawn(plot_causes(report)) == [f"out {number} y" for number in range(1, PANELS)]
+    assert drawn(plot_causes(report, outputs=["out 0"])) == ["out 0 x", "out 0 y"]
+
+
+def test_titles_stay_in_their_panels():
+    report = several(4, 1)
+    for out in report.outputs.values():
+        out.name += " velocity in the frame of the second bar"
+    report.outputs = {out.name: out for out in report.outputs.values()}
+    for plot in (plot_report, plot_causes):
+        figure = plot(report)
+        figure.draw_without_rendering()
+        for ax in figure.axes:
+            box, width = ax.title.get_window_extent(), figure.bbox.width / 2
+            assert int(box.x0 // width) == int(box.x1 // width)
+            assert box.x0 >= 0
 
 
 @pytest.mark.parametrize(("count", "rows"), [(1, 1), (2, 1), (4, 1)])
@@ -534,8 +561,8 @@ def test_parts_have_the_colour_of_their_worst_node(mesh, expected):
     assert sorted(parts.get_array().tolist()) == expected
     assert (parts.norm.vmin, parts.norm.vmax) == (0, max(expected))
     assert [ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()] == ["x / m", "y / m", "z / m"]
-    assert ax.figure.axes[1].get_ylabel() == "bound of the error by 'auxiliary' / m"
-    assert "node 4 by 4 m" in ax.get_title()
+    assert ax.figure.axes[1].get_ylabel() == "bound of the error\nby 'auxiliary' / m"
+    assert "node 4: at most 4 m" in ax.get_title()
     assert "not deformed" in ax.get_title()
 
 
@@ -560,7 +587,7 @@ def test_infinite_bounds_have_a_colour_of_their_own():
 
 
 def test_bounds_that_are_all_zero_are_drawn():
-    assert "by 0 m" in body((POSITIONS, None), bound=np.zeros(5)).get_title()
+    assert "at most 0 m" in body((POSITIONS, None), bound=np.zeros(5)).get_title()
 
 
 def test_estimator_can_be_chosen():
@@ -575,8 +602,8 @@ def test_estimator_of_the_widest_scope_is_taken_and_others_are_named():
         ax = axes_of(draw_body, report, (POSITIONS, None), projection="3d", **options)
         return ax.figure.axes[1].get_ylabel()
 
-    assert label() == "bound of the reduction error by 'energy' / m"
-    assert label(estimator="auxiliary") == "bound of the reduction error by 'auxiliary', inputs frozen / m"
+    assert label() == "bound of the reduction error\nby 'energy' / m"
+    assert label(estimator="auxiliary") == "bound of the reduction error\nby 'auxiliary', inputs frozen / m"
 
 
 @pytest.mark.parametrize(

@@ -45,8 +45,8 @@ BY_FUNCTION = (
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
-    "them. Neglected, but for what auxiliary vectors carry: how directions of joints and internal forces turn with "
-    "the error, its centrifugal and gyroscopic terms"
+    "them, displacements and positions in global axes too. Neglected, but for what auxiliary vectors carry: how "
+    "directions of joints and internal forces turn with the error, its centrifugal and gyroscopic terms"
 )
 
 
@@ -162,7 +162,8 @@ def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]
     reduced = {i: item["name"] for i, item in enumerate(objects) if item["objectType"] == "FFRFreducedOrder"}
     missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
     if missing:
-        yield f"flexible bodies of this mbs are not attached, so their errors are not known: {', '.join(missing)}"
+        named = ", ".join(missing)
+        yield f"flexible bodies of this mbs are not attached, so their errors are not known: {named}; attach them all"
 
 
 def _switching(objects: list[dict], attached: Collection[int]) -> Iterator[str]:

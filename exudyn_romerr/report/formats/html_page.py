@@ -148,17 +148,22 @@ def _scope(report: ReportData) -> Iterator[str]:
 
 def _figures(report: ReportData) -> Iterator[str]:
     for out, row, name in _rows(report):
-        text = f"{name}: signal with its error bound; error over time; where the bound comes from"
+        text = f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}"
         source = _picture(report, out.name, row)
         yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
 
 
+def _has_causes(out: OutputData, row: int) -> bool:
+    return bool(np.isfinite(out.bound["best"][:, row]).any()) or out.estimate is None
+
+
 @of_one_size
 def _picture(report: ReportData, name: str, row: int) -> str:
-    """Three pairs of axes as a data address."""
-    figure = new_figure(1.25 * SIZE[0], 3 * SIZE[1])
-    axes = figure.subplots(3, 1, sharex=True)
-    for ax, draw in zip(axes, (draw_signal, draw_bounds, draw_causes), strict=True):
+    """Pairs of axes as a data address."""
+    draws = (draw_signal, draw_bounds, draw_causes)[: 2 + _has_causes(report.output(name), row)]
+    figure = new_figure(1.25 * SIZE[0], len(draws) * SIZE[1])
+    axes = figure.subplots(len(draws), 1, sharex=True)
+    for ax, draw in zip(axes, draws, strict=True):
         draw(ax, report, name, row)
         ax.tick_params(labelbottom=True)
     kind, mime = ("svg", "svg+xml") if len(report.t) <= RASTER_FROM else ("png", "png")
@@ -185,15 +190,14 @@ def _tables(report: ReportData) -> Iterator[str]:
         yield numbers("Estimates of the error, largest values over time", head, rows)
     divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
     what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
+    norms = (report.position_bound, report.velocity_bound)
     rows = [
-        (
-            f"'{e}'{under(report.scope, e)}",
-            *(_largest(report, bound[e] / divisor) for bound in (report.position_bound, report.velocity_bound)),
-        )
+        (f"'{e}'{under(report.scope, e)}", *(_largest(report, bound[e] / divisor) for bound in norms))
         for e in report.position_bound
     ]
     head = ("estimator", "bound of the error of position", "of velocity")
-    yield numbers(f"The whole body, {what}, in the units of the model", head, rows)
+    if rows:  # a mechanism has none
+        yield numbers(f"The whole body, {what}, in the units of the model", head, rows)
 
 
 def _output_row(report: ReportData, out: OutputData, row: int, name: str, estimators: list[str]) -> list[str]:

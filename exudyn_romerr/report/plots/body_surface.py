@@ -81,7 +81,7 @@ def draw_body(
     parts = _coloured(ax, moved, cells, bound[cells].max(axis=1))
     _frame(ax, moved, unit)
     bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
-    bar.set_label(f"bound of the {error_kind(report.time)} by '{e}'{under(report.scope, e)} / {unit}")
+    bar.set_label(f"bound of the {error_kind(report.time)}\nby '{e}'{under(report.scope, e)} / {unit}")
     bar.formatter.set_powerlimits((-3, 4))
     ax.set_title(_title(report, bound, at, scale, f"{unit}{under(report.scope, e)}"))
 
@@ -95,6 +95,8 @@ def surface_triangles(elements: Any) -> np.ndarray:
 
 def _mesh(mesh: Any, nodes: int) -> tuple[np.ndarray, np.ndarray | None]:
     """Positions (nodes, 3) and what is drawn between them: lines (e, 2) or triangles (e, 3)."""
+    if not hasattr(mesh, "GetNodePositionsAsArray") and not (isinstance(mesh, tuple | list) and len(mesh) == 2):
+        raise InputError(f"mesh is a {type(mesh).__name__}; needed: a FEMinterface, or (positions, elements)")
     positions, elements = _of_fem(mesh) if hasattr(mesh, "GetNodePositionsAsArray") else mesh
     positions = check_array("positions of mesh", positions, (nodes, 3))
     if elements is None:
@@ -178,6 +180,5 @@ def _title(report: ReportData, bound: np.ndarray, at: int, scale: float | None, 
     worst = int(np.argmax(bound))
     drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
     infinite = ", orange: infinite" if np.isinf(bound).any() else ""
-    return (
-        f"Where the body may be wrong: node {worst} by {rounded_up(bound[worst])} {unit}\n{when}, {drawn}{infinite}"
-    )
+    most = f"{error_kind(report.time)} at node {worst}: at most {rounded_up(bound[worst])} {unit}"
+    return f"{most[0].upper()}{most[1:]}\n{when}, {drawn}{infinite}"

@@ -117,7 +117,7 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=_worst(report, out, row, worst)
     )
     title = f"{out.row_names[row]}: where its error bound comes from"
-    ylabel = f"share of the {error_kind(report.time)} bound / %"
+    ylabel = f"share of the\n{error_kind(report.time)} bound / %"
     ax.set(xlabel=_time(report), ylabel=ylabel, ylim=(0, 100), title=title)
     ax.margins(x=0.01)
     finish(ax)

@@ -23,6 +23,7 @@ PANELS = 4  # of a picture: more are smaller than their legends
 DETAILED = 2  # so many have a second pair of axes with the bounds of all estimators
 SCREEN = (10.0, 8.0)  # inches, the largest picture
 LINE, NAMES = 150, 8  # letters in a line of the note; so many names are in it
+TITLE = 48  # letters in a line of a title above one of two panels side by side
 
 
 @of_one_size
@@ -30,7 +31,8 @@ def plot_report(report: ReportData, path: str | os.PathLike | None = None, outpu
     """Draw a panel for each output, the signal with its band; of one or two, bound and true error (semilog) below.
 
     Of one output every row has a panel, of several the row with the largest bound. At most PANELS, those with the
-    largest bounds for their size; a line above says what is left out.
+    largest bounds for their size; where there is no bound the estimate, half width included, stands for it. A line
+    above says what is left out.
 
     Returns
     -------
@@ -41,9 +43,9 @@ def plot_report(report: ReportData, path: str | os.PathLike | None = None, outpu
     InputError
         No or unknown outputs; a path that no picture can be written to.
     """
-    rows, left_out = _chosen(report, outputs)
+    rows, left_out = _chosen(report, list(report.outputs) if outputs is None else outputs)
     draws = (draw_signal, draw_bounds) if len(rows) <= DETAILED else (draw_signal,)
-    figure, panels = _panels(len(rows), len(draws), left_out)
+    figure, panels = _panels(len(rows), len(draws), left_out and _note(left_out, "smaller bounds or estimates"))
     for (name, i), axes in zip(rows, panels, strict=True):
         for ax in axes[:-1]:
             ax.sharex(axes[-1])
@@ -53,20 +55,26 @@ def plot_report(report: ReportData, path: str | os.PathLike | None = None, outpu
             ax.set_xlabel("")
         for ax in axes[1:]:
             ax.set_title("")
+        _wrap(axes[0], len(rows))
     return _saved(figure, path)
 
 
 @of_one_size
 def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
-    """Draw draw_causes' picture in a panel for each output; otherwise as plot_report."""
-    rows, left_out = _chosen(report, outputs)
-    figure, panels = _panels(len(rows), 1, left_out)
+    """Draw draw_causes' picture in a panel for each output that has a bound, or of `outputs`; else as plot_report."""
+    rows, left_out = _chosen(report, (_bounded(report) or list(report.outputs)) if outputs is None else outputs)
+    figure, panels = _panels(len(rows), 1, left_out and _note(left_out, "smaller bounds"))
     for (name, i), (ax,) in zip(rows, panels, strict=True):
         draw_causes(ax, report, name, i)
+        _wrap(ax, len(rows))
     return _saved(figure, path)
 
 
-def _chosen(report: ReportData, outputs: list[str] | None) -> tuple[list[tuple[str, int]], list[str]]:
+def _bounded(report: ReportData) -> list[str]:
+    return [name for name, out in report.outputs.items() if np.isfinite(out.bound["best"]).any()]
+
+
+def _chosen(report: ReportData, outputs: str | list[str]) -> tuple[list[tuple[str, int]], list[str]]:
     """Return the rows that are drawn, and the names of the others."""
     names = list(dict.fromkeys([outputs] if isinstance(outputs, str) else outputs or report.outputs))
     rows = [(name, i) for name in names for i in range(report.output(name).value.shape[1])]
@@ -79,23 +87,31 @@ def _chosen(report: ReportData, outputs: list[str] | None) -> tuple[list[tuple[s
 
 
 def _worst_row(out: OutputData) -> int:
-    return int(np.argmax(np.max(out.bound["best"], axis=0)))
+    return int(np.argmax([_error(out, row) for row in range(out.value.shape[1])]))
+
+
+def _error(out: OutputData, row: int) -> float:
+    """The largest bound of a row; where it is infinite, the largest estimate with its half width, if there is one."""
+    bound = np.max(out.bound["best"][:, row])
+    if np.isfinite(bound) or out.estimate is None:
+        return float(bound)
+    return float(np.max(np.abs(out.estimate[:, row]) + out.uncertainty[:, row]))
 
 
 def _for_its_size(out: OutputData, row: int) -> tuple[bool, float]:
-    """The largest bound of a row over the output's largest value; what is at round-off, which says nothing, last."""
-    bound, largest = np.max(out.bound["best"][:, row]), np.max(np.abs(out.value))
-    return not at_round_off(out)[row], bound / largest if largest > 0 else bound
+    """The error of a row over the output's largest value; what is at round-off, which says nothing, last."""
+    error, largest = _error(out, row), np.max(np.abs(out.value))
+    return not at_round_off(out)[row], error / largest if largest > 0 else error
 
 
-def _panels(count: int, high: int, left_out: list[str]) -> tuple[Any, Iterable[list[Any]]]:
+def _panels(count: int, high: int, note: str | list[str]) -> tuple[Any, Iterable[list[Any]]]:
     """Return a figure of at most one screen, and of every panel its axes, one below the other."""
     columns = min(COLUMNS, count)
     bands = -(-count // columns)
     width, height = SIZE[0] * columns, SIZE[1] * bands * high
     figure = new_figure(min(width, SCREEN[0]), min(height, SCREEN[1]))
-    if left_out:
-        figure.suptitle(_note(left_out), fontsize="small")
+    if note:
+        figure.suptitle(note, fontsize="small")
     axes = figure.subplots(bands * high, columns, squeeze=False)
     places = [divmod(place, columns) for place in range(bands * columns)]
     panels = [list(axes[high * band : high * (band + 1), column]) for band, column in places]
@@ -104,12 +120,15 @@ def _panels(count: int, high: int, left_out: list[str]) -> tuple[Any, Iterable[l
     return figure, panels[:count]
 
 
-def _note(left_out: list[str]) -> str:
+def _wrap(ax: Any, count: int) -> None:
+    """Break a title that is longer than its panel is wide."""
+    ax.set_title(fill(ax.get_title(), TITLE if count > 1 else 2 * TITLE))
+
+
+def _note(left_out: list[str], smaller: str) -> str:
     names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
     more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
-    return fill(
-        f"Not shown, with smaller bounds for their size or none: {', '.join(names)}{more}; outputs= chooses", LINE
-    )
+    return fill(f"Not shown, with {smaller} for their size or none: {', '.join(names)}{more}; outputs= chooses", LINE)
 
 
 def _saved(figure: Any, path: str | os.PathLike | None) -> Any:
