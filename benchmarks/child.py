@@ -21,12 +21,12 @@ def tell(name: str, value: float) -> None:
     print(json.dumps([name, value]), flush=True)
 
 
-def child(script: str, *task: str, limits: tuple[float, float] = LIMITS) -> dict[str, Any]:
+def child(script: str, *task: str, limits: tuple[float, float] | None = None) -> dict[str, Any]:
     """Run a script with --child and its task; return what it told, and how it ended if it did not end well.
 
-    limits : seconds, and GB of address space.
+    limits : seconds, and GB of address space; None: LIMITS.
     """
-    seconds, gigabytes = limits
+    seconds, gigabytes = limits or LIMITS
     command = [sys.executable, script, "--child", *task]
     limit = round(gigabytes * 1e9)
     process = subprocess.Popen(
@@ -38,7 +38,8 @@ def child(script: str, *task: str, limits: tuple[float, float] = LIMITS) -> dict
     )
     try:
         said, errors = process.communicate(timeout=seconds)
-        ended = errors.strip().splitlines()[-1] if process.returncode else ""
+        last = errors.strip().splitlines()[-1:] or [f"ended with {process.returncode}"]
+        ended = last[0] if process.returncode else ""
     except subprocess.TimeoutExpired:
         process.kill()
         said, _ = process.communicate()

@@ -33,7 +33,8 @@ MARK = "search"
 BEST = 5  # seeds that the directed search goes on from
 SHOWN = 8  # rows of the table
 FEW_STEPS, MANY_STEPS = 30, 240
-HEAD = f"{'':<42}{'error':>10}{'estimate':>10}{'off by':>10}{'half width':>12}{'deviation':>11}{'resolved':>10}"
+LABEL = 66  # characters
+HEAD = f"{'error':>10}{'estimate':>10}{'off by':>10}{'half width':>12}{'deviation':>11}{'resolved':>10}"
 
 
 @dataclass(frozen=True)
@@ -61,9 +62,8 @@ class Case:
     def __str__(self) -> str:
         sizes = "".join(f"{x:10.1e}" for x in (self.error, self.estimate, self.off))
         label = f"{self.mechanism.seed}{self.changed}: {self.output}"
-        return (
-            f"{label:<42}{sizes}{self.half_width:12.1e}{self.deviation:11.2g}{'yes' if self.resolved else 'no':>10}"
-        )
+        said = "yes" if self.resolved else "no"
+        return f"{label:<{LABEL}}{sizes}{self.half_width:12.1e}{self.deviation:11.2g}{said:>10}"
 
 
 def worst(mechanism, changed, truth, factor):
@@ -204,7 +204,7 @@ def table(random, directed):
 
 
 def _rows(cases, title):
-    return ["", f"{title:<42}{HEAD[42:]}", *(str(case) for case in one_each(cases, SHOWN))]
+    return ["", f"{title:<{LABEL}}{HEAD}", *(str(case) for case in one_each(cases, SHOWN))]
 
 
 def main(arguments=None):

@@ -38,8 +38,7 @@ class KeptEstimate:
     Attributes
     ----------
     remainder : share of the latter in the deformation that vectors predict; None: it was not measured.
-    left : a bound (S, r) of what estimates leave, of outputs in global axes that have one; inf elsewhere. REMAINDER
-        goes into it: rigid motions keep what was not added of it, and no energy knows them.
+    left : a bound (S, r) of what linear equations leave of outputs in global axes that have one; inf elsewhere.
     """
 
     def __init__(self, rings: np.ndarray | bool = False) -> None:
@@ -79,14 +78,11 @@ class KeptEstimate:
     def record(self, index: slice) -> dict[str, Any]:
         """Return the fields `estimate`, `left` and `remainder` of a RunRecord."""
         share = {} if self.remainder is None else {"auxiliary": self.remainder}
-        return {"estimate": self.read(index), "left": self._left()[index], "remainder": share}
-
-    def _left(self) -> np.ndarray:
-        """What is left of outputs in global axes, with what linear equations missed of rigid motions as measured."""
         left = self.left.read()
-        if REMAINDER not in self._sizes or not left.size:
-            return left
-        return left + _filled(self._largest()[REMAINDER], len(left), np.inf)[: len(left)]
+        if len(left) and self._parts:  # what these equations may have missed is in no bound of theirs
+            count = max(len(left), *map(len, self._parts.values()))
+            left = left + self._missed(self._largest(), count)[1][: len(left)]
+        return {"estimate": self.read(index), "left": left[index], "remainder": share}
 
     def read(self, index: slice) -> Estimate | None:
         """Return the estimate at some of the instants; None if there is none."""
@@ -100,16 +96,16 @@ class KeptEstimate:
             steps, checked = checks["steps"], _filled(largest["time step"], count, 0.0)[index]
             is_rough = self._rings & (steps > RESOLVED * checked) | (count <= FEW and not self._before)
             checks["steps"] = np.where(is_rough, np.maximum(steps, checked), steps)
-        checks["linearisation"] = checks.get("linearisation", 0.0) + self._missed(largest, count)[index]
+        checks["linearisation"] = checks.get("linearisation", 0.0) + sum(self._missed(largest, count))[index]
         return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, checks)
 
-    def _missed(self, largest: dict[str, np.ndarray], count: int) -> np.ndarray:
-        """What linear equations may have missed (S, r) at so many instants."""
+    def _missed(self, largest: dict[str, np.ndarray], count: int) -> tuple[np.ndarray | float, np.ndarray]:
+        """What linear equations may have missed (S, r) at so many instants: of time steps, of what is predicted."""
         of = {cause: LINEARISED * _filled(largest[cause], count, np.inf) for cause in self._parts}
         steps, predicted = of.pop("time step", 0.0), sum(of.values())
         if REMAINDER in self._sizes:
             predicted = np.maximum(predicted, _filled(largest[REMAINDER], count, 0.0))
-        return steps + predicted
+        return steps, predicted
 
     def _largest(self) -> dict[str, np.ndarray]:
         """Largest sizes (S, r) since the start, of every part and check."""

@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 # samples: in as many one at least is looked at, each time so many later, for where tangents are read they are exact,
 # and one between two tangents; between them the residual is taken for linear
 EVERY, LATER = 8, 3
-DENSE = 16  # first samples of a run: all of them are looked at
-PAYS = 0.01  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
+DENSE = 32  # first samples of a run, where all sets in: all of them are looked at
+PAYS = 0.02  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
 LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
 ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
+NEWTON = 1e-8  # of the motion, Exudyn's default tolerance: less of r is what Newton's iteration leaves
 RAMP = 32  # steps within which r sets in
 # what may be left, in sizes of r: looked at now and then it came out down to 0.17 of what it is, looked at everywhere
 # within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
@@ -124,11 +125,11 @@ class Remainder:
         looked[-1] |= len(steps) >= EVERY  # else it is held from the last before
         known = self._look(rows, e, own, looked, [self._known])
         found, largest = self._marched(steps, rows, e, known)
-        if not looked.all() and np.any(self._shares(largest) > PAYS):
+        if not looked.all() and self._pays(largest):
             known = self._look(rows, e, own, ~looked, known)
             looked[:] = True
             found, largest = self._marched(steps, rows, e, known)
-        if not self.adds and self._begins_to_add(self._shares(largest[:, -1])):
+        if not self.adds and self._begins_to_add(largest[:, -1]):
             found, largest = self._marched(steps, rows, e, known)
         self._moving, self._known, self._largest = found[-1], known[-1], largest[:, -1]
         self._count += len(steps)
@@ -138,9 +139,14 @@ class Remainder:
         self._ramp += self.adds * len(steps)
         return added
 
-    def _begins_to_add(self, shares: np.ndarray) -> bool:
+    def _pays(self, largest: np.ndarray) -> bool:
+        """Whether r is worth to be looked at sample by sample, and to be added."""
+        r, _, motion = largest
+        return bool(np.any((self._shares(largest) > PAYS) & (r > NEWTON * motion)))
+
+    def _begins_to_add(self, largest: np.ndarray) -> bool:
         """Begin to add r if that pays, and helps."""
-        self.adds = not self._ended and bool(np.any(shares > PAYS) and np.all(shares < LOST))
+        self.adds = not self._ended and self._pays(largest) and bool(np.all(self._shares(largest) < LOST))
         if self.adds and self._at_once:
             self._moving[..., 1], self._ramp = self._moving[..., 0], RAMP
         return self.adds

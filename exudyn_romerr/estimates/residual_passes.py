@@ -46,7 +46,7 @@ class ResidualPasses:
 
     Attributes
     ----------
-    are_made : whether they have begun. added : (3, S, k) what they add to e, e', e'' in the rows taken last.
+    are_made : whether they have begun. added : (3, S, k) what they add to e, e', e'' in the last rows.
     beside : (S, k) forces of second order that are left; nan where there was no pass. multipliers : (S, c) of what
     the last call of follow has added.
     """

@@ -96,13 +96,13 @@ class SuperLUFactor:
         try:
             ordered = matrix if order is None else matrix[order][:, order]
             self._lu = _eliminated(ordered, "MMD_AT_PLUS_A" if order is None else "NATURAL")
+            if np.array_equal(self._lu.perm_r, self._lu.perm_c):
+                self.pivots = self._lu.U.diagonal()
+                self.complete = bool(np.all(self.pivots != 0))
         except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
             return
         except (MemoryError, SystemError) as error:  # SuperLU, out of memory or of 32-bit indices
             raise too_large(matrix, error) from error
-        if np.array_equal(self._lu.perm_r, self._lu.perm_c):
-            self.pivots = self._lu.U.diagonal()
-            self.complete = bool(np.all(self.pivots != 0))
 
     @property
     def negative_pivots(self) -> int:
@@ -156,9 +156,20 @@ def _order(matrix: sp.csc_matrix, kind: str) -> np.ndarray | None:
         return None
     from pymetis import CSRAdjacency, nested_dissection
 
-    graph = sp.csr_matrix(matrix - sp.diags(matrix.diagonal()))
-    graph.eliminate_zeros()
+    graph = neighbours(matrix)
     return np.asarray(nested_dissection(CSRAdjacency(graph.indptr, graph.indices))[0])
+
+
+def neighbours(matrix: sp.csc_matrix) -> sp.csr_matrix:
+    """Return which coordinates stand in one entry: symmetric, without a diagonal.
+
+    METIS crashes on graphs that are not symmetric, and rounding may leave a zero on one side of the diagonal alone.
+    """
+    there = matrix.tocoo()
+    off = (there.row != there.col) & (there.data != 0)
+    pairs = there.row[off], there.col[off]
+    pattern = sp.csr_matrix((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=matrix.shape)
+    return sp.csr_matrix(pattern + pattern.T)
 
 
 def _eliminated(matrix: sp.csc_matrix, order: str) -> SuperLU:

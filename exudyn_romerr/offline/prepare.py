@@ -94,6 +94,7 @@ def prepare(
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
         total_mass=body.total_mass,
+        modes=problem.split.modes.omega.size if with_modes else 0,
         plan=make_plan(problem, asked, time, options.estimators, scene, options.live),
         views=tuple(views),
         scene=scene,

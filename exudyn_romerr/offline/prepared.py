@@ -44,12 +44,12 @@ class Offline:
 
     estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
     frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
-    jump of u. mass_root (n, n): |V qr|_M = |mass_root qr|. static_errors: see residual/interface_stiffening.py.
-    measure: norm of R(z) that knots of the reconstruction are chosen by. rounding: of the computation;
-    input_rounding: of the input, None if all of it has 16 digits; single: names of what has fewer. initial: None,
-    "equilibrium" or "state". notes: what the reader must know. nodes: what is known of the error at every node,
-    moved: positions and displacements of the nodes at q, on demand. static, from_static: made when a static solve, or
-    a run from its end, begins.
+    jump of u. modes: number of auxiliary ones. mass_root (n, n): |V qr|_M = |mass_root qr|. static_errors: see
+    residual/interface_stiffening.py. measure: norm of R(z) that knots of the reconstruction are chosen by.
+    rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single: names of
+    what has fewer. initial: None, "equilibrium" or "state". notes: what the reader must know. nodes: what is known
+    of the error at every node, moved: positions and displacements of the nodes at q, on demand. static,
+    from_static: made when a static solve, or a run from its end, begins.
     """
 
     coordinates: Coordinates | PackedCoordinates
@@ -74,6 +74,7 @@ class Offline:
     initial: str | None
     time: str
     total_mass: float | None
+    modes: int
     plan: Plan
     views: tuple[View | None, ...]
     scene: Scene
@@ -82,6 +83,11 @@ class Offline:
     moved: Callable[[np.ndarray], tuple]
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
+
+    @property
+    def width(self) -> int:
+        """Numbers at the control points of a step: coordinates of the residual, and auxiliary modes."""
+        return (6 if self.time == "reconstructed" else 2) * (self.coordinates.k + self.modes)
 
     @property
     def driven(self) -> DrivenInputs | None:

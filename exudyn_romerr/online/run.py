@@ -143,7 +143,7 @@ class Run:
             self._streams[name].advance(block, step_end, rounded, *skipped)
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
-            self._streams["initial"].advance(replace(block, c=0 * block.c, joint=None, added=None), step_end)
+            self._streams["initial"].advance(block.without_residual(), step_end)
         self._record(new, rounded, frame)
 
     def best_now(self) -> dict[str, np.ndarray]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..estimates.estimate import Estimate, estimated
-from ..estimators.coupled_energy import LINEARISED, CorrectedEnergy
+from ..estimators.coupled_energy import CorrectedEnergy
 from ..report.formats.provenance import made_here
 from ..report.report import BoundReport, OutputReport
 from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
@@ -103,7 +103,7 @@ def _in_global_axes(run: RunRecord, i: int) -> tuple[np.ndarray, np.ndarray]:
     parts = run.estimate.of_rows(part).parts
     error, left = parts["basis"] + parts["interfaces"], none + np.inf
     left[: len(run.left)] = run.left[:, part]
-    return error, left + LINEARISED * np.maximum.accumulate(np.abs(error), axis=0)
+    return error, left
 
 
 class _Known(NamedTuple):

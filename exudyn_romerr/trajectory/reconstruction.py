@@ -42,7 +42,9 @@ class Linear:
 
     def _smooth(self, s: Samples) -> Block:
         z = self.layout(s.q, s.q_t, s.q_tt, s.u)
-        return _block(s.t[1:], np.diff(s.t), np.stack([z[:-1], z[1:]], axis=1), self.layout.p)
+        block = _block(s.t[1:], np.diff(s.t), np.stack([z[:-1], z[1:]], axis=1), self.layout.p)
+        block.chain = z
+        return block
 
     def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
         # every jump moves z by dz; without the jumps z is a straight line

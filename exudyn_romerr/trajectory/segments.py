@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -75,6 +75,7 @@ class Block:
     turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
     bent, moved : (S, 2), see Turn.of_curve. joint : (S,) variation of R of all bodies of a mechanism together; None:
     this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
+    chain : (S + 1, k), z where straight lines lead from one to the next; None: c are other curves.
     is_driven : turn and cut are those of a frame that moves as a function of time says.
     """
 
@@ -91,6 +92,7 @@ class Block:
     joint: np.ndarray | None = None
     added: Added | None = None
     is_driven: bool = False
+    chain: np.ndarray | None = None
     _made: dict = field(default_factory=dict, init=False)
 
     @classmethod
@@ -108,9 +110,19 @@ class Block:
             joined.skipped = np.concatenate(parts)
         return joined
 
+    def without_residual(self) -> Block:
+        """Return the same segments with R = 0, of this body alone."""
+        return replace(self, c=0 * self.c, chain=None, joint=None, added=None)
+
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""
-        return self._once((norm, "norms"), lambda: norm(self.c))
+        return self._once((norm, "norms"), lambda: self._norms(norm))
+
+    def _norms(self, norm: Callable) -> np.ndarray:
+        if self.chain is None:
+            return norm(self.c)
+        size = norm(self.chain)
+        return np.stack([size[:-1], size[1:]], axis=1)
 
     def integral(self, norm: Callable) -> np.ndarray:
         """Upper bounds (S,) of int |R| over each segment: |R| <= sum_j B_j |c_j| and int B_j = h/(d + 1)."""

@@ -1,7 +1,6 @@
 """ResidualPasses: what linear equations leave is marched once more, where that pays and as long as it converges.
 
-Truth: the residual of nonlinear equations, M q'' + K q + N(q) = f, N cubic, evaluated; the computed motion is rest,
-so that e is all of it.
+Truth: the residual of nonlinear equations, M q'' + K q + N(q) = f, N cubic, evaluated. The computed motion is rest.
 """
 
 import numpy as np

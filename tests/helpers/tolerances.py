@@ -123,9 +123,8 @@ ALL_VECTORS = 1.015
 # Of the largest bound: "auxiliary" adds what rounding may do to its modes, 1e-16 of the largest in a block times the
 # number of its steps; a block of 26 steps instead of 40 has less of it. Measured 1e-10.
 SHORTER_BLOCK = 1e-9
-# Responses between the last two tangents are interpolated with one tangent less, of two in the first 8 steps of a
-# run; measured 9e-5.
-LAST_TANGENT = 3e-4
+# Responses between the last two tangents are interpolated with one tangent less; measured 3e-6.
+LAST_TANGENT = 1e-5
 # A truth integrated to 1e-11 of every mode; positions of 0.4 m round to 1e-16.
 DRIVEN = 1e-10
 # Estimates of the error by time steps. 6 s of modes up to 5 rad/s in steps of 0.05 s: phases err by 1/12 (omega h)^2

@@ -110,6 +110,18 @@ def test_split_product_has_the_digits_that_cancel():
     np.testing.assert_array_equal(found, exact.astype(float))
 
 
+def test_order_is_of_a_symmetric_graph():
+    """METIS crashed where rounding had left a zero on one side of the diagonal."""
+    _, K = bar()
+    one_sided = K.tolil()
+    one_sided[0, 1], one_sided[1, 0], one_sided[5, 2], one_sided[2, 5] = 0.0, 1e-12, 0.0, 1e-12
+    graph = factorisations.neighbours(one_sided.tocsc())
+    assert (graph != graph.T).nnz == 0
+    assert not graph.diagonal().any()
+    assert graph[0, 1]
+    assert graph[5, 2]
+
+
 def test_a_long_wait_is_announced(monkeypatch):
     """Where nothing better is installed, before it begins, with what to install; not of small bodies."""
     monkeypatch.setattr(factorisations, "find_spec", lambda name: None)

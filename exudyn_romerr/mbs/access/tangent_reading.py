@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg as la
 
+from ...errors import AssumptionError
 from .dependence import Dependence, Quaternion
 
 QUATERNIONS = "RigidBodyEP"
@@ -116,12 +117,14 @@ def motions_of(reading: Reading, dt: float) -> np.ndarray:
     """Motions (n, f) that constraints admit, by which K + M/dt^2 is diagonal, and of size 1.
 
     Coordinate by coordinate, a stiff spring that turns would seem to change in directions that it does not act in,
-    and Euler parameters, which are stiff along themselves, in all.
+    and Euler parameters, which are stiff along themselves, in all. AssumptionError if the tangent is not finite.
     """
-    scale = reading.scale(dt)
+    scale, K = reading.scale(dt), (reading.K + reading.K.T) / 2
+    if not (np.isfinite(K).all() and np.isfinite(scale).all()):
+        raise AssumptionError(f"the mechanism's tangent is not finite at t = {reading.t:g} s")
     scale = np.minimum(scale, LIGHT * scale.min())
     free = np.linalg.svd(reading.G * scale)[2][len(reading.G) :].T * scale[:, None]
-    values, vectors = np.linalg.eigh(free.T @ (reading.M / dt**2 + (reading.K + reading.K.T) / 2) @ free)
+    values, vectors = np.linalg.eigh(free.T @ (reading.M / dt**2 + K) @ free)
     return free @ vectors / np.sqrt(np.maximum(np.abs(values), SOFT))
 
 

@@ -20,7 +20,6 @@ from ...residual.interface_stiffening import rigid_response
 from ...residual.residual import ResidualMap
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
-from .mechanism_residuals import NetInertia
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,8 +36,8 @@ if TYPE_CHECKING:
 
 DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
 # vectors a body: 20 static responses (those to the inertia of 14 modes and of the frame are 26, of unequal weight),
-# and a round of responses to their own inertia
-AUTO_VECTORS = 26
+# and a round of responses to their own inertia; more where what rings stays, or half of them deform rigid interfaces
+AUTO_VECTORS, MORE_VECTORS = 26, 40
 
 
 class Couplings(NamedTuple):
@@ -90,8 +89,10 @@ class EnrichedBody:
                 _side_by_side([place.columns for place in actions.wrenches], body.N),
             )
         )
-        asked = AUTO_VECTORS if options.auxiliary_modes == "auto" else options.auxiliary_modes
-        V_y = Z.coordinates("V", V)
+        V_y, asked = Z.coordinates("V", V), options.auxiliary_modes
+        if asked == "auto":
+            rings = scene.stiff is not None or not any(model.rayleigh)
+            asked = min(MORE_VECTORS if rings else AUTO_VECTORS, len(V_y))
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
             found = Enrichment(body, V_y, inertia, loads, wrenches, asked, _stiff_columns(body, scene))
@@ -105,7 +106,6 @@ class EnrichedBody:
         self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
         self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
-        self.net = NetInertia(model.frame, flex.mass, flex.positions, self.shapes)
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
     def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:

@@ -13,9 +13,6 @@ from ...model.floating_frame import Veer, skew
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import scipy.sparse as sp
-
-    from ..floating.frame_node import FrameNode
     from .enriched_body import EnrichedBody
 
 PROBED = 8  # of so many steps one is looked at, whether passes pay
@@ -35,6 +32,7 @@ class MechanismResiduals:
     def __init__(self, parts: Sequence[tuple[EnrichedBody, slice]]):
         self._parts, self.rows = parts, ()
         self._roots = [np.linalg.cholesky(_stiffness(body)) for body, _ in parts]
+        self._nets: list[NetInertia] = []  # made when they are needed
         self._removed = self._stays = 0.0  # by passes, and with them, of what bounds add up
 
     def left(self, part: slice, e: np.ndarray) -> np.ndarray:
@@ -49,14 +47,16 @@ class MechanismResiduals:
     def second_order(self, part: slice, e: np.ndarray) -> np.ndarray:
         """Return inertia forces (S, all coordinates) on frames, those of second order in e."""
         force, (t, *states) = np.zeros(e.shape[1:]), (x[part] for x in self.rows)
-        for body, own in self._parts:
+        self._nets = self._nets or [NetInertia(body) for body, _ in self._parts]
+        for (body, own), net in zip(self._parts, self._nets, strict=True):
             here, moved = (body.moved(own, states, x) for x in (0 * e, e))
-            force[:, body.frame] = body.net.second_order(body.sampler.actions.gravity_at(t), here, moved)
+            force[:, body.frame] = net.second_order(body.sampler.actions.gravity_at(t), here, moved)
         return force
 
-    def size_beside(self, body: EnrichedBody, force: np.ndarray) -> np.ndarray:
-        """Return |.|_{M^-1} (S,) of forces (S, all coordinates) on the frame of a body."""
-        return body.net.size(self.rows[1][:, body.frame], force[:, body.frame])
+    def size_beside(self, i: int, force: np.ndarray) -> np.ndarray | None:
+        """Return |.|_{M^-1} (S,) of forces (S, all coordinates) on the frame of body i; None if there are none."""
+        body, _ = self._parts[i]
+        return self._nets[i].size(self.rows[1][:, body.frame], force[:, body.frame]) if self._nets else None
 
     def largest(self, e: np.ndarray) -> float:
         """Return the largest energy norm of modes and vectors in e."""
@@ -107,17 +107,11 @@ class NetInertia:
     """Forces of a body's inertia and weight on the coordinates of its frame, and how they are of second order.
 
     The body's residual does not show these: there the wrench of one interface balances the body, whatever it is.
-
-    Parameters
-    ----------
-    mass : sparse matrix, (N, N)
-    positions : ndarray, (nodes, 3)
-    shapes : ndarray, (N, k)
-        Modes and vectors.
     """
 
-    def __init__(self, frame: FrameNode, mass: sp.csc_matrix, positions: np.ndarray, shapes: np.ndarray):
-        self._frame, (nodes, _) = frame, positions.shape
+    def __init__(self, body: EnrichedBody):
+        self._frame, positions, mass = body.sampler.frame, body.flex.positions, body.flex.mass
+        nodes, shapes = len(positions), body.shapes
         u, of_u = (X.reshape(nodes, 3, -1) for X in (shapes, mass @ shapes))
         of_x, rigid = (mass @ positions.ravel()).reshape(nodes, 3), rigid_modes(positions)
         whole = rigid.T @ (mass @ rigid)

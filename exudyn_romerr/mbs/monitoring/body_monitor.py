@@ -53,6 +53,7 @@ class Watch:
         self._offline: Offline | None = None
         self._solver = UNKNOWN
         self._columns: Any = None
+        self.width = 1  # numbers that its bounds compute with at a step
         # of the rows that Mechanism.take evaluates, set by receive and segment
         self.rows: tuple = ()
         self.opening: Opening | None = None
@@ -99,6 +100,7 @@ class Watch:
         self._kind = StaticRun if static else Run
         with self.kept_errors():
             self._offline = self.subject.read(mbs, static, attached, others)
+            self.width = self._offline.width
             self._solver = SolverFacts(end_time(mbs, static), newton_tolerance(mbs, static), self.subject.floor)
             self._columns = self.subject.columns
 

@@ -160,7 +160,7 @@ class Reaction:
             sample = body.sampler(rows[0], *body.moved(own, rows[1:], e))
             extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
             veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
-            beside = self._passes.residuals.size_beside(body, self._passes.beside)
+            beside = self._passes.residuals.size_beside(i, self._passes.beside)
             for block, _ in extension.segments.values():
                 block.added = self._added(i, e, speed)._replace(veer=veer, beside=beside)
             extensions.append(extension)
@@ -212,7 +212,7 @@ class Reaction:
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, moves, self.time_step, missed and missed.left())
+            sensors.take(mbs, rows, moves, self.time_step, self._remainder.left)
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""

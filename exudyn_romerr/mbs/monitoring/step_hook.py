@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from ..mechanism.other_sensors import OtherSensors
     from .body_monitor import Watch
 
+LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step
+CACHED = 700_000  # numbers, which all that is computed at control points in a block has at most then
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
 FREED = 1_000_000  # numbers of an array that is made and let go, so that the C library keeps memory of blocks
 TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines through all take 15 times that
@@ -180,7 +182,8 @@ class StepHook:
         return slot_function(mbs) is self._occupant
 
     def _new_arrays(self, size: int, multipliers: int, at_once: bool) -> tuple[np.ndarray, ...]:
-        rows = 1 if at_once else block_rows(size, self.has_tangents)
+        width = max((watch.width for watch in self.watches), default=CACHED)
+        rows = 1 if at_once else block_rows(size, self.has_tangents, width)
         return np.empty(rows), *(np.empty((rows, width)) for width in (size, size, size, multipliers))
 
 
@@ -190,9 +193,13 @@ def _frozen(watches: Sequence[Watch]) -> str:
     return f"it needs those of all bodies, and object {numbers} has frozen inputs only, see there" if watches else ""
 
 
-def block_rows(size: int, with_tangents: bool = False) -> int:
-    """Return the number of steps in a block of an mbs with `size` coordinates, of which each may have a tangent."""
-    rows = min(BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
+def block_rows(size: int, with_tangents: bool = False, width: int = CACHED) -> int:
+    """Return the number of steps in a block of an mbs with `size` coordinates, of which each may have a tangent.
+
+    width : numbers that bounds compute with at a step.
+    """
+    times = 1 if with_tangents else min(max(CACHED // (width * BLOCK), 1), LONGEST)
+    rows = min(times * BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
     return min(rows, 1 + TANGENT_NUMBERS // (1 + size**2)) if with_tangents else rows
 
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.remainder import LOST, Measured, Remainder, joined
+from ...estimates.remainder import LOST, SAMPLED, Measured, Remainder, joined
 from ...estimates.time_step_error import PROVISIONAL
+from ...estimators.coupled_energy import LINEARISED
 from ...linalg.blocked_products import row_norms
 from .shadow_mbs import Shadow
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     Parts = Sequence[tuple[EnrichedBody, slice]]
 
+TOLD = 0.03  # of errors by time steps: less than LINEARISED of them, but for looks now and then, which show more
 INCREMENTS = "rotations of Lie group nodes are increments"
 LEFT_OUT = "what linear equations leave out is taken for 1 % of what they predict, not measured: {}"
 
@@ -79,6 +81,13 @@ class MeasuredRemainder:
         """Multipliers (S, c) of what the last call of follow has added."""
         return self._of_vectors.multipliers
 
+    @property
+    def left(self) -> list[np.ndarray] | None:
+        """What the prediction may lack where that may be more than LINEARISED of it; None: unknown, or less."""
+        if self.found is None or not np.any(SAMPLED * self._of_vectors.shares > LINEARISED):
+            return None
+        return self.found.left()
+
     def share(self, i: int) -> float | None:
         """Size of what is left out of the deformation of body i over that of the prediction; None: not known."""
         return None if self._failure or not self._parts else float(self._of_vectors.shares[i])
@@ -109,7 +118,7 @@ class MeasuredRemainder:
         self._mbs = None
         self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
         self.found = None if self._failure else self.found
-        steps = steps if self._of_steps.adds or not self._failure else None  # else it may have ended on the way
+        steps = steps if steps is not None and len(steps.times) == len(self._forces) else None  # it may have failed
         last, self._last = self._last, steps
         if last is not None and steps is not None:  # of the block before, where errors are provisional
             before = Measured(last.r[:, -PROVISIONAL:], last.added[:, -PROVISIONAL:], last.times[-PROVISIONAL:])
@@ -119,9 +128,12 @@ class MeasuredRemainder:
         """Return errors by time steps, as found last, with what linear equations leave out of them."""
         if step is None or self._last is None:
             return step
+        if self._last.r.shape[1] < step.x.shape[1]:  # it ended within a block
+            return step._replace(left=())
         r, added, times = (x[..., -step.x.shape[1] :, :] for x in (*self._last[:2], self._last.times[:, None]))
         added = added if np.all(self._of_steps.shares < LOST) else 0.0 * added
-        left = () if self._failure else Measured(r, added, times[:, 0] / times[:, 0]).left()
+        told = not self._failure and np.any(self._of_steps.shares > TOLD)
+        left = Measured(r, added, times[:, 0] / times[:, 0]).left() if told else ()
         return step._replace(x=step.x - added, left=left)
 
     def _make(self, mbs: Any) -> None:

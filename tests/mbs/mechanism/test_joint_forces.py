@@ -40,9 +40,9 @@ def shaken(h, omega):
     return scene
 
 
-@pytest.mark.parametrize(("omega", "h", "off"), [(300.0, 1e-3, 0.02), (1000.0, 1e-3, 0.08), (0.0, 5e-3, 0.03)])
+@pytest.mark.parametrize(("omega", "h", "off"), [(300.0, 1e-3, 0.02), (1000.0, 1e-3, 0.08), (0.0, 5e-3, 0.05)])
 def test_forces_of_joints_between_rigid_bars(omega, h, off):
-    """Of the largest error; measured 1.1, 7.8 and 2.2 %, the latter where the first step rings.
+    """Of the largest error; measured 1.1, 7.8 and 4.1 %, the latter where the first step rings (2.2: more tangents).
 
     A march's own multipliers are 24, 290 and 24 % off there: constraints ring from step to step, which nothing in the
     run resolves.

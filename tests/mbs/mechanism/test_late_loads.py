@@ -106,11 +106,11 @@ def times_read(monkeypatch):
 
 
 def test_a_quiet_mechanism_is_read_as_seldom_as_before(read):
-    """While the stride doubles, from 8 steps on, and one at the end."""
+    """While the stride doubles, from one step on, and one at the end."""
     scene, _ = watched("late", 0)
     scene.settings.timeIntegration.endTime, scene.settings.timeIntegration.numberOfSteps = 0.127, 127
     scene.solve()
-    assert len(read) <= 6
+    assert len(read) <= 8
     assert read == sorted(read)
 
 

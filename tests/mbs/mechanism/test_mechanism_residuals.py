@@ -1,5 +1,6 @@
 """Corrected motions: net inertia against sums over nodes; passes make bounds of soft bodies sharp."""
 
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -8,7 +9,7 @@ import exudyn_romerr as romerr
 from exudyn_romerr.mbs.floating.frame_node import FrameNode
 from exudyn_romerr.mbs.mechanism.mechanism_residuals import MechanismResiduals, NetInertia
 from exudyn_romerr.model.floating_frame import skew
-from models import estimate_scenes, floating
+from models import estimate_scenes, estimate_truths, floating
 
 ROUNDING = 1e-12  # of sums over some hundred nodes
 GRAVITY = np.array([[1.0, -2.0, 9.0]])
@@ -17,6 +18,11 @@ GRAVITY = np.array([[1.0, -2.0, 9.0]])
 def frame_node():
     reference = [0.1, 0.2, -0.3, 0.5, 0.5, 0.5, 0.5]
     return FrameNode({"nodeType": "RigidBodyEP", "referenceCoordinates": reference})
+
+
+def net_inertia(node, mass, positions, shapes):
+    flex, sampler = SimpleNamespace(mass=mass, positions=positions), SimpleNamespace(frame=node)
+    return NetInertia(SimpleNamespace(flex=flex, sampler=sampler, shapes=shapes))
 
 
 def states(rng, shapes):
@@ -45,7 +51,7 @@ def test_net_inertia_is_the_sum_over_nodes():
     fem, rng = floating.load_fem("bar"), np.random.default_rng(5)
     mass, positions = fem.GetMassMatrix(sparse=True), fem.GetNodePositionsAsArray()
     shapes, node = 0.1 * rng.standard_normal((mass.shape[0], 4)), frame_node()
-    net = NetInertia(node, mass, positions, shapes)
+    net = net_inertia(node, mass, positions, shapes)
     here, change = states(rng, 4)
     expected = by_nodes(node, mass, positions, shapes, *here)
     np.testing.assert_allclose(
@@ -62,7 +68,7 @@ def test_size_of_net_forces_is_that_of_a_rigid_body():
     """Of inertia forces of a rigid acceleration it is this acceleration's mass norm."""
     fem, rng, node = floating.load_fem("bar"), np.random.default_rng(6), frame_node()
     mass, positions = fem.GetMassMatrix(sparse=True), fem.GetNodePositionsAsArray()
-    net, (here, _) = NetInertia(node, mass, positions, np.zeros((mass.shape[0], 0))), states(rng, 0)
+    net, (here, _) = net_inertia(node, mass, positions, np.zeros((mass.shape[0], 0))), states(rng, 0)
     motion, rates = node.motion(*here), node.rates(here[0])[0]
     b, al = rng.standard_normal((2, 3))
     a = b + np.cross(al, positions)
@@ -107,3 +113,19 @@ def test_passes_make_bounds_of_an_undamped_bar_sharp(monkeypatch):
         slack[is_passed] = bound.max(axis=0) - error.max(axis=0)
     assert np.all(slack[True] < 0.4 * slack[False])
     assert np.all((error.max(axis=0) + slack[True])[[0, 2]] < 1.2 * error.max(axis=0)[[0, 2]])
+
+
+def test_a_sudden_start_needs_tangents_at_its_first_steps():
+    """Gravity at once, steps that do not resolve what rings: 0.7 % off in the plane, 4.8 % with every eighth."""
+    scene = estimate_scenes.SCENES["hinged_bar"]
+    made = scene.make(8, "RBE3", scene.h)
+    made.mbs.SetSensorParameter(made.sensors["tip local"], "name", "tip")
+    monitor = romerr.attach(
+        made.mbs, romerr.floating_body(made.fem, made.bodies[0]), outputs=[made.sensors["tip local"]]
+    )
+    shown = estimate_truths.motion(made, scene.h)["tip local"]
+    error = (estimate_truths.stored("hinged_bar")["tip local"].same_steps - shown)[:, 2]
+    out = monitor.report().output("tip")
+    assert np.abs(out.estimate_parts["basis"][:, 2] - error).max() < 0.02 * np.abs(error).max()
+    assert np.all(np.abs(error) <= out.bound["best"][:, 2])
+    assert out.bound["best"][:, 2].max() < 3 * np.abs(error).max()

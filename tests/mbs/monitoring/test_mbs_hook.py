@@ -7,6 +7,7 @@ import pytest
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
+from exudyn_romerr.mbs.monitoring.step_hook import LONGEST, block_rows
 from exudyn_romerr.online.run import BLOCK
 from tests.helpers.mbs_scenes import (
     INPUTS,
@@ -81,10 +82,21 @@ def test_initial_acceleration_is_consistent_though_explicit_solvers_leave_it_uns
 
 
 def test_rows_come_in_few_blocks_and_the_first_at_once(gathered):
+    """Longer ones where bounds compute with few numbers a step."""
     mbs, _, monitor = scene()
-    mbs.SolveDynamic(settings(steps=BLOCK + 88, end=0.6))
+    longest = block_rows(12, False, monitor._watch.subject.read(mbs).width)
+    assert BLOCK < longest == LONGEST * BLOCK
+    mbs.SolveDynamic(settings(steps=longest + 88, end=0.6))
     assert len(monitor.runs) == 1
-    assert [len(block[0]) for block in gathered[0]] == [1, BLOCK, 88]
+    assert [len(block[0]) for block in gathered[0]] == [1, longest, 88]
+
+
+def test_blocks_are_shorter_where_they_would_not_fit_in_the_cache():
+    rows = [
+        block_rows(12, tangents, width) for tangents, width in ((False, 1), (False, 300), (False, 9999), (True, 1))
+    ]
+    assert rows == [LONGEST * BLOCK, 2 * BLOCK, BLOCK, BLOCK]
+    assert block_rows(10_000) < 30
 
 
 def test_two_bodies_get_their_own_coordinates(gathered):

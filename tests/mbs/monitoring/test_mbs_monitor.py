@@ -12,6 +12,7 @@ import pytest
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.mbs import add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
+from exudyn_romerr.mbs.monitoring import step_hook as hooks
 from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.online.run import BLOCK, Run
@@ -365,6 +366,7 @@ def test_interrupt_during_evaluation_waits_for_the_block(monkeypatch):
             super().advance(extension)
 
     monkeypatch.setattr(watch, "Run", Interrupted)
+    monkeypatch.setattr(hooks, "LONGEST", 1)
     mbs, _, monitor = scene()
     before = signal.signal(
         signal.SIGINT, signal.default_int_handler
@@ -479,6 +481,7 @@ class FailingAdvance(Run):
 def test_error_in_a_later_block_keeps_what_is_before(monkeypatch, Failing, kept):
     """Every step before it, or every block if it comes when bounds advance."""
     monkeypatch.setattr(watch, "Run", Failing)
+    monkeypatch.setattr(hooks, "LONGEST", 1)
     mbs, _, monitor = scene()
     solve(mbs, steps=4 * BLOCK, end=1.0)
     with pytest.raises(ArithmeticError, match="mine"):

@@ -468,7 +468,7 @@ def test_output_without_a_bound_cannot_be_decided_by_its_bound():
     def build(n):
         scene = mechanisms.slider_crank(n, h=0.06 / 30, t_end=0.06)
         flex = romerr.floating_body(scene.fem, scene.bodies[0])
-        probe = romerr.node_displacement("probe", node=mechanisms.MIDDLE, frame="global")
+        probe = romerr.node_velocity("probe", node=mechanisms.MIDDLE, frame="global")
         return scene.mbs, romerr.attach(scene.mbs, flex, outputs=[probe]), scene.settings
 
     with pytest.raises(romerr.InputError, match=r"'probe' has an estimate of its error and no bound.*by='estimate'"):
