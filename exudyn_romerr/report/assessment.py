@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
 NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
-UNCERTIFIED = "the balance of the run speaks against what is computed of it"
+UNCERTIFIED = "the balance of the run does not certify what is computed of it"
 
 
 @dataclass(frozen=True)
