@@ -134,10 +134,9 @@ def described(monitor: Any) -> tuple[dict, dict[str, np.ndarray]]:
     series = {"t": report.t}
     for name, out in report.outputs.items():
         series |= {f"value {name}": out.value, f"bound {name}": out.bound["best"]}
-        if out.estimate is not None:  # but for time steps: a run with more modes has the same
-            series[f"estimate {name}"] = out.estimate - out.estimate_parts["time step"]
-            checks = [x for check, x in out.uncertainty_parts.items() if check not in ("steps", "loads")]
-            series[f"half width {name}"] = np.sum(checks, axis=0)
+        if out.estimate is not None:  # a run with more modes has the same time steps
+            series[f"modes' part {name}"] = out.estimate - out.estimate_parts["time step"]
+            series |= {f"estimate {name}": out.estimate, f"half width {name}": out.uncertainty}
     return found, series
 
 

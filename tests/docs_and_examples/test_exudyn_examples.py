@@ -64,7 +64,7 @@ def test_table_of_all_kinds_of_rows(tmp_path, monkeypatch, capsys):
     assert [found["lines"] for found in rows] == list(lines)
     assert (row["scope"], row["output"]) == ("complete", "bar: tip")
     assert 0 < float(row["bound"]) < float(row["largest value"].split()[0])
-    assert 0 < float(row["estimate"].split(" +- ")[0]) < float(row["bound"])
+    assert 0 < float(row["error about"].split(" +- ")[0]) < float(row["bound"])
     # q, q_t, ODE1, multipliers, data; the sensor's last value; its file
     assert int(row["results with and without"].removeprefix("all ").removesuffix(" arrays equal")) >= 7
     assert float(row["CPU time"].removesuffix(" times")) > 0
@@ -92,9 +92,9 @@ def test_truth_compares_every_instant(tmp_path, monkeypatch):
     _, good, bad = as_dicts(run(example, tmp_path, monkeypatch))
     assert (good["truth"], bad["truth"]) == ("20 modes", "another load")
     assert good["above the bound"] == "0 of 21"
-    assert good["estimate"] == bad["estimate"] != ""  # of the same run
-    assert 0 < float(good["estimate"].split()[0]) < float(good["bound"])
-    assert float(bad["estimate off by"].split()[0]) > 90  # percent: no estimate knows of the other load
+    assert good["error about"] == bad["error about"] != ""  # of the same run
+    assert 0 < float(good["error about"].split()[0]) < float(good["bound"])
+    assert float(bad["modes' part off by"].split()[0]) > 90  # percent: no estimate knows of the other load
     assert 0 < float(good["error"]) < float(good["bound"])
     assert int(bad["above the bound"].split()[0]) > 10
 
