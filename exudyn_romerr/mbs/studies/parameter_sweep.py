@@ -97,6 +97,10 @@ def sweep(
     """
     _check(parameters, options)
     if executor is not None or folder is not None:
+        if not (executor is None or callable(executor) or hasattr(executor, "submit")):
+            raise InputError(
+                f"executor={executor!r}; pass an executor of concurrent.futures, or a function that makes one"
+            )
         return _on(executor, folder, function, parameters, options)
     options = {"showProgress": False} | options
     if not options.get("clusterHostNames"):
@@ -146,6 +150,9 @@ def _check(parameters: dict, options: dict) -> None:
     for name in NOT_SERIAL:
         if options.get(name) and not options.get("useMultiProcessing"):
             raise InputError(f"{name} needs useMultiProcessing=True; without it Exudyn runs serially")
+    if not isinstance(parameters, dict):
+        kind = type(parameters).__name__
+        raise InputError(f"parameters is a {kind}; pass a dict name -> list of numbers, or (begin, end, count)")
     if not parameters:
         raise InputError("parameters is empty; pass name -> list of numbers, or (begin, end, count)")
     for name, values in parameters.items():

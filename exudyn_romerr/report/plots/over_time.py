@@ -60,7 +60,8 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label=name_of_line)
     if out.error is not None:
         ax.plot(t, value + out.error[:, row], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
-    title = f"{out.row_names[row]}: reduced model with its {'error bound' if is_bounded else 'estimate; no bound'}"
+    shown = f"{error_kind(report.time)} bound" if is_bounded else "estimate; no bound"
+    title = f"{out.row_names[row]}: reduced model with its {shown}"
     ax.set(xlabel=_time(report), ylabel=f"{out.row_names[row]} / {out.unit}", title=title)
     finish(ax)
 
@@ -116,8 +117,8 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     ax.axvline(
         t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=_worst(report, out, row, worst)
     )
-    title = f"{out.row_names[row]}: where its error bound comes from"
-    ylabel = f"share of the\n{error_kind(report.time)} bound / %"
+    kind = error_kind(report.time)
+    title, ylabel = f"{out.row_names[row]}: where its {kind} bound comes from", f"share of the\n{kind} bound / %"
     ax.set(xlabel=_time(report), ylabel=ylabel, ylim=(0, 100), title=title)
     ax.margins(x=0.01)
     finish(ax)

@@ -97,6 +97,8 @@ def test_dispy_gets_the_function_itself_and_a_missing_result_is_a_failure(monkey
         ({"a": [1]}, {"useMPI": True}, "useMPI needs useMultiProcessing=True"),
         ({"a": [1]}, {"clusterHostNames": ["a"]}, "clusterHostNames needs useMultiProcessing=True"),
         ({}, {}, "parameters is empty"),
+        ([1], {}, "parameters is a list; pass a dict"),
+        ({"a": [1]}, {"executor": 2}, "executor=2; pass an executor"),
         ({"a": []}, {}, r"parameters\['a'\]=\[\]; needed: a list of numbers"),
         ({"a": 3}, {}, r"parameters\['a'\]=3; needed: a list of numbers"),
         ({"a": (1, 2)}, {}, r"parameters\['a'\]=\(1, 2\); a tuple is \(begin, end, count\)"),
