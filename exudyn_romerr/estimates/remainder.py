@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from .march import Columns
 from .mechanism_feedback import held
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 # samples: in as many one at least is looked at, each time so many later, for where tangents are read they are exact,
 # and one between two tangents; between them the residual is taken for linear
 EVERY, LATER = 8, 3
-DENSE = 32  # first samples of a run, where all sets in: all of them are looked at
+DENSE = 32  # first samples of a run, and after accelerations jump, where all sets in: all of them are looked at
+# a change of accelerations that is so many times the largest of so many steps before it is a jump
+JUMP, QUIET = 3.0, 8
 PAYS = 0.02  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
 LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
 ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
@@ -68,6 +71,7 @@ class Remainder:
         self._count, self._ramp, self.adds, self._ended = 0, 0, False, False
         self.multipliers = np.zeros((0, 0))
         self._largest = np.zeros((3, quantities))  # of r, of the prediction, of the motion
+        self._accelerations, self._quiet = np.zeros((0, size)), DENSE  # the last, and since when none has jumped
 
     def start(self, t: float, constraints: int) -> None:
         """Begin at time t, where nothing is predicted."""
@@ -88,6 +92,7 @@ class Remainder:
         """Go on from the state of another run's."""
         self._moving, self._known, self._count = before._moving, before._known, before._count
         self._ramp, self.adds, self._largest = before._ramp, before.adds, before._largest
+        self._accelerations, self._quiet = before._accelerations, before._quiet
 
     @property
     def state(self) -> np.ndarray:
@@ -112,7 +117,22 @@ class Remainder:
     def begin(self, rows: Sequence[np.ndarray], residuals: Residuals, read: Sequence[float] = ()) -> None:
         """Steps to rows t (S,), q, q_t, q_tt (S, k) follow. read : times of tangents; between them it is looked."""
         self._rows, self._residuals, self._found = rows, residuals, []  # None of it: they are not known any more
-        self._far = _middles(rows[0], np.asarray(read))
+        self._due = _middles(rows[0], np.asarray(read)) | self._after_jumps(rows[3])
+
+    def _after_jumps(self, q_tt: np.ndarray) -> np.ndarray:
+        """Whether samples (S,) are among DENSE from one on where accelerations (S, k) jump: loads begin suddenly."""
+        accelerations = np.vstack([self._accelerations, q_tt])
+        self._accelerations = accelerations[-QUIET - 2 :]
+        if len(accelerations) < QUIET + 2:
+            return np.ones(len(q_tt), dtype=bool)
+        change = np.diff(accelerations, axis=0)
+        changes = self._sizes(np.broadcast_to(change, (3, *change.shape)))
+        before = sliding_window_view(changes[:-1], QUIET, axis=0).max(axis=-1)
+        jumps = np.any(changes[QUIET:] > JUMP * before, axis=1)[-len(q_tt) :]
+        jumps = np.append(np.zeros(len(q_tt) - len(jumps), dtype=bool), jumps)
+        since = np.arange(len(q_tt)) - np.maximum.accumulate(np.where(jumps, np.arange(len(q_tt)), -self._quiet))
+        self._quiet = int(since[-1]) + 1
+        return since < DENSE
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> np.ndarray | None:
         """Go through some of the steps, where e, e', e'' (3, S, k) are predicted; return what is added to these.
@@ -121,7 +141,7 @@ class Remainder:
         """
         rows, number = [x[part] for x in self._rows], self._count + 1 + np.arange(len(steps))
         looked = (number <= DENSE) | (number % EVERY == LATER * (number // EVERY) % EVERY)
-        looked |= self._far[part]
+        looked |= self._due[part]
         looked[-1] |= len(steps) >= EVERY  # else it is held from the last before
         known = self._look(rows, e, own, looked, [self._known])
         found, largest = self._marched(steps, rows, e, known)

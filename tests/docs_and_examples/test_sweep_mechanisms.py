@@ -151,3 +151,11 @@ def test_a_body_that_vectors_hold_nearly_whole():
     With 1 % of the prediction in its place a velocity was up to 1.05 times its bound in some runs.
     """
     assert not sweep_mechanisms_table.violated(sweep_mechanisms.measure(61))
+
+
+def test_what_begins_late_and_suddenly_is_looked_at():
+    """Seed 183: what linear equations leave out sets in with a load, between samples that are looked at anyway.
+
+    The corrected output was 8.6 times its bound away.
+    """
+    assert not sweep_mechanisms_table.violated(sweep_mechanisms.measure(183))
