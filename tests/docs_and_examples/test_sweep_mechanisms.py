@@ -120,6 +120,14 @@ def test_the_error_of_the_modes_is_covered_in_the_first_steps(seed, cure):
     assert not sweep_mechanisms_table.violated(result)
 
 
+def test_a_sudden_start_that_one_percent_hid_before():
+    """Seed 165, rho = 0.8: 1.003 times its bound in the first 7 steps, and below it where nothing overshoots."""
+    outputs = sweep_mechanisms.measure(165)["outputs"].values()
+    above = [out["bounds"]["best"] for out in outputs if out["bounds"]["best"]["violations"]]
+    assert all(found["last"] <= 8 and found["worst"] < 1.01 for found in above)
+    assert not sweep_mechanisms_table.violated(sweep_mechanisms.measured(replace(drawn(165), rho=1.0)))
+
+
 @pytest.mark.parametrize(("radius", "times"), [(0.6, -27.8), (1.0, 1.4)])
 def test_the_integrator_overshoots_in_a_single_overdamped_mode(radius, times):
     """Its first step under a sudden force, over the exact one: nothing of ours, no joints, Exudyn alone."""
