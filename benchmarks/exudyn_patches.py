@@ -195,7 +195,7 @@ EXAMPLES = {
     "objectFFRFreducedOrderTest": Example(
         "TestModels/objectFFRFreducedOrderTest.py",
         {"sensor": ours("sDisp"), "frame": ours(at_node("nMid"))},
-        note="8 free eigenmodes, stiff supports, a sudden unbalance at 50 turns a second: more vectors sharpen the bound",
+        note="8 free eigenmodes, stiff supports, sudden unbalance at 50 turns/s: more vectors sharpen the bound",
         truth=tuple(
             Truth("all 339 modes", ours(out), (("nModes = 8", "nModes = 339"), DENSE))
             for out in ("sDisp", all_at_node("nMid"))
