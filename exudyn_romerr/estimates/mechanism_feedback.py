@@ -60,7 +60,6 @@ class Feedback:
 
     def __init__(self, scheme: Scheme):
         self._track = Track(scheme)
-        self._last: tuple | None = None  # what the last steps were made of
 
     def start(
         self, tangent: Tangent, force: np.ndarray, rest: np.ndarray | None = None, t: float | None = None
@@ -110,20 +109,9 @@ class Feedback:
                     e[:, i] += added
                     self.multipliers[i] += one.multipliers
             speed[i] = steps.speed(e[1, i])
-        self._last = self.t, t, times, tangent
         self.t = float(t[-1]) if len(t) else self.t
         check_size(e)
         return e, speed
-
-    def again(self, others: Sequence[Companion]) -> None:
-        """Let others go once more through the steps of the last `advance`."""
-        if self._last is None:
-            return
-        for _, steps in self._track.steps(*self._last):
-            beside = [(other, columns) for other in others if (columns := other.columns(steps)) is not None]
-            if beside:
-                for (other, _), found in zip(beside, steps.march(*(of for _, of in beside)), strict=True):
-                    other.take(steps, found)
 
 
 def check_size(found: np.ndarray) -> None:
