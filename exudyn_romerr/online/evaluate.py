@@ -99,7 +99,7 @@ def evaluate(
         time integration is not covered.
     auxiliary_modes : int or "auto"
         Modes of the full body carried by "auxiliary". "auto": as many as leave 5 % of |C|_{K^-1} above them, at most
-        60.
+        60, or as the reduced body rings in, at most 200.
 
     Returns
     -------

@@ -53,8 +53,8 @@ def attach(
     outputs : sequence of Output or sensor numbers, optional
         Sensors on mesh nodes of a floating body; they give their output its name. Default: all of displacement,
         position or velocity that are there when a solve begins; in a mechanism, beside those in global axes, "NAME in
-        the frame", which have a bound. Of a list of bodies: sensor numbers, which find their body, and
-        (flex, Output); default: all of these, and all sensors on no flexible body that show motion or forces. The
+        the frame" (velocities have a bound there only). Of a list of bodies: sensor numbers, which find their body,
+        and (flex, Output); default: all of these, and all sensors on no flexible body that show motion or forces. The
         latter have an estimate and no bound; those of loads and user functions are left out, see the plan.
     initial : None, ((N,), (N,)) or "equilibrium"
         State that the full model starts from. None: the one given to add_reduced_body, else the span of V.
@@ -68,7 +68,8 @@ def attach(
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
-        vectors made for the body ("auto": 20), and bounds are of the reduction error, whatever time says.
+        vectors made for the body ("auto": 26; 40 if nothing is damped or modes make interfaces rigid), and
+        bounds are of the reduction error, whatever time says.
     midpoint_residual : bool
         Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
         samples: Exudyn's equations are evaluated in the middle of every step.
