@@ -71,7 +71,6 @@ class Remainder:
         self._count, self._ramp, self.adds, self._ended = 0, 0, False, False
         self.multipliers = np.zeros((0, 0))
         self._largest = np.zeros((3, quantities))  # of r, of the prediction, of the motion
-        self._accelerations, self._quiet = np.zeros((0, size)), DENSE  # the last, and since when none has jumped
 
     def start(self, t: float, constraints: int) -> None:
         """Begin at time t, where nothing is predicted."""
@@ -92,7 +91,6 @@ class Remainder:
         """Go on from the state of another run's."""
         self._moving, self._known, self._count = before._moving, before._known, before._count
         self._ramp, self.adds, self._largest = before._ramp, before.adds, before._largest
-        self._accelerations, self._quiet = before._accelerations, before._quiet
 
     @property
     def state(self) -> np.ndarray:
@@ -114,25 +112,10 @@ class Remainder:
         r, predicted, motion = largest
         return r / np.maximum(np.maximum(predicted, ROUNDING * motion), np.finfo(float).tiny)
 
-    def begin(self, rows: Sequence[np.ndarray], residuals: Residuals, read: Sequence[float] = ()) -> None:
-        """Steps to rows t (S,), q, q_t, q_tt (S, k) follow. read : times of tangents; between them it is looked."""
+    def begin(self, rows: Sequence[np.ndarray], residuals: Residuals, due: np.ndarray | None = None) -> None:
+        """Steps to rows t (S,), q, q_t, q_tt (S, k) follow. due (S,) : which are looked at beside those of here."""
         self._rows, self._residuals, self._found = rows, residuals, []  # None of it: they are not known any more
-        self._due = _middles(rows[0], np.asarray(read)) | self._after_jumps(rows[3])
-
-    def _after_jumps(self, q_tt: np.ndarray) -> np.ndarray:
-        """Whether samples (S,) are among DENSE from one on where accelerations (S, k) jump: loads begin suddenly."""
-        accelerations = np.vstack([self._accelerations, q_tt])
-        self._accelerations = accelerations[-QUIET - 2 :]
-        if len(accelerations) < QUIET + 2:
-            return np.ones(len(q_tt), dtype=bool)
-        change = np.diff(accelerations, axis=0)
-        changes = self._sizes(np.broadcast_to(change, (3, *change.shape)))
-        before = sliding_window_view(changes[:-1], QUIET, axis=0).max(axis=-1)
-        jumps = np.any(changes[QUIET:] > JUMP * before, axis=1)[-len(q_tt) :]
-        jumps = np.append(np.zeros(len(q_tt) - len(jumps), dtype=bool), jumps)
-        since = np.arange(len(q_tt)) - np.maximum.accumulate(np.where(jumps, np.arange(len(q_tt)), -self._quiet))
-        self._quiet = int(since[-1]) + 1
-        return since < DENSE
+        self._due = np.zeros(len(rows[0]), dtype=bool) if due is None else due
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> np.ndarray | None:
         """Go through some of the steps, where e, e', e'' (3, S, k) are predicted; return what is added to these.
@@ -144,13 +127,14 @@ class Remainder:
         looked |= self._due[part]
         looked[-1] |= len(steps) >= EVERY  # else it is held from the last before
         known = self._look(rows, e, own, looked, [self._known])
-        found, largest = self._marched(steps, rows, e, known)
+        beside = [self._sizes(e), self._sizes(np.array(rows[1:]))]
+        found, largest = self._marched(steps, rows[0], known, beside)
         if not looked.all() and self._pays(largest):
             known = self._look(rows, e, own, ~looked, known)
             looked[:] = True
-            found, largest = self._marched(steps, rows, e, known)
+            found, largest = self._marched(steps, rows[0], known, beside)
         if not self.adds and self._begins_to_add(largest[:, -1]):
-            found, largest = self._marched(steps, rows, e, known)
+            found, largest = self._marched(steps, rows[0], known, beside)
         self._moving, self._known, self._largest = found[-1], known[-1], largest[:, -1]
         self._count += len(steps)
         found = found[:, :3].transpose(3, 1, 0, 2)
@@ -192,18 +176,48 @@ class Remainder:
         return [first, *sorted([*more, *zip(t, *residuals, strict=True)], key=lambda one: one[0])]
 
     def _marched(
-        self, steps: Steps, rows: Sequence[np.ndarray], e: np.ndarray, known: list[tuple]
+        self, steps: Steps, t: np.ndarray, known: list[tuple], beside: Sequence[np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return e, e', e'', a (S, 4, k, 2) of r and what is added, and the largest so far (3, S, quantities)."""
+        """Return e, e', e'', a (S, 4, k, 2) of r and what is added, and the largest so far (3, S, quantities).
+
+        beside : sizes (S, quantities) of the prediction and of the motion.
+        """
         times, *values = (np.array(x) for x in zip(*known, strict=True))
-        F, g = (_linear(rows[0], times, x)[..., None] for x in values)
+        F, g = (_linear(t, times, x)[..., None] for x in values)
         share = self.adds * np.minimum((self._ramp + 1 + np.arange(len(steps))) / RAMP, 1.0)
         both = np.column_stack([np.ones(len(steps)), share**2 * (3 - 2 * share)])[:, None]
         [(found, forces)] = steps.march(Columns(self._moving, -F * both, -g * both), multipliers=True)
         self.multipliers = forces[..., 1]
         r = found[:, :3, :, 0].swapaxes(0, 1)
-        sizes = np.array([self._sizes(x) for x in (r, e, np.array(rows[1:]))])
+        sizes = np.array([self._sizes(r), *beside])
         return found, np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
+
+
+class Jumps:
+    """Where accelerations jump along a run, as under loads that begin suddenly. sizes : as of Remainder."""
+
+    def __init__(self, size: int, sizes: Sizes):
+        self._sizes, self._quiet = sizes, DENSE  # samples since the last jump
+        self._last = np.zeros((0, size))
+
+    def go_on(self, before: Jumps) -> None:
+        """Go on from another run's."""
+        self._last, self._quiet = before._last, before._quiet
+
+    def follow(self, q_tt: np.ndarray) -> np.ndarray:
+        """Return whether the next samples, of accelerations (S, k), are among DENSE from a jump on, (S,)."""
+        accelerations = np.vstack([self._last, q_tt])
+        self._last = accelerations[-QUIET - 2 :]
+        if len(accelerations) < QUIET + 2:
+            return np.ones(len(q_tt), dtype=bool)
+        change = np.diff(accelerations, axis=0)
+        changes = self._sizes(np.broadcast_to(change, (3, *change.shape)))
+        before = sliding_window_view(changes[:-1], QUIET, axis=0).max(axis=-1)
+        jumps = np.any(changes[QUIET:] > JUMP * before, axis=1)[-len(q_tt) :]
+        jumps = np.append(np.zeros(len(q_tt) - len(jumps), dtype=bool), jumps)
+        since = np.arange(len(q_tt)) - np.maximum.accumulate(np.where(jumps, np.arange(len(q_tt)), -self._quiet))
+        self._quiet = int(since[-1]) + 1
+        return since < DENSE
 
 
 def joined(parts: Sequence[Measured]) -> Measured:
@@ -212,8 +226,8 @@ def joined(parts: Sequence[Measured]) -> Measured:
     return Measured(np.concatenate(r, axis=1), np.concatenate(added, axis=1), np.concatenate(times))
 
 
-def _middles(t: np.ndarray, read: np.ndarray) -> np.ndarray:
-    """Whether samples (S,) are the nearest to the middle between two times of tangents, and not at one of these."""
+def middles(t: np.ndarray, read: np.ndarray) -> np.ndarray:
+    """Return whether samples (S,) are nearest to the middle between two times of tangents, not at one of these."""
     if len(read) < 2:
         return np.zeros(len(t), dtype=bool)
     nearest = np.abs(t[:, None] - (read[:-1] + read[1:]) / 2).argmin(axis=0)

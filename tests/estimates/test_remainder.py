@@ -167,17 +167,10 @@ def test_a_second_run_goes_on_from_the_first():
 
 def test_samples_after_a_jump_of_accelerations_are_looked_at():
     """Blocks of 20 steps: a jump in one counts in the next, too; a smooth swing is none."""
-    found = []
-    late = Remainder(2, 1, sizes)
-    late.start(0.0, 0)
-    late._count = module.DENSE  # not the first samples, which are all looked at
+    jumps = module.Jumps(2, sizes)
     swing = np.sin(t[1:])[:, None] * np.ones(2)
     swing[150:] += 5.0
-    none = np.zeros((20, 2))
-    for begin in range(0, STEPS, 20):
-        block = slice(begin + 1, begin + 21)
-        late.begin((t[block], none, none, swing[begin : begin + 20]), None)
-        found.append(late._due)
+    found = [jumps.follow(swing[begin : begin + 20]) for begin in range(0, STEPS, 20)]
     wanted = np.zeros(STEPS, dtype=bool)
     wanted[150 : 150 + module.DENSE] = True
     np.testing.assert_array_equal(np.concatenate(found), wanted)

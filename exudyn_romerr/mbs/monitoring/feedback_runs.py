@@ -77,13 +77,6 @@ class Reaction:
         """Error by time steps of all coordinates, at the rows of the last call of open or advance, or None."""
         return self._remainder.corrected(self._step_errors.found)
 
-    def time_step_of(self, i: int) -> TimeStep | None:
-        """The same of the frame, the modes and the vectors of body i."""
-        if self.time_step is None:
-            return None
-        body, own = self.parts[i]
-        return self.time_step.of(np.concatenate([body.columns, np.arange(own.start, own.stop)]))
-
     def open(self, rows: tuple[np.ndarray, ...], before: Reaction | None, mbs: Any = None) -> None:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
         *first, multipliers = (x[:1] for x in rows)
@@ -201,18 +194,19 @@ class Reaction:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
         (t, *states, _), none, missed = rows, [0 * x for x in rows[1:4]], self._remainder.found
         narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
-        narrow = narrow if missed is None else narrow + missed.added
+        narrow, step = narrow if missed is None else narrow + missed.added, self.time_step
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
             left = missed and [body.moved(own, none, x) for x in missed.left()]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
-            if (step := self.time_step_of(i)) is not None:
-                outputs.take_time_step(watch.run, here, step)
+            if step is not None:  # of the frame, the modes and the vectors of this body
+                columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])
+                outputs.take_time_step(watch.run, here, step.of(columns))
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))
         for sensors in self._sensors:
-            sensors.take(mbs, rows, moves, self.time_step, self._remainder.left)
+            sensors.take(mbs, rows, moves, step, self._remainder.left)
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.remainder import LOST, SAMPLED, Measured, Remainder, joined
+from ...estimates.remainder import LOST, SAMPLED, Jumps, Measured, Remainder, joined, middles
 from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 from ...linalg.blocked_products import row_norms
@@ -46,7 +46,7 @@ class MeasuredRemainder:
         self._of_vectors, self._of_steps = (
             Remainder(size, len(parts) + 1, self._sizes, at_once) for at_once in (False, True)
         )
-        self._failure = ""
+        self._jumps, self._failure = Jumps(size, self._sizes), ""
         self.found: Measured | None = None
         self.notes: list[str] = []
 
@@ -63,6 +63,7 @@ class MeasuredRemainder:
         """Go on from another run's."""
         self._of_vectors.go_on(before._of_vectors)
         self._of_steps.go_on(before._of_steps)
+        self._jumps.go_on(before._jumps)
         self._failure, self._constraints = before._failure, before._constraints
         self._try(self._make, mbs)
         self._open()
@@ -96,9 +97,11 @@ class MeasuredRemainder:
         """Steps to rows t (S,), q, q_t, q_tt (S, n) follow, under forces (S, k) on vectors."""
         self._forces = forces
         self._mbs, self._is_compared = mbs, False
-        read = [reading.t for reading in self._tangents.readings]
+        rows = self._wide(rows)
+        read = np.array([reading.t for reading in self._tangents.readings])
+        due = middles(rows[0], read) | self._jumps.follow(rows[3])
         for one in (self._of_vectors, self._of_steps):
-            one.begin(self._wide(rows), self._residuals, read)
+            one.begin(rows, self._residuals, due)
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Return what is added to e, e', e'' (3, S, k) in some of the steps; None: nothing."""
