@@ -64,7 +64,6 @@ class ElasticBody:
 
     modal: ModalDamping | None = None
     _modes: Modes | None = None
-    _within: tuple[sp.csr_matrix, SymmetricFactor] | None = None
 
     def __init__(
         self,

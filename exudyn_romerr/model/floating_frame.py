@@ -176,6 +176,11 @@ def skew(v: np.ndarray) -> np.ndarray:
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape, 3)
 
 
+def moment_of(products: np.ndarray) -> np.ndarray:
+    """Return moments (T, 3, ...) of arms x force from the sums (T, 3, 3, ...) of arm_i force_j."""
+    return np.stack([products[:, j, k] - products[:, k, j] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
+
+
 def left_jacobian(theta: np.ndarray) -> np.ndarray:
     """Return the left Jacobian of the rotations exp(theta~): I + theta~/2 + ..., (S, 3, 3) of theta (S, 3)."""
     angle = np.linalg.norm(theta, axis=1)[:, None, None]

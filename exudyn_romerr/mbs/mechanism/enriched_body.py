@@ -12,7 +12,7 @@ from ...basis.enrichment import Enrichment
 from ...checks import check_count
 from ...errors import AssumptionError
 from ...estimators.rigid_motion import Deformations
-from ...model.floating_frame import skew, unit_inertia
+from ...model.floating_frame import moment_of, skew, unit_inertia
 from ...model.outputs import stacked_rows
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
@@ -196,7 +196,7 @@ class EnrichedBody:
 
     def _columns(self, A: np.ndarray, rates: np.ndarray, arms: np.ndarray, turning: np.ndarray) -> np.ndarray:
         """Work of M (turning P) on the coordinates of the body in the mbs and on P, (T, k + m, m)."""
-        moment = _moment(np.einsum("tjk,tikm->tijm", np.broadcast_to(turning, A.shape), arms))
+        moment = moment_of(np.einsum("tjk,tikm->tijm", np.broadcast_to(turning, A.shape), arms))
         of_modes, of_P = (_contracted(turning, of) for of in (self._of_V, self._of_P))
         parts = [A @ turning @ self._pull, rates.swapaxes(1, 2) @ moment, of_modes, of_P]
         return np.concatenate([np.broadcast_to(part, (len(A), *part.shape[1:])) for part in parts], axis=1)
@@ -215,7 +215,7 @@ class EnrichedBody:
         for i, moved in enumerate(self._moved_loads):
             first = self._terms.first_load + 3 * i
             products -= moved[:, None] * inputs[:, None, first : first + 3, None]
-        return _moment(products)
+        return moment_of(products)
 
     def _by_the_frame(self, t: np.ndarray, states: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """D and K (T, m, size) of P by the frame's coordinates: how inertia forces and loads on P turn with it."""
@@ -229,11 +229,6 @@ class EnrichedBody:
         found = (inputs @ self._forcing[:, self._layout.input_slot].T).reshape(len(t), 2, 2, size, self.m)
         D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * DIFFERENCE), 1, 0)
         return D, K
-
-
-def _moment(products: np.ndarray) -> np.ndarray:
-    """Moments (T, 3, m) of arms x force from the sums (T, 3, 3, m) of arm_i force_j."""
-    return np.stack([products[:, j, k] - products[:, k, j] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
 
 
 def _contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...linalg.blocked_products import row_norms
 from ...model.admissible_space import rigid_modes
-from ...model.floating_frame import Veer, skew
+from ...model.floating_frame import Veer, moment_of, skew
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -162,8 +162,7 @@ class NetInertia:
         arms = first[:, :, None] * b[:, None] + self._first[:, None] * weight[:, None]
         arms += second @ S.swapaxes(1, 2) + of_rates @ w.swapaxes(1, 2)
         arms += of_accelerations
-        moment = np.stack([arms[:, j, k] - arms[:, k, j] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
-        return np.hstack([turned(motion.A, force), np.einsum("sij,si->sj", rates, moment)])
+        return np.hstack([turned(motion.A, force), np.einsum("sij,si->sj", rates, moment_of(arms))])
 
     def _of_unit_length(self, q: np.ndarray) -> np.ndarray:
         """Euler parameters that are off to first order leave unit length to second order."""
