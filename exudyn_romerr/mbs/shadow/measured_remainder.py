@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.remainder import LOST, SAMPLED, Jumps, Measured, Remainder, joined, middles
 from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 from ...linalg.blocked_products import row_norms
+from .looks import Jumps, middles
+from .remainder import LOST, SAMPLED, Measured, Remainder, joined
 from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:
@@ -35,7 +37,7 @@ class MeasuredRemainder:
 
     Attributes
     ----------
-    found : what was measured of the vectors' prediction at the rows of the last call of open, go_on or finish; None:
+    found : what was measured of the vectors' prediction at the rows of the last call of open, go_on, following; None:
     nothing. notes : why, once.
     """
 
@@ -56,7 +58,8 @@ class MeasuredRemainder:
         for one in (self._of_vectors, self._of_steps):
             one.start(float(rows[0][0]), self._constraints)
         self._try(self._make, mbs)
-        self._try(self._of_vectors.rest, tangent, self._wide(rows), e, self._residuals)
+        with self._functions_kept():
+            self._try(self._of_vectors.rest, tangent, self._wide(rows), e, self._residuals)
         self._open()
 
     def go_on(self, mbs: Any, before: MeasuredRemainder) -> None:
@@ -93,15 +96,33 @@ class MeasuredRemainder:
         """Size of what is left out of the deformation of body i over that of the prediction; None: not known."""
         return None if self._failure or not self._parts else float(self._of_vectors.shares[i])
 
-    def begin(self, mbs: Any, rows: Sequence[np.ndarray], forces: np.ndarray) -> None:
-        """Steps to rows t (S,), q, q_t, q_tt (S, n) follow, under forces (S, k) on vectors."""
+    @contextmanager
+    def following(self, mbs: Any, rows: Sequence[np.ndarray], forces: np.ndarray) -> Iterator[None]:
+        """Go through steps to rows t (S,), q, q_t, q_tt (S, n), under forces (S, k) on vectors."""
         self._forces = forces
         self._mbs, self._is_compared = mbs, False
         rows = self._wide(rows)
         read = np.array([reading.t for reading in self._tangents.readings])
-        due = middles(rows[0], read) | self._jumps.follow(rows[3])
+        due, restless = middles(rows[0], read), self._jumps.follow(rows[3])
         for one in (self._of_vectors, self._of_steps):
-            one.begin(rows, self._residuals, due)
+            one.begin(rows, self._residuals, due, restless)
+        with self._functions_kept():
+            yield
+        self._finish()
+
+    @contextmanager
+    def _functions_kept(self) -> Iterator[None]:
+        """What user functions keep is put back afterwards."""
+        kept = ExitStack()
+        if self._shadow is not None:
+            self._try(kept.enter_context, self._shadow.functions_kept())
+        try:
+            yield
+        finally:
+            try:
+                kept.close()
+            except RunError as failure:
+                self._fail(failure)
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Return what is added to e, e', e'' (3, S, k) in some of the steps; None: nothing."""
@@ -116,8 +137,7 @@ class MeasuredRemainder:
             return self._of_vectors.follow(steps, part, e, drift)
         return None
 
-    def finish(self) -> None:
-        """All steps were gone through."""
+    def _finish(self) -> None:
         self._mbs = None
         self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
         self.found = None if self._failure else self.found
@@ -160,9 +180,13 @@ class MeasuredRemainder:
             try:
                 return work(*arguments)
             except Exception as failure:
-                self._failure = str(failure)
-                self.notes.append(LEFT_OUT.format(failure))
+                self._fail(failure)
         return None
+
+    def _fail(self, failure: Exception) -> None:
+        if not self._failure:
+            self._failure = str(failure)
+            self.notes.append(LEFT_OUT.format(failure))
 
     def _wide(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Rows whose states have vectors, too, which do not move in the run."""

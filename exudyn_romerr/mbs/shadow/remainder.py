@@ -12,21 +12,22 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from .march import Columns
-from .mechanism_feedback import held
+from ...estimates.march import Columns
+from ...estimates.mechanism_feedback import held
+from .looks import DENSE, Loads, Looks, Residuals, Sizes
 
 if TYPE_CHECKING:
-    from .march import Steps, Tangent
+    from ...estimates.march import Steps, Tangent
 
 # samples: in as many one at least is looked at, each time so many later, for where tangents are read they are exact,
-# and one between two tangents; between them the residual is taken for linear
-EVERY, LATER = 8, 3
-DENSE = 32  # first samples of a run, and after accelerations jump, where all sets in: all of them are looked at
-# a change of accelerations that is so many times the largest of so many steps before it is a jump
-JUMP, QUIET = 3.0, 8
-PAYS = 0.02  # of the prediction: steps in which r is larger are looked at sample by sample; r is added from there on
+# beside one between two tangents, which is farthest from both; between them the residual is taken for linear
+EVERY, LATER = 32, 11
+CLOSE = 8  # the same where r pays, until samples in the middle confirm the lines between
+CLOSEST = 4  # the same in the first samples of a run, and after accelerations jump, where all sets in
+GROWS = 1.5  # times what it was: where the prediction has grown to, it is looked at, for r is of second order
+# of the prediction: steps in which r is larger are looked at as close as that needs, and r is added from there on
+PAYS = 0.02
 LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
 ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
 NEWTON = 1e-8  # of the motion, Exudyn's default tolerance: less of r is what Newton's iteration leaves
@@ -34,9 +35,6 @@ RAMP = 32  # steps within which r sets in
 # what may be left, in sizes of r: looked at now and then it came out down to 0.17 of what it is, looked at everywhere
 # within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
 SAMPLED, LOOKED = 8.0, 2.0
-Loads = tuple[np.ndarray, np.ndarray]
-Residuals = Callable[[Sequence[np.ndarray]], Loads | None]
-Sizes = Callable[[np.ndarray], np.ndarray]
 
 
 class Measured(NamedTuple):
@@ -71,6 +69,7 @@ class Remainder:
         self._count, self._ramp, self.adds, self._ended = 0, 0, False, False
         self.multipliers = np.zeros((0, 0))
         self._largest = np.zeros((3, quantities))  # of r, of the prediction, of the motion
+        self._loads = np.zeros(quantities)  # largest of what drives r
 
     def start(self, t: float, constraints: int) -> None:
         """Begin at time t, where nothing is predicted."""
@@ -90,7 +89,7 @@ class Remainder:
     def go_on(self, before: Remainder) -> None:
         """Go on from the state of another run's."""
         self._moving, self._known, self._count = before._moving, before._known, before._count
-        self._ramp, self.adds, self._largest = before._ramp, before.adds, before._largest
+        self._ramp, self.adds, self._largest, self._loads = before._ramp, before.adds, before._largest, before._loads
 
     @property
     def state(self) -> np.ndarray:
@@ -112,36 +111,69 @@ class Remainder:
         r, predicted, motion = largest
         return r / np.maximum(np.maximum(predicted, ROUNDING * motion), np.finfo(float).tiny)
 
-    def begin(self, rows: Sequence[np.ndarray], residuals: Residuals, due: np.ndarray | None = None) -> None:
-        """Steps to rows t (S,), q, q_t, q_tt (S, k) follow. due (S,) : which are looked at beside those of here."""
+    def begin(
+        self,
+        rows: Sequence[np.ndarray],
+        residuals: Residuals,
+        due: np.ndarray | None = None,
+        restless: np.ndarray | None = None,
+    ) -> None:
+        """Steps to rows t (S,), q, q_t, q_tt (S, k) follow.
+
+        due (S,) : which are looked at beside those of here. restless (S,) : which are as the first ones of a run.
+        """
+        none = np.zeros(len(rows[0]), dtype=bool)
         self._rows, self._residuals, self._found = rows, residuals, []  # None of it: they are not known any more
-        self._due = np.zeros(len(rows[0]), dtype=bool) if due is None else due
+        self._due, self._restless = (none if which is None else which for which in (due, restless))
+        self._motion = self._sizes(np.array(rows[1:]))
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> np.ndarray | None:
         """Go through some of the steps, where e, e', e'' (3, S, k) are predicted; return what is added to these.
 
         own : loads (S, k) and values of constraints (S, c) that belong to the prediction; None: none.
         """
-        rows, number = [x[part] for x in self._rows], self._count + 1 + np.arange(len(steps))
-        looked = (number <= DENSE) | (number % EVERY == LATER * (number // EVERY) % EVERY)
-        looked |= self._due[part]
-        looked[-1] |= len(steps) >= EVERY  # else it is held from the last before
-        known = self._look(rows, e, own, looked, [self._known])
-        beside = [self._sizes(e), self._sizes(np.array(rows[1:]))]
-        found, largest = self._marched(steps, rows[0], known, beside)
-        if not looked.all() and self._pays(largest):
-            known = self._look(rows, e, own, ~looked, known)
-            looked[:] = True
-            found, largest = self._marched(steps, rows[0], known, beside)
+        rows, beside = [x[part] for x in self._rows], [self._sizes(e), self._motion[part]]
+        looks = Looks(rows, e, own, self._known, self._residuals, self._sizes_of_loads(steps), self._loads)
+        looks.ended, is_close = self._ended, False
+        self._look(looks, part, beside)
+        found, largest = self._marched(steps, looks, beside)
+        if self._pays(largest):
+            looks.at((np.arange(len(steps)) - len(steps) + 1) % CLOSE == 0)  # the last, too
+            looks.confirm(np.ones(len(steps), dtype=bool))
+            is_close = not looks.ended
+            found, largest = self._marched(steps, looks, beside)
         if not self.adds and self._begins_to_add(largest[:, -1]):
-            found, largest = self._marched(steps, rows[0], known, beside)
-        self._moving, self._known, self._largest = found[-1], known[-1], largest[:, -1]
+            found, largest = self._marched(steps, looks, beside)
+        self._moving, self._known, self._largest = found[-1], looks.last, largest[:, -1]
+        self._loads, self._ended = looks.largest, looks.ended
         self._count += len(steps)
         found = found[:, :3].transpose(3, 1, 0, 2)
-        self._found.append(Measured(*found, np.full(len(steps), LOOKED if looked.all() else SAMPLED)))
+        self._found.append(Measured(*found, np.full(len(steps), LOOKED if is_close else SAMPLED)))
         added = found[1] if self.adds else None
         self._ramp += self.adds * len(steps)
         return added
+
+    def _look(self, looks: Looks, part: slice, beside: Sequence[np.ndarray]) -> None:
+        """Look now and then at some of the steps."""
+        number = self._count + 1 + np.arange(len(looks.known))
+        restless = (number <= DENSE) | self._restless[part]
+        looked = (number % EVERY == LATER * (number // EVERY) % EVERY) | self._due[part] | self._grown(*beside)
+        looked |= restless & (number % CLOSEST == 0)
+        looked[-1] |= len(looked) >= EVERY or restless[-1]  # else it is held from the last before
+        looks.at(looked)
+        if restless.any():
+            looks.confirm(restless)
+
+    def _grown(self, predicted: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        """Where the prediction (S, quantities) has grown beyond a power of GROWS for the first time, (S,)."""
+        largest = np.maximum.accumulate(np.vstack([self._largest[1], predicted]))
+        least = np.maximum(ROUNDING * np.maximum(self._largest[2], motion.max(axis=0)), np.finfo(float).tiny)
+        return np.any(np.diff(np.floor(np.log(np.maximum(largest, least)) / np.log(GROWS)), axis=0), axis=1)
+
+    def _sizes_of_loads(self, steps: Steps) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """Of loads (S, k) and values of constraints (S, c): sizes of what they move within a step."""
+        k, inverse = self._moving.shape[1], steps.inverses[len(steps) // 2]
+        return lambda F, g: self._sizes((np.hstack([F, g]) @ inverse[:k].T)[None])
 
     def _pays(self, largest: np.ndarray) -> bool:
         """Whether r is worth to be looked at sample by sample, and to be added."""
@@ -159,85 +191,23 @@ class Remainder:
         """Return what was found since `begin`; None: it did not follow."""
         return joined(self._found) if self._found else None
 
-    def _look(
-        self, rows: Sequence[np.ndarray], e: np.ndarray, own: Loads | None, where: np.ndarray, known: list[tuple]
-    ) -> list[tuple]:
-        """Return t, residuals and values of constraints where they are known, in the order of time, and here."""
-        t, *states = (x[where] for x in rows)
-        if not len(t) or self._ended:
-            return known
-        residuals = self._residuals((t, *(x + dx for x, dx in zip(states, e[:, where], strict=True))))
-        if residuals is None:
-            self._ended = True
-            return known
-        if own is not None:
-            residuals = [x - of[where] for x, of in zip(residuals, own, strict=True)]
-        first, *more = known
-        return [first, *sorted([*more, *zip(t, *residuals, strict=True)], key=lambda one: one[0])]
-
-    def _marched(
-        self, steps: Steps, t: np.ndarray, known: list[tuple], beside: Sequence[np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _marched(self, steps: Steps, looks: Looks, beside: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return e, e', e'', a (S, 4, k, 2) of r and what is added, and the largest so far (3, S, quantities).
 
         beside : sizes (S, quantities) of the prediction and of the motion.
         """
-        times, *values = (np.array(x) for x in zip(*known, strict=True))
-        F, g = (_linear(t, times, x)[..., None] for x in values)
-        share = self.adds * np.minimum((self._ramp + 1 + np.arange(len(steps))) / RAMP, 1.0)
-        both = np.column_stack([np.ones(len(steps)), share**2 * (3 - 2 * share)])[:, None]
-        [(found, forces)] = steps.march(Columns(self._moving, -F * both, -g * both), multipliers=True)
-        self.multipliers = forces[..., 1]
-        r = found[:, :3, :, 0].swapaxes(0, 1)
-        sizes = np.array([self._sizes(r), *beside])
+        share = np.minimum((self._ramp + 1 + np.arange(len(steps))) / RAMP, 1.0)
+        both = np.column_stack([np.ones(len(steps)), share**2 * (3 - 2 * share)])[:, None, : 1 + self.adds]
+        F, g = (-x[..., None] * both for x in looks.all)
+        [(marched, forces)] = steps.march(Columns(self._moving[..., : 1 + self.adds], F, g), multipliers=True)
+        found = np.zeros((*marched.shape[:3], 2))
+        found[..., : 1 + self.adds] = marched
+        self.multipliers = forces[..., 1] if self.adds else 0 * forces[..., 0]
+        sizes = np.array([self._sizes(found[:, :3, :, 0].swapaxes(0, 1)), *beside])
         return found, np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
-
-
-class Jumps:
-    """Where accelerations jump along a run, as under loads that begin suddenly. sizes : as of Remainder."""
-
-    def __init__(self, size: int, sizes: Sizes):
-        self._sizes, self._quiet = sizes, DENSE  # samples since the last jump
-        self._last = np.zeros((0, size))
-
-    def go_on(self, before: Jumps) -> None:
-        """Go on from another run's."""
-        self._last, self._quiet = before._last, before._quiet
-
-    def follow(self, q_tt: np.ndarray) -> np.ndarray:
-        """Return whether the next samples, of accelerations (S, k), are among DENSE from a jump on, (S,)."""
-        accelerations = np.vstack([self._last, q_tt])
-        self._last = accelerations[-QUIET - 2 :]
-        if len(accelerations) < QUIET + 2:
-            return np.ones(len(q_tt), dtype=bool)
-        change = np.diff(accelerations, axis=0)
-        changes = self._sizes(np.broadcast_to(change, (3, *change.shape)))
-        before = sliding_window_view(changes[:-1], QUIET, axis=0).max(axis=-1)
-        jumps = np.any(changes[QUIET:] > JUMP * before, axis=1)[-len(q_tt) :]
-        jumps = np.append(np.zeros(len(q_tt) - len(jumps), dtype=bool), jumps)
-        since = np.arange(len(q_tt)) - np.maximum.accumulate(np.where(jumps, np.arange(len(q_tt)), -self._quiet))
-        self._quiet = int(since[-1]) + 1
-        return since < DENSE
 
 
 def joined(parts: Sequence[Measured]) -> Measured:
     """Return what was found in several blocks as one."""
     r, added, times = zip(*parts, strict=True)
     return Measured(np.concatenate(r, axis=1), np.concatenate(added, axis=1), np.concatenate(times))
-
-
-def middles(t: np.ndarray, read: np.ndarray) -> np.ndarray:
-    """Return whether samples (S,) are nearest to the middle between two times of tangents, not at one of these."""
-    if len(read) < 2:
-        return np.zeros(len(t), dtype=bool)
-    nearest = np.abs(t[:, None] - (read[:-1] + read[1:]) / 2).argmin(axis=0)
-    return np.isin(np.arange(len(t)), nearest) & ~np.isin(t, read)
-
-
-def _linear(t: np.ndarray, times: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (S, ...) at t (S,), linear between times (T,), held after the last."""
-    after = np.minimum(np.searchsorted(times, t), len(times) - 1)
-    before = np.maximum(after - 1, 0)
-    dt = np.where(after > before, times[after] - times[before], np.inf)
-    share = np.clip((t - times[before]) / dt, 0.0, 1.0)
-    return values[before] + share[:, None] * (values[after] - values[before])
