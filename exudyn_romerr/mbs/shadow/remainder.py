@@ -60,14 +60,15 @@ class Remainder:
 
     Attributes
     ----------
-    adds : whether r is added to the prediction. multipliers (S, c) : of what the last call of follow has added.
+    adds : whether r is added to the prediction. added : to e, e', e'' (3, S, k) of the last steps, or None.
+    multipliers (S, c) : that go with it.
     """
 
     def __init__(self, size: int, quantities: int, sizes: Sizes, at_once: bool = False):
         self._sizes, self._at_once = sizes, at_once
         self._moving = np.zeros((4, size, 2))  # r and what is added of it: e, e', e'', algorithmic a
-        self._count, self._ramp, self.adds, self._ended = 0, 0, False, False
-        self.multipliers = np.zeros((0, 0))
+        self._count, self._ramp, self.adds, self._paid, self._ended = 0, 0, False, False, False
+        self.added, self.multipliers = None, np.zeros((0, 0))
         self._largest = np.zeros((3, quantities))  # of r, of the prediction, of the motion
         self._loads = np.zeros(quantities)  # largest of what drives r
 
@@ -89,7 +90,8 @@ class Remainder:
     def go_on(self, before: Remainder) -> None:
         """Go on from the state of another run's."""
         self._moving, self._known, self._count = before._moving, before._known, before._count
-        self._ramp, self.adds, self._largest, self._loads = before._ramp, before.adds, before._largest, before._loads
+        self._ramp, self.adds, self._paid = before._ramp, before.adds, before._paid
+        self._largest, self._loads = before._largest, before._loads
 
     @property
     def state(self) -> np.ndarray:
@@ -127,42 +129,61 @@ class Remainder:
         self._due, self._restless = (none if which is None else which for which in (due, restless))
         self._motion = self._sizes(np.array(rows[1:]))
 
-    def follow(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> np.ndarray | None:
-        """Go through some of the steps, where e, e', e'' (3, S, k) are predicted; return what is added to these.
+    def columns(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> Columns:
+        """Go on to some of the steps, where e, e', e'' (3, S, k) are predicted; return what drives r there.
 
         own : loads (S, k) and values of constraints (S, c) that belong to the prediction; None: none.
         """
-        rows, beside = [x[part] for x in self._rows], [self._sizes(e), self._motion[part]]
-        looks = Looks(rows, e, own, self._known, self._residuals, self._sizes_of_loads(steps), self._loads)
-        looks.ended, is_close = self._ended, False
-        self._look(looks, part, beside)
-        found, largest = self._marched(steps, looks, beside)
-        if self._pays(largest):
-            looks.at((np.arange(len(steps)) - len(steps) + 1) % CLOSE == 0)  # the last, too
-            looks.confirm(np.ones(len(steps), dtype=bool))
-            is_close = not looks.ended
-            found, largest = self._marched(steps, looks, beside)
-        if not self.adds and self._begins_to_add(largest[:, -1]):
-            found, largest = self._marched(steps, looks, beside)
-        self._moving, self._known, self._largest = found[-1], looks.last, largest[:, -1]
-        self._loads, self._ended = looks.largest, looks.ended
-        self._count += len(steps)
-        found = found[:, :3].transpose(3, 1, 0, 2)
-        self._found.append(Measured(*found, np.full(len(steps), LOOKED if is_close else SAMPLED)))
-        added = found[1] if self.adds else None
-        self._ramp += self.adds * len(steps)
-        return added
+        self._beside = [self._sizes(e), self._motion[part]]
+        rows, sizes = [x[part] for x in self._rows], self._sizes_of_loads(steps)
+        self._looks = Looks(rows, e, own, self._known, self._residuals, sizes, self._loads)
+        self._looks.ended, self._is_close = self._ended, False
+        self._look(part)
+        if self._paid:
+            self._look_closely()
+        return self._columns()
 
-    def _look(self, looks: Looks, part: slice, beside: Sequence[np.ndarray]) -> None:
+    def take(self, found: np.ndarray, multipliers: np.ndarray) -> Columns | None:
+        """Take e, e', e'', a (S, 4, k, 2) of these and multipliers (S, c, 2), or return what to march instead."""
+        sizes = np.array([self._sizes(found[:, :3, :, 0].swapaxes(0, 1)), *self._beside])
+        largest = np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
+        self._paid = self._pays(largest)
+        if self._paid and not (self._is_close or self._looks.ended):
+            self._look_closely()
+            return self._columns()
+        if not self.adds and self._begins_to_add(largest[:, -1]):
+            return self._columns()
+        self._moving, self._known, self._largest = found[-1], self._looks.last, largest[:, -1]
+        self._loads, self._ended = self._looks.largest, self._looks.ended
+        self._count += len(found)
+        self._ramp += self.adds * len(found)
+        found = found[:, :3].transpose(3, 1, 0, 2)
+        self._found.append(Measured(*found, np.full(found.shape[2], LOOKED if self._is_close else SAMPLED)))
+        self.added, self.multipliers = found[1] if self.adds else None, multipliers[..., 1]
+        return None
+
+    def _columns(self) -> Columns:
+        """R and what is added of it, by what is known."""
+        share = np.minimum((self._ramp + 1 + np.arange(len(self._looks.known))) / RAMP, 1.0)
+        both = np.column_stack([np.ones_like(share), self.adds * share**2 * (3 - 2 * share)])[:, None]
+        return Columns(self._moving, *(-x[..., None] * both for x in self._looks.all))
+
+    def _look(self, part: slice) -> None:
         """Look now and then at some of the steps."""
-        number = self._count + 1 + np.arange(len(looks.known))
+        number = self._count + 1 + np.arange(len(self._looks.known))
         restless = (number <= DENSE) | self._restless[part]
-        looked = (number % EVERY == LATER * (number // EVERY) % EVERY) | self._due[part] | self._grown(*beside)
+        looked = (number % EVERY == LATER * (number // EVERY) % EVERY) | self._due[part] | self._grown(*self._beside)
         looked |= restless & (number % CLOSEST == 0)
         looked[-1] |= len(looked) >= EVERY or restless[-1]  # else it is held from the last before
-        looks.at(looked)
+        self._looks.at(looked)
         if restless.any():
-            looks.confirm(restless)
+            self._looks.confirm(restless)
+
+    def _look_closely(self) -> None:
+        count = len(self._looks.known)
+        self._looks.at((count - 1 - np.arange(count)) % CLOSE == 0)  # the last, too
+        self._looks.confirm(np.ones(count, dtype=bool))
+        self._is_close = not self._looks.ended
 
     def _grown(self, predicted: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """Where the prediction (S, quantities) has grown beyond a power of GROWS for the first time, (S,)."""
@@ -191,20 +212,13 @@ class Remainder:
         """Return what was found since `begin`; None: it did not follow."""
         return joined(self._found) if self._found else None
 
-    def _marched(self, steps: Steps, looks: Looks, beside: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Return e, e', e'', a (S, 4, k, 2) of r and what is added, and the largest so far (3, S, quantities).
 
-        beside : sizes (S, quantities) of the prediction and of the motion.
-        """
-        share = np.minimum((self._ramp + 1 + np.arange(len(steps))) / RAMP, 1.0)
-        both = np.column_stack([np.ones(len(steps)), share**2 * (3 - 2 * share)])[:, None, : 1 + self.adds]
-        F, g = (-x[..., None] * both for x in looks.all)
-        [(marched, forces)] = steps.march(Columns(self._moving[..., : 1 + self.adds], F, g), multipliers=True)
-        found = np.zeros((*marched.shape[:3], 2))
-        found[..., : 1 + self.adds] = marched
-        self.multipliers = forces[..., 1] if self.adds else 0 * forces[..., 0]
-        sizes = np.array([self._sizes(found[:, :3, :, 0].swapaxes(0, 1)), *beside])
-        return found, np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
+def march_together(steps: Steps, work: dict[Remainder, Columns]) -> None:
+    """March columns through the steps, and what is to be marched instead."""
+    while work:
+        found = zip(work, steps.march(*work.values(), multipliers=True), strict=True)
+        again = {one: one.take(*of) for one, of in found}
+        work = {one: columns for one, columns in again.items() if columns is not None}
 
 
 def joined(parts: Sequence[Measured]) -> Measured:

@@ -9,7 +9,7 @@ from exudyn_romerr.estimates.march import Scheme, Tangent
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.shadow import looks
 from exudyn_romerr.mbs.shadow import remainder as module
-from exudyn_romerr.mbs.shadow.remainder import Remainder
+from exudyn_romerr.mbs.shadow.remainder import Remainder, march_together
 
 SCHEME = Scheme.of_radius(0.9)
 T, STEPS = 6.0, 480
@@ -62,8 +62,8 @@ class Late:
         return (left, np.zeros((len(now), 0))) if now[-1] < self.ends else None
 
     def follow(self, steps, part, e):
-        added = self.remainder.follow(steps, part, e)
-        self.multipliers = self.remainder.multipliers
+        march_together(steps, {self.remainder: self.remainder.columns(steps, part, e)})
+        added, self.multipliers = self.remainder.added, self.remainder.multipliers
         if added is not None:
             self.added[:, part] = added
         return added
