@@ -161,7 +161,7 @@ class Steps:
         held = ((j, J) for part, start in zip(parts, starts, strict=True) for j, J in enumerate(part.held, start))
         holds = {j: self._hold(J) for j, J in held if J.size}
         kept, place = distinct(given, holds)
-        holds = [(kept.index(j), *hold) for j, hold in holds.items()]
+        holds = [(kept.index(j), *hold) for j, hold in holds.items() if j in kept]  # others are 0 all the same
         found = self._marched(*(x[kept] for x in given), holds=holds)
         found, z = (np.moveaxis(at_all(x, place), 1, -1) for x in found)
         all_found = np.split(found, ends[:-1], axis=3)
@@ -216,7 +216,9 @@ class Steps:
 
     def _correct(self, i: int, right: np.ndarray, found: np.ndarray, holds: list) -> None:
         """Solve step i once more for what solutions (columns, k + c) leave of right-hand sides."""
-        more = [self.inverses[i] @ (r - self.whole[i] @ z) for r, z in zip(right, found, strict=True)]
+        more = np.zeros(found.shape)
+        for r, z, correction in zip(right, found, more, strict=True):
+            np.dot(self.inverses[i], r - self.whole[i] @ z, out=correction)
         for j, J, hold in holds:
             _let_go(more[j], J, hold[i])
         found += more
