@@ -133,8 +133,8 @@ class PackedSplit(Split):
 class PackedProblem(Problem):
     """A problem in a turning frame whose estimators see R in the K^-1 norm only, and that starts in the span of V.
 
-    cut : the inputs (a slice) whose columns may be cut. with_modes : whether auxiliary modes are carried. turns_fast :
-    whether what these columns have most of is kept, which costs a column of y each.
+    cut : the inputs (a slice) whose columns may be cut. with_modes : whether auxiliary modes are carried.
+    turns_fast : whether what the inputs' columns have most of is kept, each direction as an entry of y.
     """
 
     def __init__(self, *args: Any, cut: slice, with_modes: bool, turns_fast: bool = False, **options: Any):
