@@ -134,9 +134,10 @@ class PackedProblem(Problem):
     """A problem in a turning frame whose estimators see R in the K^-1 norm only, and that starts in the span of V.
 
     cut : the inputs (a slice) whose columns may be cut. with_modes : whether auxiliary modes are carried.
+    turns_fast : whether what the inputs' columns have most of is kept, each direction as an entry of y.
     """
 
-    def __init__(self, *args: Any, cut: slice, with_modes: bool, **options: Any):
+    def __init__(self, *args: Any, cut: slice, with_modes: bool, turns_fast: bool = False, **options: Any):
         super().__init__(*args, **options)
         plain, columns = self.map.coordinates, self.dual.Y_K
         auxiliary = self._auxiliary_modes() if with_modes else None
@@ -147,7 +148,7 @@ class PackedProblem(Problem):
         in_modes, rest = modes.T @ columns, take_out(modes, columns)
         basis, sizes = orthonormal(np.delete(rest, frame, axis=1)), np.linalg.norm(rest[:, frame], axis=0)
         in_basis, left = basis.T @ rest, take_out(basis, rest[:, frame])
-        turning = self._turning(left, sizes)
+        turning = self._turning(left, sizes) if turns_fast else left[:, :0]
         in_turning = np.zeros((turning.shape[1], columns.shape[1]))
         in_turning[:, frame] = turning.T @ left
         T, basis = np.vstack([in_modes, in_basis, in_turning]), np.hstack([basis, turning])
