@@ -32,7 +32,7 @@ class PardisoFactor:
     negative_pivots = 0
 
     def __init__(self, matrix: sp.csc_matrix):
-        self._matrix = sp.csr_matrix(matrix)
+        self._n, self._rows = matrix.shape[0], matrix.T  # by rows, but for rounding, and no copy
         self._solver = None if matrix.diagonal().min(initial=1.0) <= 0 else _pardiso(matrix, DEFINITE)
         self.complete = self._solver is not None
 
@@ -44,12 +44,11 @@ class PardisoFactor:
         """
         if not self.complete:
             return 0.0
-        n = self._matrix.shape[0]
-        motion = np.random.default_rng(0).standard_normal((n, 1))
+        motion = np.random.default_rng(0).standard_normal((self._n, 1))
         for _ in range(ITERATIONS):
             motion = self.solve(motion / np.abs(motion).max())
         likely = np.argsort(-np.abs(motion[:, 0]))[:CANDIDATES]
-        unit = np.zeros((n, len(likely)))
+        unit = np.zeros((self._n, len(likely)))
         unit[likely, range(len(likely))] = 1.0
         return float(1 / np.max(self.solve(unit)[likely, range(len(likely))]))
 
@@ -73,7 +72,8 @@ class PardisoFactor:
 
     @cached_property
     def _split(self) -> SplitMatrix:
-        return SplitMatrix(self._matrix)
+        split, self._rows = SplitMatrix(self._rows), None  # which is in it, and of a large body takes room
+        return split
 
 
 def _pardiso(matrix: sp.csc_matrix, kind: int) -> PardisoSolver | None:
