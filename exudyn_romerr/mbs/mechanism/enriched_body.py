@@ -17,6 +17,7 @@ from ...model.outputs import stacked_rows
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...residual.interface_stiffening import rigid_response, with_rigid_interfaces
+from ...residual.problem import Deferred
 from ...residual.residual import ResidualMap
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
@@ -106,6 +107,7 @@ class EnrichedBody:
         self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
         self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
+        del P, V_y, found, inertia, loads, wrenches  # of a large body they take memory that is short now
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
     def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:
@@ -131,7 +133,7 @@ class EnrichedBody:
         self.offline: Offline = prepare(
             body,
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
-            BoundOptions(inputs=terms.columns, estimators="auxiliary", **kept),
+            BoundOptions(inputs=Deferred(lambda: terms.columns), estimators="auxiliary", **kept),
             sampled_inputs=True,
             scene=replace(scene, corrected=True, minor=terms.minor),
         )
