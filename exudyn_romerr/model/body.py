@@ -13,7 +13,7 @@ from ..checks import check_count
 from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import Modes, lowest_modes
-from ..linalg.factorisations import faster
+from ..linalg.factorisations import MANY, faster
 from ..linalg.modal_damping import ModalDamping
 from ..linalg.oscillator import Constants
 from ..linalg.symmetric_factor import SymmetricFactor
@@ -97,6 +97,8 @@ class ElasticBody:
             warnings.warn(help_at_hand, stacklevel=2)
         check_masses(self.M, self.free)
         check_mass(self.M, self.mass_factor, self.free)
+        if self.free.size > MANY:
+            del self.mass_factor  # made again for the norms that need it: before these, others take the memory
         check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
         if self.damping is not None:
             check_damping(self.D)
