@@ -20,6 +20,7 @@ from ..wording import (
     advises,
     best_estimator,
     corrected_within,
+    digits,
     instant,
     is_uncertified,
     outside,
@@ -132,7 +133,7 @@ def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
     if out.error is not None:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
         off = "" if out.estimate is None else f"; {off_by(out, row)}"
-        yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}{off}."
+        yield f"The true error is up to {digits(largest)} {out.unit}; bound / error: {digits(ratio)}{off}."
         if words_of := outside(out, row, report.time):
             yield f"{words_of}."
 
@@ -203,16 +204,16 @@ def _tables(report: ReportData) -> Iterator[str]:
 def _output_row(report: ReportData, out: OutputData, row: int, name: str, estimators: list[str]) -> list[str]:
     bounds = []
     for e in estimators:
-        truth = f"\n/ true error: {out.effectivity[e][row]:.3g}" if out.effectivity else ""
+        truth = f"\n/ true error: {digits(out.effectivity[e][row])}" if out.effectivity else ""
         bounds.append(_largest(report, out.bound[e][:, row], out.unit) + truth)
     corrected = "" if out.corrected is None else _largest(report, out.corrected_bound[:, row], out.unit)
-    values, floor = (f"{np.max(np.abs(x[:, row])):.3g} {out.unit}" for x in (out.value, out.round_off))
+    values, floor = (f"{digits(np.max(np.abs(x[:, row])))} {out.unit}" for x in (out.value, out.round_off))
     return [name, values, *bounds, corrected, floor]
 
 
 def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> list[str]:
     parts, checks = (
-        "\n".join(f"{key} {np.max(np.abs(x[:, row])):.3g}" for key, x in found.items())
+        "\n".join(f"{key} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items())
         for found in (out.estimate_parts, out.uncertainty_parts)
     )
     size, half = np.abs(out.estimate[:, row]), np.max(out.uncertainty[:, row])
