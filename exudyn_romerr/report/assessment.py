@@ -75,13 +75,14 @@ def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], 
     A share of what is next to nothing asks for more than anybody needs, and often for more than rounding leaves.
     """
     sizes = np.max(np.abs(out.value), axis=0)
-    share, largest = sizes[row] / np.max(sizes), int(np.argmax(sizes))
+    largest = int(np.argmax(sizes))
     others = [found[i] for i in np.flatnonzero(sizes >= SMALL * sizes[largest])]
-    if share >= SMALL or _worst(others).answer == found[row].answer:
+    if sizes[row] >= SMALL * sizes[largest] or _worst(others).answer == found[row].answer:
         return found[row]
+    small, large = (f"up to {digits(sizes[i])}" for i in (row, largest))
     why = (
-        f"this row is up to {digits(sizes[row])} {out.unit}, {digits(share, 1)} of {out.row_names[largest]}, and the "
-        f"answer for rows above {SMALL:g} of that is '{_worst(others).answer}'"
+        f"this row is {small} {out.unit}, {out.row_names[largest]} {large}; "
+        f"for rows above {SMALL:g} of that the answer is '{_worst(others).answer}'"
     )
     absolute = rounded_down(tolerance * sizes[largest])
     return replace(found[row], todo=f"{why}; assess({out.name!r}, {absolute}) asks for the same of all rows")

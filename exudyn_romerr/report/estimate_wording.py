@@ -166,8 +166,9 @@ def rest(out: OutputData, cause: str, row: int | None) -> str:
     size, most = _largest(left), _largest(left + half)
     if not 0 < most < np.inf:
         return ""
-    is_resolved = _largest(half) <= RESOLVED * size
-    return f"; the rest is about {f'{digits(size, 2)} {out.unit}' if is_resolved else f'{digits(most, 2)} {out.unit} or less'}"
+    if _largest(half) <= RESOLVED * size:
+        return f"; the rest is about {digits(size, 2)} {out.unit}"
+    return f"; the rest is about {digits(most, 2)} {out.unit} or less"
 
 
 def _share(x: float, of: float) -> str:

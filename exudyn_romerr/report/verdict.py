@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 def row_verdict(out: OutputData, row: int, time: str, scope: dict[str, str]) -> str:
     """Return one line of the summary: largest value, estimate, bound at the worst instant, whose bound that is."""
     by = f", by '{best_estimator(out, row, scope)}'"
-    return f"{out.row_names[row]}: up to {digits(largest(out.value, row), 4)} {out.unit}{_error(out, row, time, scope, by)}"
+    size = f"{digits(largest(out.value, row), 4)} {out.unit}"
+    return f"{out.row_names[row]}: up to {size}{_error(out, row, time, scope, by)}"
 
 
 def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
