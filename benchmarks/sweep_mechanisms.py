@@ -7,9 +7,9 @@ every bar in its frame, and of one velocity.
 Floor of an output: what Newton and rounding leave of the reduced run and of the truth, each solved a second time
 somewhere else in space, which is the same motion in the frames (the largest difference of all components and instants
 counts); and rounding of the stored modes, PENCIL times the squared ratio of the highest to the lowest frequency, of
-the largest value. The truth and the second reduced run have tolerances 1000 times smaller, or 100, 10 times if Newton
-does not reach these: a tenth often took the same iterations, and what they left was in no floor (seeds 122, 165).
-Tolerances are the tightest that all four runs reach: 1e-10 relative and 1e-12 absolute, or 10, 100, 1000 times that.
+the largest value. Tolerances of the reduced run are the tightest that all runs reach: 1e-10 relative and 1e-12
+absolute, or 10, 100, 1000 times that. Those of the others are 1000 times smaller, or as small as each of them
+reaches: with a tenth they often took the same iterations, and what these leave was in no difference (seeds 122, 158).
 Violations are counted with and without the floor.
 
     python benchmarks/sweep_mechanisms.py results [--count 200] [--seed 0] [--processes 2] [--table docs/sweep.md]
@@ -74,23 +74,19 @@ def truths(mechanism, build=built):
     """Return the factor of the tolerances, values of all sensors with all modes, and what is left of errors."""
     for factor in TOLERANCES:
         few = motion(mechanism, build(mechanism, False, factor))
-        for tight in () if few is None else (factor * x for x in TIGHTER):
-            found = solved(mechanism, build, (False, tight, ELSEWHERE), (True, tight), (True, tight, ELSEWHERE))
-            if found is not None:
-                few_again, full, full_again = found
-                left = {y: np.abs(few[y] - few_again[y]) + np.abs(full[y] - full_again[y]) for y in full}
-                return factor, full, {y: float(x.max()) for y, x in left.items()}
+        cases = ((True, ()), (True, (ELSEWHERE,)), (False, (ELSEWHERE,))) if few is not None else ()
+        others = [tightest(mechanism, build, factor, *case) for case in cases]
+        if others and None not in others:
+            full, full_again, few_again = others
+            left = {y: np.abs(few[y] - few_again[y]) + np.abs(full[y] - full_again[y]) for y in full}
+            return factor, full, {y: float(x.max()) for y, x in left.items()}
     raise NotSolvedError("Newton's iteration reaches none of the tolerances")
 
 
-def solved(mechanism, build, *cases):
-    """Return what all sensors show in scenes of the mechanism, or None from the first that is not solved."""
-    found = []
-    for case in cases:
-        found.append(motion(mechanism, build(mechanism, *case)))
-        if found[-1] is None:
-            return None
-    return found
+def tightest(mechanism, build, factor, complete, at):
+    """Return what all sensors show with the tightest tolerances that Newton reaches, or None if it reaches none."""
+    found = (motion(mechanism, build(mechanism, complete, factor * x, *at)) for x in TIGHTER)
+    return next((values for values in found if values is not None), None)
 
 
 def motion(mechanism, scene):

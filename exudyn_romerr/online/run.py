@@ -30,7 +30,7 @@ BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larg
 
 
 class Opening(NamedTuple):
-    """The first sample of a run, with its inputs (p,), and the run that it goes on from or what estimators start with.
+    """First sample of a run, with its inputs (p,), and the run that it goes on from or what estimators start with.
 
     rest : inputs (p,) that the full body is in equilibrium with before, after a static run.
     """
@@ -81,7 +81,7 @@ class Run:
     def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
         """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
 
-        after: a run that this one goes on from; from a static one (offline: `from_static`) at the full body's own rest.
+        after: a run that this one goes on from; from a static one (offline: `from_static`) at its own rest.
         """
         self.open(self.opening(t, q, q_t, q_tt, u, frame, after))
 
