@@ -56,9 +56,7 @@ class MovingSubject:
         self.item, self._flex, self._options = flex.number, flex, options
         self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
-        if (
-            scope != FROZEN
-        ):  # what reads tangents imports it when it is needed, in the solve: as long as some runs take
+        if scope != FROZEN:  # imported in the solve, when tangents are read, it takes as long as some runs
             import scipy.integrate
             import scipy.interpolate  # noqa: F401
         self._use(options.outputs or ())
