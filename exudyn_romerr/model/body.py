@@ -242,7 +242,7 @@ class ElasticBody:
             raise InputError("modal_damping and damping were both given; pass one of them")
         ratios = checked_ratios(given, self.free.size)
         if not ratios.ndim and self.free.size > ALL_MODES_LIMIT:
-            few = f"more than the {ALL_MODES_LIMIT} that are computed: pass a list, a ratio for each of the lowest modes"
+            few = f"more than the {ALL_MODES_LIMIT} that are computed: pass a list, one for each of the lowest modes"
             raise AssumptionError(f"modal_damping={float(ratios):g} is for all modes; {self.free.size} are {few}")
         modes = self.modes(ratios.size if ratios.ndim else self.free.size)
         self.modal = ModalDamping(self.M, self.K, modes, np.broadcast_to(ratios, modes.omega.shape), self.rayleigh)
