@@ -19,7 +19,7 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(columns, axis=0)
     Q, triangle, _ = la.qr(columns / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(triangle))
-    return Q[:, diagonal > ROUNDED_AWAY * diagonal[0]]
+    return Q[:, diagonal > ROUNDED_AWAY * diagonal.max(initial=0.0)]
 
 
 def without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
