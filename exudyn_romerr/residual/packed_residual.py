@@ -150,7 +150,7 @@ class PackedProblem(Problem):
         rest = take_out(modes, others)
         # what modes hold but for rounding has any direction, that of modes as well
         basis = orthonormal(rest[:, np.linalg.norm(rest, axis=0) > ROUNDED_AWAY * sizes])
-        basis = sharpened(take_out(modes, basis))
+        basis = basis if auxiliary is None else sharpened(take_out(modes, basis))
         in_basis, held = basis.T @ rest, np.hstack([modes, basis])
         del others, rest, basis  # of a large body every one of them counts
         columns = TurningColumns(self.body.stiffness_factor.half_solve, self.B, cut, held)
