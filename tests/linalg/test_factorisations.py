@@ -12,6 +12,7 @@ from exudyn_romerr.linalg import factorisations
 from exudyn_romerr.linalg.eigenmodes import count_below
 from exudyn_romerr.linalg.pardiso import SplitMatrix
 from exudyn_romerr.linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
+from exudyn_romerr.model import body
 from models.hex_bar import hex_bar
 from tests.helpers import tolerances
 from tests.helpers.bodies import model
@@ -97,6 +98,18 @@ def test_bounds_do_not_depend_on_it(monkeypatch):
         found[kind] = np.hstack([report.output("tip").bound[e] for e in ("energy", "auxiliary")])
     for values in found.values():
         assert np.all(np.abs(values - found["superlu"]) <= 1e-9 * found["superlu"].max(axis=0))
+
+
+def test_large_bodies_factorise_the_mass_again(monkeypatch):
+    """Between the check and the norms its factor does not stay in memory; norms are the same."""
+    (M, K), rows = bar(), np.eye(1, bar()[0].shape[0])
+    output, found = romerr.Output("tip", rows), []
+    for many in (body.MANY, 10):
+        monkeypatch.setattr(body, "MANY", many)
+        made = romerr.ElasticBody(M, K)
+        assert ("mass_factor" in vars(made)) == (many == factorisations.MANY)
+        found.append(output.constant(made))
+    np.testing.assert_array_equal(*found)
 
 
 def test_split_product_has_the_digits_that_cancel():
