@@ -174,8 +174,7 @@ class PackedProblem(Problem):
         weights, gram = np.sqrt(np.divide(*squares)), columns.gram()  # slow shapes answer more
         weights = np.tile(weights, len(gram) // len(weights))
         sizes = np.sqrt(np.diag(gram) + np.sum(columns.in_held**2, axis=0))  # with what others hold
-        most = [max(0, len(gram) - KEPT - 1), len(gram) - 1]  # with the largest of those that are too many
-        squares, turn = la.eigh(gram * np.outer(weights, weights), subset_by_index=most)  # ascending
+        squares, turn = la.eigh(gram * np.outer(weights, weights))  # ascending
         noise = ROUNDING * np.max(sizes * weights, initial=0.0)
         kept = squares > max(SMALL**2 * squares[-1:].max(initial=0.0), noise**2, squares[:-KEPT].max(initial=0.0))
         return columns.combined(weights[:, None] * turn[:, kept] / np.sqrt(squares[kept]))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...estimates.march import Tangent
-from ...trajectory.cubic_spline import CubicSpline
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,8 +32,10 @@ class ExtendedTangents:
         self.t = times
         self._whole, self._rates = whole, np.zeros_like(whole)
         if len(times) > 1:
+            from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
+
             varies = (whole != whole[0]).any(axis=0)  # of two bodies much is zero, and stays so
-            slopes = CubicSpline(times, np.eye(len(times))).slopes  # of values at these times
+            slopes = CubicSpline(times, np.eye(len(times)))(times, 1)  # of values at these times
             self._rates[:, varies] = slopes @ (whole[:, varies] - whole[0, varies])
         # rates of the motion itself: where pieces of splines meet, C would have a kink
         self._turning = [(reading.C, reading.C_t if len(times) > 1 else 0 * reading.C) for reading in readings]

@@ -11,7 +11,6 @@ from scipy.linalg import block_diag
 
 from ...estimators.rigid_motion import Equations, RigidMotion, cubic
 from ...model.floating_frame import RIGID_INERTIA
-from ...trajectory.cubic_spline import CubicSpline
 from .enriched_body import EnrichedBody
 
 if TYPE_CHECKING:
@@ -224,7 +223,9 @@ class _RigidRows:
             self._others[:, :, rows, own] = np.stack([X[:, :frame] for X in at[:3]], axis=1)
         self._rates = np.zeros_like(self._others)
         if len(readings) > 1:
-            self._rates = CubicSpline(tangents.t, self._others).slopes
+            from scipy.interpolate import CubicSpline  # here, for it takes long to import
+
+            self._rates = CubicSpline(tangents.t, self._others)(tangents.t, 1)
 
     def at(self, t: float, j: int) -> Equations:
         """At t between readings j and j + 1: cubic; after the last one, with what it changes by."""

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...trajectory.cubic_spline import CubicSpline
 from ..access.linearisation import Reading, Tangents
 from ..access.state_guard import state_set
 
@@ -71,6 +70,8 @@ class LateReadings:
 
     def _interpolate(self) -> bool:
         """Compare q'' and multipliers of the rows with a spline through those of readings; K has one such."""
+        from scipy.interpolate import CubicSpline  # here, for it takes long to import
+
         readings = self._tangents.readings
         times, at = (
             [*values] for values in zip(*((r.t, np.concatenate(r.state[2:])) for r in readings), strict=True)
@@ -149,13 +150,15 @@ class LateReadings:
         What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
         twice, if that is less.
         """
+        from scipy.integrate import cumulative_trapezoid  # here, for it takes long to import
+
         carried, scale = self._tangents.carried_near(self._t[interval.middle]), interval.scale
         x = self._moving[interval.rows]
         both = scale[carried.i] * scale[carried.j]
         matters = both * (np.abs(carried.by) @ np.abs(x).max(axis=0)) > OFF
         changes = np.vstack([x[:1] * 0, x, x[:1] * 0]) @ carried.by[matters].T
         t = np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]])
-        moved = _integrals(_integrals(changes, t), t)
+        moved = cumulative_trapezoid(cumulative_trapezoid(changes, t, axis=0, initial=0), t, axis=0, initial=0)
         light = 1 / np.sqrt(interval.last.masses)
         moved = np.abs(moved).max(axis=0, initial=0.0) * light[carried.i[matters]] * light[carried.j[matters]]
         found = np.abs(changes[1:-1]) * both[matters]
@@ -212,9 +215,3 @@ NOTE = (
     "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile "
     "(by a PostStep function, or after the solve), and they cannot be read in stored states"
 )
-
-
-def _integrals(y: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Integrals (n, k) of values y (n, k) at times t (n,) from the first time on, by trapezoids."""
-    parts = np.diff(t)[:, None] * (y[1:] + y[:-1]) / 2
-    return np.vstack([0 * y[:1], np.cumsum(parts, axis=0)])

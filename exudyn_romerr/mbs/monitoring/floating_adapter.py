@@ -15,7 +15,7 @@ from ...model.floating_frame import FramePose, Jitter, translations
 from ...model.shared_body import shared_body
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...report.scope import COMPLETE, COUPLED, FULL_MODEL, Scene
+from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
 from ...residual.problem import Deferred
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor
@@ -56,6 +56,11 @@ class MovingSubject:
         self.item, self._flex, self._options = flex.number, flex, options
         self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
+        if (
+            scope != FROZEN
+        ):  # what reads tangents imports it when it is needed, in the solve: as long as some runs take
+            import scipy.integrate
+            import scipy.interpolate  # noqa: F401
         self._use(options.outputs or ())
         self.enriched: EnrichedBody | None = None
         self.columns = np.zeros(0, dtype=int)
