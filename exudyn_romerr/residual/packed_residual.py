@@ -135,7 +135,7 @@ class PackedProblem(Problem):
     """A problem in a turning frame whose estimators see R in the K^-1 norm only, and that starts in the span of V.
 
     cut : the inputs (a slice) whose columns may be cut. with_modes : whether auxiliary modes are carried.
-    turns_fast : whether what these columns have most of is kept, which costs a column of y each.
+    turns_fast : whether what the inputs' columns have most of is kept, each direction as an entry of y.
     """
 
     def __init__(self, *args: Any, cut: slice, with_modes: bool, turns_fast: bool = False, **options: Any):
@@ -174,7 +174,8 @@ class PackedProblem(Problem):
         weights, gram = np.sqrt(np.divide(*squares)), columns.gram()  # slow shapes answer more
         weights = np.tile(weights, len(gram) // len(weights))
         sizes = np.sqrt(np.diag(gram) + np.sum(columns.in_held**2, axis=0))  # with what others hold
-        squares, turn = la.eigh(gram * np.outer(weights, weights))  # ascending
+        most = [max(0, len(gram) - KEPT - 1), len(gram) - 1]  # with the largest of those that are too many
+        squares, turn = la.eigh(gram * np.outer(weights, weights), subset_by_index=most)  # ascending
         noise = ROUNDING * np.max(sizes * weights, initial=0.0)
         kept = squares > max(SMALL**2 * squares[-1:].max(initial=0.0), noise**2, squares[:-KEPT].max(initial=0.0))
         return columns.combined(weights[:, None] * turn[:, kept] / np.sqrt(squares[kept]))

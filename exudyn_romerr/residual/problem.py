@@ -13,12 +13,12 @@ import numpy as np
 
 from ..basis.basis import Basis
 from ..checks import check_array, check_choice, check_type
+from ..decay.kernels import KERNELS, Kernel, make_kernel
 from ..errors import InputError
 from ..model.body import ElasticBody
 from ..model.matrix_input import checked_inputs, precision
 from ..model.outputs import Output, stacked_rows
 from .dual_norms import DualNorms, OutputNorms
-from .kernels import KERNELS, Kernel, make_kernel
 from .modal_split import AuxiliaryModes, Split
 from .residual import RESIDUALS, ResidualMap
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from ...offline.prepare import prepare
 from ...residual.interface_stiffening import rigid_response, with_rigid_interfaces
 from ...residual.problem import Deferred
 from ...residual.residual import ResidualMap
+from ..access.reduced_damping import damping_products
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
 
@@ -58,7 +60,7 @@ class EnrichedBody:
     if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
     rows of modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, of its frame, its modes.
     offline, sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan.
-    flex, rayleigh, shapes (N, n + m) : the body as it is in the mbs, its damping, modes and vectors.
+    flex, shapes (N, n + m) : the body as it is in the mbs, its modes and vectors. damping : X^T D Y, see there.
     """
 
     def __init__(
@@ -102,20 +104,20 @@ class EnrichedBody:
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
-        self._couple(flex, V, P, model.rayleigh)
+        self.damping = partial(damping_products, body)
+        self._couple(flex, V, P)
         # where forces act: their motion by P (3, m); torques do not care
         self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
-        self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
+        self.flex, self.shapes = flex, np.hstack([V, P])
         del P, V_y, found, inertia, loads, wrenches  # of a large body they take memory that is short now
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
-    def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:
+    def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray) -> None:
         """Matrices between the body's coordinates and P, and of P (m, m)."""
         MP, KP, nodes = flex.mass @ P, flex.stiffness @ P, len(flex.positions)
-        alpha, beta = rayleigh
         self.M_PP, self.K_PP, self._M_VP, self.K_VP = P.T @ MP, P.T @ KP, V.T @ MP, V.T @ KP
-        self.D_PP, self.D_VP = (alpha * M + beta * K for M, K in ((self.M_PP, self.K_PP), (self._M_VP, self.K_VP)))
+        self.D_PP, self.D_VP = self.damping(P, P, self.M_PP, self.K_PP), self.damping(V, P, self._M_VP, self.K_VP)
         MP, V, P = (np.ascontiguousarray(X).reshape(nodes, 3, -1).swapaxes(0, 1) for X in (MP, V, P))
         self._pull = MP.sum(axis=1)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
         self._arms = (flex.positions.T @ MP).swapaxes(0, 1)
