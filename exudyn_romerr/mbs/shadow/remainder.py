@@ -20,11 +20,10 @@ from .looks import DENSE, Loads, Looks, Residuals, Sizes
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
 
-# samples: two looks are no farther apart, twice as far where r is smaller than so much of the prediction; one look is
-# between two tangents, for where these are read they are exact; between looks the residual is taken for linear
-EVERY, CALM = 32, 1e-3
-CLOSE = 8  # the same where r pays, until samples in the middle confirm the lines between
-CLOSEST = 4  # the same in the first samples of a run, and after accelerations jump, where all sets in
+# samples: two looks are no farther apart, so many times as far where r is smaller than so much of the prediction; one
+# is between two tangents, for where these are read they are exact; between looks the residual is taken for linear
+EVERY, FARTHER, CALM = 32, 2, 1e-3
+CLOSE = 8  # the same where all sets in, after a start or a jump, and where r pays; there lines are to be confirmed
 SLIGHT = 1e-6  # of the prediction: what less moves within a step comes to 0.2 % of it at most in DENSE of them
 GROWS = 1.5  # times what it was: where the prediction has grown to, it is looked at, for r is of second order
 # of the prediction: steps in which r is larger are looked at as close as that needs, and r is added from there on
@@ -57,7 +56,8 @@ class Remainder:
     """r along a run, through the steps of Feedback, after it.
 
     sizes : of x (3, S, k), (S, quantities), that r and the prediction are compared by. at_once : whether all of r is
-    added where that pays first; else it sets in, from rest.
+    added where that pays first, and is looked at closely from there on only, since no bound needs it; else it sets in,
+    from rest.
 
     Attributes
     ----------
@@ -176,9 +176,12 @@ class Remainder:
         """Look now and then at some of the steps."""
         count = len(self._looks.known)
         restless = (self._count + np.arange(count) < DENSE) | self._restless[part]
-        looked = self._due[part] | self._grown(*self._beside) | (restless & (np.arange(count) % CLOSEST == 0))
+        looked = self._due[part] | (restless & (np.arange(count) % CLOSE == 0))
+        if not self._at_once:
+            looked |= self._grown(*self._beside)
         looked[-1] |= restless[-1]
-        every, last = EVERY * (1 if self._matters(self._largest, CALM) else 2), -1 - self._since
+        is_calm = self._count and not self._matters(self._largest, CALM)
+        every, last = EVERY * (FARTHER if is_calm else 1), -1 - self._since
         for place in (*np.flatnonzero(looked), count):
             looked[max(last + every, 0) : place : every] = True
             last = place
