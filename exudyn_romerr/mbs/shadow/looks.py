@@ -62,8 +62,11 @@ class Looks:
         self.known = self.known | where
         self.largest = np.maximum(self.largest, self._sizes(*(x[1:][where] for x in self._values)).max(axis=0))
 
-    def confirm(self, where: np.ndarray) -> None:
-        """Look in the middle between samples that are known, among some (S,), until it confirms the line."""
+    def confirm(self, where: np.ndarray, least: np.ndarray | float = 0.0) -> None:
+        """Look in the middle between samples that are known, among some (S,), until it confirms the line.
+
+        least : size, (quantities,), below which it does so anyway.
+        """
         places = np.flatnonzero(np.append(True, self.known))
         gaps = [(a, b) for a, b in pairwise(places) if where[a:b].any()]
         while gaps := [(a, b) for a, b in gaps if b - a > 1]:
@@ -74,7 +77,7 @@ class Looks:
             if self.ended:
                 return
             off = self._sizes(*(x[middle] - y for x, y in zip(self._values, line, strict=True)))
-            bent = np.any(off > CONFIRMED * self.largest, axis=1)
+            bent = np.any(off > np.maximum(CONFIRMED * self.largest, least), axis=1)
             halves = zip(ends[bent, 0], middle[bent], ends[bent, 1], strict=True)
             gaps = [gap for a, m, b in halves for gap in ((a, m), (m, b))]
             places = np.flatnonzero(np.append(True, self.known))
