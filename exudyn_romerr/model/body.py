@@ -13,7 +13,7 @@ from ..checks import check_count
 from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import Modes, lowest_modes
-from ..linalg.factorisations import faster
+from ..linalg.factorisations import MANY, faster
 from ..linalg.modal_damping import ModalDamping
 from ..linalg.oscillator import Constants
 from ..linalg.symmetric_factor import SymmetricFactor
@@ -98,6 +98,8 @@ class ElasticBody:
             warnings.warn(help_at_hand, stacklevel=2)
         check_masses(self.M, self.free)
         check_mass(self.M, self.mass_factor, self.free)
+        if self.free.size > MANY:
+            del self.mass_factor  # made again for the norms that need it: before these, others take the memory
         check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
         if self.damping is not None:
             check_damping(self.D)
@@ -240,10 +242,8 @@ class ElasticBody:
             raise InputError("modal_damping and damping were both given; pass one of them")
         ratios = checked_ratios(given, self.free.size)
         if not ratios.ndim and self.free.size > ALL_MODES_LIMIT:
-            raise AssumptionError(
-                f"modal_damping={float(ratios):g} is for all modes; {self.free.size} coordinates have more than the "
-                f"{ALL_MODES_LIMIT} that are computed: pass a list, a ratio for each of the lowest modes"
-            )
+            few = f"more than the {ALL_MODES_LIMIT} that are computed: pass a list, one for each of the lowest modes"
+            raise AssumptionError(f"modal_damping={float(ratios):g} is for all modes; {self.free.size} are {few}")
         modes = self.modes(ratios.size if ratios.ndim else self.free.size)
         self.modal = ModalDamping(self.M, self.K, modes, np.broadcast_to(ratios, modes.omega.shape), self.rayleigh)
         self.rayleigh = None

@@ -123,6 +123,8 @@ ALL_VECTORS = 1.015
 # Of the largest bound: "auxiliary" adds what rounding may do to its modes, 1e-16 of the largest in a block times the
 # number of its steps; a block of 26 steps instead of 40 has less of it. Measured 1e-10.
 SHORTER_BLOCK = 1e-9
+# The same where every step is a block, instead of some tens, with what inexact modes feel of the whole error: 1.5e-7.
+SINGLE_STEPS = 1e-6
 # Responses between the last two tangents are interpolated with one tangent less; measured 3e-6.
 LAST_TANGENT = 1e-5
 # A truth integrated to 1e-11 of every mode; positions of 0.4 m round to 1e-16.

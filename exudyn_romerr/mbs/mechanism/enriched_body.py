@@ -17,7 +17,8 @@ from ...model.floating_frame import moment_of, skew, unit_inertia
 from ...model.outputs import stacked_rows
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...residual.interface_stiffening import rigid_response
+from ...residual.interface_stiffening import rigid_response, with_rigid_interfaces
+from ...residual.problem import Deferred
 from ...residual.residual import ResidualMap
 from ..access.reduced_damping import damping_products
 from ..floating.input_terms import InputTerms
@@ -25,8 +26,6 @@ from ..floating.sampler import Sampler
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    import scipy.sparse as sp
 
     from ...model.body import ElasticBody
     from ...model.floating_frame import FrameMotion
@@ -80,8 +79,9 @@ class EnrichedBody:
         self._frame, self.frame_size = model.frame, model.frame.size
         self.columns, (self.frame, self.modal) = columns, np.split(columns, [model.frame.size])
         body.modes(1)  # first, and the next: they take factorisations beside those that are kept
-        if scene.stiff is not None:
-            rigid_response(body, scene.stiff, stacked_rows(options.outputs, body)[0])
+        rigid = None if scene.stiff is None else with_rigid_interfaces(body, scene.stiff)
+        if rigid is not None:
+            rigid_response(body, scene.stiff, stacked_rows(options.outputs, body)[0], rigid)
         V, Z = model.V, body.space
         inertia, loads, wrenches = (
             Z.loads(part)
@@ -97,9 +97,10 @@ class EnrichedBody:
             asked = min(MORE_VECTORS if rings else AUTO_VECTORS, len(V_y))
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
-            found = Enrichment(body, V_y, inertia, loads, wrenches, asked, _stiff_columns(body, scene))
+            found = Enrichment(body, V_y, inertia, loads, wrenches, asked, rigid)
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
+        del rigid
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
@@ -109,6 +110,7 @@ class EnrichedBody:
         self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
         self.flex, self.shapes = flex, np.hstack([V, P])
+        del P, V_y, found, inertia, loads, wrenches  # of a large body they take memory that is short now
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
     def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray) -> None:
@@ -133,7 +135,7 @@ class EnrichedBody:
         self.offline: Offline = prepare(
             body,
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
-            BoundOptions(inputs=terms.columns, estimators="auxiliary", **kept),
+            BoundOptions(inputs=Deferred(lambda: terms.columns), estimators="auxiliary", **kept),
             sampled_inputs=True,
             scene=replace(scene, corrected=True, minor=terms.minor),
         )
@@ -236,11 +238,6 @@ class EnrichedBody:
 def _contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
     """Sum over i, j of turning_ij of_ij (T, k, m), of (3, 3, k, m)."""
     return np.tensordot(turning, of, axes=2)
-
-
-def _stiff_columns(body: ElasticBody, scene: Scene) -> sp.spmatrix | None:
-    """The body's displacements with its interfaces as rigid as the modes make them; None if these make none rigid."""
-    return None if scene.stiff is None else scene.stiff.Z.tocsr()[body.free]
 
 
 def _side_by_side(parts: list[np.ndarray], N: int) -> np.ndarray:

@@ -15,6 +15,7 @@ from ...model.floating_frame import FramePose, Jitter, translations
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
+from ...residual.problem import Deferred
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor
 from ..access.reduced_damping import damping_text, require_modal_damping
@@ -183,7 +184,7 @@ class MovingSubject:
         return prepare(
             body,
             Basis(model.V, note=f"{model.V.shape[1]} modes of object {self.item}"),
-            replace(self._options, inputs=terms.columns, input_function=known),
+            replace(self._options, inputs=Deferred(lambda: terms.columns), input_function=known),
             sampled_inputs=not terms.by_function,
             scene=scene,
         )

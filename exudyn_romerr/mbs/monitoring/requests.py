@@ -11,12 +11,12 @@ import exudyn as exu
 import numpy as np
 
 from ...checks import check_choice, check_count, check_type
+from ...decay.kernels import KERNELS
 from ...errors import InputError
 from ...model.outputs import Output
 from ...offline.options import TIMES, BoundOptions
 from ...offline.prepare import checked_names
 from ...report.mechanism_report import check_names
-from ...residual.kernels import KERNELS
 from ...residual.problem import checked_outputs
 from ...residual.residual import RESIDUALS
 from ..access.linear_adapter import LinearSubject

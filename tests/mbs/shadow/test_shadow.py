@@ -9,8 +9,8 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 
 import exudyn_romerr as romerr
 from exudyn_romerr import RunError
-from exudyn_romerr.estimates import remainder
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
+from exudyn_romerr.mbs.shadow import remainder
 from exudyn_romerr.mbs.shadow.measured_remainder import LEFT_OUT
 from exudyn_romerr.mbs.shadow.shadow_mbs import Shadow
 from exudyn_romerr.mbs.shadow.wider_object import object_terms
