@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..decay.decay_rates import body_rates
 from ..linalg.blocked_products import row_norms
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import mean_motion, rigid_modes
-from ..residual.decay_rates import body_rates
 from ..residual.free_mass import AtStart
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start

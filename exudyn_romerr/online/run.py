@@ -146,11 +146,11 @@ class Run:
             self._streams["initial"].advance(block.without_residual(), step_end)
         self._record(new, rounded, frame)
 
-    def best_now(self) -> dict[str, np.ndarray]:
-        """Return the smallest bound of each output (r,) at the last step given."""
-        frame, widest = self._last.frame, self.offline.scene.widest(self.assumptions())
-        now = [bounds for run in self._runs for bounds in run._total.now(widest)]
-        return best_outputs(self.offline, now, frame, self._recorded.read(slice(-1, None)))
+    def best_of_last(self, count: int) -> dict[str, np.ndarray]:
+        """Return the smallest bound of each output (count, r) at the last steps given."""
+        widest = self.offline.scene.widest(self.assumptions())
+        last = [bounds for run in self._runs for bounds in run._total.last(widest, count)]
+        return best_outputs(self.offline, last, self._recorded.read(slice(-count, None)))
 
     def corrections(self, count: int) -> np.ndarray:
         """Return what "auxiliary" knows of the error of output rows (S, R) at the last samples."""
@@ -171,9 +171,9 @@ class Run:
         return self._inputs_given.shape[1]
 
     @property
-    def last_time(self) -> float:
-        """Time of the last sample."""
-        return float(self._recorded.t.read()[self._settled][-1])
+    def times(self) -> np.ndarray:
+        """Times (T,) of the samples that count."""
+        return self._recorded.t.read()[self._settled]
 
     def settle(self) -> None:
         """Let only the samples so far count: later ones may be bounded in part when something fails."""

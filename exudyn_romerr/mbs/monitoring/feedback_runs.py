@@ -145,10 +145,9 @@ class Reaction:
         self._narrow.begin(forces)
         others = [steps, self._narrow]
         self._passes.begin(rows)
-        self._remainder.begin(mbs, rows, forces)
         late = [self._passes, self._remainder]
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
-        self._remainder.finish()
+        with self._remainder.following(mbs, rows, forces):
+            e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
         self._say(steps.notes)
         self._say(self._remainder.notes)
