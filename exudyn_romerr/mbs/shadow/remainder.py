@@ -89,7 +89,7 @@ class Remainder:
 
     def go_on(self, before: Remainder) -> None:
         """Go on from the state of another run's."""
-        self._moving, self._known, self._count = before._moving, before._known, before._count
+        self._moving, self._known, self._count = before._moving, before._known, 0
         self._ramp, self.adds, self._paid = before._ramp, before.adds, before._paid
         self._largest, self._loads = before._largest, before._loads
 
