@@ -73,7 +73,7 @@ def test_a_solve_that_goes_on_begins_with_accelerations_of_its_own(seed):
     Joints make them others: multipliers ring from step to step. The truth: all modes, the same two solves.
     """
     mechanism = replace(drawn(seed), steps=20)
-    truth, looser = (in_two_solves(built(mechanism, True, factor)) for factor in (1e-2, 1e-1))
+    truth, looser = (in_two_solves(built(mechanism, True, factor)) for factor in (0.1, 1.0))
     scene, few = built(mechanism), in_two_solves(built(mechanism, iterate=1e-2))
     flex = romerr.floating_body(scene.fems[0], scene.bodies[0])
     monitor = romerr.attach(scene.mbs, flex, outputs=list(scene.sensors[0].values()))
