@@ -83,19 +83,20 @@ class Reaction:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
         *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
+        t = float(first[0][0])
+        readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
+        extended = ExtendedTangents(readings, self.size, self.parts)
+        tangent, samples = extended[0], [watch.sampled(*first) for watch in self._watches]
+        forces = self._forces(samples, 1)[0]
         if goes_on:
             self._feedback = before._feedback
-            self._narrow.go_on(before._narrow)
+            self._feedback.begin_anew(tangent, forces)
+            self._narrow.go_on(before._narrow, tangent, forces)
             self._passes.go_on(before._passes)
             self._remainder.go_on(mbs, before._remainder)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
-            t = float(first[0][0])
-            readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
-            extended = ExtendedTangents(readings, self.size, self.parts)
-            tangent = extended[0]
-            samples = [watch.sampled(*first) for watch in self._watches]
-            start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
+            start = tangent, forces, self._forces_at_rest()
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)

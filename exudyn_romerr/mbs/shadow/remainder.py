@@ -92,7 +92,7 @@ class Remainder:
     def go_on(self, before: Remainder) -> None:
         """Go on from the state of another run's."""
         self._moving, self._known = before._moving, before._known
-        self._count, self._since = before._count, before._since
+        self._count, self._since = 0, before._since  # a new start is looked at closely
         self._ramp, self.adds, self._paid = before._ramp, before.adds, before._paid
         self._largest, self._loads = before._largest, before._loads
 
