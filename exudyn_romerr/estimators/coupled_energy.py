@@ -9,12 +9,14 @@ import numpy as np
 from ..linalg.blocked_products import row_norms
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import mean_motion, rigid_modes
-from ..residual.decay_rates import body_rates
+from ..residual.decay_rates import body_rates, stiffness_damping
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ..model.body import ElasticBody
     from ..residual.problem import Problem
 
@@ -31,7 +33,11 @@ class MechanismEnergy:
 
     K_b^-1 on the free body is K^-1 where the reference conditions hold it and the first wrench balances it. Rigid
     motion has no energy: outputs are those seen from the body's frame. No decay rate is admissible, for rigid
-    motion is undamped.
+    motion is undamped. Where bodies have damping D >= beta K, rough residuals do less work than they vary:
+
+        |e|_K, |e'|_M <= rough ,   rough^2 = int sum_b |R_b|^2/(2 beta_b) dt ,   g <= rough + (sum_b |R_b|^2)^(1/2)
+
+    and g is the smaller one at every step, from whichever was smaller before.
     """
 
     name = "energy"
@@ -50,19 +56,24 @@ class MechanismEnergy:
             self.factors[self.velocity_rows] = seen
         self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
         self.per_mass = body_rates(problem.body)[0].per_mass
-        self.g = 0.0
+        self.beta = stiffness_damping(problem.body)
+        self.g = self.rough = 0.0
 
-    def energy_at(self, start: Start) -> float:
-        """Return |R(0)| of this body, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error.
+    def energies_at(self, start: Start) -> tuple[float, float]:
+        """Return what g and `rough` of this body begin with.
 
-        In static equilibrium -e0 is K^-1 R(0) as far as joints let it: what moves interfaces is counted whole.
+        g : |R(0)|, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error. In static equilibrium
+        -e0 is K^-1 R(0) as far as joints let it: what moves interfaces is counted whole. rough : the energy of e0 and
+        e0' and of what is cut; g without damping.
         """
+        size = float(self.norm(start.z))
         if start.y0 is None:
-            return float(self.norm(start.z)) + start.cut
+            return size + start.cut, start.cut if self.beta else size + start.cut
         w = start.y0.copy()
         w[: len(start.z)] += start.z
         held = np.linalg.norm(self._interfaces @ start.z)
-        return float(np.hypot(self.start_norms.K(w), self.start_norms.M(start.y0_t)) + held)
+        g = float(np.hypot(self.start_norms.K(w), self.start_norms.M(start.y0_t)) + held)
+        return g, g + size * (self.beta > 0)
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1): the pieces of its polygon, and what that does not hold."""
@@ -71,17 +82,24 @@ class MechanismEnergy:
         missed = missed if block.turn is None else missed + block.h * block.turn.missed
         return np.column_stack([block.pieces(self.norm), missed])
 
+    def roughness(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
+        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, 0 without damping; and |R| at their ends."""
+        ends = block.norms(self.norm)
+        if not self.beta:
+            return np.zeros(len(ends)), ends[:, -1]
+        middle = self.norm(block.c[:, [0, -1]].mean(axis=1))
+        return block.h * (ends[:, 0] ** 2 + 4 * middle**2 + ends[:, -1] ** 2) / (12 * self.beta), ends[:, -1]
+
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
-        self.g = self.energy_at(start) if start.joint is None else start.joint
-        return self._bounds(start.z[None], np.array([self.g]), np.array([start.cut]))
+        self.g, self.rough = start.joint or self.energies_at(start)
+        return self._bounds(start.z[None], np.array([self.g]), np.array([self.rough]), np.array([start.cut]))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        varied = self.variations(block).sum(axis=1) if block.joint is None else block.joint
-        g = self.g + np.cumsum(varied)
-        self.g = float(g[-1])
-        return self._bounds(block.c[:, -1], g, cut_size(block))
+        g, rough = joint_growth([self], [block]) if block.joint is None else block.joint
+        self.g, self.rough = float(g[-1]), float(rough[-1])
+        return self._bounds(block.c[:, -1], g, rough, cut_size(block))
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -91,12 +109,13 @@ class MechanismEnergy:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        self._given = z, g, cut
-        known = -(z @ self.static_rows.T)
-        slack = times(g, self.factors) + times(cut, self.static_cut)
+    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray) -> Bounds:
+        self._given = z, g, rough, cut
+        known, speed = -(z @ self.static_rows.T), np.minimum(g, rough)
+        slack = np.where(self.velocity_rows, times(speed, self.factors), times(g, self.factors))
+        slack = slack + times(cut, self.static_cut)
         position = self.norm_static(z) + (cut + g) * self.per_mass
-        return Bounds(position, g, np.abs(known) + slack, None, known, slack)
+        return Bounds(position, speed, np.abs(known) + slack, None, known, slack)
 
 
 class CorrectedEnergy(MechanismEnergy):
@@ -167,8 +186,8 @@ class CorrectedEnergy(MechanismEnergy):
         rest, self._added = instant
         return super().bounds_at(rest)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        rest, added = super()._bounds(z, g, cut), self._added
+    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray) -> Bounds:
+        rest, added = super()._bounds(z, g, rough, cut), self._added
         rows, size = self._seen(added.q, added.q_t)
         known = rest.correction + rows
         du = np.abs(np.column_stack([known, size]))
@@ -186,9 +205,31 @@ class CorrectedEnergy(MechanismEnergy):
         return np.where(self.velocity_rows, q_t @ rows, q @ rows), row_norms(q @ self.root.T)
 
 
-def joint_variation(columns: list[np.ndarray]) -> np.ndarray:
+def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
+    """Return g and rough (S,) of all bodies together at the ends of the segments of their next blocks.
+
+    R is linear in a segment. Of bodies without damping it counts as what varies in both.
+    """
+    pairs = list(zip(energies, blocks, strict=True))
+    varied = [energy.variations(block) for energy, block in pairs]
+    known = [(*energy.roughness(block), energy.beta > 0) for energy, block in pairs]
+    work, size = sum(x for x, *_ in known), np.sqrt(sum(is_damped * x**2 for _, x, is_damped in known))
+    others = [x[:, -is_damped:] for x, (*_, is_damped) in zip(varied, known, strict=True)]
+    g, rough, found = energies[0].g, energies[0].rough, []
+    for more, W, rest, R in np.column_stack([_joint(varied), work, _joint(others), size]).tolist():
+        one, other = g + more, (rough**2 + W) ** 0.5 + rest
+        g, rough = min(one, other + R), min(other, one + R)  # either may go on from the other
+        found.append((g, rough))
+    g, rough = np.array(found).reshape(-1, 2).T
+    return g, rough
+
+
+def _joint(columns: list[np.ndarray]) -> np.ndarray:
     """Variation (S,) of the bodies together from their variations (S, d): |.| of all is the root of the squares."""
-    return np.sqrt(sum(x**2 for x in columns)).sum(axis=1)
+    square = np.zeros((len(columns[0]), max(x.shape[1] for x in columns)))
+    for x in columns:
+        square[:, square.shape[1] - x.shape[1] :] += x**2
+    return np.sqrt(square).sum(axis=1)
 
 
 def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
