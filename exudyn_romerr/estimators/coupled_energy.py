@@ -83,7 +83,7 @@ class MechanismEnergy:
         return np.column_stack([block.pieces(self.norm), missed])
 
     def roughness(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
-        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, 0 without damping; and |R| at their ends."""
+        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, 0 if undamped; and |R| at their ends."""
         ends = block.norms(self.norm)
         if not self.beta:
             return np.zeros(len(ends)), ends[:, -1]
