@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..decay.decay_rates import body_rates, stiffness_damping
 from ..linalg.blocked_products import row_norms
-from ..linalg.symmetric_factor import SymmetricFactor
-from ..model.admissible_space import mean_motion, rigid_modes
-from ..residual.decay_rates import body_rates, stiffness_damping
+from ..residual.free_mass import AtStart, free_velocity_norms
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
@@ -17,7 +16,6 @@ from .energy import cut_size
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..model.body import ElasticBody
     from ..residual.problem import Problem
 
 
@@ -51,11 +49,12 @@ class MechanismEnergy:
         self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
         self.factors = problem.rows.C_K
         if self.velocity_rows.any():
-            seen = _free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
+            seen = free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
             self.factors = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
             self.factors[self.velocity_rows] = seen
         self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
         self.per_mass = body_rates(problem.body)[0].per_mass
+        self.at_start = AtStart(problem)
         self.beta = stiffness_damping(problem.body)
         self.g = self.rough = 0.0
 
@@ -93,13 +92,15 @@ class MechanismEnergy:
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.g, self.rough = start.joint or self.energies_at(start)
-        return self._bounds(start.z[None], np.array([self.g]), np.array([self.rough]), np.array([start.cut]))
+        g, rough, cut = np.array([[self.g], [self.rough], [start.cut]])
+        return self._bounds(start.z[None], g, rough, cut, np.zeros((1, 2)))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         g, rough = joint_growth([self], [block]) if block.joint is None else block.joint
         self.g, self.rough = float(g[-1]), float(rough[-1])
-        return self._bounds(block.c[:, -1], g, rough, cut_size(block))
+        more = np.zeros((len(g), 2)) if block.overshoot is None else block.overshoot
+        return self._bounds(block.c[:, -1], g, rough, cut_size(block), more)
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -109,13 +110,17 @@ class MechanismEnergy:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray) -> Bounds:
-        self._given = z, g, rough, cut
-        known, speed = -(z @ self.static_rows.T), np.minimum(g, rough)
+    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
+        self._given = z, g, rough, cut, more
+        known, speed, jumped = -(z @ self.static_rows.T), np.minimum(g, rough), None
         slack = np.where(self.velocity_rows, times(speed, self.factors), times(g, self.factors))
         slack = slack + times(cut, self.static_cut)
-        position = self.norm_static(z) + (cut + g) * self.per_mass
-        return Bounds(position, speed, np.abs(known) + slack, None, known, slack)
+        if more.any():
+            moved, moved_t = (times(x, self.at_start.factors) for x in more.T)
+            jumped = np.where(self.velocity_rows, moved_t, moved)
+            slack += jumped
+        position = self.norm_static(z) + (cut + g) * self.per_mass + more[:, 0]
+        return Bounds(position, speed + more[:, 1], np.abs(known) + slack, jumped, known, slack)
 
 
 class CorrectedEnergy(MechanismEnergy):
@@ -186,8 +191,8 @@ class CorrectedEnergy(MechanismEnergy):
         rest, self._added = instant
         return super().bounds_at(rest)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray) -> Bounds:
-        rest, added = super()._bounds(z, g, rough, cut), self._added
+    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
+        rest, added = super()._bounds(z, g, rough, cut, more), self._added
         rows, size = self._seen(added.q, added.q_t)
         known = rest.correction + rows
         du = np.abs(np.column_stack([known, size]))
@@ -197,7 +202,7 @@ class CorrectedEnergy(MechanismEnergy):
         left = left if added.left is not None else np.maximum(left, LINEARISED * du)
         slack = rest.correction_bound + left[:, :-1]
         position = rest.position + size + left[:, -1]
-        return Bounds(position, rest.velocity + added.speed, np.abs(known) + slack, None, known, slack)
+        return Bounds(position, rest.velocity + added.speed, np.abs(known) + slack, rest.jumped, known, slack)
 
     def _seen(self, q: np.ndarray, q_t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (S, R) of modes and vectors, and their mass norm (S,)."""
@@ -236,15 +241,3 @@ def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
     """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
     wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
     return np.linalg.qr(wrenches)[0].T @ problem.dual.Y_K[:, : problem.dual.k]
-
-
-def _free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
-    """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
-    space, positions = body.space, body.positions
-    held = space.conditions
-    if held is None:
-        held = mean_motion(np.unique(space.fixed // 3)).rows(positions)
-    rows, Rg = np.zeros((len(C), body.N)), rigid_modes(positions)
-    rows[:, space.free] = C
-    rows -= (rows @ Rg) @ np.linalg.solve(held @ Rg, held)
-    return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
