@@ -37,6 +37,12 @@ SAMPLED, LOOKED = 8.0, 2.0
 Loads = tuple[np.ndarray, np.ndarray]
 Residuals = Callable[[Sequence[np.ndarray]], Loads | None]
 Sizes = Callable[[np.ndarray], np.ndarray]
+Moved = Callable[[Sequence[np.ndarray], np.ndarray], Sequence[np.ndarray]]
+
+
+def straight(states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
+    """States q, q_t, q_tt (S, k) that e (3, S, k) moves."""
+    return [x + dx for x, dx in zip(states, e, strict=True)]
 
 
 class Measured(NamedTuple):
@@ -65,8 +71,8 @@ class Remainder:
     adds : whether r is added to the prediction. multipliers (S, c) : of what the last call of follow has added.
     """
 
-    def __init__(self, size: int, quantities: int, sizes: Sizes, at_once: bool = False):
-        self._sizes, self._at_once = sizes, at_once
+    def __init__(self, size: int, quantities: int, sizes: Sizes, at_once: bool = False, moved: Moved = straight):
+        self._sizes, self._at_once, self._moved = sizes, at_once, moved
         self._moving = np.zeros((4, size, 2))  # r and what is added of it: e, e', e'', algorithmic a
         self._count, self._ramp, self.adds, self._ended = 0, 0, False, False
         self.multipliers = np.zeros((0, 0))
@@ -83,7 +89,7 @@ class Remainder:
         """
         (t, q, *_), none = rows, 0 * e[0]
         if e[0].any():
-            (F, g), (before, _) = (residuals((t, x, none, none)) for x in (q + e[0], q))
+            (F, g), (before, _) = (residuals((t, *self._moved((q, none, none), x))) for x in (e, 0 * e))
             self._moving[0, :, 0] = held(tangent.K, tangent, (before - F)[0] + tangent.K @ e[0, 0], -g[0])
             self._known = t[0], none[0], g[0]
 
@@ -166,7 +172,7 @@ class Remainder:
         t, *states = (x[where] for x in rows)
         if not len(t) or self._ended:
             return known
-        residuals = self._residuals((t, *(x + dx for x, dx in zip(states, e[:, where], strict=True))))
+        residuals = self._residuals((t, *self._moved(states, e[:, where])))
         if residuals is None:
             self._ended = True
             return known

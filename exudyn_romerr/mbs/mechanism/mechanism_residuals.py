@@ -49,8 +49,8 @@ class MechanismResiduals:
         force, (t, *states) = np.zeros(e.shape[1:]), (x[part] for x in self.rows)
         self._nets = self._nets or [NetInertia(body) for body, _ in self._parts]
         for (body, own), net in zip(self._parts, self._nets, strict=True):
-            here, moved = (body.moved(own, states, x) for x in (0 * e, e))
-            force[:, body.frame] = net.second_order(body.sampler.actions.gravity_at(t), here, moved)
+            here, there, back = (body.moved(own, states, x) for x in (0 * e, e, -e))
+            force[:, body.frame] = net.second_order(body.sampler.actions.gravity_at(t), here, there, back)
         return force
 
     def size_beside(self, i: int, force: np.ndarray) -> np.ndarray | None:
@@ -127,16 +127,20 @@ class NetInertia:
         return self._frame.size == 3 + EULER_PARAMETERS
 
     def second_order(
-        self, gravity: np.ndarray, here: Sequence[np.ndarray], moved: Sequence[np.ndarray]
+        self,
+        gravity: np.ndarray,
+        here: Sequence[np.ndarray],
+        there: Sequence[np.ndarray],
+        back: Sequence[np.ndarray],
     ) -> np.ndarray:
-        """Return what forces (S, size) are of second order in moved states less those here; gravity (S, 3).
+        """Return what forces (S, size) are of second order in states moved there less those here; gravity (S, 3).
 
-        States q, q_t, q_tt (S, size + k) are those of frame, modes and vectors. What is of even order, in fact.
+        States q, q_t, q_tt (S, size + k) are those of frame, modes and vectors; back : moved the other way. What is
+        of even order, in fact.
         """
         if not self.is_known:
             return np.zeros((len(gravity), self._frame.size))
-        back = [2 * x - y for x, y in zip(here, moved, strict=True)]
-        there, back, here = (self._forces(gravity, states) for states in (moved, back, here))
+        there, back, here = (self._forces(gravity, states) for states in (there, back, here))
         return (there + back) / 2 - here
 
     def size(self, q: np.ndarray, force: np.ndarray) -> np.ndarray:
@@ -151,7 +155,6 @@ class NetInertia:
     def _forces(self, gravity: np.ndarray, states: Sequence[np.ndarray]) -> np.ndarray:
         size = self._frame.size
         (q, q_t, q_tt), (c, c_t, c_tt) = ([x[:, part] for x in states] for part in (slice(size), slice(size, None)))
-        q = self._of_unit_length(q)
         motion, rates = self._frame.motion(q, q_t, q_tt), self._frame.rates(q)
         b, weight, S, w = motion.local(motion.r_tt), motion.local(-gravity), motion.S, 2 * skew(motion.w)
         first, by_c = self._first + c @ self._pull.T, self._xu + np.tensordot(c, self._uu, axes=1)
@@ -163,8 +166,3 @@ class NetInertia:
         arms += second @ S.swapaxes(1, 2) + of_rates @ w.swapaxes(1, 2)
         arms += of_accelerations
         return np.hstack([turned(motion.A, force), np.einsum("sij,si->sj", rates, moment_of(arms))])
-
-    def _of_unit_length(self, q: np.ndarray) -> np.ndarray:
-        """Euler parameters that are off to first order leave unit length to second order."""
-        p = self._frame.reference[3:] + q[:, 3:]
-        return np.hstack([q[:, :3], p / np.linalg.norm(p, axis=1)[:, None] - self._frame.reference[3:]])

@@ -44,7 +44,7 @@ class MeasuredRemainder:
         self._shadow: Shadow | None = None
         self._mbs, self._is_compared = None, True  # while rows are evaluated: the mbs, whether it is as it was
         self._of_vectors, self._of_steps = (
-            Remainder(size, len(parts) + 1, self._sizes, at_once) for at_once in (False, True)
+            Remainder(size, len(parts) + 1, self._sizes, at_once, tangents.moved) for at_once in (False, True)
         )
         self._jumps, self._failure = Jumps(size, self._sizes), ""
         self.found: Measured | None = None

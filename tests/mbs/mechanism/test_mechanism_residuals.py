@@ -58,7 +58,9 @@ def test_net_inertia_is_the_sum_over_nodes():
         net._forces(GRAVITY, here)[0], expected, rtol=0, atol=ROUNDING * np.abs(expected).max()
     )
     small, large = (
-        net.second_order(GRAVITY, here, [x + size * dx for x, dx in zip(here, change, strict=True)])
+        net.second_order(
+            GRAVITY, here, *([x + s * dx for x, dx in zip(here, change, strict=True)] for s in (size, -size))
+        )
         for size in (1e-3, 2e-3)
     )
     np.testing.assert_allclose(large, 4 * small, rtol=0, atol=1e-4 * np.abs(large).max())  # and of fourth order
