@@ -15,7 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import AssumptionError
-from .march import Columns, Scheme, Steps, Tangent
+from .columns import Columns
+from .march import Scheme, Steps, Tangent
 from .track import SINGULAR, Track
 
 GROWN = 1e60  # its square, times masses, is still a number

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .march import Columns
+from .columns import Columns
 from .mechanism_feedback import held, solved
 
 if TYPE_CHECKING:

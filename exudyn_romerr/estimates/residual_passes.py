@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from .march import Columns
+from .columns import Columns
 from .mechanism_feedback import held
 
 if TYPE_CHECKING:

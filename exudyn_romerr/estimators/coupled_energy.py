@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..decay.decay_rates import body_rates
 from ..linalg.blocked_products import row_norms
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import mean_motion, rigid_modes
-from ..residual.decay_rates import body_rates
+from ..residual.free_mass import AtStart
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
@@ -50,6 +51,7 @@ class MechanismEnergy:
             self.factors[self.velocity_rows] = seen
         self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
         self.per_mass = body_rates(problem.body)[0].per_mass
+        self.at_start = AtStart(problem)
         self.g = 0.0
 
     def energy_at(self, start: Start) -> float:
@@ -74,14 +76,15 @@ class MechanismEnergy:
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.g = self.energy_at(start) if start.joint is None else start.joint
-        return self._bounds(start.z[None], np.array([self.g]), np.array([start.cut]))
+        return self._bounds(start.z[None], np.array([self.g]), np.array([start.cut]), np.zeros((1, 2)))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         varied = self.variations(block).sum(axis=1) if block.joint is None else block.joint
         g = self.g + np.cumsum(varied)
         self.g = float(g[-1])
-        return self._bounds(block.c[:, -1], g, cut_size(block))
+        more = np.zeros((len(g), 2)) if block.overshoot is None else block.overshoot
+        return self._bounds(block.c[:, -1], g, cut_size(block), more)
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -91,12 +94,16 @@ class MechanismEnergy:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        self._given = z, g, cut
+    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
+        self._given = z, g, cut, more
         known = -(z @ self.static_rows.T)
-        slack = times(g, self.factors) + times(cut, self.static_cut)
-        position = self.norm_static(z) + (cut + g) * self.per_mass
-        return Bounds(position, g, np.abs(known) + slack, None, known, slack)
+        slack, jumped = times(g, self.factors) + times(cut, self.static_cut), None
+        if more.any():
+            moved, moved_t = (times(x, self.at_start.factors) for x in more.T)
+            jumped = np.where(self.velocity_rows, moved_t, moved)
+            slack += jumped
+        position = self.norm_static(z) + (cut + g) * self.per_mass + more[:, 0]
+        return Bounds(position, g + more[:, 1], np.abs(known) + slack, jumped, known, slack)
 
 
 class CorrectedEnergy(MechanismEnergy):
@@ -167,8 +174,8 @@ class CorrectedEnergy(MechanismEnergy):
         rest, self._added = instant
         return super().bounds_at(rest)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        rest, added = super()._bounds(z, g, cut), self._added
+    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
+        rest, added = super()._bounds(z, g, cut, more), self._added
         rows, size = self._seen(added.q, added.q_t)
         known = rest.correction + rows
         du = np.abs(np.column_stack([known, size]))
@@ -178,7 +185,7 @@ class CorrectedEnergy(MechanismEnergy):
         left = left if added.left is not None else np.maximum(left, LINEARISED * du)
         slack = rest.correction_bound + left[:, :-1]
         position = rest.position + size + left[:, -1]
-        return Bounds(position, rest.velocity + added.speed, np.abs(known) + slack, None, known, slack)
+        return Bounds(position, rest.velocity + added.speed, np.abs(known) + slack, rest.jumped, known, slack)
 
     def _seen(self, q: np.ndarray, q_t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (S, R) of modes and vectors, and their mass norm (S,)."""

@@ -70,6 +70,17 @@ class SymmetricFactor:
         return by_columns(lambda part: self._factor.half_multiply(part * scale), right)
 
 
+class SubspaceFactor:
+    """Solves with a definite matrix (n, n) on the span of sparse columns S (n, s)."""
+
+    def __init__(self, matrix: sp.spmatrix, S: sp.spmatrix):
+        self._S, self._factor = S, SymmetricFactor((S.T @ matrix @ S).tocsc())
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Return S (S^T A S)^-1 S^T right (n, k)."""
+        return self._S @ self._factor.solve(self._S.T @ right)
+
+
 def negative_eigenvalues(matrix: sp.spmatrix, order: np.ndarray | None = None) -> int | None:
     """Return the number of negative eigenvalues (Sylvester's law of inertia); None if the factorisation breaks down.
 

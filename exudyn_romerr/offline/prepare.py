@@ -143,7 +143,8 @@ def _made_problem(
     packed = names and scene.minor is not None and set(names) <= {"energy", "auxiliary"}
     if not packed or options.initial is not None or options.residual != "orthonormal":
         return Problem(body, basis, **given)
-    return PackedProblem(body, basis, cut=scene.minor, with_modes=with_modes, **given)
+    packing = {"cut": scene.minor, "with_modes": with_modes, "turns_fast": scene.coupled}
+    return PackedProblem(body, basis, **packing, **given)
 
 
 def _made(name: str, problem: Problem, scene: Scene) -> Any:

@@ -67,9 +67,9 @@ class Stream:
         for name, e in self.estimators.items():
             self._remember(name, e, e(z), slice(None), widenings)
 
-    def now(self, names: Collection[str]) -> list[Bounds]:
-        """Return the bounds of some estimators at the last instant."""
-        return [kept.read().at(slice(-1, None)) for name, kept in self._kept.items() if name in names]
+    def last(self, names: Collection[str], count: int) -> list[Bounds]:
+        """Return the bounds of some estimators at the last instants."""
+        return [kept.read().at(slice(-count, None)) for name, kept in self._kept.items() if name in names]
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of every estimator so far."""
@@ -79,29 +79,18 @@ class Stream:
 def best_output(
     bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray, shift: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return the smallest bound (r,) of the output that has some of the rows, at one instant; shift: see View."""
+    """Return the smallest bound (S, r) of the output that has some of the rows; shift: see View."""
     seen = [b.of_rows(part) for b in bounds]
-    return np.min([(b if view is None else seen_in(view, b, frame, shift)).outputs[0] for b in seen], axis=0)
+    return np.min([(b if view is None else seen_in(view, b, frame, shift)).outputs for b in seen], axis=0)
 
 
-def best_outputs(
-    offline: Offline, now: Sequence[Bounds], frame: np.ndarray, last: dict[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Return the smallest bound of each output (r,) at the last instant; frame, last: samples recorded there."""
-    rows = list(zip(offline.outputs, offline.slices, offline.views, strict=True))
+def best_outputs(offline: Offline, last: Sequence[Bounds], samples: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the smallest bound of each output (S, r) at some instants; samples: what is recorded there."""
+    rows, frames = list(zip(offline.outputs, offline.slices, offline.views, strict=True)), samples["frames"]
     if offline.driven is None:
-        best = {out.name: best_output(now, part, view, frame) for out, part, view in rows}
+        best = {out.name: best_output(last, part, view, frames) for out, part, view in rows}
         errs = [out.name for out, _, view in rows if view is not None and offline.scene.coupled]  # as the frame does
         return best | {name: np.full_like(best[name], np.inf) for name in errs}
-    values, driven, pose = last["values"], last["driven_frames"], offline.scene.pose
-    shifts = (v and v.shift_between(values[:, part], frame, driven, pose) for _, part, v in rows)
-    return {out.name: best_output(now, *row, driven, x) for (out, *row), x in zip(rows, shifts, strict=True)}
-
-
-def exceeded(best: dict[str, np.ndarray], tolerance: dict[str, float]) -> list[str]:
-    """Return in words which of the bounds (r,), by output, are above their tolerance."""
-    return [
-        f"tolerance on {name!r} exceeded, {np.max(best[name]):.3g} > {limit:g}"
-        for name, limit in tolerance.items()
-        if not np.all(best[name] <= limit)
-    ]
+    values, driven, pose = samples["values"], samples["driven_frames"], offline.scene.pose
+    shifts = (v and v.shift_between(values[:, part], frames, driven, pose) for _, part, v in rows)
+    return {out.name: best_output(last, *row, driven, x) for (out, *row), x in zip(rows, shifts, strict=True)}

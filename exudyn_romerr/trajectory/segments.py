@@ -76,7 +76,8 @@ class Block:
     bent, moved : (S, 2), see Turn.of_curve. joint : (S,) variation of R of all bodies of a mechanism together; None:
     this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
     chain : (S + 1, k), z where straight lines lead from one to the next; None: c are other curves.
-    is_driven : turn and cut are those of a frame that moves as a function of time says.
+    is_driven : turn and cut are those of a frame that moves as a function of time says. overshoot : (S, 2), what the
+    integrator may add to |e|_M and |e'|_M of all bodies together; None: nothing.
     """
 
     t: np.ndarray
@@ -92,13 +93,14 @@ class Block:
     joint: np.ndarray | None = None
     added: Added | None = None
     is_driven: bool = False
+    overshoot: np.ndarray | None = None
     chain: np.ndarray | None = None
     _made: dict = field(default_factory=dict, init=False)
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
         """Return blocks one after another, as segmenters make them: with t, h, c, unresolved and skipped only."""
-        later = ("turn", "cut", "bent", "moved", "joint", "added")
+        later = ("turn", "cut", "bent", "moved", "joint", "added", "overshoot")
         if any(getattr(block, name) is not None for block in blocks for name in later):
             raise ValueError(f"blocks are joined before any of {', '.join(later)} is known")
         fields = ("t", "h", "c", "unresolved", "unresolved_variation")
@@ -112,7 +114,7 @@ class Block:
 
     def without_residual(self) -> Block:
         """Return the same segments with R = 0, of this body alone."""
-        return replace(self, c=0 * self.c, chain=None, joint=None, added=None)
+        return replace(self, c=0 * self.c, chain=None, joint=None, added=None, overshoot=None)
 
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""

@@ -14,6 +14,7 @@ from exudyn_romerr.linalg.pardiso import SplitMatrix
 from exudyn_romerr.linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
 from models.hex_bar import hex_bar
 from tests.helpers import tolerances
+from tests.helpers.bodies import model
 
 INSTALLED = {"superlu": True} | {
     kind: importlib.util.find_spec(name) is not None for kind, name in factorisations.PACKAGES.items()
@@ -146,3 +147,35 @@ def test_large_bodies_take_the_best_that_is_installed(monkeypatch):
         there.add(package)
         names.append((factorisations.solver(factorisations.FEW), factorisations.solver(factorisations.FEW - 1)))
     assert names == [("superlu", "superlu"), ("metis", "superlu"), ("pardiso", "superlu")]
+
+
+@pytest.mark.parametrize("dtype", [float, complex])
+def test_solves_with_any_matrix(kind, dtype):
+    """Without symmetry, as with gyroscopic damping; one column and many."""
+    M, K = bar()
+    skew = sp.random(*K.shape, 1e-3, random_state=3, data_rvs=RNG.standard_normal) * 1e-2 * K.max()
+    A = sp.csc_matrix(K + skew - skew.T - 0.3 * K[0, 0] / M[0, 0] * M, dtype=dtype)
+    A = A + (2j * M if dtype is complex else 0 * M)
+    right = RNG.standard_normal((A.shape[0], 3)).astype(dtype)
+    expected = la.solve(A.toarray(), right)
+    solve, accuracy = factorisations.solve_with(A), 1e-16 * np.linalg.cond(A.toarray()) * 10
+    for columns in (slice(0, 3), 0):
+        found = solve(right[:, columns])
+        np.testing.assert_allclose(found, expected[:, columns], rtol=0, atol=accuracy * abs(expected).max())
+
+
+@pytest.mark.parametrize("damping", ["matrix", "gyroscopic"])
+def test_bases_do_not_depend_on_it(monkeypatch, damping):
+    """The same spaces of Krylov vectors and of the Gramian: angles between them below 1e-9."""
+    full, found = model("pencil", damping, 0), {}
+    B = np.random.default_rng(4).standard_normal((full.N, 2))
+    for kind in (kind for kind, there in INSTALLED.items() if there):
+        monkeypatch.setattr(factorisations, "solver", lambda n, kind=kind: kind)
+        bases = (
+            romerr.krylov_basis(full.body, B, 6, shifts=(0.0, 20.0)),
+            romerr.gramian_basis(full.body, B, 4, (0, 60)),
+        )
+        found[kind] = [la.qr(basis.V, mode="economic")[0] for basis in bases]
+    for spaces in found.values():
+        for one, other in zip(spaces, found["superlu"], strict=True):
+            assert la.subspace_angles(one, other).max() < 1e-9

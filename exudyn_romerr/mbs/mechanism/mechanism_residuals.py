@@ -140,8 +140,11 @@ class NetInertia:
         """
         if not self.is_known:
             return np.zeros((len(gravity), self._frame.size))
-        there, back, here = (self._forces(gravity, states) for states in (there, back, here))
-        return (there + back) / 2 - here
+        there, back, own = (self._forces(gravity, states) for states in (there, back, here))
+        force, moment = np.split((there + back) / 2 - own, [3], axis=1)
+        q, *still = here[0][:, : self._frame.size], *np.zeros((2, len(gravity), self._frame.size))
+        A, rates = self._frame.motion(q, *still).A, self._frame.rates(q)
+        return np.hstack([np.einsum("sij,sj->si", A, force), np.einsum("sij,si->sj", rates, moment)])
 
     def size(self, q: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return |.|_{M^-1} (S,) of the rigid body's inertia that does such forces (S, size) at q; nan: unknown."""
@@ -153,9 +156,10 @@ class NetInertia:
         return row_norms(np.hstack([local, moment]) @ self._root.T)
 
     def _forces(self, gravity: np.ndarray, states: Sequence[np.ndarray]) -> np.ndarray:
+        """Force and moment (S, 6) in axes of the frame: what holds it turns with it."""
         size = self._frame.size
         (q, q_t, q_tt), (c, c_t, c_tt) = ([x[:, part] for x in states] for part in (slice(size), slice(size, None)))
-        motion, rates = self._frame.motion(q, q_t, q_tt), self._frame.rates(q)
+        motion = self._frame.motion(q, q_t, q_tt)
         b, weight, S, w = motion.local(motion.r_tt), motion.local(-gravity), motion.S, 2 * skew(motion.w)
         first, by_c = self._first + c @ self._pull.T, self._xu + np.tensordot(c, self._uu, axes=1)
         of_c, of_rates, of_accelerations = (np.einsum("sijm,sm->sij", by_c, x) for x in (c, c_t, c_tt))
@@ -165,4 +169,4 @@ class NetInertia:
         arms = first[:, :, None] * b[:, None] + self._first[:, None] * weight[:, None]
         arms += second @ S.swapaxes(1, 2) + of_rates @ w.swapaxes(1, 2)
         arms += of_accelerations
-        return np.hstack([turned(motion.A, force), np.einsum("sij,si->sj", rates, moment_of(arms))])
+        return np.hstack([force, moment_of(arms)])

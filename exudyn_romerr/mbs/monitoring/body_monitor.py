@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...online.bound_stream import exceeded
 from ...online.initial_condition import LOADS_JUMP, NO_ACCELERATIONS, loads_jump
 from ...online.run import Run
 from ...online.run_record import UNKNOWN, SolverFacts
 from ...online.static_run import StaticRun
+from ...online.tolerance_check import ToleranceCheck
 from ...report.scope import FROZEN
 from ..access.mbs_items import end_time, newton_tolerance
 from .run_succession import Succession
@@ -34,11 +34,12 @@ class Watch:
     cannot collect a circle that runs through C++.
 
     subject : the body. runs, run : those so far, the one under way. error, failure : what went wrong in the last
-    solve, an exception, and in words, with what is left. stopped : whether a tolerance was exceeded in it.
+    solve, an exception, and in words, with what is left. stopped : whether a tolerance was exceeded in it, as `check`
+    finds.
     """
 
     def __init__(self, subject: LinearSubject | MovingSubject, tolerance: dict[str, float]):
-        self.item, self.tolerance = subject.item, tolerance
+        self.item, self.tolerance, self.check = subject.item, tolerance, ToleranceCheck(tolerance)
         self.succession = Succession()
         self.runs = self.succession.runs
         self.error: Exception | None = None
@@ -96,7 +97,7 @@ class Watch:
     def begin(self, mbs: Any, static: bool, attached: Collection[int] = (), others: str = "") -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
         self.error, self.failure, self.stopped, self.run, self._listens = None, "", False, None, True
-        self._pending, self._late = None, False
+        self._pending, self._late, self.check = None, False, ToleranceCheck(self.tolerance)
         self._kind = StaticRun if static else Run
         with self.kept_errors():
             self._offline = self.subject.read(mbs, static, attached, others)
@@ -181,7 +182,7 @@ class Watch:
             self.succession.last = self._newest
         self.error, self._pending = self._pending, None
         with self.kept_errors():
-            for reason in exceeded(self.run.best_now(), self.tolerance) if self.tolerance else ():
+            for reason in self.check.exceeded(self.run):
                 self.stopped = True
                 self.note(f"stopped at t = {self.bounded_until():g}: {reason}")
 
@@ -197,7 +198,7 @@ class Watch:
         text, run = f"{type(self.error).__name__}: {self.error}", self.run
         self.failure = f"there are no bounds, report() raises {text}"
         if run is not None and run in self.runs[-1:]:
-            until = f"bounds end at t = {run.last_time:g}"
+            until = f"bounds end at t = {run.times[-1]:g}"
             self.failure = f"{until}, report() raises {text}"
             self.note(f"{until}: the steps up to t = {t:g} could not be evaluated, {text}")
 

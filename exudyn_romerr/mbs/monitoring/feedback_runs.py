@@ -11,7 +11,7 @@ from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.residual_passes import ResidualPasses
 from ...model.floating_frame import Veer
-from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
+from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
@@ -47,11 +47,13 @@ class Reaction:
         self,
         watches: Sequence[Watch],
         feedback: Feedback,
+        first_steps: FirstSteps,
         tangents: Tangents,
         step_errors: StepErrors,
         sensors: Sequence[OtherSensors] = (),
     ):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
+        self._first_steps = first_steps
         self._step_errors, self._sensors = step_errors, sensors
         self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
@@ -113,6 +115,7 @@ class Reaction:
             if rest is not None:
                 opening = opening._replace(start=replace(opening.start, added=self._added(i, e, np.zeros(1))))
             openings.append(opening)
+        self._say(list(filter(None, [self._first_steps.open(runs, openings) if runs else ""])))
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
@@ -141,10 +144,9 @@ class Reaction:
         self._narrow.begin(forces)
         others = [steps, self._narrow]
         self._passes.begin(rows)
-        self._remainder.begin(mbs, rows, forces)
         late = [self._passes, self._remainder]
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
-        self._remainder.finish()
+        with self._remainder.following(mbs, rows, forces):
+            e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
         self._say(steps.notes)
         self._say(self._remainder.notes)
@@ -159,8 +161,8 @@ class Reaction:
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
-            join_extensions(runs, extensions)
-            self._advance_positions(extended, tuple(rows[:2]), extensions)
+            join_extensions(runs, extensions, self._first_steps)
+            self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
         self._tangents.forget()
@@ -174,7 +176,9 @@ class Reaction:
         parts = (energy.norm(opening.start.z) for energy, opening in zip(energies, openings, strict=True))
         return float(np.linalg.norm([float(part) for part in parts]))
 
-    def _advance_positions(self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension]) -> None:
+    def _advance_positions(
+        self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension], runs: Sequence[Run]
+    ) -> None:
         """Go on with what is left of positions in global axes; before the runs do."""
         if self._positions is None:
             return
@@ -182,7 +186,8 @@ class Reaction:
         blocks = [extension.segments[STREAM][0] for extension in extensions]
         g = energies[0].g + np.cumsum(blocks[0].joint)
         impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
-        self._keep_left(self._positions.advance(tangents, self._tangents.readings, steps, g, impulses))
+        left = self._positions.advance(tangents, self._tangents.readings, steps, g, impulses)
+        self._keep_left([rows + self._first_steps.seen(run) for rows, run in zip(left, runs, strict=True)])
 
     def _keep_left(self, left: list[np.ndarray]) -> None:
         for watch, rows in zip(self._watches, left, strict=True):

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 def bounds_at(watch: Watch, t: float) -> dict[str, np.ndarray]:
     """Return the smallest bound (r,) of each output at t; empty if t was not bounded."""
     is_open = watch.run is not None and watch.run in watch.runs[-1:]  # it is not where its first sample failed
-    return watch.run.best_now() if is_open and watch.bounded_until() == t else {}
+    best = watch.run.best_of_last(1) if is_open and watch.bounded_until() == t else {}
+    return {name: rows[0] for name, rows in best.items()}
 
 
 def live_line(watches: Sequence[Watch], t: float) -> str:

@@ -85,7 +85,7 @@ class StepHook:
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
         # load steps are few, and their loads may be changed before the next solve asks for a block
-        return static is not None or any(watch.tolerance for watch in self.watches)
+        return static is not None or (not self.has_tangents and any(watch.tolerance for watch in self.watches))
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
@@ -123,10 +123,10 @@ class StepHook:
         if self._is_over:
             self._hurry()
 
-    def goes_on(self) -> bool:
-        """Evaluate the rows stored so far; False if a tolerance is exceeded, which is to stop the solve."""
+    def goes_on(self) -> float:
+        """Evaluate the rows stored so far; return how many may be stored before they are, 0 to stop the solve."""
         self.flush()
-        return not self._is_over
+        return 0 if self._is_over else min((watch.check.room for watch in self.watches), default=np.inf)
 
     @property
     def _is_over(self) -> bool:

@@ -32,8 +32,8 @@ class StepReceiver(Protocol):
     def read_tangent(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again."""
 
-    def goes_on(self) -> bool:
-        """Take the rows stored so far; False if the solve is to be stopped."""
+    def goes_on(self) -> float:
+        """Take the rows stored so far; return how many may be stored before they are, 0 to stop the solve."""
 
     def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
         """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
@@ -78,7 +78,8 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
                 room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
         go_on = True
         if i == room:
-            go_on, room = hook.goes_on(), len(times)
+            room = min(hook.goes_on(), len(times))
+            go_on = room > 0
         elif t >= end:
             hook.flush()  # while the mbs is what it was
         return go_on if hook.user is None else hook.call_user(mbs, t, go_on)

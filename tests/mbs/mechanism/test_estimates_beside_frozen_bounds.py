@@ -93,14 +93,15 @@ def test_estimate_is_that_of_the_mechanism(case):
 
 @pytest.mark.parametrize("case", CASES)
 def test_bounds_are_those_of_frozen_inputs(case):
-    """As where these were asked for."""
+    """As where these were asked for, where steps with a tolerance are evaluated one by one."""
     for report, asked in zip(found(case), found(case, scope=FROZEN), strict=True):
         for key, out in report.outputs.items():
             wanted = asked.output(key)
             assert wanted.estimate_scope == FROZEN
             assert out.bound.keys() == wanted.bound.keys()
             for name, bound in wanted.bound.items():
-                np.testing.assert_allclose(out.bound[name], bound, rtol=tol.SUMS)
+                rounding = tol.SINGLE_STEPS * np.max(bound) if case == "tolerance" else 0.0
+                np.testing.assert_allclose(out.bound[name], bound, rtol=tol.SUMS, atol=rounding)
 
 
 def everything(scene):

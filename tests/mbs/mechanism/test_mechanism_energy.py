@@ -15,7 +15,7 @@ import scipy.linalg as la
 
 from exudyn_romerr.estimators.coupled_energy import MechanismEnergy
 from exudyn_romerr.online import coupled_runs as mechanism
-from exudyn_romerr.online.coupled_runs import join_extensions, joined_openings
+from exudyn_romerr.online.coupled_runs import FirstSteps, join_extensions, joined_openings
 from exudyn_romerr.trajectory.segments import Added
 from tests.basis.test_enrichment import DAMPINGS, KINDS, N, Part, lattice
 from tests.helpers import tolerances as tol
@@ -139,7 +139,7 @@ class Reduced:
             for extension, vectors in zip(extensions, added or (), strict=False):
                 extension.segments["reduction"][0].added = Added(*(x[new] for x in vectors))
             if joined:
-                join_extensions(runs, extensions)
+                join_extensions(runs, extensions, FirstSteps(None))
             for run, extension in zip(runs, extensions, strict=True):
                 run.advance(extension)
         return runs

@@ -9,7 +9,7 @@ import exudyn_romerr as romerr
 from models import floating
 from models.hex_bar import hex_bar
 
-SPEED, STEP, STEPS = 200.0, 1e-3, 200  # rad/s, s
+SPEED, STEP, STEPS = 200.0, 1e-3, 150  # rad/s, s
 ALL = 42  # modes: 48 coordinates less six that the hinge's frame takes
 SHOWN = ("global", "local")
 
@@ -51,16 +51,16 @@ def motion(mbs, sensors):
 
 
 def test_rotor_that_falls_behind_is_turned_not_stretched():
-    """Truth: all modes, same steps; after 0.2 s it is 0.1 rad behind.
+    """Truth: all modes, same steps; after 0.15 s it is 0.1 rad behind.
 
-    Estimates 2.7 and 15 % off; 50 and 69 % with Euler parameters that were added to instead of turned.
+    Estimates 1.1 and 9.5 % off; 8.4 and 15.4 % with Euler parameters that were added to instead of turned.
     """
     mbs, _, _, sensors = spinning_bar(ALL)
     truth = motion(mbs, sensors)
     mbs, fem, items, sensors = spinning_bar(2)
     monitor = romerr.attach(mbs, romerr.floating_body(fem, items), outputs=sensors)
     shown = motion(mbs, sensors)
-    for name, full, reduced, share in zip(SHOWN, truth, shown, (0.05, 0.25), strict=True):
+    for name, full, reduced, share in zip(SHOWN, truth, shown, (0.03, 0.12), strict=True):
         out, error = monitor.report().output(name), (full - reduced)[:, :2]
         missed = (out.estimate - out.estimate_parts["time step"])[:, :2] - error
         assert np.abs(missed).max() < share * np.abs(error).max()
