@@ -85,7 +85,7 @@ class Remainder:
         """
         (t, q, *_), none = rows, 0 * e[0]
         if e[0].any():
-            (F, g), (before, _) = (residuals((t, x, none, none)) for x in (q + e[0], q))
+            (F, g), (before, _) = (residuals((t, q, none, none), np.array([x, none, none])) for x in (e[0], none))
             self._moving[0, :, 0] = held(tangent.K, tangent, (before - F)[0] + tangent.K @ e[0, 0], -g[0])
             self._known = t[0], none[0], g[0]
 
