@@ -56,8 +56,8 @@ class Remainder:
     """r along a run, through the steps of Feedback, after it.
 
     sizes : of x (3, S, k), (S, quantities), that r and the prediction are compared by. at_once : whether all of r is
-    added where that pays first, and is looked at closely from there on only, since no bound needs it; else it sets in,
-    from rest.
+    added where that pays first, and is looked at closely from there on only, since no bound needs it; else it sets
+    in, from rest.
 
     Attributes
     ----------

@@ -221,9 +221,7 @@ def test_one_ratio_for_all_modes():
 def test_modes_of_the_full_body_are_computed_once(monkeypatch):
     """By set_modal_damping; the solve finds the same body."""
     made, original = [], ElasticBody.__init__
-    monkeypatch.setattr(
-        ElasticBody, "__init__", lambda self, *a, **k: (made.append(1), original(self, *a, **k))[1]
-    )
+    monkeypatch.setattr(ElasticBody, "__init__", lambda self, *a, **k: (made.append(1), original(self, *a, **k))[1])
     scene, flex = flexible([0.0123])
     romerr.set_modal_damping(scene.mbs, flex)
     monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("tip", node=20)])
