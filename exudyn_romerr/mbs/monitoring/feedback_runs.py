@@ -185,7 +185,7 @@ class Reaction:
             return
         energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
         blocks = [extension.segments[STREAM][0] for extension in extensions]
-        g = energies[0].g + np.cumsum(blocks[0].joint)
+        g = blocks[0].joint[0]
         impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
         left = self._positions.advance(tangents, self._tangents.readings, steps, g, impulses)
         self._keep_left([rows + self._first_steps.seen(run) for rows, run in zip(left, runs, strict=True)])
@@ -198,16 +198,16 @@ class Reaction:
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        (t, *states, _), none, missed = rows, [0 * x for x in rows[1:4]], self._remainder.found
+        (t, *states, _), missed = rows, self._remainder.found
         narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
         narrow, step = narrow if missed is None else narrow + missed.added, self.time_step
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
-            left = missed and [body.moved(own, none, x) for x in missed.left()]
+            columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])  # of this body
+            left = missed and [[x[:, columns] for x in of] for of in missed.left()]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
-            if step is not None:  # of the frame, the modes and the vectors of this body
-                columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])
+            if step is not None:
                 outputs.take_time_step(watch.run, here, step.of(columns))
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))
