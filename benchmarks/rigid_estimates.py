@@ -17,6 +17,7 @@ from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
+from exudyn_romerr.online.coupled_runs import FirstSteps
 
 
 class Estimated(NamedTuple):
@@ -55,7 +56,7 @@ class Recorder:
         t, *states = (np.array(column) for column in zip(*self._samples, strict=True))
         LateReadings(self._tangents, self._mbs, t, states).read()
         steps = StepErrors(self._tangents, StoredResiduals(self._tangents, self._mbs), holds_rates=False)
-        reaction = Reaction([], Feedback(self._scheme), self._tangents, steps)
+        reaction = Reaction([], Feedback(self._scheme), FirstSteps(None), self._tangents, steps)
         reaction.open((t[:1], *(x[:1] for x in states)), None)
         reaction.advance((t[1:], *(x[1:] for x in states)), self._mbs)
         found = reaction.time_step

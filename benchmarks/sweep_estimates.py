@@ -70,7 +70,7 @@ def truth_of(mechanism):
 
 def finer_motion(mechanism, factor, finer):
     """Return what sensors show at every h, solved with all modes and steps h/finer, tolerances as tight as can be."""
-    for iterate in (factor * sweep_mechanisms.TIGHTER, factor):
+    for iterate in (factor * sweep_mechanisms.TIGHTER[-1], factor):
         scene = scene_of(mechanism, True, iterate)
         scene.settings.timeIntegration.numberOfSteps *= finer
         found = sweep_mechanisms.motion(mechanism, scene)

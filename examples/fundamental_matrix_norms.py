@@ -18,9 +18,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
+from exudyn_romerr.decay.kernels import CertifiedKernel, EnvelopeKernel, Kernel, SpectrumKernel
 from exudyn_romerr.linalg import oscillator
 from exudyn_romerr.report.plots.style import COLOURS
-from exudyn_romerr.residual.kernels import CertifiedKernel, EnvelopeKernel, Kernel, SpectrumKernel
 from models import linkage
 from models.matrix_exponential import fundamental_matrix_norms
 

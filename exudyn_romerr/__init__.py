@@ -44,6 +44,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
         floating_body,
         hold_modes,
         keep_modes,
+        set_modal_damping,
         two_level,
     )
     from .mbs.studies.parameter_sweep import sweep
@@ -57,6 +58,7 @@ _NEEDS_EXUDYN = dict.fromkeys(
         "floating_body",
         "hold_modes",
         "keep_modes",
+        "set_modal_damping",
         "two_level",
     ),
     "mbs",
@@ -108,6 +110,7 @@ __all__ = [
     "plot_run_time",
     "read_body",
     "relative_displacement",
+    "set_modal_damping",
     "sweep",
     "two_level",
     "von_mises",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from . import __version__, load_report
 from .errors import InputError, RomErrError
-from .sweeps.collect import markdown, table_of, write_table
+from .sweeps.collect import text_of, write_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -134,7 +134,7 @@ def _csv(given: argparse.Namespace) -> None:
 
 def _collect(given: argparse.Namespace) -> None:
     if given.to is None:
-        print(markdown(*table_of(given.file)))
+        print(text_of(given.file))
         return
     write_table(given.file, given.to)
     print(f"written: {given.to}")

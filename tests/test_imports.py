@@ -67,7 +67,7 @@ def test_the_reader_of_imports_sees_them():
     assert {"errors", "linalg.symmetric_factor", "linalg.oscillator"} <= own_imports("model.body")
     assert "estimators.mass_norm" in own_imports("estimators.paper")
     assert "report.plots.panels" in own_imports("report.report")  # inside a function
-    assert "model.body" in own_imports("residual.kernels")  # an annotation
+    assert "model.body" in own_imports("decay.kernels")  # an annotation
     assert "exudyn" in {full.split(".")[0] for full, _ in imported("mbs.monitoring.step_hook")}
 
 

@@ -16,11 +16,11 @@ import scipy.linalg as la
 
 from ..errors import AssumptionError
 from ..linalg.orthogonalise import orthonormal, without
-from ..linalg.symmetric_factor import SymmetricFactor
 
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
+    from ..linalg.symmetric_factor import SubspaceFactor, SymmetricFactor
     from ..model.body import ElasticBody
 
 NEW_SHARE = 1e-8  # of the largest response: what is smaller is rounding of what V and P hold already
@@ -50,8 +50,8 @@ class Enrichment:
         Unit wrenches at the interfaces; their transpose takes the interfaces' motion.
     m : int
         Number of vectors beside static modes that V misses (RBE2).
-    stiff : sparse matrix, (n_free, s), optional
-        Columns that span all displacements with the interfaces as rigid as V makes them; None: V makes none rigid.
+    rigid : SubspaceFactor, optional
+        Of K on all displacements with the interfaces as rigid as V makes them; None: V makes none rigid.
 
     Attributes
     ----------
@@ -67,15 +67,16 @@ class Enrichment:
     """
 
     def __init__(
-        self, body: ElasticBody, V: np.ndarray, inertia, loads, wrenches, m: int, stiff: sp.spmatrix | None = None
+        self, body: ElasticBody, V: np.ndarray, inertia, loads, wrenches, m: int, rigid: SubspaceFactor | None = None
     ):
         self._factor, self._V = body.stiffness_factor, V
+        self._energies = self._factor.half_multiply(V)
         omega, shapes = la.eigh(V.T @ (body.K @ V), V.T @ (body.M @ V))
         # forces that move the body by a unit acceleration move its modes by (omega_1/omega)^2: that is their weight
         modal = body.M @ (V @ shapes) * omega[0] / omega
         columns = np.hstack([np.sqrt(omega[0]) * np.hstack([inertia, modal]), self._of_unit_energy(loads)])
         wrenches = self._of_unit_energy(wrenches)
-        parts = [_Responses(self._factor, V, part) for part in _parted(body, stiff)]
+        parts = [_Responses(self._factor, V, self._energies, part) for part in _parted(self._factor, rigid)]
         found = []
         for i, part in enumerate(parts):
             part.add_static(wrenches)
@@ -91,7 +92,9 @@ class Enrichment:
         self.P, self.omega = (np.hstack([block[k] for block in found]) for k in (0, 1))
         count = [len(block[1]) for block in found]
         self.keeps, self.first = (np.repeat([block[k] for block in found], count) for k in (2, 3))
-        kept = independent_beside(*map(self._factor.half_multiply, (V, self.P)))  # blocks know V, not one another
+        kept = independent_beside(
+            self._energies, self._factor.half_multiply(self.P)
+        )  # blocks know V, not one another
         self.P = self.P[:, kept]
         self.omega, self.keeps, self.first = (x[kept] for x in (self.omega, self.keeps, self.first))
 
@@ -106,7 +109,7 @@ class Enrichment:
         """Combinations of V that move the interfaces as P does; wrenches: of unit energy."""
         if not wrenches.shape[1]:
             return np.zeros((self._V.shape[1], P.shape[1]))
-        size = np.linalg.norm(self._factor.half_multiply(self._V), axis=0)
+        size = np.linalg.norm(self._energies, axis=0)
         of_V = wrenches.T @ (self._V / size)  # cosines between static modes and V
         values = la.svd(of_V, compute_uv=False)
         if len(values) < len(of_V) or values[-1] < INDEPENDENT:
@@ -134,8 +137,9 @@ class _Responses:
     P : (n_free, count), K-orthogonal to V and to one another.
     """
 
-    def __init__(self, factor: SymmetricFactor, V: np.ndarray, part: _Part):
+    def __init__(self, factor: SymmetricFactor, V: np.ndarray, energies: np.ndarray, part: _Part):
         self._factor, self._V, self._part, self.P = factor, V, part, np.zeros((len(V), 0))
+        self._energies = energies  # of V and P, where |.|_K is the 2-norm
 
     @property
     def count(self) -> int:
@@ -160,18 +164,19 @@ class _Responses:
     def missed(self, forces: np.ndarray) -> tuple[np.ndarray, float]:
         """What V and P leave of the responses, where |.|_K is the 2-norm, and the largest norm of these."""
         energies = self._part.energies(forces)
-        held = orthonormal(self._factor.half_multiply(np.hstack([self._V, self.P])))
-        return without(held, energies), np.linalg.norm(energies, axis=0).max()
+        return without(orthonormal(self._energies), energies), np.linalg.norm(energies, axis=0).max()
 
     def _add(self, forces: np.ndarray) -> np.ndarray:
         """Take responses, K-orthogonal to V and P."""
         if not forces.shape[1]:
             return forces
-        known = np.hstack([self._V, self.P])
-        energies, responses = self._factor.half_multiply(known), self._part.solve(forces)
+        known, responses = np.hstack([self._V, self.P]), self._part.solve(forces)
         for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
-            responses = responses - known @ la.lstsq(energies, self._factor.half_multiply(responses))[0]
+            energies = self._factor.half_multiply(responses)
+            held = la.lstsq(self._energies, energies)[0]
+            responses = responses - known @ held
         self.P = np.hstack([self.P, responses])
+        self._energies = np.hstack([self._energies, energies - self._energies @ held])
         return responses
 
 
@@ -191,24 +196,19 @@ class _Part(NamedTuple):
     energies: Callable[[np.ndarray], np.ndarray]
 
 
-def _parted(body: ElasticBody, stiff: sp.spmatrix | None) -> list[_Part]:
+def _parted(whole: SymmetricFactor, rigid: SubspaceFactor | None) -> list[_Part]:
     """Return the parts of a static response; first the one with rigid interfaces, if some are."""
-    whole = body.stiffness_factor
-    if stiff is None:
+    if rigid is None:
         return [_Part(whole.solve, whole.half_solve)]
-    factor = SymmetricFactor((stiff.T @ body.K @ stiff).tocsc())
-
-    def rigid(forces: np.ndarray) -> np.ndarray:
-        return stiff @ factor.solve(stiff.T @ forces)
 
     def rigid_energies(forces: np.ndarray) -> np.ndarray:
-        return whole.half_multiply(rigid(forces))
+        return whole.half_multiply(rigid.solve(forces))
 
     rest = _Part(
-        lambda forces: whole.solve(forces) - rigid(forces),
+        lambda forces: whole.solve(forces) - rigid.solve(forces),
         lambda forces: whole.half_solve(forces) - rigid_energies(forces),
     )
-    return [_Part(rigid, rigid_energies), rest]
+    return [_Part(rigid.solve, rigid_energies), rest]
 
 
 def _independent(columns: np.ndarray) -> np.ndarray:

@@ -6,12 +6,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from ..checks import check_array, check_count, check_type
 from ..errors import AssumptionError, InputError
 from ..linalg.eigenmodes import count_below
+from ..linalg.factorisations import solve_with
 from ..linalg.orthogonalise import DEFLATION, m_orthonormal
 from ..model.body import ElasticBody
 from ..model.matrix_input import checked_inputs
@@ -83,5 +82,7 @@ def _quadrature(body: ElasticBody, lo: float, hi: float, n: int) -> list[tuple[f
 
 
 def _frequency_response(body: ElasticBody, B: np.ndarray, frequency: float) -> np.ndarray:
-    dynamic = body.K - frequency**2 * body.M + (0 if body.D is None else 1j * frequency * body.D)
-    return splu(sp.csc_matrix(dynamic, dtype=complex)).solve(B.astype(complex))
+    dynamic = (body.K - frequency**2 * body.M).astype(complex)
+    if body.D is not None:
+        dynamic = dynamic + 1j * frequency * body.D
+    return solve_with(dynamic)(B.astype(complex))

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from ..checks import check_array, check_count, check_type
 from ..errors import InputError
+from ..linalg.factorisations import solve_with
 from ..linalg.orthogonalise import m_orthonormal, m_orthonormalised
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.body import ElasticBody
@@ -67,7 +67,7 @@ def _undamped_chain(body: ElasticBody, B: np.ndarray, shift: float, n: int) -> n
 
 def _companion_chain(body: ElasticBody, B: np.ndarray, shift: float, n: int) -> np.ndarray:
     size = body.free.size
-    solve = splu(sp.csc_matrix(body.K + shift * body.D + shift**2 * body.M)).solve
+    solve = solve_with(body.K + shift * body.D + shift**2 * body.M)
     slope = 2 * shift * body.M + body.D
 
     def step(v):

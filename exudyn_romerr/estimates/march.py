@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
+
+from .columns import Columns, at_all, distinct, side_by_side
 
 
 @dataclass(frozen=True)
@@ -67,38 +68,29 @@ class Tangent:
     C: np.ndarray
     rate: Tangent | None = None
 
-    def write(self, wide: np.ndarray) -> None:
-        """Write [[K, D, M, G^T], [C, 0, 0, 0]]."""
-        _, k = self.G.shape
-        wide[:] = 0.0
-        wide[:k, :k], wide[:k, k : 2 * k], wide[:k, 2 * k : 3 * k], wide[:k, 3 * k :] = (
-            self.K,
-            self.D,
-            self.M,
-            self.G.T,
-        )
-        wide[k:, :k] = self.C
+    def write(self, row: np.ndarray) -> None:
+        """Write [[K, D], [C, 0]] and, behind it, [[M, G^T], [C, 0]]."""
+        moved, whole = parted(row, *self.G.shape)
+        k = self.G.shape[1]
+        row[:] = 0.0
+        moved[:k, :k], moved[:k, k:], moved[k:, :k] = self.K, self.D, self.C
+        whole[:k, :k], whole[:k, k:], whole[k:, :k] = self.M, self.G.T, self.C
 
 
-class Columns(NamedTuple):
-    """Right-hand sides that are marched through steps together.
+def parted(rows: np.ndarray, c: int, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return views (..., k + c, 2 k) and (..., k + c, k + c) of rows that hold such matrices one behind the other.
 
-    moving : e, e', e'' and algorithmic a (4, k, columns) where the steps begin. force (S, k, columns), values g
-    (S, c, columns) : 0 where None. kicks : two (S, k, columns), what moves e and e' on the way to a sample beside
-    what the scheme does. held : numbers of the coordinates that each of the columns holds at zero; none, if empty.
+    Apart, for products with a part of a wider matrix take twice the time.
     """
-
-    moving: np.ndarray
-    force: np.ndarray | None = None
-    values: np.ndarray | None = None
-    kicks: tuple[np.ndarray, np.ndarray] | None = None
-    held: Sequence[np.ndarray] = ()
+    n = k + c
+    moved, whole = rows[..., : n * 2 * k], rows[..., n * 2 * k :]
+    return moved.reshape(*rows.shape[:-1], n, 2 * k), whole.reshape(*rows.shape[:-1], n, n)
 
 
 class Steps:
     """Consecutive steps, ready to be marched through; sums of steps are steps, too.
 
-    h (S,) : step sizes. wide, inverses : of each step, [[K, D, A], [C, 0, ...]] at the sample, where A is
+    h (S,) : step sizes. moved, whole, inverses : of each step, [[K, D], [C, 0]] at the sample, A =
     [[mass M + damping D + K, G^T], [C, 0]], and nearly A^-1; they hold until Track makes the next ones.
     once (S,) : where these are so near that what is found need not be corrected.
     """
@@ -107,46 +99,52 @@ class Steps:
         self,
         scheme: Scheme | None,
         h: np.ndarray,
-        wide: Sequence[np.ndarray],
+        moved: Sequence[np.ndarray],
+        whole: Sequence[np.ndarray],
         inverses: Sequence[np.ndarray],
         once: np.ndarray,
     ):
-        self.scheme, self.h, self.wide, self.inverses, self.once = scheme, h, wide, inverses, once
+        self.scheme, self.h, self.once = scheme, h, once
+        self.moved, self.whole, self.inverses = moved, whole, inverses
 
     @classmethod
     def none(cls) -> Steps:
         """No steps: where a sum begins."""
-        return cls(None, np.zeros(0), [], [], np.zeros(0, dtype=bool))
+        return cls(None, np.zeros(0), [], [], [], np.zeros(0, dtype=bool))
+
+    @property
+    def _matrices(self) -> tuple[Sequence[np.ndarray], ...]:
+        return self.moved, self.whole, self.inverses
 
     def __len__(self) -> int:
         return len(self.h)
 
     def __add__(self, other: Steps) -> Steps:
         h, once = (np.concatenate(pair) for pair in ((self.h, other.h), (self.once, other.once)))
-        return Steps(other.scheme, h, [*self.wide, *other.wide], [*self.inverses, *other.inverses], once)
+        matrices = ([*mine, *others] for mine, others in zip(self._matrices, other._matrices, strict=True))
+        return Steps(other.scheme, h, *matrices, once)
 
     def __getitem__(self, part: slice) -> Steps:
-        return Steps(self.scheme, self.h[part], self.wide[part], self.inverses[part], self.once[part])
+        return Steps(self.scheme, self.h[part], *(of[part] for of in self._matrices), self.once[part])
 
     def kept(self) -> Steps:
         """The same for longer."""
-        wide, inverses = ([X.copy() for X in of] for of in (self.wide, self.inverses))
-        return Steps(self.scheme, self.h, wide, inverses, self.once)
+        return Steps(self.scheme, self.h, *([X.copy() for X in of] for of in self._matrices), self.once)
 
     def speed(self, e_t: np.ndarray) -> np.ndarray:
         """Mass norm (S,) of velocities (S, k) at the samples."""
         _, k = e_t.shape
         mass, damping = self.scheme.mass_and_damping(self.h)
-        apart = np.concatenate([-e_t, -damping[:, None] * e_t, e_t], axis=1)  # K, D and A to mass M
-        momentum = np.matmul(np.asarray(self.wide)[:, :k, : 3 * k], apart[..., None])[..., 0]
+        less = np.concatenate([e_t, damping[:, None] * e_t], axis=1)  # K and D, from A to mass M
+        momentum = np.matmul(np.asarray(self.whole)[:, :k, :k], e_t[..., None])[..., 0]
+        momentum -= np.matmul(np.asarray(self.moved)[:, :k], less[..., None])[..., 0]
         return np.sqrt(np.maximum(np.einsum("sk,sk->s", e_t, momentum) / mass, 0.0))
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """What forces (k, columns) accelerate (k, columns), where the steps begin."""
-        k, Q = len(force), self.wide[0]
+        k, Q, whole = len(force), self.moved[0], self.whole[0].copy()
         mass, damping = (factor[0] for factor in self.scheme.mass_and_damping(self.h))
-        whole = Q[:, 2 * k :].copy()
-        whole[:k, :k] = (whole[:k, :k] - damping * Q[:k, k : 2 * k] - Q[:k, :k]) / mass
+        whole[:k, :k] = (whole[:k, :k] - damping * Q[:k, k:] - Q[:k, :k]) / mass
         scale = np.abs(np.diag(whole)).max()
         whole[:k, k:] *= scale
         whole[k:, :k] *= scale
@@ -157,29 +155,22 @@ class Steps:
 
         multipliers : whether l (S, c, columns) of the equations at the samples are returned beside them, in pairs.
         """
-        S, k = len(self), parts[0].moving.shape[1]
-        ends = np.cumsum([part.moving.shape[2] for part in parts])
-        right = np.zeros((S, len(self.wide[0]) if S else k, ends[-1]))
-        kicks = np.zeros((S, 2, k, ends[-1])) if any(part.kicks is not None for part in parts) else None
-        holds = []
-        for part, end in zip(parts, ends, strict=True):
-            own = slice(end - part.moving.shape[2], end)
-            if part.force is not None:
-                right[:, :k, own] = part.force
-            if part.values is not None:
-                right[:, k:, own] = part.values
-            if part.kicks is not None:
-                kicks[:, 0, :, own], kicks[:, 1, :, own] = part.kicks
-            holds += [self._hold(column, J) for column, J in enumerate(part.held, own.start) if J.size]
-        moving = np.concatenate([part.moving for part in parts], axis=2)
-        found, z = self._marched(moving, right, kicks, holds)
+        k, n = parts[0].moving.shape[1], len(self.moved[0]) if len(self) else parts[0].moving.shape[1]
+        given, ends = side_by_side(parts, len(self), n)
+        starts = (end - part.moving.shape[2] for part, end in zip(parts, ends, strict=True))
+        held = ((j, J) for part, start in zip(parts, starts, strict=True) for j, J in enumerate(part.held, start))
+        holds = {j: self._hold(J) for j, J in held if J.size}
+        kept, place = distinct(given, holds)
+        holds = [(kept.index(j), *hold) for j, hold in holds.items() if j in kept]  # others are 0 all the same
+        found = self._marched(*(x[kept] for x in given), holds=holds)
+        found, z = (np.moveaxis(at_all(x, place), 1, -1) for x in found)
         all_found = np.split(found, ends[:-1], axis=3)
         if not multipliers:
             return all_found
         return list(zip(all_found, np.split(z[:, k:], ends[:-1], axis=2), strict=True))
 
-    def _hold(self, column: int, J: np.ndarray) -> tuple[int, np.ndarray | slice, np.ndarray]:
-        """What holds coordinates J of a column at zero: their number, they, (S, k + c, J).
+    def _hold(self, J: np.ndarray) -> tuple[np.ndarray | slice, np.ndarray]:
+        """What holds coordinates J of a column at zero: they, (S, k + c, J).
 
         Forces of constraints. With z = A^-1 r the increment of a step and B = A^-1: z - B_:J (B_JJ)^-1 z_J, whose
         residual has entries in the rows J only.
@@ -187,42 +178,52 @@ class Steps:
         if J[-1] - J[0] == len(J) - 1:
             J = slice(int(J[0]), int(J[-1]) + 1)  # faster
         B = np.asarray(self.inverses)[:, :, J]
-        return column, J, B @ np.linalg.inv(B[:, J])
+        return J, B @ np.linalg.inv(B[:, J])
 
     def _marched(
-        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None, holds: list
+        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None = None, *, holds: list
     ) -> tuple[np.ndarray, np.ndarray]:
-        """March under right-hand sides (S, k + c, columns) and kicks (S, 2, k, columns).
+        """March (columns, 4, k) under right-hand sides (columns, S, k + c) and kicks (columns, S, 2, k).
 
-        Return what is found, and the solutions z (S, k + c, columns): increments, and l in their last rows.
+        Return what is found (S, columns, 4, k), and the solutions z (S, columns, k + c): increments, and l in their
+        last rows. Column by column, for products with vectors are faster than those with a few columns.
         """
-        (S, n, columns), k, dot, subtract = right.shape, moving.shape[1], np.dot, np.subtract
+        (columns, S, n), k, dot, subtract = right.shape, moving.shape[2], np.dot, np.subtract
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
         ahead[1:] = ahead[1:] @ onward[:-1]
         # what is known of e, e', a, then z: increments, and l behind them
-        found = np.empty((S, 3 * k + n, columns))
-        states = found[:, : 4 * k].reshape(S, 4, k * columns)
-        known, solutions = found[:, : 2 * k], found[:, 3 * k :]
-        kicked = None if kicks is None else kicks.reshape(known.shape)
-        last, before = moving.reshape(4, -1), np.empty((n, columns))
-        steps = zip(ahead, right, self.wide, self.inverses, self.once.tolist(), strict=True)
-        for i, (step, r, Q, inverse, once) in enumerate(steps):
-            now, e, z = states[i], known[i], solutions[i]
-            dot(step, last, out=now[:3])
-            if kicked is not None:
-                e += kicked[i]
-            dot(Q[:, : 2 * k], e, out=before)
-            subtract(r, before, out=r)
-            dot(inverse, r, out=z)
-            for column, J, hold in holds:
-                z[:, column] -= dot(hold[i], z[J, column])
-                z[J, column] = 0.0  # but for rounding they are
+        found = np.empty((S, columns, 3 * k + n))
+        states = found[..., : 4 * k].reshape(S, columns, 4, k)
+        known, solutions = found[..., : 2 * k], found[..., 3 * k :]
+        kicked = None if kicks is None else kicks.reshape(columns, S, 2 * k)
+        last, before, numbers = moving, np.empty(n), range(columns)
+        steps = zip(ahead, states, known, solutions, self.moved, self.inverses, self.once.tolist(), strict=True)
+        for i, (step, now, e, all_z, Q, inverse, once) in enumerate(steps):
+            for j in numbers:
+                x, z, r = e[j], all_z[j], right[j, i]
+                dot(step, last[j], out=now[j, :3])
+                if kicked is not None:
+                    x += kicked[j, i]
+                dot(Q, x, out=before)
+                subtract(r, before, out=r)
+                dot(inverse, r, out=z)
+            for j, J, hold in holds:
+                _let_go(all_z[j], J, hold[i])
             if not once:
-                r -= dot(Q[:, 2 * k :], z)
-                more = dot(inverse, r)
-                for column, J, hold in holds:
-                    more[:, column] -= dot(hold[i], more[J, column])
-                    more[J, column] = 0.0
-                z += more
+                self._correct(i, right[:, i], all_z, holds)
             last = now
-        return (onward @ states).reshape(S, 4, k, columns), solutions
+        return onward[:, None] @ states, solutions
+
+    def _correct(self, i: int, right: np.ndarray, found: np.ndarray, holds: list) -> None:
+        """Solve step i once more for what solutions (columns, k + c) leave of right-hand sides."""
+        more = np.zeros(found.shape)
+        for r, z, correction in zip(right, found, more, strict=True):
+            np.dot(self.inverses[i], r - self.whole[i] @ z, out=correction)
+        for j, J, hold in holds:
+            _let_go(more[j], J, hold[i])
+        found += more
+
+
+def _let_go(z: np.ndarray, J: np.ndarray | slice, hold: np.ndarray) -> None:
+    z -= hold @ z[J]
+    z[J] = 0.0  # but for rounding they are

@@ -15,7 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import AssumptionError
-from .march import Columns, Scheme, Steps, Tangent
+from .columns import Columns
+from .march import Scheme, Steps, Tangent
 from .track import SINGULAR, Track
 
 GROWN = 1e60  # its square, times masses, is still a number
@@ -76,6 +77,12 @@ class Feedback:
     def state(self) -> np.ndarray:
         """e, e', e'' (3, k) now."""
         return self._moving[:3]
+
+    def begin_anew(self, tangent: Tangent, force: np.ndarray) -> None:
+        """Go on as solvers do where another solve begins, with accelerations under the force (k,) of their own."""
+        e, e_t = self._moving[:2]
+        self._moving[2:], forces = solved(tangent.M, tangent, force - tangent.D @ e_t - tangent.K @ e)
+        self.multipliers = forces[None]
 
     def advance(
         self,

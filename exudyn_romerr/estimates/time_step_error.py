@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .columns import Columns
 from .local_errors import defects, shared
-from .march import Columns, Steps
+from .march import Steps
 
 # samples whose values are provisional: the error at one depends on two samples after it, the error of that error on
 # two more

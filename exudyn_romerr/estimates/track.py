@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from ..errors import AssumptionError
-from .march import Scheme, Steps, Tangent
+from .march import Scheme, Steps, Tangent, parted
 
 # of a solution: what interpolated inverses may miss at first, where they are used twice, so that its square is left;
 # and where they are used once
@@ -21,7 +21,7 @@ SAME_STEP = 1e-9  # of a step size: solvers add up their steps
 NODES = {3: 4, 5: 6, 9: 12}
 INTERPOLATED_FROM = NODES[3]
 TOGETHER = 128  # steps that are made, and marched through, at once
-IN_CACHE = 1_000_000  # or fewer, so that their matrices have no more numbers than this
+IN_CACHE = 2_000_000  # or fewer, so that their matrices have no more numbers than this
 AT_LEAST = 8
 TRIED = (0.1, 0.7)  # shares of a piece that is as smooth everywhere, far from the nodes of all rows
 SINGULAR = (
@@ -69,7 +69,7 @@ class Track:
                 self._begin(*ends, float(h[a]), counts[a])
             self._make(slice(a - done, b - done), _share(t[a:b], *ends))
             if b == S or b - done == self._room:
-                made = (of[: b - done] for of in (self._wide, self._inverses, self._once))
+                made = (of[: b - done] for of in (*self._matrices, self._inverses, self._once))
                 yield slice(done, b), Steps(self.scheme, h[done:b], *made)
                 done = b
 
@@ -78,17 +78,18 @@ class Track:
         _cubic(first, last, self._cubic)
         (_, k), (mass, damping) = self._shape, self.scheme.mass_and_damping(h)
         self._scale = mass * self._heaviest
-        of_K, of_D, of_A = (self._cubic[..., i * k : (i + 1) * k] for i in range(3))
+        moved, whole = parted(self._cubic, *self._shape)
+        of_A = whole[:, :k, :k]
         of_A *= mass
-        of_A += damping * of_D
-        of_A += of_K  # below, where M and D are 0: C
+        of_A += damping * moved[:, :k, k:]
+        of_A += moved[:, :k, :k]
         self._pieces = [_Piece(1.0, None, False)]
         if count >= INTERPOLATED_FROM:
             before, step, start = self._end
             if before is not first or abs(step - h) > SAME_STEP * h:
                 start = self._inverse(0.0)
             self._end = last, h, self._inverse(1.0)
-            self._solved = self._cubic[..., 2 * k :] @ self._sizes  # A times the solution that inverses are tried on
+            self._solved = whole @ self._sizes  # A times the solution that inverses are tried on
             self._pieces = self._interpolated(0.0, 1.0, count, start, self._end[2])
 
     def _allocate(self, tangent: Tangent) -> None:
@@ -96,20 +97,22 @@ class Track:
         if self._shape == (c, k):
             return
         self._shape, n, self._heaviest = (c, k), k + c, np.abs(np.diag(tangent.M)).max()
-        self._room = int(np.clip(IN_CACHE // (n * (2 * k + 2 * n)), AT_LEAST, TOGETHER))
-        self._cubic, self._wide = np.zeros((4, n, 2 * k + n)), np.zeros((self._room, n, 2 * k + n))
-        self._once = np.zeros(self._room, dtype=bool)
-        self._inverses, self._instant = np.zeros((self._room, n, n)), np.zeros((1, n, 2 * k + n))
+        numbers = n * (2 * k + n)
+        self._room = int(np.clip(IN_CACHE // (numbers + n * n), AT_LEAST, TOGETHER))
+        self._cubic, self._wide, self._instant = (np.zeros((rows, numbers)) for rows in (4, self._room, 1))
+        self._matrices = parted(self._wide, c, k)
+        self._once, self._inverses = np.zeros(self._room, dtype=bool), np.zeros((self._room, n, n))
         self._end: tuple[Tangent | None, float, np.ndarray | None] = (None, 0.0, None)
 
     def _make(self, place: slice, shares: np.ndarray) -> None:
         """Make steps at shares of the time between the tangents."""
-        wide, inverses = _at(shares, self._cubic, self._wide[place]), self._inverses[place]
+        _at(shares, self._cubic, self._wide[place])
+        whole, inverses = self._matrices[1][place], self._inverses[place]
         low, done = 0.0, 0
         for high, values, exact in self._pieces:
             part = slice(done, int(np.searchsorted(shares, high, side="right")))
             if values is None:
-                for one, inverse in zip(wide[part], inverses[part], strict=True):
+                for one, inverse in zip(whole[part], inverses[part], strict=True):
                     inverse[:] = self._inverted(one)
             elif part.stop > done:
                 weights = _weights((shares[part] - low) / (high - low), len(values))
@@ -156,12 +159,13 @@ class Track:
         return np.append(np.ones(k), np.full(c, self._scale))
 
     def _inverse(self, share: float) -> np.ndarray:
-        return self._inverted(_at(np.array([share]), self._cubic, self._instant)[0])
+        at = _at(np.array([share]), self._cubic, self._instant)
+        return self._inverted(parted(at, *self._shape)[1][0])
 
-    def _inverted(self, wide: np.ndarray) -> np.ndarray:
+    def _inverted(self, whole: np.ndarray) -> np.ndarray:
         """A^-1."""
         sizes = self._sizes
-        A = wide[:, -len(wide) :] * sizes
+        A = whole * sizes
         A *= sizes[:, None]
         try:
             inverse = np.linalg.inv(A)

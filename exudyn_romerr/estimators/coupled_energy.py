@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..decay.decay_rates import body_rates, stiffness_damping
 from ..linalg.blocked_products import row_norms
-from ..linalg.symmetric_factor import SymmetricFactor
-from ..model.admissible_space import mean_motion, rigid_modes
-from ..residual.decay_rates import body_rates
+from ..residual.free_mass import AtStart, free_velocity_norms
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
 
 if TYPE_CHECKING:
-    from ..model.body import ElasticBody
+    from collections.abc import Sequence
+
     from ..residual.problem import Problem
 
 
@@ -31,7 +31,11 @@ class MechanismEnergy:
 
     K_b^-1 on the free body is K^-1 where the reference conditions hold it and the first wrench balances it. Rigid
     motion has no energy: outputs are those seen from the body's frame. No decay rate is admissible, for rigid
-    motion is undamped.
+    motion is undamped. Where bodies have damping D >= beta K, rough residuals do less work than they vary:
+
+        |e|_K, |e'|_M <= rough ,   rough^2 = int sum_b |R_b|^2/(2 beta_b) dt ,   g <= rough + (sum_b |R_b|^2)^(1/2)
+
+    and g is the smaller one at every step, from whichever was smaller before.
     """
 
     name = "energy"
@@ -45,24 +49,30 @@ class MechanismEnergy:
         self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
         self.factors = problem.rows.C_K
         if self.velocity_rows.any():
-            seen = _free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
+            seen = free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
             self.factors = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
             self.factors[self.velocity_rows] = seen
         self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
         self.per_mass = body_rates(problem.body)[0].per_mass
-        self.g = 0.0
+        self.at_start = AtStart(problem)
+        self.beta = stiffness_damping(problem.body)
+        self.g = self.rough = 0.0
 
-    def energy_at(self, start: Start) -> float:
-        """Return |R(0)| of this body, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error.
+    def energies_at(self, start: Start) -> tuple[float, float]:
+        """Return what g and `rough` of this body begin with.
 
-        In static equilibrium -e0 is K^-1 R(0) as far as joints let it: what moves interfaces is counted whole.
+        g : |R(0)|, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error. In static equilibrium
+        -e0 is K^-1 R(0) as far as joints let it: what moves interfaces is counted whole. rough : the energy of e0 and
+        e0' and of what is cut; g without damping.
         """
+        size = float(self.norm(start.z))
         if start.y0 is None:
-            return float(self.norm(start.z)) + start.cut
+            return size + start.cut, start.cut if self.beta else size + start.cut
         w = start.y0.copy()
         w[: len(start.z)] += start.z
         held = np.linalg.norm(self._interfaces @ start.z)
-        return float(np.hypot(self.start_norms.K(w), self.start_norms.M(start.y0_t)) + held)
+        g = float(np.hypot(self.start_norms.K(w), self.start_norms.M(start.y0_t)) + held)
+        return g, g + size * (self.beta > 0)
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1): the pieces of its polygon, and what that does not hold."""
@@ -71,17 +81,26 @@ class MechanismEnergy:
         missed = missed if block.turn is None else missed + block.h * block.turn.missed
         return np.column_stack([block.pieces(self.norm), missed])
 
+    def roughness(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
+        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, 0 if undamped; and |R| at their ends."""
+        ends = block.norms(self.norm)
+        if not self.beta:
+            return np.zeros(len(ends)), ends[:, -1]
+        middle = self.norm(block.c[:, [0, -1]].mean(axis=1))
+        return block.h * (ends[:, 0] ** 2 + 4 * middle**2 + ends[:, -1] ** 2) / (12 * self.beta), ends[:, -1]
+
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
-        self.g = self.energy_at(start) if start.joint is None else start.joint
-        return self._bounds(start.z[None], np.array([self.g]), np.array([start.cut]))
+        self.g, self.rough = start.joint or self.energies_at(start)
+        g, rough, cut = np.array([[self.g], [self.rough], [start.cut]])
+        return self._bounds(start.z[None], g, rough, cut, np.zeros((1, 2)))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        varied = self.variations(block).sum(axis=1) if block.joint is None else block.joint
-        g = self.g + np.cumsum(varied)
-        self.g = float(g[-1])
-        return self._bounds(block.c[:, -1], g, cut_size(block))
+        g, rough = joint_growth([self], [block]) if block.joint is None else block.joint
+        self.g, self.rough = float(g[-1]), float(rough[-1])
+        more = np.zeros((len(g), 2)) if block.overshoot is None else block.overshoot
+        return self._bounds(block.c[:, -1], g, rough, cut_size(block), more)
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -91,12 +110,17 @@ class MechanismEnergy:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        self._given = z, g, cut
-        known = -(z @ self.static_rows.T)
-        slack = times(g, self.factors) + times(cut, self.static_cut)
-        position = self.norm_static(z) + (cut + g) * self.per_mass
-        return Bounds(position, g, np.abs(known) + slack, None, known, slack)
+    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
+        self._given = z, g, rough, cut, more
+        known, speed, jumped = -(z @ self.static_rows.T), np.minimum(g, rough), None
+        slack = np.where(self.velocity_rows, times(speed, self.factors), times(g, self.factors))
+        slack = slack + times(cut, self.static_cut)
+        if more.any():
+            moved, moved_t = (times(x, self.at_start.factors) for x in more.T)
+            jumped = np.where(self.velocity_rows, moved_t, moved)
+            slack += jumped
+        position = self.norm_static(z) + (cut + g) * self.per_mass + more[:, 0]
+        return Bounds(position, speed + more[:, 1], np.abs(known) + slack, jumped, known, slack)
 
 
 class CorrectedEnergy(MechanismEnergy):
@@ -167,8 +191,8 @@ class CorrectedEnergy(MechanismEnergy):
         rest, self._added = instant
         return super().bounds_at(rest)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray) -> Bounds:
-        rest, added = super()._bounds(z, g, cut), self._added
+    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
+        rest, added = super()._bounds(z, g, rough, cut, more), self._added
         rows, size = self._seen(added.q, added.q_t)
         known = rest.correction + rows
         du = np.abs(np.column_stack([known, size]))
@@ -178,7 +202,7 @@ class CorrectedEnergy(MechanismEnergy):
         left = left if added.left is not None else np.maximum(left, LINEARISED * du)
         slack = rest.correction_bound + left[:, :-1]
         position = rest.position + size + left[:, -1]
-        return Bounds(position, rest.velocity + added.speed, np.abs(known) + slack, None, known, slack)
+        return Bounds(position, rest.velocity + added.speed, np.abs(known) + slack, rest.jumped, known, slack)
 
     def _seen(self, q: np.ndarray, q_t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (S, R) of modes and vectors, and their mass norm (S,)."""
@@ -186,24 +210,34 @@ class CorrectedEnergy(MechanismEnergy):
         return np.where(self.velocity_rows, q_t @ rows, q @ rows), row_norms(q @ self.root.T)
 
 
-def joint_variation(columns: list[np.ndarray]) -> np.ndarray:
+def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
+    """Return g and rough (S,) of all bodies together at the ends of the segments of their next blocks.
+
+    R is linear in a segment. Of bodies without damping it counts as what varies in both.
+    """
+    pairs = list(zip(energies, blocks, strict=True))
+    varied = [energy.variations(block) for energy, block in pairs]
+    known = [(*energy.roughness(block), energy.beta > 0) for energy, block in pairs]
+    work, size = sum(x for x, *_ in known), np.sqrt(sum(is_damped * x**2 for _, x, is_damped in known))
+    others = [x[:, -is_damped:] for x, (*_, is_damped) in zip(varied, known, strict=True)]
+    g, rough, found = energies[0].g, energies[0].rough, []
+    for more, W, rest, R in np.column_stack([_joint(varied), work, _joint(others), size]).tolist():
+        one, other = g + more, (rough**2 + W) ** 0.5 + rest
+        g, rough = min(one, other + R), min(other, one + R)  # either may go on from the other
+        found.append((g, rough))
+    g, rough = np.array(found).reshape(-1, 2).T
+    return g, rough
+
+
+def _joint(columns: list[np.ndarray]) -> np.ndarray:
     """Variation (S,) of the bodies together from their variations (S, d): |.| of all is the root of the squares."""
-    return np.sqrt(sum(x**2 for x in columns)).sum(axis=1)
+    square = np.zeros((len(columns[0]), max(x.shape[1] for x in columns)))
+    for x in columns:
+        square[:, square.shape[1] - x.shape[1] :] += x**2
+    return np.sqrt(square).sum(axis=1)
 
 
 def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
     """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
     wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
     return np.linalg.qr(wrenches)[0].T @ problem.dual.Y_K[:, : problem.dual.k]
-
-
-def _free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
-    """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
-    space, positions = body.space, body.positions
-    held = space.conditions
-    if held is None:
-        held = mean_motion(np.unique(space.fixed // 3)).rows(positions)
-    rows, Rg = np.zeros((len(C), body.N)), rigid_modes(positions)
-    rows[:, space.free] = C
-    rows -= (rows @ Rg) @ np.linalg.solve(held @ Rg, held)
-    return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..decay.decay_rates import DecayRate, body_rates
 from ..linalg.linear_recurrence import decaying_sum
-from ..residual.decay_rates import DecayRate, body_rates
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Block, Start
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..decay.lag_table import LagTable
 from ..linalg import oscillator
-from ..residual.lag_table import LagTable
 from ..residual.modal_split import NormsAbove
 from ..trajectory.bounds import Bounds
 from ..trajectory.segments import Block

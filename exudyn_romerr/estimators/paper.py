@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..decay.lag_table import LagTable
 from ..linalg import oscillator
 from ..linalg.linear_recurrence import decaying_sum
-from ..residual.lag_table import LagTable
 from ..trajectory.segments import Block
 from .mass_norm import MassNormEstimator
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..decay.decay_rates import body_rates
 from ..linalg.linear_recurrence import decaying_sum
-from ..residual.decay_rates import body_rates
 from ..trajectory.bounds import Bounds
 from ..trajectory.segments import Block, Start
 from .energy import output_share, smallest
 
 if TYPE_CHECKING:
-    from ..residual.decay_rates import DecayRate
+    from ..decay.decay_rates import DecayRate
     from ..residual.problem import Problem
     from .estimator import Estimator
 

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from ..checks import check_choice
 from ..errors import InputError
 from ..model.body import ElasticBody
+from ..model.definiteness import check_not_swapped
 from ..report.formats.atomic_write import write_whole
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ class FEModel:
         reference: Any = None,
     ):
         self.mass, self.stiffness = sp.csr_matrix(mass), sp.csr_matrix(stiffness)
+        check_not_swapped(self.mass, self.stiffness)
         self.positions, self.node_numbers = positions, node_numbers
         self.node_sets, self.elements = dict(node_sets or {}), dict(elements or {})
         self.held = np.asarray(held, dtype=int)

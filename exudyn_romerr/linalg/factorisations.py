@@ -10,13 +10,16 @@ import platform
 import sys
 from functools import cached_property
 from importlib.util import find_spec
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
-from .pardiso import PardisoFactor, count_negative_pivots, too_large
+from .pardiso import PardisoFactor, count_negative_pivots, pardiso_solve, too_large
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PACKAGES = {"pardiso": "pymklpardiso", "metis": "pymetis"}  # the best first
 MANY = 30_000  # coordinates whose factorisation takes longer than a user likes to wait
@@ -68,6 +71,16 @@ def factorised(matrix: sp.csc_matrix) -> Factor:
     """Return a factorisation of a matrix that is meant to be definite; `complete` and the pivots tell."""
     kind = solver(matrix.shape[0])
     return PardisoFactor(matrix) if kind == "pardiso" else SuperLUFactor(matrix, _order(matrix, kind))
+
+
+def solve_with(matrix: sp.spmatrix) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what solves with any regular matrix (n, n), real or complex, for columns (n, k) of its kind."""
+    if solver(matrix.shape[0]) == "pardiso":
+        return pardiso_solve(matrix)
+    try:
+        return splu(sp.csc_matrix(matrix)).solve
+    except (MemoryError, SystemError) as error:
+        raise too_large(matrix, error) from error
 
 
 def count_negative(matrix: sp.csc_matrix, order: np.ndarray | None = None) -> int | None:

@@ -11,6 +11,8 @@ import scipy.sparse as sp
 from ..errors import AssumptionError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pymklpardiso import PardisoSolver
 
 ITERATIONS = 3  # of the inverse power method
@@ -20,6 +22,7 @@ OPTIONS = {1: 2, 9: 13, 20: 1}
 POSITIVE, NEGATIVE, PERTURBED = 21, 22, 13  # where PARDISO says how many pivots it found
 FORWARD = 331  # the phase that solves with L alone
 DEFINITE, INDEFINITE = 2, -2
+ANY = {"f": 11, "c": 13}  # real or complex, of no symmetry
 NO_ROOM = "not enough memory"
 DIGITS = 53  # bits of a double
 SMALLEST = 1e-200  # largest entry of a column that is split: of smaller ones the last bits would vanish
@@ -32,7 +35,7 @@ class PardisoFactor:
     negative_pivots = 0
 
     def __init__(self, matrix: sp.csc_matrix):
-        self._matrix = sp.csr_matrix(matrix)
+        self._n, self._rows = matrix.shape[0], matrix.T  # by rows, but for rounding, and no copy
         self._solver = None if matrix.diagonal().min(initial=1.0) <= 0 else _pardiso(matrix, DEFINITE)
         self.complete = self._solver is not None
 
@@ -44,12 +47,11 @@ class PardisoFactor:
         """
         if not self.complete:
             return 0.0
-        n = self._matrix.shape[0]
-        motion = np.random.default_rng(0).standard_normal((n, 1))
+        motion = np.random.default_rng(0).standard_normal((self._n, 1))
         for _ in range(ITERATIONS):
             motion = self.solve(motion / np.abs(motion).max())
         likely = np.argsort(-np.abs(motion[:, 0]))[:CANDIDATES]
-        unit = np.zeros((n, len(likely)))
+        unit = np.zeros((self._n, len(likely)))
         unit[likely, range(len(likely))] = 1.0
         return float(1 / np.max(self.solve(unit)[likely, range(len(likely))]))
 
@@ -73,7 +75,8 @@ class PardisoFactor:
 
     @cached_property
     def _split(self) -> SplitMatrix:
-        return SplitMatrix(self._matrix)
+        split, self._rows = SplitMatrix(self._rows), None  # which is in it, and of a large body takes room
+        return split
 
 
 def _pardiso(matrix: sp.csc_matrix, kind: int) -> PardisoSolver | None:
@@ -97,6 +100,21 @@ def count_negative_pivots(matrix: sp.csc_matrix) -> int | None:
         return None
     positive, negative, perturbed = (solver.get_iparm_value(i) for i in (POSITIVE, NEGATIVE, PERTURBED))
     return negative if perturbed == 0 and positive + negative == matrix.shape[0] else None
+
+
+def pardiso_solve(matrix: sp.spmatrix) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what solves with any regular matrix (n, n), real or complex, for columns (n, k)."""
+    from pymklpardiso import PardisoSolver
+
+    rows = sp.csr_matrix(matrix)
+    rows.sort_indices()
+    try:
+        solver = PardisoSolver(rows, ANY[rows.dtype.kind])
+    except RuntimeError as error:
+        if NO_ROOM in str(error):
+            raise too_large(matrix, error) from error
+        raise
+    return lambda right: solver.solve(np.asfortranarray(right, dtype=rows.dtype))
 
 
 class SplitMatrix:

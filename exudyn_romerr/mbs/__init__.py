@@ -6,6 +6,7 @@ from .floating.floating_body import FloatingBody, floating_body
 from .monitoring.attach import attach
 from .monitoring.monitor import MechanismMonitor, Monitor
 from .studies.choose_modes import choose_modes
+from .studies.modal_damping import set_modal_damping
 from .studies.solution_file import evaluate_file
 from .studies.two_level import LevelOutput, TwoLevel, two_level
 
@@ -23,5 +24,6 @@ __all__ = [
     "floating_body",
     "hold_modes",
     "keep_modes",
+    "set_modal_damping",
     "two_level",
 ]

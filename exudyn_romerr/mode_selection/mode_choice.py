@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..report.report import SAMPLED
+from ..report.wording import digits
 from .modal_forecast import ESTIMATE, TINY, fewest_modes
 from .tried_run import BASIS, SLACK, STEP, TriedRun
 
@@ -86,12 +87,15 @@ class ModeChoice:
         bounds = f"its bounds are {'' if self.met else 'not '}within the tolerance{frozen}"
         lines = [f"{self.chosen.basis}: {closest}{self.answer}; {bounds}; their scope: {', '.join(sorted(scopes))}"]
         lines += [f"  run {i}: {run}" for i, run in enumerate(self.tried, start=1)]
-        lines.append(f"  {self.chosen.assessment}")
-        lines += [f"  {self._smaller()}"] if self.chosen.is_enough else [f"  {CURES[self.limit]}"]
+        found = self.chosen.assessment
+        if self.chosen.is_enough:
+            lines += [f"  {found}", f"  {self._smaller()}"]
+        else:  # one cure: that of the search, which knows more than one run does
+            lines.append(f"  {found.said}: {CURES[self.limit]}")
         if self.failed is not None:
             lines.append(f"  not tried further, for a run failed: {self.failed}")
         if self.step_error is not None:
-            errors = ", ".join(f"{name} {x:.3g}" for name, x in self.step_error.items())
+            errors = ", ".join(f"{name} {digits(x)}" for name, x in self.step_error.items())
             cure = "; too long" if self.limit == STEP else ""
             lines.append(f"  error of the time steps, estimated from a run with half of them: {errors}{cure}")
         elif not self.chosen.covers_steps:
@@ -107,7 +111,7 @@ class ModeChoice:
         for run in self.tried:
             if (run.modes, run.kind) == (modes, self.kind):
                 return f"{name}: {run.assessment.answer}, was tried"
-        worst = ", ".join(f"{output} <= {x:.3g}" for output, x in self.chosen.expected(modes).items())
+        worst = ", ".join(f"{output} <= {digits(x)}" for output, x in self.chosen.expected(modes).items())
         decides = "estimates" if self.chosen.by == ESTIMATE else "bounds"
         place = "within the tolerance, too, but it was not tried" if self.chosen.would_meet(modes) else "above it"
         return f"{name}: {decides} {place}, by a forecast: {worst}"

@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..report.assessment import ANSWERS
 from ..report.estimate_wording import covers_time, estimate_scope
 from ..report.scope import FROZEN
-from ..report.wording import rounded_up, widest_scope
+from ..report.wording import digits, rounded_up, widest_scope
 from .modal_forecast import BOUND, ESTIMATE
 
 if TYPE_CHECKING:
@@ -126,12 +126,12 @@ class TriedRun:
         return min(drops, key=lambda modes: max(self.expected(modes).values()))
 
     def __str__(self) -> str:
-        said = [f"{name}{self._said_of(name)} (allowed {x:.3g})" for name, x in self.tolerance.items()]
+        said = [f"{name}{self._said_of(name)} (allowed {digits(x)})" for name, x in self.tolerance.items()]
         return f"{self.basis}: {', '.join(said)}: {self.assessment.answer}"
 
     def _said_of(self, name: str) -> str:
         bound = f" <= {rounded_up(self.bound[name])}"
-        return bound if self.by == BOUND else f" about {self.decisive[name]:.3g} or less, bound{bound}"
+        return bound if self.by == BOUND else f" about {digits(self.decisive[name])} or less, bound{bound}"
 
 
 def outputs_and_reports(reports: Iterable[BoundReport]) -> Iterator[tuple[OutputReport, BoundReport]]:

@@ -13,12 +13,12 @@ from ..checks import check_count
 from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import Modes, lowest_modes
-from ..linalg.factorisations import faster
+from ..linalg.factorisations import MANY, faster
 from ..linalg.modal_damping import ModalDamping
 from ..linalg.oscillator import Constants
 from ..linalg.symmetric_factor import SymmetricFactor
 from .admissible_space import MassOrthogonal, MeanMotion, Space, checked_parts, condition_rows
-from .definiteness import check_damping, check_mass, check_masses, check_stiffness
+from .definiteness import check_damping, check_mass, check_masses, check_not_swapped, check_stiffness
 from .matrix_input import checked_dofs, checked_matrix, checked_positions, checked_ratios, checked_rayleigh, precision
 
 if TYPE_CHECKING:
@@ -83,6 +83,7 @@ class ElasticBody:
         self.stiffness = checked_matrix("stiffness", stiffness, self.N)
         self.positions = checked_positions(positions, self.N)
         self.fixed = checked_dofs(fixed, self.N)
+        check_not_swapped(self.mass, self.stiffness)
         if self.fixed.size == self.N:
             raise InputError(f"fixed lists all {self.N} coordinates; at least one must stay free")
         self.space = Space(self.N, self.fixed, condition_rows(self, reference), checked_parts(self, rigid))
@@ -97,6 +98,8 @@ class ElasticBody:
             warnings.warn(help_at_hand, stacklevel=2)
         check_masses(self.M, self.free)
         check_mass(self.M, self.mass_factor, self.free)
+        if self.free.size > MANY:
+            del self.mass_factor  # made again for the norms that need it: before these, others take the memory
         check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
         if self.damping is not None:
             check_damping(self.D)
@@ -238,6 +241,9 @@ class ElasticBody:
         if self.damping is not None:
             raise InputError("modal_damping and damping were both given; pass one of them")
         ratios = checked_ratios(given, self.free.size)
-        modes = self.modes(ratios.size) if ratios.ndim else self.all_modes()
+        if not ratios.ndim and self.free.size > ALL_MODES_LIMIT:
+            few = f"more than the {ALL_MODES_LIMIT} that are computed: pass a list, one for each of the lowest modes"
+            raise AssumptionError(f"modal_damping={float(ratios):g} is for all modes; {self.free.size} are {few}")
+        modes = self.modes(ratios.size if ratios.ndim else self.free.size)
         self.modal = ModalDamping(self.M, self.K, modes, np.broadcast_to(ratios, modes.omega.shape), self.rayleigh)
         self.rayleigh = None

@@ -16,10 +16,34 @@ if TYPE_CHECKING:
 
     from ..linalg.symmetric_factor import SymmetricFactor
 
+FREE = 1e-6  # of the largest sum of terms of a row: matrices printed with 7 digits
 NAMED = 8  # coordinates at most
 STILL = 1e-6  # of the largest entry of a motion: smaller ones are what rounding leaves of zero
 # relative to the stiffest coordinate: above rounding (1e-16), below the elastic modes of meshed bodies
 RIGID = 1e-13
+
+
+def check_not_swapped(mass: sp.spmatrix, stiffness: sp.spmatrix) -> None:
+    """Raise InputError if the mass lets all nodes translate for nothing, and the stiffness does not.
+
+    Of 3 or 6 coordinates a node; bodies of other coordinates, and those that are held already, are not told apart.
+    """
+    for per_node in (3, 6):
+        if mass.shape[0] % per_node == 0 and _is_free(mass, per_node) and not _is_free(stiffness, per_node):
+            raise InputError(
+                "mass and stiffness are swapped: against translations of all nodes the matrix given as mass has no "
+                "inertia, as the stiffness of a free body has none, and the one given as stiffness has; pass each as "
+                "the other"
+            )
+
+
+def _is_free(matrix: sp.spmatrix, per_node: int) -> bool:
+    """Whether a matrix that is not zero takes all three translations to zero, but for rounding of its terms."""
+    translations = np.zeros((matrix.shape[0], 3))
+    for axis in range(3):
+        translations[axis::per_node, axis] = 1.0
+    terms = np.max(abs(matrix) @ translations)
+    return bool(terms > 0 and np.max(np.abs(matrix @ translations)) <= FREE * terms)
 
 
 def check_masses(M: sp.csc_matrix, free: np.ndarray) -> None:

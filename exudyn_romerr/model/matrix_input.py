@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +85,12 @@ def checked_ratios(ratios: Any, size: int) -> np.ndarray:
         raise InputError(f"modal_damping has {ratios.size} ratios; allowed: 1..{size} (modes), or a number for all")
     if np.any(ratios < 0):
         raise AssumptionError(f"modal_damping has a ratio {ratios.min():g}: it feeds energy in; ratios must be >= 0")
+    if np.any(ratios > 1):
+        warnings.warn(
+            f"modal_damping has a ratio {ratios.max():g}: above 1 a mode does not ring at all. Ratios are no "
+            "percentages: 2 % is 0.02",
+            stacklevel=3,
+        )
     return ratios
 
 

@@ -25,14 +25,15 @@ def shared_body(
     fixed: tuple[int, ...],
     rigid: tuple[tuple[int, ...], ...],
     reference: MeanMotion | MassOrthogonal | None,
+    modal_damping: tuple[float, ...] | float | None = None,
 ) -> ElasticBody:
     """Return ElasticBody(mass, stiffness, ...), or one that is still there and was made of the same numbers."""
     held = (reference.nodes, reference.weights) if isinstance(reference, MeanMotion) else ()
     arrays = [array for A in (mass, stiffness) for array in (A.indptr, A.indices, A.data)]
-    kind, arrays = (rayleigh, fixed, rigid, type(reference)), [*arrays, positions, *held]
+    kind, arrays = (rayleigh, fixed, rigid, type(reference), modal_damping), [*arrays, positions, *held]
     for body, (its_kind, its_arrays) in _MADE.items():
         if kind == its_kind and all(map(np.array_equal, arrays, its_arrays)):
             return body
-    body = ElasticBody(mass, stiffness, rayleigh, None, fixed, positions, reference, rigid)
+    body = ElasticBody(mass, stiffness, rayleigh, None, fixed, positions, reference, rigid, modal_damping)
     _MADE[body] = kind, arrays
     return body

@@ -7,13 +7,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..estimators.coupled_energy import MechanismEnergy, joint_variation
+from ..estimates.overshoot import Overshoot, overshoots
+from ..estimators.coupled_energy import MechanismEnergy, joint_growth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ..estimates.march import Scheme
+    from ..residual.free_mass import AtStart
     from ..trajectory.samples import Extension
     from .run import Opening, Run
+
+UNKNOWN_SCHEME = (
+    "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that they "
+    "do not resolve, is not in the bound; call SolveDynamic without storeSolver=False"
+)
+BEGUN_ANEW = (
+    "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
+    "that ring and that they do not resolve, is not in the bound; a spectral radius of 1 leaves them as they are"
+)
 
 
 def shared_energy(run: Run, stream: str) -> MechanismEnergy:
@@ -26,15 +38,63 @@ def joined_openings(runs: Sequence[Run], openings: Sequence[Opening]) -> list[Op
     if any(opening.start is None for opening in openings):  # they go on from runs before, with one energy already
         return list(openings)
     pairs = [(shared_energy(run, "reduction"), o.start) for run, o in zip(runs, openings, strict=True)]
-    joint = float(np.linalg.norm([energy.energy_at(start) for energy, start in pairs]))
+    joint = tuple(np.linalg.norm([energy.energies_at(start) for energy, start in pairs], axis=0).tolist())
     return [o._replace(start=replace(o.start, joint=joint)) for o in openings]
 
 
-def join_extensions(runs: Sequence[Run], extensions: Sequence[Extension]) -> None:
-    """Tell every block how much R of all bodies varies together in each of its segments."""
+class FirstSteps:
+    """What the integrator may add to |e|_M and |e'|_M of the bodies of a mechanism (estimates/overshoot.py).
+
+    scheme : of the solver; None: unknown.
+    """
+
+    def __init__(self, scheme: Scheme | None):
+        self._scheme, self._push = scheme, 0.0
+        self._overshoot: Overshoot | None = None
+        self._positions = np.zeros(0)
+
+    def open(self, runs: Sequence[Run], openings: Sequence[Opening]) -> str:
+        """Begin; return what is not known, if anything."""
+        if self._scheme is None:
+            return UNKNOWN_SCHEME
+        if not overshoots(self._scheme):
+            return ""
+        if any(opening.start is None for opening in openings):
+            return BEGUN_ANEW
+        starts = [shared_energy(run, "reduction").at_start for run in runs]
+        self._push = float(np.linalg.norm([_push(at, opening) for at, opening in zip(starts, openings, strict=True)]))
+        self._overshoot = Overshoot(self._scheme, openings[0].start.t, [at.damping for at in starts])
+        return ""
+
+    def advance(self, t: np.ndarray) -> np.ndarray:
+        """Return it (S, 2) at the next samples t (S,)."""
+        more = np.zeros((len(t), 2))
+        if self._push:
+            more = self._push * self._overshoot.advance(t)
+        self._positions = more[:, 0]
+        return more
+
+    def seen(self, run: Run) -> np.ndarray | float:
+        """Return what outputs in global axes of a body may see of it (S, r), at the samples of `advance`."""
+        if not self._positions.any():
+            return 0.0
+        return np.outer(self._positions, shared_energy(run, "reduction").at_start.shown)
+
+
+def _push(at: AtStart, opening: Opening) -> float:
+    """|R(0) + K e(0)|_{M^-1}, what accelerates a full body beside the reduced one where both start."""
+    first, start = opening.first, opening.start
+    if start.y0 is not None:
+        return at.push(start.z + start.y0)
+    return at.push(at.coordinates(first.q[0], first.q_t[0], first.q_tt[0], opening.inputs))
+
+
+def join_extensions(runs: Sequence[Run], extensions: Sequence[Extension], first_steps: FirstSteps) -> None:
+    """Tell every block what energy all bodies have together at the ends of its segments."""
+    overshoot = first_steps.advance(extensions[0].new.t)
     for stream in extensions[0].segments:
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]
-        joint = joint_variation([e.variations(block) for e, block in zip(energies, blocks, strict=True)])
+        joint = joint_growth(energies, blocks)
         for block in blocks:
-            block.joint = joint
+            block.joint, block.overshoot = joint, overshoot

@@ -30,7 +30,7 @@ BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larg
 
 
 class Opening(NamedTuple):
-    """The first sample of a run, and the run that it goes on from or what the estimators start with.
+    """First sample of a run, with its inputs (p,), and the run that it goes on from or what estimators start with.
 
     rest : inputs (p,) that the full body is in equilibrium with before, after a static run.
     """
@@ -39,6 +39,7 @@ class Opening(NamedTuple):
     before: Run | None
     start: Start | None
     rest: np.ndarray | None = None
+    inputs: np.ndarray | None = None
 
 
 class Run:
@@ -80,8 +81,7 @@ class Run:
     def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
         """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
 
-        after: a run whose last state this one starts in; its bounds go on. After a static run the full body starts in
-        its own equilibrium under the static run's last loads (the run's offline part must be `from_static`).
+        after: a run that this one goes on from; from a static one (offline: `from_static`) at its own rest.
         """
         self.open(self.opening(t, q, q_t, q_tt, u, frame, after))
 
@@ -94,11 +94,11 @@ class Run:
         start = start_of(self.offline, first, self._jumps, rest)
         if start.y0 is None and (first.q.any() or first.q_t.any()):
             self.messages.append(IN_THE_SPAN)
-        return Opening(first, None, start, rest)
+        return Opening(first, None, start, rest, self._inputs_given[0])
 
     def open(self, opening: Opening) -> None:
         """Begin the run."""
-        first, before, start, _ = opening
+        first, before, start, *_ = opening
         self._own = self.offline.own_motion(start) if before is None else before._own
         rounded = self.offline.rounded(first, self._own)
         if start is not None:

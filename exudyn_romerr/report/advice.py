@@ -13,6 +13,7 @@ from .wording import (
     MORE_VECTORS,
     STEPS,
     at_round_off,
+    digits,
     error_kind,
     percent,
     permitted,
@@ -96,7 +97,7 @@ def _slack(out: OutputData, time: str, scope: dict[str, str], row: int | None) -
     bound, most = np.max(out.bound["best"][:, _rows(row)]), known(out, row).most
     if covers_more(out, time, scope) or not FAR * most < bound < np.inf or most == 0:
         return ""
-    return f"the bound is {bound / most:.2g} times the estimate: {MORE_VECTORS} sharpen it"
+    return f"the bound is {digits(bound / most, 2)} times the estimate: {MORE_VECTORS} sharpen it"
 
 
 def by_bound(out: OutputData, row: int | None = None) -> str | None:

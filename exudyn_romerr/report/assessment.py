@@ -17,16 +17,21 @@ from .wording import (
     CURES_OF_CHECKS,
     NOT_THE_MECHANISM,
     advises,
+    digits,
     is_uncertified,
+    rounded_down,
     rounded_up,
     widest_scope,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from .data import OutputData, ReportData
     from .estimate_wording import Known
 
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
+SMALL = 0.01  # of the largest row: one below it that decides alone is told of
 NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
 UNCERTIFIED = "the balance of the run does not certify what is computed of it"
 
@@ -35,11 +40,17 @@ UNCERTIFIED = "the balance of the run does not certify what is computed of it"
 class Assessment:
     """Whether the error of an output is within a tolerance; see BoundReport.assess.
 
-    answer : "proven", "likely", "unknown", "unlikely" or "disproven". text : a sentence, with what to do next.
+    answer : "proven", "likely", "unknown", "unlikely" or "disproven". said, todo : why, and what to do next.
     """
 
     answer: str
-    text: str
+    said: str
+    todo: str
+
+    @property
+    def text(self) -> str:
+        """A sentence of both."""
+        return f"{self.said}: {self.todo}."
 
     def __str__(self) -> str:
         return self.text
@@ -50,7 +61,31 @@ def assess(report: ReportData, name: str, tolerance: float, relative: bool = Fal
     out = report.output(name)
     limits = _limits(out, tolerance, relative)
     found = [_of_row(report, replace(out, tolerance=limit), row) for row, limit in enumerate(limits)]
+    worst = _worst(found)
+    return _with_small_row(out, tolerance, found, found.index(worst)) if relative else worst
+
+
+def _worst(found: Sequence[Assessment]) -> Assessment:
     return min(found, key=lambda assessment: ANSWERS.index(assessment.answer))
+
+
+def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], row: int) -> Assessment:
+    """The answer of the worst row, which, where rows that hardly move make it, says what is known of the others.
+
+    A share of what is next to nothing asks for more than anybody needs, and often for more than rounding leaves.
+    """
+    sizes = np.max(np.abs(out.value), axis=0)
+    largest = int(np.argmax(sizes))
+    others = [found[i] for i in np.flatnonzero(sizes >= SMALL * sizes[largest])]
+    if sizes[row] >= SMALL * sizes[largest] or _worst(others).answer == found[row].answer:
+        return found[row]
+    small, large = (f"up to {digits(sizes[i])}" for i in (row, largest))
+    why = (
+        f"this row is {small} {out.unit}, {out.row_names[largest]} {large}; "
+        f"for rows above {SMALL:g} of that the answer is '{_worst(others).answer}'"
+    )
+    absolute = rounded_down(tolerance * sizes[largest])
+    return replace(found[row], todo=f"{why}; assess({out.name!r}, {absolute}) asks for the same of all rows")
 
 
 def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
@@ -72,7 +107,7 @@ def _of_row(report: ReportData, out: OutputData, row: int) -> Assessment:
             said = f"its error is at most {rounded_up(most)} {out.unit}, within {_limit(out)}"
             return _made(out, row, "proven", said, "nothing to do")
         if least > out.tolerance:
-            said = f"its error is at least {_rounded_down(least)} {out.unit}, above {_limit(out)}"
+            said = f"its error is at least {rounded_down(least)} {out.unit}, above {_limit(out)}"
             return _made(out, row, "disproven", said, _next(report, out, row))
     return _estimated(report, out, row)
 
@@ -98,7 +133,7 @@ def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
     answer = _answer(out, row, found)
     if answer == "unknown" and not found.is_resolved:
         half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
-        said = f"the estimate of its {kind}, {found.size:.2g} {out.unit}, half width {half}, does not tell"
+        said = f"the estimate of its {kind}, {digits(found.size, 2)} {out.unit}, half width {half}, does not tell"
         return _made(out, row, answer, f"{said} whether it is within {_limit(out)}", CURES_OF_CHECKS[found.check])
     where = {"likely": "within", "unlikely": "above"}.get(answer, "too close to tell from")
     todo = "nothing to do" if answer == "likely" else _next(report, out, row)
@@ -113,18 +148,12 @@ def _answer(out: OutputData, row: int, found: Known) -> str:
 
 
 def _made(out: OutputData, row: int, answer: str, said: str, todo: str) -> Assessment:
-    return Assessment(answer, f"{out.row_names[row]}: {answer}, {said}: {todo}.")
+    return Assessment(answer, f"{out.row_names[row]}: {answer}, {said}", todo)
 
 
 def _limit(out: OutputData) -> str:
-    return f"the tolerance of {out.tolerance:.3g} {out.unit}".rstrip()
+    return f"the tolerance of {digits(out.tolerance)} {out.unit}".rstrip()
 
 
 def _next(report: ReportData, out: OutputData, row: int) -> str:
     return advice(out, report.time, report.scope, row) if advises(report) else "see the messages"
-
-
-def _rounded_down(x: float) -> str:
-    """Three digits: printing must not make more of what is proved."""
-    text = f"{x:.3g}"
-    return text if float(text) <= x else f"{x - 0.5 * 10.0 ** (np.floor(np.log10(x)) - 2):.3g}"

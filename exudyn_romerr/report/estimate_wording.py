@@ -8,7 +8,7 @@ import numpy as np
 
 from ..estimates.estimate import RESOLVED
 from .scope import FROZEN
-from .wording import CURES_OF_CHECKS, SHORT, error_kind, percent, permitted, rounded_up, widest_scope
+from .wording import CURES_OF_CHECKS, SHORT, digits, error_kind, percent, permitted, rounded_up, widest_scope
 
 if TYPE_CHECKING:
     from .data import OutputData
@@ -118,9 +118,11 @@ def about(out: OutputData, row: int, found: Known) -> str:
         return f"about {number(found)} {out.unit}{notes and f' ({notes})'}"
     if is_enough(out, found):
         share = _share(found.most, of)
-        return f"about {found.most:.2g} {out.unit} or less{share and f' ({share})'}"
+        return f"about {digits(found.most, 2)} {out.unit} or less{share and f' ({share})'}"
     half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
-    return f"not resolved: {CURES_OF_CHECKS[found.check]} (about {found.size:.2g} {out.unit}, half width {half})"
+    return (
+        f"not resolved: {CURES_OF_CHECKS[found.check]} (about {digits(found.size, 2)} {out.unit}, half width {half})"
+    )
 
 
 def about_all(out: OutputData, scope: dict[str, str]) -> str:
@@ -135,7 +137,7 @@ def about_all(out: OutputData, scope: dict[str, str]) -> str:
         share = _share(found.size, largest)
         said = f"{number(found)} {unit}{share and f' ({share})'}"
     elif is_enough(out, found):
-        said = f"{found.most:.2g} {unit} or less"
+        said = f"{digits(found.most, 2)} {unit} or less"
     else:
         said = "not resolved"
     return f"{said}{estimated_under(out, scope)}"
@@ -143,7 +145,7 @@ def about_all(out: OutputData, scope: dict[str, str]) -> str:
 
 def number(found: Known) -> str:
     """Return the largest estimate, how far off it may be where that shows, and no more digits than that leaves."""
-    size = f"{found.size:.{3 if found.off <= THREE_DIGITS * found.size else 2}g}"
+    size = digits(found.size, 3 if found.off <= THREE_DIGITS * found.size else 2)
     off = float(f"{found.off:.3g}")  # a difference, whose last digits are rounding
     return f"{size} +- {rounded_up(off, 1)}" if found.off > SHOWN * found.size else size
 
@@ -154,7 +156,7 @@ def off_by(out: OutputData, row: int | None = None) -> str:
     off, share = _largest((out.error - out.estimate)[:, rows]), ""
     if (true := _largest(out.error[:, rows])) > 0:
         share = percent(off / true) or "more than 1000 %"
-    return f"the estimate is off by up to {off:.2g} {out.unit}{share and f' ({share} of it)'}"
+    return f"the estimate is off by up to {digits(off, 2)} {out.unit}{share and f' ({share} of it)'}"
 
 
 def rest(out: OutputData, cause: str, row: int | None) -> str:
@@ -164,8 +166,9 @@ def rest(out: OutputData, cause: str, row: int | None) -> str:
     size, most = _largest(left), _largest(left + half)
     if not 0 < most < np.inf:
         return ""
-    is_resolved = _largest(half) <= RESOLVED * size
-    return f"; the rest is about {f'{size:.2g} {out.unit}' if is_resolved else f'{most:.2g} {out.unit} or less'}"
+    if _largest(half) <= RESOLVED * size:
+        return f"; the rest is about {digits(size, 2)} {out.unit}"
+    return f"; the rest is about {digits(most, 2)} {out.unit} or less"
 
 
 def _share(x: float, of: float) -> str:
@@ -175,7 +178,7 @@ def _share(x: float, of: float) -> str:
 def _parts(found: Known) -> list[str]:
     """Causes that show in the estimate; a single one needs no number, it is all of it."""
     seen = {cause: x for cause, x in found.parts.items() if x > SHOWN * found.size}
-    return list(seen) if len(seen) == 1 else [f"{cause} {x:.2g}" for cause, x in seen.items()]
+    return list(seen) if len(seen) == 1 else [f"{cause} {digits(x, 2)}" for cause, x in seen.items()]
 
 
 def _largest(x: np.ndarray) -> float:

@@ -8,8 +8,8 @@ import numpy as np
 
 from .advice import by_bound, next_step
 from .estimate_wording import about_all, estimated_kind
-from .scope import NOT_CERTIFIED
-from .wording import advises, error_kind, is_uncertified, percent, rounded_up, under, widest_scope
+from .scope import NOT_CERTIFIED, UNATTACHED
+from .wording import advises, digits, error_kind, is_uncertified, percent, rounded_up, under, widest_scope
 
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
@@ -42,9 +42,16 @@ def _heads(report: ReportData) -> list[str]:
 def _line(report: ReportData, out: OutputData, columns: int) -> tuple[str, ...]:
     estimate = [about_all(out, report.scope)] if columns == 6 else []
     scope = widest_scope(report.scope) + (f", {NOT_CERTIFIED}" if is_uncertified(report) else "")
-    step = next_step(out, report.time, report.scope) if advises(report) else "see the messages"
+    step = _next_step(report, out) if advises(report) else "see the messages"
     largest = np.max(np.abs(out.value))
-    return (out.name, f"{largest:.4g} {out.unit}", *estimate, _at_most(report, out, largest), scope, step)
+    return (out.name, f"{digits(largest, 4)} {out.unit}", *estimate, _at_most(report, out, largest), scope, step)
+
+
+def _next_step(report: ReportData, out: OutputData) -> str:
+    """What helps most: under the forces of a run whose other bodies' errors are not known, to know these."""
+    if UNATTACHED in report.scope_reason:
+        return "attach all flexible bodies"
+    return next_step(out, report.time, report.scope)
 
 
 def _at_most(report: ReportData, out: OutputData, largest: float) -> str:

@@ -23,6 +23,7 @@ from .wording import (
     advises,
     at_round_off,
     corrected_within,
+    digits,
     estimator_lines,
     outside,
     widest_scope,
@@ -174,9 +175,9 @@ class BoundReport(ReportData):
                 lines.append(f"  {corrected_within(out, out.corrected_bound, self.scope)}")
             if out.effectivity:
                 largest = np.max(np.abs(out.error))
-                ratios = ", ".join(f"{e} {np.max(x):.3g}" for e, x in out.effectivity.items() if e != "best")
+                ratios = ", ".join(f"{e} {digits(np.max(x))}" for e, x in out.effectivity.items() if e != "best")
                 off = "" if out.estimate is None else f"; {off_by(out)}"
-                lines.append(f"  true error up to {largest:.3g} {out.unit}; bound / error: {ratios}{off}")
+                lines.append(f"  true error up to {digits(largest)} {out.unit}; bound / error: {ratios}{off}")
                 lines += [
                     f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row, self.time))
                 ]

@@ -14,6 +14,7 @@ from .wording import (
     NOT_THE_MECHANISM,
     at_round_off,
     best_estimator,
+    digits,
     error_kind,
     largest,
     percent,
@@ -29,13 +30,14 @@ if TYPE_CHECKING:
 def row_verdict(out: OutputData, row: int, time: str, scope: dict[str, str]) -> str:
     """Return one line of the summary: largest value, estimate, bound at the worst instant, whose bound that is."""
     by = f", by '{best_estimator(out, row, scope)}'"
-    return f"{out.row_names[row]}: up to {largest(out.value, row):.4g} {out.unit}{_error(out, row, time, scope, by)}"
+    size = f"{digits(largest(out.value, row), 4)} {out.unit}"
+    return f"{out.row_names[row]}: up to {size}{_error(out, row, time, scope, by)}"
 
 
 def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
     """Return the verdict on one row of an output as a sentence that can stand alone, with advice or without."""
     todo = advice(out, time, scope, row) if advised else ""
-    size = f"{largest(out.value, row):.4g} {out.unit}"
+    size = f"{digits(largest(out.value, row), 4)} {out.unit}"
     return f"{out.row_names[row]} is up to {size}{_error(out, row, time, scope)}{todo and f'; {todo}'}."
 
 

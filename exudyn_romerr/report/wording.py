@@ -38,6 +38,7 @@ CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the chec
     "loads": "smoother loads",
     "proved": MORE_VECTORS,
 }
+LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
 NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be many times larger"
@@ -45,12 +46,22 @@ REMAINDER = "linear equations leave out about {:.2g} % of the deformation that {
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
-def rounded_up(x: float, digits: int = 3) -> str:
+def digits(x: float, count: int = 3) -> str:
+    """Return x in so many digits, below 1e4 without an exponent: 310 where Python's format says 3.1e+02."""
+    text = f"{x:.{count}g}"
+    return f"{float(text):g}" if "e+" in text and abs(float(text)) < LONGEST else text
+
+
+def rounded_up(x: float, count: int = 3) -> str:
     """Return x >= 0 in so many digits, rounded up: printing must not make a bound smaller."""
-    text = f"{x:.{digits}g}"
-    if float(text) >= x:
-        return text
-    return f"{float(text) + 10.0 ** (floor(log10(x)) - digits + 1):.{digits}g}"
+    text = digits(x, count)
+    return text if float(text) >= x else digits(float(text) + 10.0 ** (floor(log10(x)) - count + 1), count)
+
+
+def rounded_down(x: float) -> str:
+    """Return x >= 0 in three digits, rounded down: printing must not make more of what is proved."""
+    text = digits(x)
+    return text if float(text) <= x else digits(x - 0.5 * 10.0 ** (floor(log10(x)) - 2))
 
 
 def percent(share: float) -> str:
@@ -154,7 +165,7 @@ def permitted(out: OutputData) -> tuple[float, str]:
     that stays zero nothing is enough unless a tolerance says so.
     """
     if out.tolerance is not None:
-        return out.tolerance, f"the tolerance of {out.tolerance:.4g} {out.unit}"
+        return out.tolerance, f"the tolerance of {digits(out.tolerance, 4)} {out.unit}"
     moves = out.of == "position"
     largest = np.max(np.ptp(out.value, axis=0) if moves else np.abs(out.value), initial=0.0)
     of_all = f" of {out.name}" if out.value.shape[1] > 1 else ""

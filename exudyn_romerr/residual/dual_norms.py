@@ -51,15 +51,18 @@ class DualNorms:
     @cached_property
     def Y_K(self) -> np.ndarray:
         """[L, K q0, M q0'] where |.|_{K^-1} is the 2-norm; K V as it is, so that no digits are lost in it."""
-        factor = self.body.stiffness_factor
-        start = []
+        return self.columns_K(np.arange(self.map.coordinates.p))
+
+    def columns_K(self, inputs: np.ndarray) -> np.ndarray:
+        """Return those columns of Y_K that belong to some inputs, and all others; nothing is kept."""
+        factor, start = self.body.stiffness_factor, []
         if self.initial_state is not None:
             q0, q0_t = self.initial_state
             start = [(factor.half_multiply, q0[:, None], 1), (factor.half_solve, self.body.M @ q0_t[:, None], 1)]
         return _side_by_side(
             *((factor.half_solve, block, 1) for block in self.map.of_motion[:-1]),
             (factor.half_multiply, self.map.V, 1),
-            (factor.half_solve, self.map.B, -1),
+            (factor.half_solve, self.map.B[:, inputs], -1),
             *start,
         )
 

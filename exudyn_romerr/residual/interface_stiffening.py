@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ..linalg.symmetric_factor import SymmetricFactor
+from ..linalg.symmetric_factor import SubspaceFactor
 
 if TYPE_CHECKING:
     from ..model.admissible_space import Space
@@ -44,15 +44,21 @@ def _seen(problem: Problem, response: np.ndarray) -> np.ndarray:
     return found
 
 
-def rigid_response(body: ElasticBody, stiff: Space, C: np.ndarray) -> np.ndarray:
-    """Return S (S^T K S)^-1 S^T C^T (n_free, R).
+def with_rigid_interfaces(body: ElasticBody, stiff: Space) -> SubspaceFactor:
+    """Return what solves S (S^T K S)^-1 S^T; of a large body it takes much memory, and time."""
+    return SubspaceFactor(body.K, stiff.Z.tocsr()[body.free])
 
-    The last one of every space is kept: of a large body the factor behind it takes much memory, and time.
+
+def rigid_response(
+    body: ElasticBody, stiff: Space, C: np.ndarray, factor: SubspaceFactor | None = None
+) -> np.ndarray:
+    """Return S (S^T K S)^-1 S^T C^T (n_free, R); the last one of every space is kept.
+
+    factor : with_rigid_interfaces, if it is there.
     """
     kept = _RESPONSES.get(stiff)
     if kept is None or kept[0] is not body or not np.array_equal(kept[1], C):
-        S = stiff.Z.tocsr()[body.free]
-        response = S @ SymmetricFactor((S.T @ body.K @ S).tocsc()).solve(S.T @ C.T)
+        response = (factor or with_rigid_interfaces(body, stiff)).solve(C.T)
         kept = _RESPONSES[stiff] = body, C, response
     return kept[2]
 

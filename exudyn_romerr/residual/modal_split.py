@@ -9,9 +9,9 @@ import numpy as np
 import scipy.linalg as la
 
 from ..checks import check_count
+from ..decay.decay_rates import DecayRate, rayleigh_rates
 from ..linalg.eigenmodes import count_below
 from ..linalg.orthogonalise import without
-from .decay_rates import DecayRate, rayleigh_rates
 from .dual_norms import OutputNorms
 from .residual import StartNorms, make_norm
 

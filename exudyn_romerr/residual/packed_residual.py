@@ -15,10 +15,11 @@ import numpy as np
 import scipy.linalg as la
 
 from ..linalg.blocked_products import row_norms, rows_times
-from ..linalg.orthogonalise import orthonormal, take_out
+from ..linalg.orthogonalise import ROUNDED_AWAY, orthonormal, sharpened, take_out
 from .dual_norms import OutputNorms
 from .modal_split import Split
 from .problem import Problem
+from .turning_columns import TurningColumns
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -139,35 +140,42 @@ class PackedProblem(Problem):
 
     def __init__(self, *args: Any, cut: slice, with_modes: bool, turns_fast: bool = False, **options: Any):
         super().__init__(*args, **options)
-        plain, columns = self.map.coordinates, self.dual.Y_K
+        plain = self.map.coordinates
         auxiliary = self._auxiliary_modes() if with_modes else None
         modes = np.zeros((len(self.V), 0)) if auxiliary is None else auxiliary.Y_K
-        states = plain.k - plain.p
-        frame = slice(states + cut.start, states + cut.stop)
-        # columns are overwritten: of a large body a copy of those that turn with the frame fills the memory
-        in_modes, rest = modes.T @ columns, take_out(modes, columns)
-        basis, sizes = orthonormal(np.delete(rest, frame, axis=1)), np.linalg.norm(rest[:, frame], axis=0)
-        in_basis, left = basis.T @ rest, take_out(basis, rest[:, frame])
-        turning = self._turning(left, sizes) if turns_fast else left[:, :0]
-        in_turning = np.zeros((turning.shape[1], columns.shape[1]))
-        in_turning[:, frame] = turning.T @ left
-        T, basis = np.vstack([in_modes, in_basis, in_turning]), np.hstack([basis, turning])
-        self.packing = Packing(T[:, states:], cut, np.linalg.norm(take_out(turning, left), axis=0))
+        states, minor = plain.k - plain.p, np.zeros(plain.k, dtype=bool)
+        minor[states + cut.start : states + cut.stop] = True
+        others = self.dual.columns_K(np.flatnonzero(~minor[states:]))
+        in_modes, sizes = modes.T @ others, np.linalg.norm(others, axis=0)
+        rest = take_out(modes, others)
+        # what modes hold but for rounding has any direction, that of modes as well
+        basis = orthonormal(rest[:, np.linalg.norm(rest, axis=0) > ROUNDED_AWAY * sizes])
+        basis = basis if auxiliary is None else sharpened(take_out(modes, basis))
+        in_basis, held = basis.T @ rest, np.hstack([modes, basis])
+        del others, rest, basis  # of a large body every one of them counts
+        columns = TurningColumns(self.body.stiffness_factor.half_solve, self.B, cut, held)
+        turning = self._turning(columns) if turns_fast else held[:, :0]
+        in_turning, lengths = columns.taken_by(turning)
+        T = np.zeros((held.shape[1] + turning.shape[1], plain.k))
+        T[: held.shape[1], ~minor] = np.vstack([in_modes, in_basis])
+        T[:, minor] = np.vstack([columns.in_held, in_turning])
+        self.packing = Packing(T[:, states:], cut, lengths)
         self.map = PackedMap(PackedCoordinates(replace(plain, p=0), T[:, :states]))
         omega = np.full(len(T), self.body.modes(1).omega[0] if auxiliary is None else auxiliary.cut)
         omega[: modes.shape[1]] = [] if auxiliary is None else auxiliary.omega
-        self.dual = PackedNorms(np.hstack([modes, basis]), ScaledNorm(1 / omega))
+        self.dual = PackedNorms(np.hstack([held, turning]), ScaledNorm(1 / omega))
         self.rows = OutputNorms(self.body, self.rows.C, self.rows.velocity_rows, self.dual)
         if auxiliary is not None:
             self.split = PackedSplit(auxiliary, self.dual)
 
-    def _turning(self, left: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """Orthonormal directions (n_free, r) that columns M E_ij V have most of; sizes : with what others hold."""
+    def _turning(self, columns: TurningColumns) -> np.ndarray:
+        """Orthonormal directions (n_free, r) that columns M E_ij V have most of."""
         squares = (np.sum(X * (of @ X), axis=0) for X, of in ((self.V, self.body.M), (self.V, self.body.K)))
-        weights = np.sqrt(np.divide(*squares))  # slow shapes answer more
-        weights = np.tile(weights, len(sizes) // len(weights))
-        squares, turn = la.eigh(left.T @ left * np.outer(weights, weights))  # ascending
+        weights, gram = np.sqrt(np.divide(*squares)), columns.gram()  # slow shapes answer more
+        weights = np.tile(weights, len(gram) // len(weights))
+        sizes = np.sqrt(np.diag(gram) + np.sum(columns.in_held**2, axis=0))  # with what others hold
+        most = [max(0, len(gram) - KEPT - 1), len(gram) - 1]  # with the largest of those that are too many
+        squares, turn = la.eigh(gram * np.outer(weights, weights), subset_by_index=most)  # ascending
         noise = ROUNDING * np.max(sizes * weights, initial=0.0)
         kept = squares > max(SMALL**2 * squares[-1:].max(initial=0.0), noise**2, squares[:-KEPT].max(initial=0.0))
-        found = left @ (weights[:, None] * turn[:, kept] / np.sqrt(squares[kept]))
-        return orthonormal(found) if kept.any() else found
+        return columns.combined(weights[:, None] * turn[:, kept] / np.sqrt(squares[kept]))

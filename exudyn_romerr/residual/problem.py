@@ -7,23 +7,29 @@ from __future__ import annotations
 
 import copy
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..basis.basis import Basis
 from ..checks import check_array, check_choice, check_type
+from ..decay.kernels import KERNELS, Kernel, make_kernel
 from ..errors import InputError
 from ..model.body import ElasticBody
 from ..model.matrix_input import checked_inputs, precision
 from ..model.outputs import Output, stacked_rows
 from .dual_norms import DualNorms, OutputNorms
-from .kernels import KERNELS, Kernel, make_kernel
 from .modal_split import AuxiliaryModes, Split
 from .residual import RESIDUALS, ResidualMap
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
+
+
+class Deferred(NamedTuple):
+    """Inputs that are made when they are needed, and not kept: of a large body they take much memory."""
+
+    make: Callable[[], Any]
 
 
 class Problem:
@@ -51,6 +57,7 @@ class Problem:
         self.body, self.basis = body, basis
         self.residual, self.kernels, self.initial, self.auxiliary_modes = residual, kernels, initial, auxiliary_modes
         self.V, self.W = basis.restricted_to(body)
+        inputs = inputs.make() if isinstance(inputs, Deferred) else inputs
         self.precision = precision(inputs)
         self.B = body.space.loads(checked_inputs(inputs, body.N))
         self.map = self.terms = ResidualMap(body, self.V, self.B, merged=residual != "expanded")

@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
+from ..report.estimate_wording import estimated_under, known
 from ..report.formats.atomic_write import write_whole
 from ..report.formats.csv_table import largest
 from ..report.report import BoundReport
+from ..report.wording import digits, rounded_up, under
 from .result_files import results_in
 from .variations import Failure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from ..report.report import OutputReport
 
 VALUE, FAILURE = "value", "failure"  # columns of what has no name of its own
 ENDINGS = {".csv": "csv", ".md": "markdown"}
@@ -35,7 +39,19 @@ def table_of(folder: str | os.PathLike) -> tuple[list[str], list[list[Any]]]:
     InputError
         No such folder, no result in it, or a damaged one.
     """
-    lines = [{**kept.parameters, **dict(_cells("", kept.value))} for kept in results_in(folder)]
+    return _table([{**kept.parameters, **dict(_cells("", kept.value))} for kept in results_in(folder)])
+
+
+def text_of(folder: str | os.PathLike) -> str:
+    """Return the table to be read: of reports a line for each row of each output, for one line would be too wide."""
+    lines = []
+    for kept in results_in(folder):
+        own = {**kept.parameters, **dict(_cells("", kept.value, reports=False))}
+        lines += [{**own, **row} for row in _report_rows("", kept.value)] or [own]
+    return markdown(*_table(lines))
+
+
+def _table(lines: list[dict[str, Any]]) -> tuple[list[str], list[list[Any]]]:
     head = list(dict.fromkeys(name for line in lines for name in line))
     head.sort(key=lambda name: name == FAILURE)
     return head, [[line.get(name) for name in head] for line in lines]
@@ -50,12 +66,11 @@ def markdown(head: list[str], lines: list[list[Any]]) -> str:
 
 
 def write_table(folder: str | os.PathLike, path: str | os.PathLike) -> None:
-    """Write it: .csv has all digits, .md is what is printed."""
+    """Write the table: .csv has all digits and a line for each variation, .md is what is printed."""
     kind = ENDINGS.get(os.path.splitext(path)[1].lower())
     if kind is None:
         raise InputError(f"{os.fspath(path)} does not end in .csv or .md; pass such a name after -o")
-    head, lines = table_of(folder)
-    text = f"{markdown(head, lines)}\n" if kind == "markdown" else _csv(head, lines)
+    text = f"{text_of(folder)}\n" if kind == "markdown" else _csv(*table_of(folder))
     encoding = "utf-8" if text.isascii() or kind == "markdown" else "utf-8-sig"  # Excel needs the mark
     write_whole(path, lambda stream: stream.write(text.encode(encoding)))
 
@@ -71,20 +86,44 @@ def _cell(x: Any) -> str:
     return " ".join(text.split()).replace("|", "\\|")
 
 
-def _cells(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Names and single values of what a variation returned."""
+def _cells(name: str, value: Any, reports: bool = True) -> Iterator[tuple[str, Any]]:
+    """Names and single values of what a variation returned; of its reports, too, or not."""
     if isinstance(value, Failure):
         yield FAILURE, str(value)
     elif isinstance(value, BoundReport):
-        yield from ((f"{name} {column}".strip(), x) for column, x in largest(value).items())
+        yield from ((f"{name} {column}".strip(), x) for column, x in largest(value).items() if reports)
     elif isinstance(value, dict | list | tuple):
-        for key, x in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _cells(f"{name} {key}".strip(), x)
+        for key, x in _parts(value):
+            yield from _cells(f"{name} {key}".strip(), x, reports)
     elif isinstance(value, np.ndarray) and value.size > 1 and value.dtype.kind not in "SU":
         yield f"{name or VALUE} largest", float(np.max(np.abs(value)))
     else:
         single = value if not isinstance(value, np.ndarray | np.generic) else _single(value)
         yield name or VALUE, single
+
+
+def _report_rows(name: str, value: Any) -> Iterator[dict[str, Any]]:
+    """What is known of each row of each output of the reports that a variation returned, largest values over time."""
+    if isinstance(value, BoundReport):
+        for out in value.outputs.values():
+            for row, row_name in enumerate(out.row_names):
+                yield {"output": f"{name} {row_name} [{out.unit}]".strip(), **_largest_of(value, out, row)}
+    elif isinstance(value, dict | list | tuple):
+        for key, x in _parts(value):
+            yield from _report_rows(f"{name} {key}".strip(), x)
+
+
+def _largest_of(report: BoundReport, out: OutputReport, row: int) -> dict[str, Any]:
+    size, bound = (float(np.max(np.abs(x[:, row]))) for x in (out.value, out.bound["best"]))
+    found = known(out, row)
+    estimate = None if found is None else f"{digits(found.size)}{estimated_under(out, report.scope)}"
+    half = None if found is None else rounded_up(found.half) if np.isfinite(found.half) else "not known"
+    bound = f"{rounded_up(bound)}{under(report.scope)}" if np.isfinite(bound) else "not bounded"
+    return {"largest": size, "estimate": estimate, "half width": half, "bound": bound}
+
+
+def _parts(value: dict | list | tuple) -> Any:
+    return value.items() if isinstance(value, dict) else enumerate(value)
 
 
 def _single(value: np.ndarray | np.generic) -> Any:

@@ -57,8 +57,9 @@ class Start:
     """First instant of a run.
 
     z : (k,) residual coordinates; y0, y0_t : columns' combinations with K e0 = L y0, M e0' = L y0' (theory.md 3),
-    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm. joint : energy of all
-    bodies of a mechanism together; None: this body is alone. added : what auxiliary vectors add; None: nothing.
+    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm. joint : energies of
+    all bodies of a mechanism together (coupled_energy.py); None: this body is alone. added : what auxiliary vectors
+    add; None: nothing.
     """
 
     t: float
@@ -66,7 +67,7 @@ class Start:
     y0: np.ndarray | None = None
     y0_t: np.ndarray | None = None
     cut: float = 0.0
-    joint: float | None = None
+    joint: tuple[float, float] | None = None
     added: Added | None = None
 
 
@@ -79,10 +80,11 @@ class Block:
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
     turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
-    bent, moved : (S, 2), see Turn.of_curve. joint : (S,) variation of R of all bodies of a mechanism together; None:
-    this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
+    bent, moved : (S, 2), see Turn.of_curve. joint : energies (S,), (S,) of all bodies of a mechanism together;
+    None: this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
     chain : (S + 1, k), z where straight lines lead from one to the next; None: c are other curves.
-    is_driven : turn and cut are those of a frame that moves as a function of time says.
+    is_driven : turn and cut are those of a frame that moves as a function of time says. overshoot : (S, 2), what the
+    integrator may add to |e|_M and |e'|_M of all bodies together; None: nothing.
     """
 
     t: np.ndarray
@@ -95,16 +97,17 @@ class Block:
     cut: Cut | None = None
     bent: np.ndarray | None = None
     moved: np.ndarray | None = None
-    joint: np.ndarray | None = None
+    joint: tuple[np.ndarray, np.ndarray] | None = None
     added: Added | None = None
     is_driven: bool = False
+    overshoot: np.ndarray | None = None
     chain: np.ndarray | None = None
     _made: dict = field(default_factory=dict, init=False)
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
         """Return blocks one after another, as segmenters make them: with t, h, c, unresolved and skipped only."""
-        later = ("turn", "cut", "bent", "moved", "joint", "added")
+        later = ("turn", "cut", "bent", "moved", "joint", "added", "overshoot")
         if any(getattr(block, name) is not None for block in blocks for name in later):
             raise ValueError(f"blocks are joined before any of {', '.join(later)} is known")
         fields = ("t", "h", "c", "unresolved", "unresolved_variation")
@@ -118,7 +121,7 @@ class Block:
 
     def without_residual(self) -> Block:
         """Return the same segments with R = 0, of this body alone."""
-        return replace(self, c=0 * self.c, chain=None, joint=None, added=None)
+        return replace(self, c=0 * self.c, chain=None, joint=None, added=None, overshoot=None)
 
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""

@@ -168,10 +168,25 @@ def test_ratios_are_taken_pair_by_pair():
     assert [pairs.kept(2.0, 2.0), pairs.kept(2.1, 2.0)] == ["kept", "NOT KEPT"]
 
 
-def test_growth_measures_modes_outputs_and_steps():
-    bare, paper, sharp = growth.online(6, 2, steps=20, rounds=1)
-    assert bare > 0
-    assert sharp > paper
+def test_growth_measures_modes_outputs_and_steps(monkeypatch):
+    """Every variant is solved; times are given, for those of a machine tell nothing."""
+    solved = []
+
+    def measure(variants, rounds):
+        assert min(variant.seconds() for variant in variants) > 0
+        solved.extend(variants)
+        return np.array(rounds * [[1.0, 3.0, 8.0]])
+
+    monkeypatch.setattr(pairs, "measure", measure)
+    assert growth.online(6, 2, steps=20, rounds=1) == pytest.approx((1e6 / 20, 2e6 / 20, 7e6 / 20))
+    bare, *bounded = solved
+    assert bare.finish() is None
+    for variant, options in zip(bounded, (growth.PAPER, growth.SHARP), strict=True):
+        report = variant.finish()
+        assert len(report.t) == 20 + 1
+        assert len(report.outputs) == 2
+        for out in report.outputs.values():
+            assert set(out.bound) - {"best"} == set(options["estimators"])
 
 
 @pytest.mark.slow

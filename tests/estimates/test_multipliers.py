@@ -5,6 +5,7 @@ import pytest
 
 from exudyn_romerr.estimates.march import Columns
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
+from exudyn_romerr.estimates.track import Track
 from tests.estimates.test_narrow_marches import CONSTRAINTS, SCHEME, STEPS, K, part, tangents
 
 # of the largest force: what inverses interpolated in time leave of accelerations, the square of INVERSE_ERROR
@@ -60,3 +61,24 @@ def test_multipliers_balance_the_equations_at_the_samples(held):
             e, e_t, e_tt = found[s, :3, free, column].T
             left = M @ e_tt + D @ e_t + stiffness @ e + G.T @ forces[s, :, column] - beside.force[s, free, column]
             assert np.abs(left).max() <= BALANCED * np.abs(M @ e_tt).max()
+
+
+def test_columns_that_are_equal_or_zero_are_as_if_marched_alone():
+    """Bit for bit, held coordinates or not; zero ones stay zero."""
+    rng = np.random.default_rng(4)
+    ends, t = tangents(rng), np.linspace(0, 0.9, STEPS + 1)[1:]
+    first, other = rng.standard_normal((2, STEPS, K, 1))
+    force = np.concatenate([first, 0 * first, first, other, first], axis=2)
+    held = [np.zeros(0, int)] * 4 + [np.array([7])]
+    [(_, steps)] = Track(SCHEME).steps(0.0, t[:40], np.array([0.0, 1.0]), ends.__getitem__)
+    moving = np.zeros((4, K, 5))
+    together = steps.march(Columns(moving, force[:40], held=held), multipliers=True)[0]
+    alone = [
+        steps.march(Columns(moving[..., :1], force[:40, :, j : j + 1], held=held[j : j + 1]), multipliers=True)[0]
+        for j in range(5)
+    ]
+    for found, single in zip(together, zip(*alone, strict=True), strict=True):
+        assert np.array_equal(found, np.concatenate(single, axis=-1))
+        assert not found[..., 1].any()
+        assert np.array_equal(found[..., 0], found[..., 2])
+        assert not np.array_equal(found[..., 0], found[..., 4])

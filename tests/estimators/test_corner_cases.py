@@ -5,11 +5,11 @@ import pytest
 import scipy.linalg as la
 
 import exudyn_romerr as romerr
+from exudyn_romerr.decay.kernels import CertifiedKernel, SpectrumKernel
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
 from exudyn_romerr.offline.options import BoundOptions
 from exudyn_romerr.offline.prepare import prepare
 from exudyn_romerr.online.run import Run
-from exudyn_romerr.residual.kernels import CertifiedKernel, SpectrumKernel
 
 ALL = ("fast", "convolution", "output-kernel", "energy", "auxiliary")
 ROUNDING = 1e-9  # of the largest value: matrix exponentials of these small, well conditioned systems reach 1e-12

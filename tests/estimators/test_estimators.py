@@ -9,10 +9,10 @@ import scipy.sparse as sp
 from numpy.polynomial import polynomial as poly
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output, Trajectory, evaluate, load_report, modal_basis
+from exudyn_romerr.decay.decay_rates import body_rates, rayleigh_rates
 from exudyn_romerr.linalg.bezier import DEGREE, hermite_controls, subdivided
 from exudyn_romerr.linalg.eigenmodes import check_no_mode_missed
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
-from exudyn_romerr.residual.decay_rates import body_rates, rayleigh_rates
 from exudyn_romerr.residual.modal_split import NormsAbove
 from exudyn_romerr.residual.problem import Problem
 from tests.helpers import tolerances as tol

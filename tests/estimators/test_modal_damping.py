@@ -18,6 +18,7 @@ RATIOS = {
     "less than above": [0.001, 0.002],
     "overdamped": [1.5, 0.01, 3.0],
 }
+pytestmark = pytest.mark.filterwarnings("ignore:modal_damping has a ratio 3")
 
 
 def given_body(base, ratios):
@@ -145,3 +146,10 @@ def test_what_takes_rayleigh_damping_alone_says_so():
     with pytest.raises(AssumptionError, match="gramian_basis takes no ratios by mode"):
         romerr.gramian_basis(case.model.body, case.B, 2, band=(0.1, 100.0))
     assert romerr.krylov_basis(case.model.body, case.B, 2).V.shape[1] == 2
+
+
+def test_ratios_above_one_are_told():
+    """They may be percentages; the body is made all the same."""
+    with pytest.warns(UserWarning, match=r"modal_damping has a ratio 2: above 1 .*2 % is 0\.02"):
+        body = ElasticBody(np.eye(2), np.diag([1.0, 4.0]), modal_damping=[2.0, 0.5])
+    np.testing.assert_array_equal(body.damping_ratios(body.modes(2).omega), [2.0, 0.5])

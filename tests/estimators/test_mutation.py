@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import Basis
+from exudyn_romerr.decay.kernels import CertifiedKernel
+from exudyn_romerr.decay.lag_table import LagTable
 from exudyn_romerr.estimators.mass_norm import MassNormEstimator
 from exudyn_romerr.estimators.paper import Convolution, Fast
 from exudyn_romerr.residual.dual_norms import OutputNorms
-from exudyn_romerr.residual.kernels import CertifiedKernel
-from exudyn_romerr.residual.lag_table import LagTable
 from tests.helpers.bodies import Model, model
 from tests.helpers.cases import Case
 from tests.helpers.loads import Load

@@ -306,3 +306,28 @@ def test_packages_that_are_not_installed_are_named(tmp_path, monkeypatch, module
     (tmp_path / name).write_text("")
     with pytest.raises(romerr.InputError, match=rf"{name} needs .*pip install .*{extra}"):
         romerr.read_body(tmp_path / name)
+
+
+# --- mass for stiffness -----------------------------------------------------
+
+
+def test_swapped_matrices_are_told(tmp_path):
+    """By what translations cost, whether the file has nodes or not, and also where supports would hide it."""
+    _, _, M, K, _ = bar()
+    for name, matrix in (("mass", K), ("stiffness", M)):
+        mmwrite(tmp_path / f"{name}.mtx", matrix)
+    with pytest.raises(romerr.InputError, match="mass and stiffness are swapped"):
+        romerr.read_body(tmp_path / "stiffness.mtx", mass=tmp_path / "mass.mtx")
+    held = {"fixed": range(12), "rayleigh": (0.0, 0.0)}
+    with pytest.raises(romerr.InputError, match="mass and stiffness are swapped"):
+        romerr.ElasticBody(K, M, **held)
+    assert romerr.ElasticBody(M, K, **held).N == len(M.toarray())
+
+
+def test_matrices_that_are_no_bodies_of_nodes_are_not_called_swapped():
+    """A chain of masses; a free one as both, which is singular and no more."""
+    chain = np.diag([2.0] * 6) - np.diag([1.0] * 5, 1) - np.diag([1.0] * 5, -1)
+    assert romerr.ElasticBody(np.eye(6), chain).N == 6
+    free = bar()[3]
+    with pytest.raises(romerr.InputError, match=r"mass is singular|mass is not positive"):
+        romerr.ElasticBody(free, free)

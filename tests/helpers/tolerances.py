@@ -136,3 +136,6 @@ FIRST_ORDER = 0.12
 SECOND_ORDER = 0.006
 # The same march in other parts: rounding of accelerations, which constraints solved for positions multiply by 1/h^2.
 MARCHED = 1e-8
+# 40 vectors of a hinged bar damped by ratios of its modes: the estimate misses 0.1 % of the error without eigenmodes,
+# 0.9 % with two; without the damping between modes and vectors 7 %.
+HINGED_RATIOS = 0.02

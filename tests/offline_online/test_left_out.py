@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from exudyn import itemInterface
 
 import exudyn_romerr as romerr
+from exudyn_romerr.decay import decay_rates as forgetting
 from exudyn_romerr.linalg import eigenmodes as modes
 from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
 from exudyn_romerr.mbs.access.linearisation import Tangents
@@ -20,7 +21,6 @@ from exudyn_romerr.offline import prepare as offline
 from exudyn_romerr.offline.options import BoundOptions
 from exudyn_romerr.online.run import BLOCK, Run
 from exudyn_romerr.report.formats.load import load_report
-from exudyn_romerr.residual import decay_rates as forgetting
 from exudyn_romerr.residual.problem import Problem
 from models import floating, linkage
 from tests.helpers import mbs_scenes

@@ -109,12 +109,10 @@ def test_a_run_that_is_not_balanced_proves_nothing():
     assert "balance of the run" in found.text
 
 
-def test_the_worst_row_counts_by_its_own_size():
-    """A second row a hundredth of the first, whose error is half of it."""
-    out, scope = estimated(2.0, 9.0, {"basis": 0.01}, {"steps": 1e-4}, covers=COUPLED)
-    both = {"value": np.hstack([out.value, out.value / 100]), "labels": ("x", "y")}
-    for name, x in both.items():
-        setattr(out, name, x)
+def two_rows(smaller):
+    """Rows x and y, the second so much smaller, with the same error: 1 % of the first, half width 1e-4."""
+    out, scope = estimated(1.0, 9.0, {"basis": 0.01}, {"steps": 1e-4}, covers=COUPLED)
+    out.value, out.labels = np.hstack([out.value, out.value * smaller]), ("x", "y")
     out.bound = {e: np.tile(x, 2) for e, x in out.bound.items()}
     out.round_off, out.estimate, out.uncertainty = (
         np.tile(x, 2) for x in (out.round_off, out.estimate, out.uncertainty)
@@ -122,12 +120,35 @@ def test_the_worst_row_counts_by_its_own_size():
     out.estimate_parts, out.uncertainty_parts = (
         {name: np.tile(x, 2) for name, x in parts.items()} for parts in (out.estimate_parts, out.uncertainty_parts)
     )
-    made = report((out, scope), "sampled")
+    return report((out, scope), "sampled")
+
+
+def test_the_worst_row_counts_by_its_own_size():
+    """A second row a fiftieth of the first, whose error is half of it."""
+    made = two_rows(1 / 50)
     assert assess(made, "tip z", 0.02).answer == "likely"
     found = assess(made, "tip z", 0.02, relative=True)
     assert found.answer == "unlikely"
-    assert "tip z y: unlikely" in found.text
+    assert found.text.startswith("tip z y: unlikely")
     assert "the tolerance of 0.0004 m" in found.text
+    assert "this row is up to" not in found.text
+
+
+def test_a_row_that_hardly_moves_is_told_of():
+    """The answer is the worst row's; the sentence says which row that is, what the others are, and how to ask."""
+    made = two_rows(1e-5)
+    found = assess(made, "tip z", 0.02, relative=True)
+    assert found.answer == "unlikely"
+    assert "the tolerance of 2e-07 m" in found.text
+    assert found.todo == (
+        "this row is up to 1e-05 m, tip z x up to 1; for rows above 0.01 of that the answer is 'likely'; "
+        "assess('tip z', 0.02) asks for the same of all rows"
+    )
+    assert assess(made, "tip z", 0.02).answer == "likely"
+    assert "this row" not in assess(made, "tip z", 0.005, relative=True).text  # the first is no better
+    still = two_rows(0.0)
+    still.outputs["tip z"].value[:] = 0.0
+    assert "this row" not in assess(still, "tip z", 0.02, relative=True).text
 
 
 @pytest.mark.parametrize("tolerance", [0, -1.0, np.nan, np.inf, True, "1%", None])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import Output, load_report
+from exudyn_romerr.report.formats import html_figures
 from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.overview import overview
 from exudyn_romerr.report.scope import NOT_CERTIFIED
@@ -99,7 +100,7 @@ def report(case):
 @pytest.fixture
 def quick(monkeypatch):
     """Pages without drawing."""
-    monkeypatch.setattr(page, "_picture", lambda *_: PICTURE)
+    monkeypatch.setattr(html_figures, "_picture", lambda *_: PICTURE)
 
 
 def read(report):
@@ -131,12 +132,36 @@ def test_the_style_asks_for_nothing_and_for_print(report, quick):
 
 def test_long_runs_have_pictures_of_pixels(report, monkeypatch):
     """As vectors they would make the page large and slow."""
-    monkeypatch.setattr(page, "RASTER_FROM", len(report.t) - 1)
+    monkeypatch.setattr(html_figures, "RASTER_FROM", len(report.t) - 1)
     del report.outputs["corner"]
     (image,) = read(report).images
     kind, _, data = image.partition(",")
     assert kind == "data:image/png;base64"
     assert base64.b64decode(data, validate=True).startswith(b"\x89PNG")
+
+
+@pytest.mark.usefixtures("quick")
+def test_pages_of_many_rows_have_figures_of_the_worst(case):
+    """Of three outputs of three rows six: the worst of each, and the next; the others are named."""
+    C = np.vstack([case.C[0] * size for size in (1.0, 1e-6, 0.5)])
+    outputs = [Output(name, C, labels=("x", "y", "z")) for name in ("one", "two", "three")]
+    report = case.report(outputs=outputs, estimators=("fast", "energy"))
+    found = read(report)
+    assert len(found.images) == html_figures.MOST == 6
+    (left,) = [text for text in found.of("p") if "Not drawn" in text]
+    assert "one y, two y, three y. report.plot(" in left
+    del report.outputs["three"]
+    assert len(read(report).images) == 6
+    assert not any("Not drawn" in text for text in read(report).of("p"))
+
+
+@pytest.mark.usefixtures("quick")
+def test_every_output_has_a_figure_before_one_has_two(case):
+    rows = {"small": 1.0, "large": 1.0, "still": 0.0}
+    outputs = [Output(name, np.vstack([size * case.C[0]] * 5), labels=tuple("abcde")) for name, size in rows.items()]
+    report = case.report(outputs=outputs, estimators=("fast", "energy"))
+    drawn = {image for image in read(report).of("figcaption")}
+    assert {text.split()[0] for text in drawn} == set(rows)
 
 
 @pytest.mark.usefixtures("quick")

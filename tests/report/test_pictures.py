@@ -161,6 +161,21 @@ def test_signal_has_the_best_guess_where_it_is_not_the_corrected_output():
     assert "corrected output" in legend(axes_of(draw_signal, with_estimate(made_up(), 0.05, ("proved",)), "tip"))
 
 
+def test_a_half_width_that_tells_nothing_hides_nothing():
+    """It lies below the band of the bound, and the axes are those of value, bound, estimate and truth."""
+    ax = axes_of(draw_signal, with_estimate(made_up(), 100.0), "tip")
+    guess, bound = "value + estimate ± half width, up to 100 mm, cut off", "value ± bound, at most 2 mm"
+    assert (legend(ax)[0], legend(ax)[2]) == (bound, guess)
+    areas = {found.get_label(): found.get_zorder() for found in ax.collections}
+    assert areas[guess] < areas[bound]
+    np.testing.assert_allclose(ax.get_ylim(), (8.6, 13.4))  # 9 to 13 and a tenth on each side
+    ax = axes_of(draw_signal, with_estimate(made_up(), 3.0), "tip")  # 6.9 to 14.15
+    assert "value + estimate ± half width, up to 3 mm" in legend(ax)
+    low, high = ax.get_ylim()
+    assert low < 6.9
+    assert high > 14.1
+
+
 def test_estimate_is_told_from_bounds_and_true_error():
     """By its dashes and the band, also in grey; the legend says each."""
     report = with_estimate(made_up(), 0.05)

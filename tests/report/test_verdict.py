@@ -14,6 +14,8 @@ from exudyn_romerr.report.wording import (
     CURES_OF_CAUSES,
     STEPS,
     corrected_within,
+    digits,
+    rounded_down,
     rounded_up,
     scope_lines,
     under,
@@ -237,3 +239,30 @@ def test_corrected_output_without_a_bound_is_said_in_words(scope):
     text = corrected_within(out, np.array([[1e-3], [np.inf]]), {"auxiliary": scope})
     assert "inf" not in text.split()
     assert "not known" in text
+
+
+@pytest.mark.parametrize(
+    ("x", "count", "text"),
+    [
+        (314.0, 2, "310"),
+        (1234.5, 3, "1230"),
+        (-314.0, 1, "-300"),
+        (9994.0, 3, "9990"),
+        (9996.0, 3, "1e+04"),  # from here on an exponent is shorter
+        (12345.0, 2, "1.2e+04"),
+        (0.00123, 2, "0.0012"),
+        (3.14e-7, 2, "3.1e-07"),
+        (0.0, 3, "0"),
+        (np.inf, 3, "inf"),
+    ],
+)
+def test_numbers_below_ten_thousand_have_no_exponent(x, count, text):
+    assert digits(x, count) == text
+
+
+@pytest.mark.parametrize("x", [314.0, 999.6, 1234.5, 9996.0, 3.14159e-7, 0.0012349])
+def test_rounding_goes_the_safe_way(x):
+    """By less than one in the last digit."""
+    for count in (1, 2, 3):
+        assert x <= float(rounded_up(x, count)) <= x * (1 + 10.0 ** (1 - count))
+    assert x * (1 - 1e-2) <= float(rounded_down(x)) <= x

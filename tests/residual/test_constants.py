@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr import Output
-from exudyn_romerr.residual.kernels import CertifiedKernel, SpectrumKernel
+from exudyn_romerr.decay.kernels import CertifiedKernel, SpectrumKernel
 from models import linkage
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model

@@ -11,6 +11,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
+from exudyn_romerr.report.wording import rounded_up
 from exudyn_romerr.sweeps.collect import table_of
 from exudyn_romerr.sweeps.result_files import read_result
 from tests.helpers.theorem import random_case
@@ -183,7 +184,24 @@ def test_collect_writes_every_digit_of_numbers_and_reports(tmp_path, capsys):
         assert row["0 tip z bound largest [m]"] == np.max(out.bound["best"])
         assert row["1"] == 3.0
     assert main(["collect", str(tmp_path / "results"), "-o", str(tmp_path / "table.md")]) == 0
-    assert (tmp_path / "table.md").read_text(encoding="utf-8").count("\n") == 4
+    head, rule, *lines = (tmp_path / "table.md").read_text(encoding="utf-8").splitlines()
+    assert (len(lines), set(rule)) == (2, set("|- "))
+    assert [name.strip() for name in head.strip("|").split("|")] == [
+        "seed", "1", "output", "largest", "estimate", "half width", "bound",
+    ]  # fmt: skip
+
+
+def test_reports_are_printed_a_row_a_line(tmp_path, capsys):
+    """However many outputs they have; bounds with what they hold under, rounded up."""
+    romerr.sweep(report, {"seed": [1]}, folder=tmp_path)
+    made, *_ = report({"seed": 1})
+    out = made.output("tip z")
+    assert main(["collect", str(tmp_path)]) == 0
+    (line,) = capsys.readouterr().out.splitlines()[2:]
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells[2] == f"0 tip z [{out.unit}]"
+    assert float(cells[3]) == float(f"{np.max(np.abs(out.value)):.4g}")
+    assert cells[-1] == rounded_up(np.max(out.bound["best"]))
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ...errors import AssumptionError
+from ...estimates.march import Scheme
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,6 +40,19 @@ def newton_tolerance(mbs: Any, static: bool) -> float:
     solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
     newton = getattr(solver, "newton", None)  # explicit solvers have none
     return 0.0 if newton is None else float(newton.relativeTolerance)
+
+
+def scheme_of(mbs: Any) -> Scheme | None:
+    """Return the parameters of the dynamic solver that has just begun; None if it is not kept.
+
+    Explicit solvers resolve all modes, or fail: as the trapezoidal rule they add nothing of their own.
+    """
+    solver = mbs.sys.get("dynamicSolver")
+    if solver is None or solver.it.currentStepIndex > 0:
+        return None
+    if not hasattr(solver, "newmarkBeta"):
+        return Scheme.of_radius(1.0)
+    return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
 
 
 def load_factor(mbs: Any) -> Callable[[float], float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
 import numpy as np
@@ -13,7 +13,12 @@ from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MassOrthogonal, MeanMotion
 from ...model.floating_frame import require_isotropic_mass
+from ...model.matrix_input import checked_ratios
+from ..access.reduced_damping import rayleigh_factors
 from .frame_node import FrameNode
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 ITEMS = ("nRigidBody", "nGenericODE2", "oFFRFreducedOrder")
 INTERFACES = ("free", "rigid")
@@ -25,7 +30,8 @@ SAME_MATRICES = 1e-9  # relative; Exudyn rounds reduced matrices at 1e-13 of the
 class FloatingBody:
     """A flexible body in a floating frame, as made by floating_body; to be passed to attach.
 
-    mass, stiffness (N, N) and positions (nodes, 3) are those that the fem had then.
+    mass, stiffness (N, N) and positions (nodes, 3) are those that the fem had then. modal_damping: ratios of the
+    lowest modes, a float: of all, None: damping is Rayleigh's.
     """
 
     fem: Any
@@ -35,6 +41,7 @@ class FloatingBody:
     mass: sp.csc_matrix
     stiffness: sp.csc_matrix
     positions: np.ndarray
+    modal_damping: tuple[float, ...] | float | None = None
 
     @property
     def number(self) -> int:
@@ -47,6 +54,7 @@ def floating_body(
     items: dict[str, Any],
     reference: MeanMotion | MassOrthogonal | None = None,
     interfaces: str = "free",
+    modal_damping: float | Sequence[float] | None = None,
 ) -> FloatingBody:
     """Name the FE model behind a body made with ObjectFFRFreducedOrder, so that attach can bound its error.
 
@@ -66,6 +74,10 @@ def floating_body(
         Which full model is the truth. "free": joints and loads act on the weighted mean of an interface's nodes,
         which may deform; with RBE2 modes the bound then covers what rigid interfaces stiffen. "rigid", RBE2 modes
         only: the nodes of every interface move as a rigid body, those of the first not at all.
+    modal_damping : float or sequence of float, optional
+        Ratios of the lowest modes (a float: of all) of the full body as it is held in its frame; its other modes are
+        undamped. The body in the mbs has to be damped so: call set_modal_damping(mbs, flex). Default: Rayleigh's
+        factors, read from the mbs.
 
     Returns
     -------
@@ -74,9 +86,10 @@ def floating_body(
     Raises
     ------
     InputError
-        A fem without matrices; items that are not those of a reduced flexible body; Exudyn older than 1.13.
+        A fem without matrices; items that are not those of a reduced flexible body; ratios that are no numbers;
+        Exudyn older than 1.13.
     AssumptionError
-        A mass matrix that is not the same in all directions (beams, shells).
+        A mass matrix that is not the same in all directions (beams, shells); a negative ratio.
 
     Notes
     -----
@@ -107,7 +120,10 @@ def floating_body(
     check_choice("interfaces", interfaces, INTERFACES)
     matrices = (sp.csc_matrix(of(sparse=True), copy=True) for of in (fem.GetMassMatrix, fem.GetStiffnessMatrix))
     positions = np.array(fem.GetNodePositionsAsArray(), dtype=float)
-    flex = FloatingBody(fem, items, reference, interfaces, *matrices, positions)
+    if modal_damping is not None:
+        ratios = checked_ratios(modal_damping, positions.size)
+        modal_damping = tuple(ratios.tolist()) if ratios.ndim else float(ratios)
+    flex = FloatingBody(fem, items, reference, interfaces, *matrices, positions, modal_damping)
     if flex.mass.shape[0] != 3 * len(flex.positions):
         raise AssumptionError(
             f"fem has {flex.mass.shape[0]} coordinates at {len(flex.positions)} nodes; a moving frame needs 3 a node"
@@ -125,9 +141,13 @@ def _check_version(version: str) -> None:
 
 @dataclass(frozen=True)
 class ReducedMatrices:
-    """What the object of the mbs holds: modes V (N, n), Rayleigh factors, its frame's node."""
+    """What the object of the mbs holds: modes V (N, n), damping D (n, n), its frame's node.
+
+    rayleigh: factors of D; zero where the body has ratios by mode.
+    """
 
     V: np.ndarray
+    D: np.ndarray
     rayleigh: tuple[float, float]
     frame: FrameNode
     nodes: tuple[int, int]
@@ -141,7 +161,7 @@ def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
     InputError
         The object is gone, or its modes or matrices are not those of the fem.
     AssumptionError
-        Damping is not Rayleigh.
+        Damping is not Rayleigh, and no ratios were given.
     """
     item = _object(mbs, flex)
     V = check_array("modeBasis of the body", item["modeBasis"], (flex.mass.shape[0], None))
@@ -157,7 +177,8 @@ def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
             "it adds cannot be read: use AddObjectFFRFreducedOrder"
         )
     nodes = tuple(int(n) for n in item["nodeNumbers"])
-    return ReducedMatrices(V, _rayleigh_factors(M, K, D), FrameNode(mbs.GetNode(nodes[0])), nodes)
+    rayleigh = rayleigh_factors(M, K, D) if flex.modal_damping is None else (0.0, 0.0)
+    return ReducedMatrices(V, D, rayleigh, FrameNode(mbs.GetNode(nodes[0])), nodes)
 
 
 def _object(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
@@ -191,23 +212,3 @@ def _check_reduction(name: str, expected: np.ndarray, found: np.ndarray) -> None
             f"{name}MatrixReduced of the body differs from V^T M V of the fem by {off:.1e} of its largest entry: "
             "another fem, a fem changed since, or reduced matrices that were edited".replace("M V", f"{name} V")
         )
-
-
-def _rayleigh_factors(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> tuple[float, float]:
-    """Return alpha, beta of D = alpha M + beta K by least squares."""
-    size = np.max(np.abs(D))
-    if size == 0:
-        return 0.0, 0.0
-    scale = np.array([np.max(np.abs(M)), np.max(np.abs(K))])
-    columns = np.stack([M.ravel(), K.ravel()], axis=1) / scale
-    factors = np.linalg.lstsq(columns, D.ravel() / size, rcond=None)[0]
-    off = np.max(np.abs(columns @ factors - D.ravel() / size))
-    if off > SAME_MATRICES:
-        raise AssumptionError(
-            f"damping of the body is not alpha M + beta K (off by {off:.1e} of its largest entry); the full model's "
-            "damping is then unknown (ratios of the basis' modes do not tell it: the full body has others): use "
-            "massProportionalDamping and stiffnessProportionalDamping"
-        )
-    alpha, beta = factors * size / scale
-    # rounding of a factor that is zero, and nothing else, may come out negative
-    return tuple(0.0 if abs(x) * s <= 1e-12 * size else float(x) for x, s in zip((alpha, beta), scale, strict=True))

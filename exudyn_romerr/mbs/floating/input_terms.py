@@ -33,15 +33,21 @@ class InputTerms:
         self.unknown = sum(place.columns.shape[1] for place in actions.wrenches)
         self.by_function = self.at_rest and not self.unknown and not any(load.follows for load in actions.loads)
         self.weighs = not self.at_rest or bool(actions.gravity)
-        inertia = [-(translations(flex.mass) if self.at_rest else inertia_columns(flex.mass, flex.positions, V))]
-        loads = [load.columns for load in actions.loads] + [place.columns for place in actions.wrenches]
-        # sparse: two thirds of what turns with the frame are zeros
-        self.columns = sp.hstack(
-            [*(inertia if self.weighs else []), sp.csc_matrix((len(V), 0)), *map(sp.csc_matrix, loads)], format="csc"
-        )
+        self._flex, self._V = flex, V
+        self._loads = [sp.csc_matrix(of.columns) for of in (*actions.loads, *actions.wrenches)]
         self.minor = None if self.at_rest else modal_inertia(V.shape[1])
         self.first_load = 3 * self.weighs if self.minor is None else self.minor.stop
         self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
+
+    @property
+    def columns(self) -> sp.csc_matrix:
+        """Columns B (N, p), made anew: of a large body they take more memory than all that a run needs."""
+        mass, positions = self._flex.mass, self._flex.positions
+        inertia = []
+        if self.weighs:
+            inertia = [-(translations(mass) if self.at_rest else inertia_columns(mass, positions, self._V))]
+        # sparse: two thirds of what turns with the frame are zeros
+        return sp.hstack([*inertia, sp.csc_matrix((len(self._V), 0)), *self._loads], format="csc")
 
     def values(self, actions: Actions, t: np.ndarray, motion: FrameMotion, q, q_t) -> np.ndarray:
         """Return u (S, p) of times t (S,) and states q, q_t (S, n), with zeros for the wrenches."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError, InputError
-from ...model.admissible_space import mean_motion
+from ...model.admissible_space import MeanMotion, mean_motion
 from ..access.load_functions import controllers, loads_with_functions
 from ..access.mbs_items import numbers
 from .actions import Actions, Load, Place, load_vector
@@ -47,6 +47,17 @@ def read_actions(
     _read_loads(mbs, flex, actions, load_factor)
     _read_objects(mbs, flex, actions)
     return actions
+
+
+def read_interfaces(mbs: Any, flex: FloatingBody) -> dict[str, MeanMotion]:
+    """Return nodes and weights of the body's markers that have a mean rotation, before or after Assemble."""
+    actions = Actions()
+    for i in range(mbs.systemData.NumberOfMarkers()):
+        marker = mbs.GetMarker(i)
+        if flex.number in numbers(marker, "bodyNumber") and marker["markerType"] in MESH_MARKERS:
+            with suppress(InputError, AssumptionError):
+                actions.places[i] = _place(i, marker, flex)
+    return actions.interfaces()
 
 
 def _users(mbs: Any, flex: FloatingBody, model: ReducedMatrices) -> set[int]:

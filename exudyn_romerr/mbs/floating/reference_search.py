@@ -18,8 +18,10 @@ from ...model.admissible_space import (
     rigid_modes,
     rigid_parts,
 )
+from ...model.shared_body import shared_body
 
 if TYPE_CHECKING:
+    from ...model.body import ElasticBody
     from .floating_body import FloatingBody
 
 CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
@@ -74,6 +76,12 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
         "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest "
         f"motion, allowed {HELD:g}): {_listed(tried)}{_too_many(flex)}; {NEARLY if _nearly(tried) else CURE}"
     )
+
+
+def held_body(flex: FloatingBody, rayleigh: tuple[float, float], reference: Reference) -> ElasticBody:
+    """Return the full body, held in its frame by the conditions."""
+    held = reference.fixed, reference.rigid, reference.conditions
+    return shared_body(flex.mass, flex.stiffness, flex.positions, rayleigh, *held, flex.modal_damping)
 
 
 def require_still_interface(flex: FloatingBody, V: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ...report.scope import COMPLETE, COUPLED, FROZEN
+from ...report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED
 from ..access.load_functions import controllers, loads_with_functions, remembering_joints
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]
     missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
     if missing:
         named = ", ".join(missing)
-        yield f"flexible bodies of this mbs are not attached, so their errors are not known: {named}; attach them all"
+        yield f"{UNATTACHED}, so their errors are not known: {named}; attach them all"
 
 
 def _switching(objects: list[dict], attached: Collection[int]) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,15 +17,15 @@ from ...model.floating_frame import moment_of, skew, unit_inertia
 from ...model.outputs import stacked_rows
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...residual.interface_stiffening import rigid_response
+from ...residual.interface_stiffening import rigid_response, with_rigid_interfaces
+from ...residual.problem import Deferred
 from ...residual.residual import ResidualMap
+from ..access.reduced_damping import damping_products
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    import scipy.sparse as sp
 
     from ...model.body import ElasticBody
     from ...model.floating_frame import FrameMotion
@@ -59,7 +60,7 @@ class EnrichedBody:
     if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
     rows of modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, of its frame, its modes.
     offline, sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan.
-    flex, rayleigh, shapes (N, n + m) : the body as it is in the mbs, its damping, modes and vectors.
+    flex, shapes (N, n + m) : the body as it is in the mbs, its modes and vectors. damping : X^T D Y, see there.
     """
 
     def __init__(
@@ -78,8 +79,9 @@ class EnrichedBody:
         self._frame, self.frame_size = model.frame, model.frame.size
         self.columns, (self.frame, self.modal) = columns, np.split(columns, [model.frame.size])
         body.modes(1)  # first, and the next: they take factorisations beside those that are kept
-        if scene.stiff is not None:
-            rigid_response(body, scene.stiff, stacked_rows(options.outputs, body)[0])
+        rigid = None if scene.stiff is None else with_rigid_interfaces(body, scene.stiff)
+        if rigid is not None:
+            rigid_response(body, scene.stiff, stacked_rows(options.outputs, body)[0], rigid)
         V, Z = model.V, body.space
         inertia, loads, wrenches = (
             Z.loads(part)
@@ -95,25 +97,27 @@ class EnrichedBody:
             asked = min(MORE_VECTORS if rings else AUTO_VECTORS, len(V_y))
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
-            found = Enrichment(body, V_y, inertia, loads, wrenches, asked, _stiff_columns(body, scene))
+            found = Enrichment(body, V_y, inertia, loads, wrenches, asked, rigid)
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
+        del rigid
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
-        self._couple(flex, V, P, model.rayleigh)
+        self.damping = partial(damping_products, body)
+        self._couple(flex, V, P)
         # where forces act: their motion by P (3, m); torques do not care
         self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
-        self.flex, self.rayleigh, self.shapes = flex, model.rayleigh, np.hstack([V, P])
+        self.flex, self.shapes = flex, np.hstack([V, P])
+        del P, V_y, found, inertia, loads, wrenches  # of a large body they take memory that is short now
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
-    def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray, rayleigh: tuple[float, float]) -> None:
+    def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray) -> None:
         """Matrices between the body's coordinates and P, and of P (m, m)."""
         MP, KP, nodes = flex.mass @ P, flex.stiffness @ P, len(flex.positions)
-        alpha, beta = rayleigh
         self.M_PP, self.K_PP, self._M_VP, self.K_VP = P.T @ MP, P.T @ KP, V.T @ MP, V.T @ KP
-        self.D_PP, self.D_VP = (alpha * M + beta * K for M, K in ((self.M_PP, self.K_PP), (self._M_VP, self.K_VP)))
+        self.D_PP, self.D_VP = self.damping(P, P, self.M_PP, self.K_PP), self.damping(V, P, self._M_VP, self.K_VP)
         MP, V, P = (np.ascontiguousarray(X).reshape(nodes, 3, -1).swapaxes(0, 1) for X in (MP, V, P))
         self._pull = MP.sum(axis=1)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
         self._arms = (flex.positions.T @ MP).swapaxes(0, 1)
@@ -131,11 +135,11 @@ class EnrichedBody:
         self.offline: Offline = prepare(
             body,
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
-            BoundOptions(inputs=terms.columns, estimators="auxiliary", **kept),
+            BoundOptions(inputs=Deferred(lambda: terms.columns), estimators="auxiliary", **kept),
             sampled_inputs=True,
             scene=replace(scene, corrected=True, minor=terms.minor),
         )
-        self.sampler = Sampler.of(self._frame, actions, terms, self.offline)
+        self.sampler, self._rest_rows = Sampler.of(self._frame, actions, terms, self.offline), self._rests()
 
     def use(self, actions: Actions) -> None:
         """Take loads whose functions of time may be other ones than before."""
@@ -154,9 +158,13 @@ class EnrichedBody:
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
 
     def moved(self, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
-        """Return q, q_t, q_tt (S, k + m) of frame, modes and vectors in states of the mbs plus e (3, S, size)."""
+        """Return q, q_t, q_tt (S, k + m) of frame, modes and vectors in states of the mbs moved by e (3, S, size)."""
         pairs = zip(states, e, strict=True)
-        return [np.hstack([x[:, self.columns] + added[:, self.columns], added[:, own]]) for x, added in pairs]
+        found = [np.hstack([x[:, self.columns] + dx[:, self.columns], dx[:, own]]) for x, dx in pairs]
+        bent = self._frame.bend(*([x[:, self.frame] for x in of] for of in (states, e)))
+        for x, beside in zip(found, bent, strict=True):
+            x[:, : self.frame_size] += beside
+        return found
 
     def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool = False) -> np.ndarray:
         """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.
@@ -164,12 +172,13 @@ class EnrichedBody:
         keeps : K^-1 of the body with interfaces as rigid as its modes make them; as free, if these make none rigid.
         """
         q, q_t, q_tt, u, _ = self.sampler(t, *states)
-        if self.offline.packing is not None:
-            u, _ = self.offline.packing(u)
-        z = self.offline.coordinates(q, q_t, q_tt, u)
-        if keeps and self.offline.static_errors is not None:
-            return z @ self.offline.static_errors[1].T
-        return -(z @ self.offline.estimators["auxiliary"].static_rows.T)
+        return self.offline.balance.coordinates(q, q_t, q_tt, u) @ self._rest_rows[keeps].T
+
+    def _rests(self) -> list[np.ndarray]:
+        """Rows -C K^-1 L of R = L z, z as it is, not packed: with free interfaces, and with those of the modes."""
+        free, rigid = -self.offline.estimators["auxiliary"].static_rows, self.offline.static_errors
+        rows, packing = [free, free if rigid is None else rigid[1]], self.offline.packing
+        return rows if packing is None else [x @ np.hstack([self.offline.coordinates.T_q, packing.T_u]) for x in rows]
 
     def couplings(self, t: np.ndarray, states: Sequence[np.ndarray]) -> Couplings:
         """Return what couples P to the mechanism at times t (T,), states q, q_t, q_tt (T, k) of the body in the mbs.
@@ -234,11 +243,6 @@ class EnrichedBody:
 def _contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
     """Sum over i, j of turning_ij of_ij (T, k, m), of (3, 3, k, m)."""
     return np.tensordot(turning, of, axes=2)
-
-
-def _stiff_columns(body: ElasticBody, scene: Scene) -> sp.spmatrix | None:
-    """The body's displacements with its interfaces as rigid as the modes make them; None if these make none rigid."""
-    return None if scene.stiff is None else scene.stiff.Z.tocsr()[body.free]
 
 
 def _side_by_side(parts: list[np.ndarray], N: int) -> np.ndarray:

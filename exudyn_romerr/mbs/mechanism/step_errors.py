@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ...estimates.march import Columns, Steps
+from ...estimates.columns import Columns
+from ...estimates.march import Steps
 from ...estimates.mechanism_feedback import GROWN
 from ...estimates.time_step_error import TimeStep, TimeStepError
 from ..access.linearisation import Tangents

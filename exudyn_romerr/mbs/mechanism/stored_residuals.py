@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.local_errors import in_the_middle
+from ...estimates.local_errors import filled, in_the_middle, missed, seldom, standing_out
 from ..access.linearisation import Tangents
 from ..access.load_functions import load_functions, loads_with_functions
 from ..access.state_guard import set_state, state_kept
@@ -19,6 +19,10 @@ BALANCED = 1e-3  # of the largest force: what may be left at a sample, where New
 # itself: where modes ring unresolved, their local errors hide those of a load that switches and moves the body
 MATTERS = 0.1
 SEEN = 1e-2  # of the local errors of all: those of single velocities below count as such
+OFF = 0.01  # of the same: by how much residuals may be off at steps that are not looked at
+FEW = 32  # steps: all of them are looked at
+INNER = slice(1, -1)  # the others may be at the ends of a run, where cubics through samples are one-sided
+ROUGH = 1e-6  # of a load: less of its second differences is nothing
 QUARTERS, MIDDLE = (0.25, 0.75), 0.5
 # Boole's rule less Simpson's, of residuals at quarter, middle, three quarters; both have 0 at the ends
 CLOSER = np.array([32 / 90, 12 / 90 - 2 / 3, 32 / 90]) / (2 / 3)  # 2/3: what at_samples multiplies by
@@ -36,6 +40,9 @@ class StoredResiduals:
 
     def __init__(self, tangents: Tangents, mbs: Any):
         self._tangents, self._functions = tangents, user_functions(mbs)
+        self._loads = loads_with_functions(mbs)
+        # functions of loads are looked at by themselves; what others do between samples shows in residuals only
+        self._all = len(self._functions) > sum(len(load_functions(mbs.GetLoad(i))) for i in self._loads)
         self.failure = ""
 
     def between(
@@ -61,16 +68,48 @@ class StoredResiduals:
         return (None, None) if self.failure else found
 
     def _between(self, mbs: Any, rows: Sequence, first: int, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The middle of all steps; where that matters, their quarters too."""
-        r = self._at(mbs, rows, MIDDLE, np.arange(first, len(rows[0]) - 1))
-        uncertain = np.zeros_like(r)
-        light = np.sqrt(self._tangents.readings[-1].masses)
-        moved, known = np.diff(rows[0])[first:, None] * np.abs(r) / light, np.abs(dv * light).max(axis=0)
-        closer = np.flatnonzero((moved > MATTERS * np.maximum(known, SEEN * self._largest(dv))).any(axis=1))
-        if closer.size:
-            quarter, last = (self._at(mbs, rows, share, first + closer) for share in QUARTERS)
-            uncertain[closer] = np.tensordot(CLOSER, [quarter, r[closer], last], axes=1)
+        """The middle of the steps; where that matters, their quarters too.
+
+        Where residuals are smooth, at some of the steps, with cubics between.
+        """
+        t, light = rows[0][first:], np.sqrt(self._tangents.readings[-1].masses)
+        known = np.maximum(np.abs(dv * light).max(axis=0), SEEN * self._largest(dv))
+        looked = self._looked(mbs, t, np.abs(dv[first:]) * light / known)
+        moves, t = np.diff(t)[:, None] / (light * known), (t[:-1] + t[1:]) / 2  # residuals, in sizes of local errors
+        r = np.zeros((len(t), len(light)))
+        r[looked] = self._at(mbs, rows, MIDDLE, first + np.flatnonzero(looked))
+        closer = looked.copy()
+        if not looked.all():
+            more = np.zeros_like(looked)
+            more[INNER] = ~looked[INNER] & (missed(t[INNER], (moves * r)[INNER], looked[INNER]) > OFF)
+            r[more] = self._at(mbs, rows, MIDDLE, first + np.flatnonzero(more))
+            looked |= more
+            closer |= standing_out(moves * np.abs(r), closer, MATTERS)
+            r[INNER] = filled(t[INNER], r[INNER], looked[INNER])
+        uncertain, matter = np.zeros_like(r), np.flatnonzero(closer & (moves * np.abs(r) > MATTERS).any(axis=1))
+        if matter.size:
+            quarter, last = (self._at(mbs, rows, share, first + matter) for share in QUARTERS)
+            uncertain[matter] = np.tensordot(CLOSER, [quarter, r[matter], last], axes=1)
+            uncertain[INNER] = filled(t[INNER], uncertain[INNER], closer[INNER])
         return r, uncertain
+
+    def _looked(self, mbs: Any, t: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """Which steps (S,) between times t (S + 1,) are looked at first: some, and those that differ from these.
+
+        local : local errors of velocities (S, n), of the largest.
+        """
+        S = len(local)
+        if self._all or S <= FEW:
+            return np.ones(S, dtype=bool)
+        looked = np.pad(seldom(S - 2), 1, constant_values=True)
+        loads = []
+        for now in (t[:-1] + t[1:]) / 2:
+            mbs.systemData.SetTime(now)
+            loads.append(np.hstack([mbs.GetLoadValues(i) for i in self._loads] or [0.0]))
+        bends = np.abs(np.diff(loads, 2, axis=0))
+        bends = np.concatenate([bends[:1], bends, bends[-1:]])
+        rough = standing_out(bends, looked, ROUGH * np.abs(loads).max(axis=0))
+        return looked | rough | standing_out(local, looked, MATTERS)
 
     def _speed(self, force: np.ndarray) -> np.ndarray:
         """What forces (S, n) change in unit time, of the size of velocities in the mass norm."""
@@ -84,7 +123,8 @@ class StoredResiduals:
         t, *states = rows
         times = t[:-1] + share * np.diff(t)
         inside = [in_the_middle(t, x, share)[steps] for x in states]
-        return np.array([self._residual(mbs, now, state) for now, *state in zip(times[steps], *inside, strict=True)])
+        found = [self._residual(mbs, now, state) for now, *state in zip(times[steps], *inside, strict=True)]
+        return np.reshape(found, (len(steps), self._tangents.size))
 
     def _residual(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
         set_state(mbs.systemData, t, state)

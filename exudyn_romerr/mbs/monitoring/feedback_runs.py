@@ -11,7 +11,7 @@ from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.residual_passes import ResidualPasses
 from ...model.floating_frame import Veer
-from ...online.coupled_runs import join_extensions, joined_openings, shared_energy
+from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedTangents
@@ -47,11 +47,13 @@ class Reaction:
         self,
         watches: Sequence[Watch],
         feedback: Feedback,
+        first_steps: FirstSteps,
         tangents: Tangents,
         step_errors: StepErrors,
         sensors: Sequence[OtherSensors] = (),
     ):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
+        self._first_steps = first_steps
         self._step_errors, self._sensors = step_errors, sensors
         self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
@@ -81,19 +83,20 @@ class Reaction:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
         *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
+        t = float(first[0][0])
+        readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
+        extended = ExtendedTangents(readings, self.size, self.parts)
+        tangent, samples = extended[0], [watch.sampled(*first) for watch in self._watches]
+        forces = self._forces(samples, 1)[0]
         if goes_on:
             self._feedback = before._feedback
-            self._narrow.go_on(before._narrow)
+            self._feedback.begin_anew(tangent, forces)
+            self._narrow.go_on(before._narrow, tangent, forces)
             self._passes.go_on(before._passes)
             self._remainder.go_on(mbs, before._remainder)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
-            t = float(first[0][0])
-            readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
-            extended = ExtendedTangents(readings, self.size, self.parts)
-            tangent = extended[0]
-            samples = [watch.sampled(*first) for watch in self._watches]
-            start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
+            start = tangent, forces, self._forces_at_rest()
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
@@ -113,6 +116,7 @@ class Reaction:
             if rest is not None:
                 opening = opening._replace(start=replace(opening.start, added=self._added(i, e, np.zeros(1))))
             openings.append(opening)
+        self._say(list(filter(None, [self._first_steps.open(runs, openings) if runs else ""])))
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
@@ -141,10 +145,9 @@ class Reaction:
         self._narrow.begin(forces)
         others = [steps, self._narrow]
         self._passes.begin(rows)
-        self._remainder.begin(mbs, rows, forces)
         late = [self._passes, self._remainder]
-        e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
-        self._remainder.finish()
+        with self._remainder.following(mbs, rows, forces):
+            e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
         self._say(steps.notes)
         self._say(self._remainder.notes)
@@ -159,8 +162,8 @@ class Reaction:
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
-            join_extensions(runs, extensions)
-            self._advance_positions(extended, tuple(rows[:2]), extensions)
+            join_extensions(runs, extensions, self._first_steps)
+            self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
         self._tangents.forget()
@@ -174,15 +177,18 @@ class Reaction:
         parts = (energy.norm(opening.start.z) for energy, opening in zip(energies, openings, strict=True))
         return float(np.linalg.norm([float(part) for part in parts]))
 
-    def _advance_positions(self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension]) -> None:
+    def _advance_positions(
+        self, tangents: ExtendedTangents, steps: tuple, extensions: Sequence[Extension], runs: Sequence[Run]
+    ) -> None:
         """Go on with what is left of positions in global axes; before the runs do."""
         if self._positions is None:
             return
         energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
         blocks = [extension.segments[STREAM][0] for extension in extensions]
-        g = energies[0].g + np.cumsum(blocks[0].joint)
+        g = blocks[0].joint[0]
         impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
-        self._keep_left(self._positions.advance(tangents, self._tangents.readings, steps, g, impulses))
+        left = self._positions.advance(tangents, self._tangents.readings, steps, g, impulses)
+        self._keep_left([rows + self._first_steps.seen(run) for rows, run in zip(left, runs, strict=True)])
 
     def _keep_left(self, left: list[np.ndarray]) -> None:
         for watch, rows in zip(self._watches, left, strict=True):
@@ -192,16 +198,16 @@ class Reaction:
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        (t, *states, _), none, missed = rows, [0 * x for x in rows[1:4]], self._remainder.found
+        (t, *states, _), missed = rows, self._remainder.found
         narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
         narrow, step = narrow if missed is None else narrow + missed.added, self.time_step
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
-            left = missed and [body.moved(own, none, x) for x in missed.left()]
+            columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])  # of this body
+            left = missed and [[x[:, columns] for x in of] for of in missed.left()]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
-            if step is not None:  # of the frame, the modes and the vectors of this body
-                columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])
+            if step is not None:
                 outputs.take_time_step(watch.run, here, step.of(columns))
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))

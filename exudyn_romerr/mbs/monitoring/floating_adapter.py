@@ -12,18 +12,19 @@ import numpy as np
 
 from ...basis.basis import Basis
 from ...model.floating_frame import FramePose, Jitter, translations
-from ...model.shared_body import shared_body
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
+from ...residual.problem import Deferred
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor
+from ..access.reduced_damping import damping_text, require_modal_damping
 from ..floating.driven_frame import PrescribedMotion
 from ..floating.floating_body import read_object
 from ..floating.frame_support import read_support
 from ..floating.input_terms import InputTerms
 from ..floating.loads_and_joints import read_actions
-from ..floating.reference_search import find_reference, stiff_space
+from ..floating.reference_search import find_reference, held_body, stiff_space
 from ..floating.sampler import Sampler
 from ..floating.scope_decision import Wanted, find_scope
 from ..floating.sensor_outputs import NO_SENSOR, BodySensors, body_sensors
@@ -55,9 +56,7 @@ class MovingSubject:
         self.item, self._flex, self._options = flex.number, flex, options
         self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
-        if (
-            scope != FROZEN
-        ):  # what reads tangents imports it when it is needed, in the solve: as long as some runs take
+        if scope != FROZEN:  # imported in the solve, when tangents are read, it takes as long as some runs
             import scipy.integrate
             import scipy.interpolate  # noqa: F401
         self._use(options.outputs or ())
@@ -73,6 +72,8 @@ class MovingSubject:
         actions = read_actions(mbs, self._flex, model, load_factor(mbs) if static else None)
         reference = find_reference(self._flex, model.V, actions.interfaces())
         body = self._made_body(model, reference)
+        if body.modal is not None:
+            require_modal_damping(body, model.V, model.D)
         idle = actions.drop_idle(body)
         support = read_support(mbs, model, idle)
         support = support if static else self._motion.taken(mbs, model, support, body, self._wanted)
@@ -172,9 +173,9 @@ class MovingSubject:
         return self._sampler(t, *states)
 
     def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
-        flex, held = self._flex, (model.rayleigh, reference.fixed, reference.rigid)
+        held = (model.rayleigh, reference.fixed, reference.rigid)
         if self._body is None or self._body_key != (reference.source, *held):
-            self._body = shared_body(flex.mass, flex.stiffness, flex.positions, *held, reference.conditions)
+            self._body = held_body(self._flex, model.rayleigh, reference)
             self._body_key = (reference.source, *held)
         return self._body
 
@@ -183,7 +184,7 @@ class MovingSubject:
         return prepare(
             body,
             Basis(model.V, note=f"{model.V.shape[1]} modes of object {self.item}"),
-            replace(self._options, inputs=terms.columns, input_function=known),
+            replace(self._options, inputs=Deferred(lambda: terms.columns), input_function=known),
             sampled_inputs=not terms.by_function,
             scene=scene,
         )
@@ -234,7 +235,7 @@ class MovingSubject:
             stiff=stiff_space(flex, model.V, actions.interfaces()),
             computed=(
                 f"floating body: held in its frame by {reference.source}",
-                f"damping: alpha = {model.rayleigh[0]:.6g} 1/s, beta = {model.rayleigh[1]:.6g} s",
+                damping_text(flex.modal_damping, model.rayleigh),
                 f"frame: {support.text}",
                 *(f"known: {load.name}" for load in actions.loads),
                 *(f"wrench from V^T R = 0: {place.name}" for place in actions.wrenches),

@@ -10,8 +10,9 @@ import numpy as np
 from ...errors import AssumptionError, InputError, RunError
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
-from ...online.coupled_runs import join_extensions, joined_openings
+from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
 from ..access.linearisation import Tangents
+from ..access.mbs_items import scheme_of
 from ..mechanism.late_readings import LateReadings
 from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
@@ -23,11 +24,6 @@ if TYPE_CHECKING:
 
 # Exudyn holds rates of constraints with the trapezoidal rule only, which here, where their positions are held, rings
 DAMPED = 0.8
-
-
-def scheme_of(solver: Any) -> Scheme:
-    """Return the parameters of a running solver."""
-    return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
 
 
 class Mechanism:
@@ -56,6 +52,7 @@ class Mechanism:
         """A solve begins, and the watches have read the mbs."""
         self._coupled = [watch for watch in self._watches if watch.is_coupled]
         self._check_others(self._watches)
+        self._first_steps = FirstSteps(scheme_of(mbs))
         frozen = [watch for watch in self._watches if watch.is_frozen and watch.enriched is not None]
         self._partners = self._coupled or frozen
         if self._coupled:
@@ -151,16 +148,17 @@ class Mechanism:
             self._prepare_reaction(mbs)
 
     def _prepare_reaction(self, mbs: Any) -> None:
-        solver = mbs.sys.get("dynamicSolver")
-        if solver is None or solver.it.currentStepIndex > 0:  # of a solve before
+        of_solver = scheme_of(mbs)
+        if of_solver is None:
             raise AssumptionError("the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False")
         settings = mbs.sys["simulationSettings"]
         self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
-        scheme = Scheme.of_radius(DAMPED) if holds_rates else scheme_of(solver)
+        scheme = Scheme.of_radius(DAMPED) if holds_rates else of_solver
         steps = StepErrors(self.tangents, residuals, holds_rates)
-        self._reaction = Reaction(self._partners, Feedback(scheme), self.tangents, steps, self._sensors)
+        marches = Feedback(scheme), FirstSteps(of_solver)
+        self._reaction = Reaction(self._partners, *marches, self.tangents, steps, self._sensors)
 
     def _prepare_estimates(self, mbs: Any) -> None:
         without = [watch for watch in self._watches if watch.error or (watch.is_frozen and watch.enriched is None)]
@@ -172,6 +170,9 @@ class Mechanism:
         if self._opens:
             pairs = [(watch.run, watch.opening) for watch in self._coupled if watch.shares_energy]
             joined = joined_openings(*zip(*pairs, strict=True)) if pairs else []
+            note = self._first_steps.open(*zip(*pairs, strict=True)) if pairs else ""
+            for watch in self._coupled if note and self._reaction is None else ():
+                watch.note(note)
             for watch, opening in zip(self._coupled, joined, strict=False):
                 watch.opening = opening
 
@@ -189,7 +190,7 @@ class Mechanism:
     def _join_extensions(self) -> None:
         pairs = [(watch.run, watch.extension) for watch in self._coupled if watch.shares_energy]
         if pairs and all(extension is not None for _, extension in pairs):
-            join_extensions(*zip(*pairs, strict=True))
+            join_extensions(*zip(*pairs, strict=True), self._first_steps)
 
     def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
         first = int(self._opens)

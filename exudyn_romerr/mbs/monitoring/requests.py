@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
-from ...checks import check_choice, check_type
+from ...checks import check_choice, check_count, check_type
+from ...decay.kernels import KERNELS
 from ...errors import InputError
 from ...model.outputs import Output
 from ...offline.options import TIMES, BoundOptions
 from ...offline.prepare import checked_names
 from ...report.mechanism_report import check_names
-from ...residual.kernels import KERNELS
 from ...residual.problem import checked_outputs
 from ...residual.residual import RESIDUALS
 from ..access.linear_adapter import LinearSubject
@@ -44,8 +44,9 @@ def make_subject(
 
 def shares(mbs: Any, flexes: Sequence, options: BoundOptions) -> tuple[list[tuple], list[int] | None]:
     """Return (outputs, tolerance) of every body, and the sensors that are on none; None: all that the mbs has."""
-    if not flexes or len({id(flex) for flex in flexes}) < len(flexes):
-        raise InputError(f"flex is a list of {len(flexes)} bodies; needed: at least one, each once")
+    if not flexes:
+        raise InputError("flex is an empty list; needed: at least one body")
+    _check_once(flexes)
     asked, others = [None if isinstance(flex, FloatingBody) else [] for flex in flexes], None
     names: list[list[str]] = [[] for _ in flexes]
     if options.outputs is not None:
@@ -58,6 +59,15 @@ def shares(mbs: Any, flexes: Sequence, options: BoundOptions) -> tuple[list[tupl
         check_names(places)
     known = checked_tolerance(options.tolerance, [name for of in names for name in of])
     return [(out, {k: v for k, v in known.items() if k in of}) for out, of in zip(asked, names, strict=True)], others
+
+
+def _check_once(flexes: Sequence) -> None:
+    """InputError if two of a list are the same object of the mbs."""
+    places: dict[int, int] = {}
+    for i, flex in enumerate(flexes):
+        number = flex.number if isinstance(flex, FloatingBody) else getattr(flex, "items", {}).get("oGenericODE2")
+        if number is not None and places.setdefault(int(number), i) != i:
+            raise InputError(f"flex[{places[number]}] and flex[{i}] are the same body, object {number}; list it once")
 
 
 def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | None, Any, str]]:
@@ -107,6 +117,8 @@ def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str) -
     _check_rows(flex, outputs or ())
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
         check_choice(name, getattr(options, name), known)
+    if options.auxiliary_modes != "auto":
+        check_count("auxiliary_modes", options.auxiliary_modes, flex.positions.size, "coordinates; or 'auto'")
     asked = options.estimators
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.remainder import LOST, SAMPLED, Jumps, Measured, Remainder, joined, middles
 from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
-from ...linalg.blocked_products import row_norms
+from .looks import Jumps, middles
+from .remainder import LOST, SAMPLED, Measured, Remainder, joined, march_together
 from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:
@@ -35,12 +36,13 @@ class MeasuredRemainder:
 
     Attributes
     ----------
-    found : what was measured of the vectors' prediction at the rows of the last call of open, go_on or finish; None:
+    found : what was measured of the vectors' prediction at the rows of the last call of open, go_on, following; None:
     nothing. notes : why, once.
     """
 
     def __init__(self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors):
         self._tangents, self._parts, self._size, self._step_errors = tangents, parts, size, step_errors
+        self._roots, self._of_body = _mass_roots(parts, size)
         self._shadow: Shadow | None = None
         self._mbs, self._is_compared = None, True  # while rows are evaluated: the mbs, whether it is as it was
         self._of_vectors, self._of_steps = (
@@ -56,7 +58,8 @@ class MeasuredRemainder:
         for one in (self._of_vectors, self._of_steps):
             one.start(float(rows[0][0]), self._constraints)
         self._try(self._make, mbs)
-        self._try(self._of_vectors.rest, tangent, self._wide(rows), e, self._residuals)
+        with self._functions_kept():
+            self._try(self._of_vectors.rest, tangent, self._wide(rows), e, self._residuals)
         self._open()
 
     def go_on(self, mbs: Any, before: MeasuredRemainder) -> None:
@@ -93,31 +96,50 @@ class MeasuredRemainder:
         """Size of what is left out of the deformation of body i over that of the prediction; None: not known."""
         return None if self._failure or not self._parts else float(self._of_vectors.shares[i])
 
-    def begin(self, mbs: Any, rows: Sequence[np.ndarray], forces: np.ndarray) -> None:
-        """Steps to rows t (S,), q, q_t, q_tt (S, n) follow, under forces (S, k) on vectors."""
+    @contextmanager
+    def following(self, mbs: Any, rows: Sequence[np.ndarray], forces: np.ndarray) -> Iterator[None]:
+        """Go through steps to rows t (S,), q, q_t, q_tt (S, n), under forces (S, k) on vectors."""
         self._forces = forces
         self._mbs, self._is_compared = mbs, False
         rows = self._wide(rows)
         read = np.array([reading.t for reading in self._tangents.readings])
-        due = middles(rows[0], read) | self._jumps.follow(rows[3])
+        due, restless = middles(rows[0], read), self._jumps.follow(rows[3])
         for one in (self._of_vectors, self._of_steps):
-            one.begin(rows, self._residuals, due)
+            one.begin(rows, self._residuals, due, restless)
+        with self._functions_kept():
+            yield
+        self._finish()
+
+    @contextmanager
+    def _functions_kept(self) -> Iterator[None]:
+        """What user functions keep is put back afterwards."""
+        kept = ExitStack()
+        if self._shadow is not None:
+            self._try(kept.enter_context, self._shadow.functions_kept())
+        try:
+            yield
+        finally:
+            try:
+                kept.close()
+            except RunError as failure:
+                self._fail(failure)
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Return what is added to e, e', e'' (3, S, k) in some of the steps; None: nothing."""
-        newest, drift = self._step_errors.newest(len(steps)), None
+        newest, drift, work = self._step_errors.newest(len(steps)), None, {}
         if newest is not None:
             x, force, values = newest
             none = np.zeros((len(steps), self._constraints))
             drift = None if values is None else (0 * force, values)
             if self._of_steps.adds or not self._failure:
-                self._of_steps.follow(steps, part, -x, (-force - self._forces[part], none))
-        if self._parts and (self._of_vectors.adds or not self._failure):
-            return self._of_vectors.follow(steps, part, e, drift)
-        return None
+                work[self._of_steps] = self._of_steps.columns(steps, part, -x, (-force - self._forces[part], none))
+        of_vectors = self._of_vectors
+        if self._parts and (of_vectors.adds or not self._failure):
+            work[of_vectors] = of_vectors.columns(steps, part, e, drift)
+        march_together(steps, work)
+        return of_vectors.added
 
-    def finish(self) -> None:
-        """All steps were gone through."""
+    def _finish(self) -> None:
         self._mbs = None
         self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
         self.found = None if self._failure else self.found
@@ -147,12 +169,13 @@ class MeasuredRemainder:
             raise RunError(INCREMENTS)
         self._shadow = Shadow(mbs, self._parts, self._tangents)
 
-    def _residuals(self, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
-        """Those of the shadow, or None from where they are not to be had."""
+    def _residuals(self, rows: Sequence[np.ndarray], e: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Those of the shadow in rows that e (3, S, k) moves, or None from where they are not to be had."""
         if not self._is_compared:
             self._try(self._shadow.compare, self._mbs)
             self._is_compared = True
-        return self._try(self._shadow.residuals, rows)
+        t, *states = rows
+        return self._try(self._shadow.residuals, (t, *self._tangents.moved(states, e)))
 
     def _try(self, work: Callable, *arguments: Any) -> Any:
         """Do what is left to do unless something has failed; what fails ends the measurement, and nothing else."""
@@ -160,9 +183,13 @@ class MeasuredRemainder:
             try:
                 return work(*arguments)
             except Exception as failure:
-                self._failure = str(failure)
-                self.notes.append(LEFT_OUT.format(failure))
+                self._fail(failure)
         return None
+
+    def _fail(self, failure: Exception) -> None:
+        if not self._failure:
+            self._failure = str(failure)
+            self.notes.append(LEFT_OUT.format(failure))
 
     def _wide(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Rows whose states have vectors, too, which do not move in the run."""
@@ -172,8 +199,16 @@ class MeasuredRemainder:
     def _sizes(self, x: np.ndarray) -> np.ndarray:
         """Sizes (S, bodies + 1) of changes (3, S, k): of deformations in the mass norm, of all motion about so."""
         masses = self._tangents.readings[-1].masses
-        whole = row_norms(x[0][:, : len(masses)] * np.sqrt(masses))
-        parts = (
-            (body.offline.mass_root, np.hstack([x[0][:, body.modal], x[0][:, own]])) for body, own in self._parts
-        )
-        return np.column_stack([*(row_norms(y @ root.T) for root, y in parts), whole])
+        of_bodies = (x[0] @ self._roots) ** 2 @ self._of_body
+        return np.sqrt(np.column_stack([of_bodies, x[0][:, : len(masses)] ** 2 @ masses]))
+
+
+def _mass_roots(parts: Parts, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return roots (size, n), by which motions become deformations in the mass norm; (n, bodies) whose these are."""
+    roots = [body.offline.mass_root.T for body, _ in parts]
+    ends = np.cumsum([0, *(root.shape[1] for root in roots)])
+    whole, of_body = np.zeros((size, ends[-1])), np.zeros((ends[-1], len(parts)))
+    for i, ((body, own), root) in enumerate(zip(parts, roots, strict=True)):
+        columns = slice(ends[i], ends[i + 1])
+        whole[np.r_[body.modal, own], columns], of_body[columns, i] = root, 1.0
+    return whole, of_body

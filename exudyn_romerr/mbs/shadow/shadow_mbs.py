@@ -61,15 +61,15 @@ class Shadow:
             self._places = _places(mbs, self._mbs, parts)
         except Exception as error:
             raise RunError(NO_COPY.format(error)) from error
-        self.compare(mbs)
+        with self.functions_kept():
+            self.compare(mbs)
 
     def residuals(self, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return M q'' + G^T l - f (S, k), and what constraints keep zero (S, c), in rows t, q, q_t, q_tt (S, k).
 
-        Multipliers l are those that leave least of it.
+        Multipliers l are those that leave least of it. To be asked within functions_kept.
         """
-        with self._functions_kept():
-            found = [self._at(t, state) for t, *state in zip(*rows, strict=True)]
+        found = [self._at(t, state) for t, *state in zip(*rows, strict=True)]
         forces, M, G, g = (np.array(x) for x in zip(*found, strict=True))
         return without_constraints(forces, M, G), g
 
@@ -91,30 +91,34 @@ class Shadow:
         set_state(system, t, (*wide, system.GetAECoordinates()))
 
     @contextmanager
-    def _functions_kept(self) -> Iterator[None]:
+    def functions_kept(self) -> Iterator[None]:
         """Call user functions, RunError if they keep something; that is put back."""
+        if not self._functions:
+            yield
+            return
         with memory_kept(self._mbs, self._functions) as memory:
             if memory.lost:
                 raise RunError(HOLDS.format(memory.lost))
-            yield
-            if memory.changed:
-                raise RunError(MEMORY)
+            try:
+                yield
+            finally:
+                if memory.changed:
+                    raise RunError(MEMORY)  # whatever came of it
 
     def compare(self, mbs: Any) -> None:
-        """RunError unless M, forces, G and g are those of the mbs where no vector moves."""
+        """RunError unless M, forces, G and g are those of the mbs where no vector moves; within functions_kept."""
         if mbs is None:
             raise RunError(GONE)
         own, rng, system = self._original, np.random.default_rng(SEED), mbs.systemData
         t = system.GetTime()
         state = [x + AWAY * rng.uniform(0.5, 1.0, len(x)) * np.abs(x).max(initial=1.0) for x in current_state(system)]
         at = self._places[: own.size]
-        with self._functions_kept():
-            with state_kept(system):
-                set_state(system, t, state)
-                wanted = [x.copy() for x in self._equations_of(own, mbs)]
-            self._set(t, [np.append(x, np.zeros(len(self._places) - own.size)) for x in state[:3]])
-            M, force, G, g = self._equations_of(self._equations, self._mbs)
-            found = M[np.ix_(at, at)], force[at], G[:, at], g
+        with state_kept(system):
+            set_state(system, t, state)
+            wanted = [x.copy() for x in self._equations_of(own, mbs)]
+        self._set(t, [np.append(x, np.zeros(len(self._places) - own.size)) for x in state[:3]])
+        M, force, G, g = self._equations_of(self._equations, self._mbs)
+        found = M[np.ix_(at, at)], force[at], G[:, at], g
         for name, one, other in zip(("masses", "forces", "G", "constraints"), wanted, found, strict=True):
             off = np.abs(one - other).max(initial=0.0) / max(np.abs(one).max(initial=0.0), np.finfo(float).tiny)
             if not off <= AGREES:
@@ -139,7 +143,7 @@ def _copy(mbs: Any, shadow: Any, bodies: Sequence[EnrichedBody]) -> None:
     for i in range(system.NumberOfObjects()):
         item = _bare(mbs.GetObject(i))
         if i in wider:
-            item |= object_terms(wider[i].flex, wider[i].shapes, wider[i].rayleigh)
+            item |= object_terms(wider[i].flex, wider[i].shapes, wider[i].damping)
         shadow.AddObject(item)
     for i in range(system.NumberOfMarkers()):
         shadow.AddMarker(_bare(mbs.GetMarker(i)))

@@ -13,7 +13,7 @@ from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
 from ...mode_selection.tried_run import outputs_of
 from ...report.estimate_wording import RESOLVED, estimated_kind
 from ...report.scope import COUPLED, FROZEN
-from ...report.wording import NOT_THE_MECHANISM, error_kind, rounded_up, widest_scope
+from ...report.wording import NOT_THE_MECHANISM, digits, error_kind, rounded_up, widest_scope
 from .scene_run import build_trial, same_times
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class LevelOutput:
 
     def __str__(self) -> str:
         largest, apart, bound = (np.max(np.abs(x)) for x in (self.value, self.difference, self.bound))
-        text = f"{self.name}: up to {largest:.4g} {self.unit}, {apart:.3g} {self.unit} from the finer run"
+        text = f"{self.name}: up to {digits(largest, 4)} {self.unit}, {digits(apart)} {self.unit} from the finer run"
         most = f"{', to first order,' if self.scope == COUPLED else ''} at most {rounded_up(bound)} {self.unit}"
         said = f"{self.kinds[0]}{most}"
         if self.by == ESTIMATE:
@@ -63,8 +63,8 @@ class LevelOutput:
             return "not estimated"
         size, half = (np.max(np.abs(x)) for x in (self.estimate, self.uncertainty))
         if half > RESOLVED * size:
-            return f"about {np.max(np.abs(self.estimate) + self.uncertainty):.2g} {self.unit} or less"
-        return f"about {size:.3g} +- {rounded_up(half, 1)} {self.unit}"
+            return f"about {digits(np.max(np.abs(self.estimate) + self.uncertainty), 2)} {self.unit} or less"
+        return f"about {digits(size)} +- {rounded_up(half, 1)} {self.unit}"
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import os
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -12,14 +10,13 @@ import numpy as np
 
 from ..estimate_wording import estimated_under, known, off_by
 from ..overview import overview
-from ..plots.over_time import draw_bounds, draw_causes, draw_signal
-from ..plots.style import DPI, SIZE, new_figure, of_one_size
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
 from ..verdict import sentence
 from ..wording import (
     advises,
     best_estimator,
     corrected_within,
+    digits,
     instant,
     is_uncertified,
     outside,
@@ -28,6 +25,7 @@ from ..wording import (
 )
 from .atomic_write import write_whole
 from .html_elements import CSS, items, numbers, paragraph, section, table, words
+from .html_figures import figures, rows_of
 from .provenance import made_here
 
 if TYPE_CHECKING:
@@ -51,7 +49,6 @@ ABOUT = (
     "Value + estimate is the best guess of the full model's output."
 )
 NEVER = "Never covered: the finite-element model itself, its mesh, material and linearity."
-RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
 
 
 def write_page(report: ReportData, path: str | os.PathLike) -> None:
@@ -86,7 +83,7 @@ def page(report: ReportData) -> str:
         *_verdicts(report),
         section("Messages", items(report.messages) if report.messages else paragraph("None.")),
         section("What the bounds cover", *_scope(report)),
-        section("Figures", *_figures(report)),
+        section("Figures", *figures(report)),
         section("Tables", *_tables(report)),
         section("Plan", *_plan(report)),
         section("Versions", _versions(report)),
@@ -102,18 +99,13 @@ def _extent(report: ReportData) -> str:
     return f"{len(report.t)} instants, {axis} = {report.t[0]:g} ... {report.t[-1]:g}{unit}{made}"
 
 
-def _rows(report: ReportData) -> Iterator[tuple[OutputData, int, str]]:
-    for out in report.outputs.values():
-        yield from ((out, row, name) for row, name in enumerate(out.row_names))
-
-
 def _verdicts(report: ReportData) -> Iterator[str]:
     if not report.outputs:
         yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
     head, *lines = overview(report) or [()]
     if lines:
         yield table("All outputs", head, lines)
-    for out, row, name in _rows(report):
+    for out, row, name in rows_of(report):
         said = sentence(out, row, report.time, report.scope, advises(report)).removeprefix(name)
         notes = paragraph(" ".join(_notes(report, out, row)), "note")
         yield f'<div class="verdict">\n<p><b>{escape(name)}</b>{words(said)}</p>\n{notes}</div>'
@@ -132,7 +124,7 @@ def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
     if out.error is not None:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
         off = "" if out.estimate is None else f"; {off_by(out, row)}"
-        yield f"The true error is up to {largest:.3g} {out.unit}; bound / error: {ratio:.3g}{off}."
+        yield f"The true error is up to {digits(largest)} {out.unit}; bound / error: {digits(ratio)}{off}."
         if words_of := outside(out, row, report.time):
             yield f"{words_of}."
 
@@ -146,32 +138,6 @@ def _scope(report: ReportData) -> Iterator[str]:
     yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
 
-def _figures(report: ReportData) -> Iterator[str]:
-    for out, row, name in _rows(report):
-        text = f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}"
-        source = _picture(report, out.name, row)
-        yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
-
-
-def _has_causes(out: OutputData, row: int) -> bool:
-    return bool(np.isfinite(out.bound["best"][:, row]).any()) or out.estimate is None
-
-
-@of_one_size
-def _picture(report: ReportData, name: str, row: int) -> str:
-    """Pairs of axes as a data address."""
-    draws = (draw_signal, draw_bounds, draw_causes)[: 2 + _has_causes(report.output(name), row)]
-    figure = new_figure(1.25 * SIZE[0], len(draws) * SIZE[1])
-    axes = figure.subplots(len(draws), 1, sharex=True)
-    for ax, draw in zip(axes, draws, strict=True):
-        draw(ax, report, name, row)
-        ax.tick_params(labelbottom=True)
-    kind, mime = ("svg", "svg+xml") if len(report.t) <= RASTER_FROM else ("png", "png")
-    stream = io.BytesIO()
-    figure.savefig(stream, format=kind, dpi=DPI)
-    return f"data:image/{mime};base64,{base64.b64encode(stream.getvalue()).decode()}"
-
-
 def _tables(report: ReportData) -> Iterator[str]:
     estimators = list(report.scope)
     if report.outputs:
@@ -182,9 +148,9 @@ def _tables(report: ReportData) -> Iterator[str]:
             "corrected within",
             "round-off",
         )
-        rows = [_output_row(report, out, row, name, estimators) for out, row, name in _rows(report)]
+        rows = [_output_row(report, out, row, name, estimators) for out, row, name in rows_of(report)]
         yield numbers("Largest bounds of outputs, and when", head, rows)
-    if estimated := [found for found in _rows(report) if known(found[0], found[1]) is not None]:
+    if estimated := [found for found in rows_of(report) if known(found[0], found[1]) is not None]:
         head = ("output", "largest estimate", "half width", "parts", "parts of the half width")
         rows = [_estimate_row(report, out, row, name) for out, row, name in estimated]
         yield numbers("Estimates of the error, largest values over time", head, rows)
@@ -203,16 +169,16 @@ def _tables(report: ReportData) -> Iterator[str]:
 def _output_row(report: ReportData, out: OutputData, row: int, name: str, estimators: list[str]) -> list[str]:
     bounds = []
     for e in estimators:
-        truth = f"\n/ true error: {out.effectivity[e][row]:.3g}" if out.effectivity else ""
+        truth = f"\n/ true error: {digits(out.effectivity[e][row])}" if out.effectivity else ""
         bounds.append(_largest(report, out.bound[e][:, row], out.unit) + truth)
     corrected = "" if out.corrected is None else _largest(report, out.corrected_bound[:, row], out.unit)
-    values, floor = (f"{np.max(np.abs(x[:, row])):.3g} {out.unit}" for x in (out.value, out.round_off))
+    values, floor = (f"{digits(np.max(np.abs(x[:, row])))} {out.unit}" for x in (out.value, out.round_off))
     return [name, values, *bounds, corrected, floor]
 
 
 def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> list[str]:
     parts, checks = (
-        "\n".join(f"{key} {np.max(np.abs(x[:, row])):.3g}" for key, x in found.items())
+        "\n".join(f"{key} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items())
         for found in (out.estimate_parts, out.uncertainty_parts)
     )
     size, half = np.abs(out.estimate[:, row]), np.max(out.uncertainty[:, row])

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
+FAR_WIDER, MARGIN = 3.0, 0.1  # of what a picture shows beside half widths: larger ones are cut off, with this margin
 BAR = 12  # points: how wide a band is at a single instant
 
 
@@ -56,7 +57,11 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
     if (best := _corrected(report, out, row)) is not None:
         corrected, half, label, name_of_line = best
-        _band(ax, t, corrected, half, COLOURS["auxiliary"], label)
+        below = bool(np.max(half) > np.max(bound))  # the band of the bound, which it would hide
+        shown = [value - bound, value + bound, corrected, *([] if out.error is None else [value + out.error[:, row]])]
+        label += ", cut off" * (below and _is_cut_off(ax, shown, corrected - half, corrected + half))
+        style = {"zorder": 0.9, "alpha": 0.25} if below else {}
+        _band(ax, t, corrected, half, COLOURS["auxiliary"], label, **style)
         ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label=name_of_line)
     if out.error is not None:
         ax.plot(t, value + out.error[:, row], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
@@ -138,6 +143,16 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
     return out.corrected[:, row], bound, label, "corrected output"
 
 
+def _is_cut_off(ax: Any, shown: list[np.ndarray], low: np.ndarray, high: np.ndarray) -> bool:
+    """Limit the axes to what is shown, where a half width that tells nothing would leave nothing of it to be seen."""
+    floor, top = np.min(shown), np.max(shown)
+    if not np.max(high) - np.min(low) > FAR_WIDER * (top - floor):
+        return False
+    margin = (top - floor) * MARGIN
+    ax.set_ylim(floor - margin, top + margin)
+    return True
+
+
 def _is_estimated(out: OutputData) -> bool:
     """Whether there is an estimate that no proof stands behind."""
     return out.estimate is not None and set(out.uncertainty_parts) != {"proved"}
@@ -169,11 +184,11 @@ def _row_of(report: ReportData, name: str, row: int) -> OutputData:
     return out
 
 
-def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour: str, label: str) -> None:
+def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour: str, label: str, **more) -> None:
     """Middle ± bound; where it is infinite, marks at the upper edge instead."""
     known = np.isfinite(bound)
     low, high = (np.where(known, middle + sign * bound, middle) for sign in (-1, 1))
-    _fill(ax, t, low, high, known, facecolor=colour, alpha=0.6, linewidth=0, label=label)
+    _fill(ax, t, low, high, known, facecolor=colour, linewidth=0, label=label, **{"alpha": 0.6, **more})
     mark_edges(ax, t, np.where(known, 1.0, np.inf), colour)
 
 
@@ -189,8 +204,8 @@ def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.n
     ax.fill_between(t, low, high, where=known, rasterized=len(t) > RASTER_FROM, **style)
     alone = isolated(known)
     if alone.size:
-        opaque = {"colors": style["facecolor"], "alpha": style.get("alpha")}
-        ax.vlines(t[alone], low[alone], high[alone], linewidth=BAR, zorder=1, **opaque)
+        opaque = {"colors": style["facecolor"], "alpha": style.get("alpha"), "zorder": style.get("zorder", 1)}
+        ax.vlines(t[alone], low[alone], high[alone], linewidth=BAR, **opaque)
 
 
 def _dots(t: np.ndarray) -> str | None:

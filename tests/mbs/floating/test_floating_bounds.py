@@ -30,11 +30,15 @@ ESTIMATORS = ("energy", "auxiliary", "best")
 
 @dataclass(frozen=True)
 class Body:
-    """Nodes x (N/3, 3), mass (N, N) and all modes P (N, m), M-orthonormal, that the conditions C_0 u = 0 leave."""
+    """Nodes x (N/3, 3), mass (N, N) and all modes P (N, m), M-orthonormal, that the conditions C_0 u = 0 leave.
+
+    zeta (m,): their damping ratios.
+    """
 
     x: np.ndarray
     M: np.ndarray
     omega: np.ndarray
+    zeta: np.ndarray
     P: np.ndarray
     probes: dict[str, int]
 
@@ -53,7 +57,12 @@ def full_body(name, free=False):
     squares, modes = la.eigh(Z.T @ K @ Z, Z.T @ M @ Z)
     tip = int(floating.interface(fem, {"bar": "tip", "rotor": "rim"}[name])[0][0])
     inside = int(np.argmin(la.norm(x - x.mean(axis=0), axis=1)))
-    return Body(x, M, np.sqrt(squares), Z @ modes, {"tip": tip, "inside": inside})
+    omega = np.sqrt(squares)
+    return Body(x, M, omega, rayleigh_ratios(omega), Z @ modes, {"tip": tip, "inside": inside})
+
+
+def rayleigh_ratios(omega):
+    return (RAYLEIGH[0] / omega + RAYLEIGH[1] * omega) / 2
 
 
 def left_face(fem, x):
@@ -76,8 +85,10 @@ def outputs(body):
     return [*both, romerr.node_velocity("velocity", node=body.probes["tip"], frame="global")]
 
 
-def attached(scene, body, **options):
-    flex = romerr.floating_body(scene.fem, scene.items)
+def attached(scene, body, ratios=None, **options):
+    flex = romerr.floating_body(scene.fem, scene.items, modal_damping=ratios)
+    if ratios is not None:
+        romerr.set_modal_damping(scene.mbs, flex)
     return romerr.attach(scene.mbs, flex, outputs=outputs(body), **options)
 
 
@@ -104,11 +115,13 @@ def force_signal(ramping):
     return signal(len(size), start=start, size=size, W=W)
 
 
-def clamped_motion(X, t):
-    """Exact motion (T, N) of the clamped bar on the columns X, from rest."""
+def clamped_motion(X, t, ratios=None):
+    """Exact motion (T, N) of the clamped bar on the columns X, from rest; ratios: of the modes X, else Rayleigh's."""
     fem = floating.load_fem("bar")
     M, K = (symmetric(X.T @ (matrix @ X)) for matrix in (fem.massMatrix, fem.stiffnessMatrix))
     exact = Exact(M, RAYLEIGH[0] * M + RAYLEIGH[1] * K, K, RAYLEIGH)
+    if ratios is not None:
+        exact.zeta, exact.D = ratios, np.diag(2 * ratios * exact.omega)
     nodes, weights = floating.interface(fem, "right")
     pull = np.zeros((len(X) // 3, 3, 3))
     pull[nodes] = weights[:, None, None] * np.eye(3)
@@ -273,7 +286,7 @@ def frozen_motion(run, body, fine=1):
     interval, through values and slopes of the motion found before; modal oscillators are then exact. Repeated until
     nothing changes.
     """
-    omega, P, MP, steps = body.omega, body.P, body.M @ body.P, fine * (len(run.t) - 1)
+    omega, zeta, P, MP, steps = body.omega, body.zeta, body.P, body.M @ body.P, fine * (len(run.t) - 1)
     h = (run.t[-1] - run.t[0]) / steps
     between = np.arange(steps + 1) / fine
     left = np.minimum(between.astype(int), len(run.t) - 2)
@@ -285,7 +298,6 @@ def frozen_motion(run, body, fine=1):
     S = tilde(run.al) + tilde(run.w) @ tilde(run.w)
     f, W, S = linear(run.u @ (P.T @ run.columns).T), 2 * linear(tilde(run.w)), linear(S)
     W_t, S_t = np.diff(W, axis=0) / h, np.diff(S, axis=0) / h
-    zeta = (RAYLEIGH[0] / omega + RAYLEIGH[1] * omega) / 2
     step = oscillator_steps(omega, zeta, h)
     force = np.stack([f[:-1], np.diff(f, axis=0), 0 * f[1:], 0 * f[1:]])
     last = np.inf

@@ -256,6 +256,12 @@ def test_body_attached_twice_is_refused():
     check_error(lambda: watched(scene), InputError, "object 0 is attached already")
 
 
+@pytest.mark.parametrize("count", [-3, 0, 2.5, True, "many"])
+def test_wrong_numbers_of_auxiliary_modes_are_refused_at_once(count):
+    with pytest.raises(InputError, match=r"auxiliary_modes=.*; allowed: a whole number 1\.\."):
+        watched(bar(), auxiliary_modes=count)
+
+
 # --- outputs and sensors ----------------------------------------------------
 
 

@@ -496,8 +496,8 @@ def test_load_on_the_reference_interface_does_not_matter(dropping):
 @pytest.mark.parametrize("factors", [(2, 1), (1, 2)])
 @pytest.mark.parametrize("name", SCENES)
 def test_other_damping_is_caught(name, factors, monkeypatch):
-    read = floating_module._rayleigh_factors
-    monkeypatch.setattr(floating_module, "_rayleigh_factors", lambda *args: tuple(np.multiply(factors, read(*args))))
+    read = floating_module.rayleigh_factors
+    monkeypatch.setattr(floating_module, "rayleigh_factors", lambda *args: tuple(np.multiply(factors, read(*args))))
     assert accused(run_model(name))
 
 

@@ -1,5 +1,7 @@
 """What coupled bounds cannot cover: frozen inputs instead, or a clear message, and what was bounded stays."""
 
+from dataclasses import replace
+
 import exudyn as exu
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from exudyn import itemInterface
 import exudyn_romerr as romerr
 from exudyn_romerr import AssumptionError, InputError, attach, floating_body
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
+from exudyn_romerr.report.overview import overview
 from models import floating, mechanisms
 from tests.helpers.mechanism_runs import (
     BOTH,
@@ -45,7 +48,13 @@ def with_named_second_bar():
 
 
 def test_bar_that_is_not_attached_is_named():
-    assert_frozen(reports(with_named_second_bar(), 1), "not attached", "forearm")
+    """And to attach it is the next step: half the step would not tell what its error does."""
+    scene = with_named_second_bar()
+    made = reports(scene, 1)
+    assert_frozen(made, "not attached", "forearm")
+    out = made[0].output("probe")
+    made[0].outputs["other"] = replace(out, name="other")  # the table is of several
+    assert [line[-1] for line in overview(made[0])[1:]] == ["attach all flexible bodies"] * 2
 
 
 def test_bar_that_is_not_attached_is_refused_where_the_coupled_scope_was_asked_for():

@@ -11,12 +11,14 @@ from exudyn.utilities import InertiaCuboid
 from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.access.mbs_items import scheme_of
 from exudyn_romerr.mbs.mechanism import step_errors, stored_residuals
 from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
-from exudyn_romerr.mbs.monitoring.joint_evaluation import DAMPED, scheme_of
+from exudyn_romerr.mbs.monitoring.joint_evaluation import DAMPED
+from exudyn_romerr.online.coupled_runs import FirstSteps
 
 FINER = 8
 HINGE = [1, 1, 1, 1, 0, 1]
@@ -107,8 +109,8 @@ class Estimated:
         self.tangents = Tangents(mbs)
         residuals = StoredResiduals(self.tangents, mbs) if self.midpoint else None
         steps = StepErrors(self.tangents, residuals, self.index2)
-        scheme = Scheme.of_radius(DAMPED) if self.index2 else scheme_of(mbs.sys["dynamicSolver"])
-        self.reaction, self.due = Reaction([], Feedback(scheme), self.tangents, steps), 1
+        scheme = Scheme.of_radius(DAMPED) if self.index2 else scheme_of(mbs)
+        self.reaction, self.due = Reaction([], Feedback(scheme), FirstSteps(None), self.tangents, steps), 1
         self.reaction._say = self.note  # there are no reports
 
     def step(self, mbs, t):

@@ -302,9 +302,15 @@ def test_wrong_outputs_leave_nothing_attached(outputs, said):
         romerr.attach(scene.mbs, bodies_of(scene), outputs=outputs)
     assert not scene.mbs.GetPostStepUserFunction()
     flexes = bodies_of(scene)
-    for wrong in ([], [flexes[0], flexes[0]]):
-        with pytest.raises(romerr.InputError, match="at least one, each once"):
+    again = romerr.floating_body(scene.fem, scene.bodies[0])
+    for wrong, said in (
+        ([], "flex is an empty list; needed: at least one body"),
+        ([flexes[0], flexes[0]], r"flex\[0\] and flex\[1\] are the same body, object 0; list it once"),
+        ([*flexes, again], r"flex\[0\] and flex\[2\] are the same body, object 0; list it once"),
+    ):
+        with pytest.raises(romerr.InputError, match=said):
             romerr.attach(scene.mbs, wrong)
+    assert not scene.mbs.GetPostStepUserFunction()
 
 
 def test_tolerances_and_bound_sensors_find_their_body():

@@ -9,8 +9,8 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 
 import exudyn_romerr as romerr
 from exudyn_romerr import RunError
-from exudyn_romerr.estimates import remainder
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
+from exudyn_romerr.mbs.shadow import remainder
 from exudyn_romerr.mbs.shadow.measured_remainder import LEFT_OUT
 from exudyn_romerr.mbs.shadow.shadow_mbs import Shadow
 from exudyn_romerr.mbs.shadow.wider_object import object_terms
@@ -91,7 +91,7 @@ def compared(name, every):
     def make():
         return getattr(mechanisms, name)(4, t_end=SHORT[name])
 
-    with mock.patch.multiple(remainder, EVERY=every, PAYS=np.inf):
+    with mock.patch.multiple(remainder, EVERY=every, FARTHER=1, PAYS=np.inf):
         watched = Watched(make())
     places = watched.reaction._remainder._shadow._places
     true = with_vectors(make, watched.reaction.parts)[..., places] - watched.states - watched.predicted
@@ -134,7 +134,7 @@ def test_terms_of_modes_are_those_that_exudyn_makes():
     fem.modeBasis = {"matrix": U, "type": "any"}
     cms = ObjectFFRFreducedOrderInterface(fem, roundMassMatrix=0, roundStiffnessMatrix=0)
     items = {"oFFRFreducedOrder": 0, "nGenericODE2": 0, "nRigidBody": 0}
-    found = object_terms(romerr.floating_body(fem, items), U, RAYLEIGH)
+    found = object_terms(romerr.floating_body(fem, items), U, lambda X, Y, M, K: RAYLEIGH[0] * M + RAYLEIGH[1] * K)
     names = [name for name in found if name.startswith("m") and hasattr(cms, name)]
     assert len(names) == 9 - 1
     for name in names:

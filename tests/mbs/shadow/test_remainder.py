@@ -5,10 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from exudyn_romerr.estimates import remainder as module
 from exudyn_romerr.estimates.march import Scheme, Tangent
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
-from exudyn_romerr.estimates.remainder import Remainder
+from exudyn_romerr.mbs.shadow import looks
+from exudyn_romerr.mbs.shadow import remainder as module
+from exudyn_romerr.mbs.shadow.remainder import Remainder, march_together
 
 SCHEME = Scheme.of_radius(0.9)
 T, STEPS = 6.0, 480
@@ -52,17 +53,17 @@ class Late:
         self.remainder.begin((t[1:], none, none, none), self.residuals)
         self.predicted, self.added = [], np.zeros((3, STEPS, 2))
 
-    def residuals(self, rows):
+    def residuals(self, rows, e):
         """Nonlinear equations less forces, which the linear ones answer."""
-        now, q, q_t, q_tt = rows
+        now, (q, q_t, q_tt) = rows[0], (x + dx for x, dx in zip(rows[1:], e, strict=True))
         self.looked += now.tolist()
         at = np.searchsorted(t, now - 1e-9)
         left = q_tt @ M + q_t @ D + q @ K + cubic(q, self.hardening) - FORCE[at]
         return (left, np.zeros((len(now), 0))) if now[-1] < self.ends else None
 
     def follow(self, steps, part, e):
-        added = self.remainder.follow(steps, part, e)
-        self.multipliers = self.remainder.multipliers
+        march_together(steps, {self.remainder: self.remainder.columns(steps, part, e)})
+        added, self.multipliers = self.remainder.added, self.remainder.multipliers
         if added is not None:
             self.added[:, part] = added
         return added
@@ -82,6 +83,7 @@ def off(found, wanted):
 def everywhere(monkeypatch):
     """All samples are looked at, and nothing is added."""
     monkeypatch.setattr(module, "EVERY", 1)
+    monkeypatch.setattr(module, "FARTHER", 1)
     monkeypatch.setattr(module, "PAYS", np.inf)
 
 
@@ -102,7 +104,7 @@ def test_a_look_now_and_then_tells_the_size(monkeypatch):
     e, late, found = measured(0.1)
     true = nonlinear(0.1) - e
     assert np.abs(found.r[0]).max() == pytest.approx(np.abs(true[0]).max(), rel=0.3)
-    assert len(late.looked) < module.DENSE + 1.2 * STEPS / module.EVERY
+    assert len(late.looked) < STEPS / 8
 
 
 @pytest.mark.parametrize("at_once", [False, True])
@@ -129,7 +131,7 @@ def test_what_is_as_large_as_the_prediction_is_not_added(monkeypatch):
 
 def test_where_residuals_end_nothing_more_is_asked():
     _, late, _ = measured(1e-3, ends=3.0)
-    assert max(late.looked) < 4.0
+    assert max(late.looked) < 5.0  # within those that are marched through together
     assert not late.remainder.adds
 
 
@@ -148,7 +150,7 @@ def test_a_second_run_goes_on_from_the_first():
     first = Late(1.0)
     feedback, tangent = Feedback(SCHEME), Tangent(0.0, M, D, K, G, G)
     feedback.start(tangent, np.zeros(2))
-    half = 192  # steps: a border of those that are marched through together
+    half = 256  # steps: a border of those that are marched through together
     parts = []
     late = first
     for part in (slice(0, half), slice(half, STEPS)):
@@ -167,10 +169,10 @@ def test_a_second_run_goes_on_from_the_first():
 
 def test_samples_after_a_jump_of_accelerations_are_looked_at():
     """Blocks of 20 steps: a jump in one counts in the next, too; a smooth swing is none."""
-    jumps = module.Jumps(2, sizes)
+    jumps = looks.Jumps(2, sizes)
     swing = np.sin(t[1:])[:, None] * np.ones(2)
     swing[150:] += 5.0
     found = [jumps.follow(swing[begin : begin + 20]) for begin in range(0, STEPS, 20)]
     wanted = np.zeros(STEPS, dtype=bool)
-    wanted[150 : 150 + module.DENSE] = True
+    wanted[150 : 150 + looks.DENSE] = True
     np.testing.assert_array_equal(np.concatenate(found), wanted)

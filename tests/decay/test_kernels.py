@@ -7,9 +7,9 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr import AssumptionError, ElasticBody
+from exudyn_romerr.decay.kernels import CertifiedKernel, EnvelopeKernel, SpectrumKernel, make_kernel
+from exudyn_romerr.decay.lag_table import LagTable
 from exudyn_romerr.linalg import oscillator
-from exudyn_romerr.residual.kernels import CertifiedKernel, EnvelopeKernel, SpectrumKernel, make_kernel
-from exudyn_romerr.residual.lag_table import LagTable
 from models.matrix_exponential import fundamental_matrix_norms
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model

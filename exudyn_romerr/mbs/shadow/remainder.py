@@ -1,0 +1,237 @@
+"""Remainder: what linear equations leave out of the motion they predict, from the residual of that motion.
+
+    M r'' + D r' + K r + G^T l = -(M q'' + G^T l - f) ,   C r = -g     of the predicted motion
+
+Nonlinear equations less these are of second order in the prediction, so r is known to that order, and it knows what
+tangents that are interpolated miss, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...estimates.march import Columns
+from ...estimates.mechanism_feedback import held
+from .looks import DENSE, Loads, Looks, Residuals, Sizes
+
+if TYPE_CHECKING:
+    from ...estimates.march import Steps, Tangent
+
+# samples: two looks are no farther apart, so many times as far where r is smaller than so much of the prediction; one
+# is between two tangents, for where these are read they are exact; between looks the residual is taken for linear
+EVERY, FARTHER, CALM = 32, 2, 1e-3
+CLOSE = 8  # the same where all sets in, after a start or a jump, and where r pays; there lines are to be confirmed
+SLIGHT = 1e-6  # of the prediction: what less moves within a step comes to 0.2 % of it at most in DENSE of them
+GROWS = 1.5  # times what it was: where the prediction has grown to, it is looked at, for r is of second order
+# of the prediction: steps in which r is larger are looked at as close as that needs, and r is added from there on
+PAYS = 0.02
+LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
+ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
+NEWTON = 1e-8  # of the motion, Exudyn's default tolerance: less of r is what Newton's iteration leaves
+RAMP = 32  # steps within which r sets in
+# what may be left, in sizes of r: looked at now and then it came out down to 0.17 of what it is, looked at everywhere
+# within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
+SAMPLED, LOOKED = 8.0, 2.0
+
+
+class Measured(NamedTuple):
+    """What was found at the rows of a block: r and the part of it that was added to the prediction, (3, S, k).
+
+    times : (S,), SAMPLED or LOOKED.
+    """
+
+    r: np.ndarray
+    added: np.ndarray
+    times: np.ndarray
+
+    def left(self) -> list[np.ndarray]:
+        """What the prediction may still lack, the sum of the sizes of these: so many times what was not added."""
+        return [self.times[:, None] * (self.r - self.added), self.added][: 1 + self.added.any()]
+
+
+class Remainder:
+    """r along a run, through the steps of Feedback, after it.
+
+    sizes : of x (3, S, k), (S, quantities), that r and the prediction are compared by. at_once : whether all of r is
+    added where that pays first, and is looked at closely from there on only, since no bound needs it; else it sets
+    in, from rest.
+
+    Attributes
+    ----------
+    adds : whether r is added to the prediction. added : to e, e', e'' (3, S, k) of the last steps, or None.
+    multipliers (S, c) : that go with it.
+    """
+
+    def __init__(self, size: int, quantities: int, sizes: Sizes, at_once: bool = False):
+        self._sizes, self._at_once = sizes, at_once
+        self._moving = np.zeros((4, size, 2))  # r and what is added of it: e, e', e'', algorithmic a
+        self._count, self._since, self._ramp = 0, 0, 0
+        self.adds = self._paid = self._ended = False
+        self.added, self.multipliers = None, np.zeros((0, 0))
+        self._largest = np.zeros((3, quantities))  # of r, of the prediction, of the motion
+        self._loads = np.zeros(quantities)  # largest of what drives r
+
+    def start(self, t: float, constraints: int) -> None:
+        """Begin at time t, where nothing is predicted."""
+        self._known = t, np.zeros(self._moving.shape[1]), np.zeros(constraints)
+
+    def rest(self, tangent: Tangent, rows: Sequence[np.ndarray], e: np.ndarray, residuals: Residuals) -> None:
+        """Begin at the first of rows t (1,), q, q_t, q_tt (1, k), where e (3, 1, k) is known; e' is 0.
+
+        If e is not 0, both motions are in equilibrium there, under whatever loads.
+        """
+        (t, q, *_), none = rows, 0 * e[0]
+        if e[0].any():
+            (F, g), (before, _) = (residuals((t, q, none, none), np.array([x, none, none])) for x in (e[0], none))
+            self._moving[0, :, 0] = held(tangent.K, tangent, (before - F)[0] + tangent.K @ e[0, 0], -g[0])
+            self._known = t[0], none[0], g[0]
+
+    def go_on(self, before: Remainder) -> None:
+        """Go on from the state of another run's."""
+        self._moving, self._known = before._moving, before._known
+        self._count, self._since = 0, before._since  # a new start is looked at closely
+        self._ramp, self.adds, self._paid = before._ramp, before.adds, before._paid
+        self._largest, self._loads = before._largest, before._loads
+
+    @property
+    def state(self) -> np.ndarray:
+        """What is added to e, e', e'' now, (3, k)."""
+        return self._moving[:3, :, 1]
+
+    @property
+    def at_start(self) -> Measured:
+        """What is known where the run starts."""
+        return Measured(*self._moving[:3].transpose(2, 0, 1)[:, :, None], np.array([LOOKED]))
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Largest r so far over the largest of the prediction, (quantities,)."""
+        return self._shares(self._largest)
+
+    @staticmethod
+    def _shares(largest: np.ndarray) -> np.ndarray:
+        r, predicted, motion = largest
+        return r / np.maximum(np.maximum(predicted, ROUNDING * motion), np.finfo(float).tiny)
+
+    def begin(
+        self,
+        rows: Sequence[np.ndarray],
+        residuals: Residuals,
+        due: np.ndarray | None = None,
+        restless: np.ndarray | None = None,
+    ) -> None:
+        """Steps to rows t (S,), q, q_t, q_tt (S, k) follow.
+
+        due (S,) : which are looked at beside those of here. restless (S,) : which are as the first ones of a run.
+        """
+        none = np.zeros(len(rows[0]), dtype=bool)
+        self._rows, self._residuals, self._found = rows, residuals, []  # None of it: they are not known any more
+        self._due, self._restless = (none if which is None else which for which in (due, restless))
+        self._motion = self._sizes(np.array(rows[1:]))
+
+    def columns(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> Columns:
+        """Go on to some of the steps, where e, e', e'' (3, S, k) are predicted; return what drives r there.
+
+        own : loads (S, k) and values of constraints (S, c) that belong to the prediction; None: none.
+        """
+        self._beside = [self._sizes(e), self._motion[part]]
+        rows, sizes = [x[part] for x in self._rows], self._sizes_of_loads(steps)
+        self._looks = Looks(rows, e, own, self._known, self._residuals, sizes, self._loads)
+        self._looks.ended, self._is_close = self._ended, False
+        self._look(part)
+        if self._paid:
+            self._look_closely()
+        return self._columns()
+
+    def take(self, found: np.ndarray, multipliers: np.ndarray) -> Columns | None:
+        """Take e, e', e'', a (S, 4, k, 2) of these and multipliers (S, c, 2), or return what to march instead."""
+        sizes = np.array([self._sizes(found[:, :3, :, 0].swapaxes(0, 1)), *self._beside])
+        largest = np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
+        self._paid = self._matters(largest, PAYS)
+        if self._paid and not (self._is_close or self._looks.ended):
+            self._look_closely()
+            return self._columns()
+        if not self.adds and self._begins_to_add(largest[:, -1]):
+            return self._columns()
+        self._moving, self._known, self._largest = found[-1], self._looks.last, largest[:, -1]
+        self._loads, self._ended = self._looks.largest, self._looks.ended
+        self._count, known = self._count + len(found), np.flatnonzero(self._looks.known)
+        self._since = len(found) - 1 - known[-1] if known.size else self._since + len(found)
+        self._ramp += self.adds * len(found)
+        found = found[:, :3].transpose(3, 1, 0, 2)
+        self._found.append(Measured(*found, np.full(found.shape[2], LOOKED if self._is_close else SAMPLED)))
+        self.added, self.multipliers = found[1] if self.adds else None, multipliers[..., 1]
+        return None
+
+    def _columns(self) -> Columns:
+        """R and what is added of it, by what is known."""
+        share = np.minimum((self._ramp + 1 + np.arange(len(self._looks.known))) / RAMP, 1.0)
+        both = np.column_stack([np.ones_like(share), self.adds * share**2 * (3 - 2 * share)])[:, None]
+        return Columns(self._moving, *(-x[..., None] * both for x in self._looks.all))
+
+    def _look(self, part: slice) -> None:
+        """Look now and then at some of the steps."""
+        count = len(self._looks.known)
+        restless = (self._count + np.arange(count) < DENSE) | self._restless[part]
+        looked = self._due[part] | (restless & (np.arange(count) % CLOSE == 0))
+        if not self._at_once:
+            looked |= self._grown(*self._beside)
+        looked[-1] |= restless[-1]
+        is_calm = self._count and not self._matters(self._largest, CALM)
+        every, last = EVERY * (FARTHER if is_calm else 1), -1 - self._since
+        for place in (*np.flatnonzero(looked), count):
+            looked[max(last + every, 0) : place : every] = True
+            last = place
+        self._looks.at(looked)
+        if restless.any() and not self._at_once:
+            self._looks.confirm(restless, SLIGHT * np.maximum(self._largest[1], self._beside[0].max(axis=0)))
+
+    def _look_closely(self) -> None:
+        count = len(self._looks.known)
+        self._looks.at((count - 1 - np.arange(count)) % CLOSE == 0)  # the last, too
+        self._looks.confirm(np.ones(count, dtype=bool))
+        self._is_close = not self._looks.ended
+
+    def _grown(self, predicted: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        """Where the prediction (S, quantities) has grown beyond a power of GROWS for the first time, (S,)."""
+        largest = np.maximum.accumulate(np.vstack([self._largest[1], predicted]))
+        least = np.maximum(ROUNDING * np.maximum(self._largest[2], motion.max(axis=0)), np.finfo(float).tiny)
+        return np.any(np.diff(np.floor(np.log(np.maximum(largest, least)) / np.log(GROWS)), axis=0), axis=1)
+
+    def _sizes_of_loads(self, steps: Steps) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """Of loads (S, k) and values of constraints (S, c): sizes of what they move within a step."""
+        k, inverse = self._moving.shape[1], steps.inverses[len(steps) // 2]
+        return lambda F, g: self._sizes((np.hstack([F, g]) @ inverse[:k].T)[None])
+
+    def _matters(self, largest: np.ndarray, share: float) -> bool:
+        """Whether r is larger than a share of the prediction, and not what Newton's iteration leaves."""
+        r, _, motion = largest
+        return bool(np.any((self._shares(largest) > share) & (r > NEWTON * motion)))
+
+    def _begins_to_add(self, largest: np.ndarray) -> bool:
+        """Begin to add r if that pays, and helps."""
+        self.adds = not self._ended and self._matters(largest, PAYS) and bool(np.all(self._shares(largest) < LOST))
+        if self.adds and self._at_once:
+            self._moving[..., 1], self._ramp = self._moving[..., 0], RAMP
+        return self.adds
+
+    def found(self) -> Measured | None:
+        """Return what was found since `begin`; None: it did not follow."""
+        return joined(self._found) if self._found else None
+
+
+def march_together(steps: Steps, work: dict[Remainder, Columns]) -> None:
+    """March columns through the steps, and what is to be marched instead."""
+    while work:
+        found = zip(work, steps.march(*work.values(), multipliers=True), strict=True)
+        again = {one: one.take(*of) for one, of in found}
+        work = {one: columns for one, columns in again.items() if columns is not None}
+
+
+def joined(parts: Sequence[Measured]) -> Measured:
+    """Return what was found in several blocks as one."""
+    r, added, times = zip(*parts, strict=True)
+    return Measured(np.concatenate(r, axis=1), np.concatenate(added, axis=1), np.concatenate(times))

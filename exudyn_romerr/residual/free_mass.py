@@ -1,0 +1,115 @@
+"""What accelerates a body at the start of a run, beside the reduced one, and what outputs see of that: mass norms."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from ..linalg.symmetric_factor import SymmetricFactor
+from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
+
+if TYPE_CHECKING:
+    from ..model.body import ElasticBody
+    from .problem import Problem
+
+
+class FreeMass:
+    """|.|_{M^-1} over all motions x = Z y + Rg r of the free body, Z y the admissible ones of the held body.
+
+    What sees no rigid motion is the same number on all Z y + Rg r, and M takes the least of these where no momentum
+    is left: with M_h = Z^T M Z and B = Z^T M Rg (Rg^T M Rg)^-1/2 the mass is M_h - B B^T there, and
+
+        |b|^2 = b^T M_h^-1 b + |(I - B^T M_h^-1 B)^-1/2 B^T M_h^-1 b|^2       (Woodbury; nothing cancels) .
+
+    Over motions that joints admit, of rigid bodies too, the norm is no larger.
+    """
+
+    def __init__(self, body: ElasticBody):
+        self._factor, self._space = body.mass_factor, body.space
+        self._Rg = rigid_modes(body.positions - body.positions.mean(axis=0))
+        self._carried = body.mass @ self._Rg
+        self._of_rigid = cholesky(self._Rg.T @ self._carried, lower=True)
+        self._B = self._factor.half_solve(self._space.loads(self._by_rigid(self._carried.T).T))
+        self._root = cholesky(np.eye(RIGID_MODES) - self._B.T @ self._B, lower=True)
+
+    def norms(self, columns: np.ndarray) -> np.ndarray:
+        """Norms (k,) of columns (n_free, k) that see no rigid motion: balanced loads, or output rows transposed."""
+        return np.linalg.norm(self._halves(columns), axis=0)
+
+    def gram(self, rows: np.ndarray) -> np.ndarray:
+        """C M^-1 C^T (r, r) of rows C (r, N) of all coordinates, which see rigid motions, too."""
+        rigid = self._by_rigid((rows @ self._Rg).T)
+        still = rows.T - self._carried @ solve_triangular(self._of_rigid.T, rigid)
+        halves = np.vstack([self._halves(self._space.loads(still)), rigid])
+        return halves.T @ halves
+
+    def _by_rigid(self, x: np.ndarray) -> np.ndarray:
+        return solve_triangular(self._of_rigid, x, lower=True)
+
+    def _halves(self, columns: np.ndarray) -> np.ndarray:
+        own = self._factor.half_solve(columns)
+        return np.vstack([own, solve_triangular(self._root, self._B.T @ own, lower=True)])
+
+
+class AtStart:
+    """What only a start under a residual needs, made when it does.
+
+    Attributes
+    ----------
+    factors : |C|_{M^-1} of output rows (R,), in the body's frame. shown : of outputs as shown (r,), in global axes,
+    however the body is turned; 0 in its own.
+    """
+
+    def __init__(self, problem: Problem):
+        self._residual, self._rows, self._outputs = problem.terms, problem.rows.C, problem.outputs
+        self._views = problem.views
+
+    @property
+    def damping(self) -> tuple[float, float] | None:
+        """Rayleigh's alpha and beta; None: the damping is another one."""
+        return self._residual.body.rayleigh
+
+    @cached_property
+    def _mass(self) -> FreeMass:
+        return FreeMass(self._residual.body)
+
+    @cached_property
+    def factors(self) -> np.ndarray:
+        """See the class."""
+        return self._mass.norms(self._rows.T)
+
+    @cached_property
+    def shown(self) -> np.ndarray:
+        """See the class."""
+        found = []
+        for out, view in zip(self._outputs, self._views, strict=True):
+            rows = out.resolve(self._residual.body)
+            if view is None:
+                found.append(np.zeros(len(rows)))
+                continue
+            places = (self._mass.gram(place) for place in rows.reshape(-1, 3, rows.shape[1]))
+            found += [np.full(len(view.axes), np.sqrt(np.linalg.eigvalsh(gram)[-1])) for gram in places]
+        return np.concatenate([*found, np.zeros(0)])
+
+    def coordinates(self, *sample: np.ndarray) -> np.ndarray:
+        """Return z (k,) of q, q', q'' (n,) and inputs (p,) as they are."""
+        return self._residual.coordinates(*sample)
+
+    def push(self, z: np.ndarray) -> float:
+        """Return |R|_{M^-1} of the residual R = L z."""
+        return float(self._mass.norms(self._residual.of(z)[:, None])[0])
+
+
+def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
+    """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
+    space, positions = body.space, body.positions
+    held = space.conditions
+    if held is None:
+        held = mean_motion(np.unique(space.fixed // 3)).rows(positions)
+    rows, Rg = np.zeros((len(C), body.N)), rigid_modes(positions)
+    rows[:, space.free] = C
+    rows -= (rows @ Rg) @ np.linalg.solve(held @ Rg, held)
+    return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
