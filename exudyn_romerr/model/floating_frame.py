@@ -174,8 +174,7 @@ def skew(v: np.ndarray) -> np.ndarray:
     """Return v~ (..., 3, 3) with v~ x = v x x of v (..., 3)."""
     found = np.zeros((*v.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found[..., k, j] = v[..., i]
-        found[..., j, k] = -v[..., i]
+        found[..., k, j], found[..., j, k] = v[..., i], -v[..., i]
     return found
 
 
@@ -209,19 +208,13 @@ def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -
     return sp.hstack([translations(mass), _unit_products(mass @ x), _unit_products(mass @ V)], format="csc")
 
 
-def modal_inertia(n: int) -> slice:
-    """Return which of the columns are M E_ij V, V of n columns."""
-    return slice(RIGID_INERTIA, RIGID_INERTIA + 9 * n)
-
-
 def inertia_coordinates(b: np.ndarray, motion: FrameMotion, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
     """Return b, S_ij, S_ij q_k + 2 w~_ij q'_k at every sample, (S, 12 + 9 n); b (S, 3), q and q_t (S, n)."""
     S, w, n = motion.S.reshape(-1, 9), 2 * skew(motion.w).reshape(-1, 9), q.shape[1]
     found = np.empty((len(q), RIGID_INERTIA + 9 * n))
     found[:, :RIGID_INERTIA] = np.hstack([b, S])
     for part in (slice(first, first + TOGETHER) for first in range(0, len(q), TOGETHER)):
-        turned = found[part, RIGID_INERTIA:].reshape(-1, 9, n)
-        np.multiply(S[part, :, None], q[part, None], out=turned)
+        turned = np.multiply(S[part, :, None], q[part, None], out=found[part, RIGID_INERTIA:].reshape(-1, 9, n))
         turned += w[part, :, None] * q_t[part, None]
     return found
 
