@@ -31,10 +31,11 @@ STEPS = {  # in two words, for a table
     "infinite": "see the reasons",
 }
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"
+NOT_LINEAR = "for the error is too large to be linear"
 CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
     "steps": "halve the step",
     "vectors": MORE_VECTORS,
-    "linearisation": "more modes or shorter steps, for the error is too large to be linear",
+    "linearisation": f"more modes or shorter steps, {NOT_LINEAR}",
     "loads": "smoother loads",
     "proved": MORE_VECTORS,
 }
