@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +11,8 @@ import numpy as np
 from ..decay.decay_rates import body_rates, stiffness_damping
 from ..linalg.blocked_products import row_norms
 from ..residual.free_mass import AtStart, free_velocity_norms
+from ..residual.interface_stiffening import interface_rows
+from ..residual.slow_modes import SlowModes
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
@@ -44,7 +48,7 @@ class MechanismEnergy:
 
     def __init__(self, problem: Problem, unknown: int = 0):
         self.start_norms = problem.dual.start_norms
-        self._interfaces = _interface_rows(problem, unknown) if problem.has_initial_error else None
+        self._interfaces = interface_rows(problem, unknown) if problem.has_initial_error else None
         self.norm, self.norm_static = problem.dual.norm_K, problem.dual.norm_static
         self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
         self.factors = problem.rows.C_K
@@ -142,7 +146,8 @@ class CorrectedEnergy(MechanismEnergy):
         self.root = np.linalg.qr(problem.body.mass_factor.half_multiply(problem.V), mode="r")
         body, x = problem.body, problem.body.positions.ravel()
         self.arm, self.mass = float(np.sqrt(x @ (body.mass @ x))), body.total_mass
-        self._force = 0.0  # of second order, at the end of the last block
+        self._force, self.slow = 0.0, None  # of second order, at the end of the last block; SlowModes, where known
+        self.slow_modes = partial(SlowModes.of, problem)
         # so far of du, and of what it may lack: every output, and its mass norm
         self._largest = np.zeros((2, len(self.value_rows) + 1))
 
@@ -154,8 +159,17 @@ class CorrectedEnergy(MechanismEnergy):
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         self._added = block.added or self._nothing(len(block.h))
+        slow = self.slow and (self.g, self.variations(block), self.impulses(block))
+        found = super().advance(block)
         self._force = float(self._unbalanced(block)[-1])
-        return super().advance(block)
+        return found if not slow else self._with_slow_modes(found, block, *slow)
+
+    def _with_slow_modes(self, found: Bounds, block: Block, before: float, *varied: np.ndarray) -> Bounds:
+        z, g, _, cut, _ = self._given
+        w = 0 * g if self._added.veer is None else self._added.veer.w
+        less = times(g, self.factors) + times(cut, self.static_cut)
+        less -= np.minimum(self.slow.advance((block.h, z, w), *varied, (np.append(before, g[:-1]), g), cut), less)
+        return replace(found, outputs=found.outputs - less, correction_bound=found.correction_bound - less)
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
@@ -213,7 +227,7 @@ class CorrectedEnergy(MechanismEnergy):
 def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
     """Return g and rough (S,) of all bodies together at the ends of the segments of their next blocks.
 
-    R is linear in a segment. Of bodies without damping it counts as what varies in both.
+    R is linear in a segment; of bodies without damping it varies in both.
     """
     pairs = list(zip(energies, blocks, strict=True))
     varied = [energy.variations(block) for energy, block in pairs]
@@ -225,8 +239,7 @@ def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -
         one, other = g + more, (rough**2 + W) ** 0.5 + rest
         g, rough = min(one, other + R), min(other, one + R)  # either may go on from the other
         found.append((g, rough))
-    g, rough = np.array(found).reshape(-1, 2).T
-    return g, rough
+    return tuple(np.array(found).reshape(-1, 2).T)
 
 
 def _joint(columns: list[np.ndarray]) -> np.ndarray:
@@ -235,9 +248,3 @@ def _joint(columns: list[np.ndarray]) -> np.ndarray:
     for x in columns:
         square[:, square.shape[1] - x.shape[1] :] += x**2
     return np.sqrt(square).sum(axis=1)
-
-
-def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
-    """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
-    wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
-    return np.linalg.qr(wrenches)[0].T @ problem.dual.Y_K[:, : problem.dual.k]

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ...estimates.march import Tangent
+from ...online.coupled_runs import shared_energy
+from ..access.mbs_items import has_joints_only
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ...model.floating_frame import FrameMotion
+    from ...online.run import Opening, Run
     from ..access.linearisation import Reading
     from .enriched_body import EnrichedBody
+
+ROUNDING = 1e-9  # of constraints: less is none
 
 
 class ExtendedTangents:
@@ -66,3 +73,58 @@ class ExtendedTangents:
         G = np.zeros((len(reading.G), self._size))
         G[:, :n] = reading.G
         return np.vstack([M, D, K, G])
+
+
+class FixedFreedoms:
+    """Rigid motions that joints leave to a body which is the whole mechanism, if they are the same ones all the time.
+
+    In the body's axes. Joints that see its deformations leave none, and springs are not asked.
+    """
+
+    def __init__(self, bodies: Sequence[EnrichedBody], size: int):
+        """Size counts the coordinates of the mechanism."""
+        self._body = bodies[0] if len(bodies) == 1 and size == len(bodies[0].columns) else None
+        self._t = -np.inf
+
+    def open(self, mbs: Any, readings: Sequence[Reading], runs: Sequence[Run], openings: Sequence[Opening]) -> None:
+        """Find them where a run begins; its bounds know them from there on."""
+        if self._body is None or openings[0].start is None or openings[0].start.y0 is not None:
+            return
+        self._scale = np.repeat([1.0, 1.0 / np.abs(self._body.flex.positions).max()], 3)  # of rotations: a length
+        self._free = self._found(readings[0]) if has_joints_only(mbs) else None
+        if self._free is not None:
+            energy = shared_energy(runs[0], "reduction")
+            energy.slow = energy.slow_modes(self._scale[:, None] * self._free)
+            if energy.slow is not None:
+                energy.slow.start(openings[0].start.z, float(np.linalg.norm(self._motion(readings[0]).w)))
+
+    def check(self, readings: Sequence[Reading], runs: Sequence[Run]) -> None:
+        """Let bounds forget them if readings have others."""
+        energy = None if self._body is None else shared_energy(runs[0], "reduction")
+        new = [] if energy is None or energy.slow is None else [x for x in readings if x.t > self._t]
+        for reading in new:
+            free, self._t = self._found(reading), reading.t
+            if free is None or free.shape != self._free.shape or not _same(free, self._free):
+                energy.slow = None
+
+    def _motion(self, reading: Reading) -> FrameMotion:
+        size = self._body.frame_size
+        return self._body.sampler.frame.motion(*(x[None, self._body.columns[:size]] for x in reading.state[:3]))
+
+    def _found(self, reading: Reading) -> np.ndarray | None:
+        """Orthonormal combinations (6, f) of scaled rigid motions; None: constraints see deformations."""
+        body, rows = self._body, np.vstack([reading.G, reading.C])
+        frame = reading.state[0][None, body.columns[: body.frame_size]]
+        turned = np.linalg.pinv(body.sampler.frame.rates(frame)[0])
+        rigid = rows[:, body.frame] @ block_diag(self._motion(reading).A[0], turned) * self._scale
+        shapes = np.abs(body.shapes[:, : len(body.modal)]).max(axis=0)
+        limit = ROUNDING * np.abs(rigid).max(initial=0.0)
+        if np.any(np.abs(rows[:, body.modal]) > limit * shapes):
+            return None
+        _, size, turn = np.linalg.svd(np.vstack([rigid, np.zeros((6, 6))]))
+        return turn[size <= limit].T
+
+
+def _same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether orthonormal columns span the same space."""
+    return bool(np.abs(one - other @ (other.T @ one)).max(initial=0.0) <= 1e3 * ROUNDING)
