@@ -76,9 +76,9 @@ class SlowModes:
     ) -> np.ndarray:
         """Return what is left of rows (S, R) at the ends of segments.
 
-        motion : lengths (S,) of segments, z (S, k) and rates w (S,) of the frame at their ends. varied (S, d + 1) : what
-        R varies by, last what z leaves out, with impulses (S,), the integrals of |F|_{M^-1}. energy : where they begin
-        and end (S,), (S,). cut (S,) : |.|_{K^-1} of what is cut off R.
+        motion : lengths (S,) of segments, z (S, k) and rates w (S,) of the frame at their ends. varied (S, d + 1) :
+        what R varies by, last what z leaves out, with impulses (S,), the integrals of |F|_{M^-1}. energy : where
+        segments begin and end (S,), (S,). cut (S,) : |.|_{K^-1} of what is cut off R.
         """
         (h, z, w), (before, g) = motion, energy
         w = np.append(self._w, w)

@@ -95,7 +95,7 @@ def bound_of_the_tip(undamped_bar, is_passed):
 def test_passes_make_bounds_of_an_undamped_bar_sharp(monkeypatch):
     """Truth: all modes, same steps. What bounds are above the error by is a third of what it was, in every row.
 
-    Measured: 6 % instead of 18 % in the plane; across, where hardly anything moves, 27 times instead of 91.
+    Measured: 6 % instead of 18 % in the plane; across, where hardly anything moves, 27 times instead of 251.
     """
     monkeypatch.setattr(estimate_scenes, "SOFT_DAMPING", (0.0, 0.0))
 
