@@ -8,9 +8,10 @@ import numpy as np
 
 from ...errors import AssumptionError
 from ...model.floating_frame import FrameMotion, skew
+from ...trajectory.unit_sphere import bend
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 
 class FrameNode:
@@ -41,6 +42,14 @@ class FrameNode:
         """Return the motion of the frame at S samples of the node's coordinates, each (S, size)."""
         A, w, al = self._rotation(self.reference[3:] + q[:, 3:], q_t[:, 3:], q_tt[:, 3:])
         return FrameMotion(self.reference[:3] + q[:, :3], q_t[:, :3], q_tt[:, :3], A, w, al)
+
+    def bend(self, states: Sequence[np.ndarray], e: Sequence[np.ndarray]) -> np.ndarray:
+        """Return what e, e', e'' (S, size) do to coordinates and rates beside being added to them (3, S, size)."""
+        found = np.zeros((3, *states[0].shape))
+        if self._rotation is _euler_parameters:
+            (p, *rates), turned = ([x[:, 3:] for x in of] for of in (states, e))
+            found[..., 3:] = bend([self.reference[3:] + p, *rates], turned)
+        return found
 
     def rates(self, q: np.ndarray) -> np.ndarray:
         """Return what gives w in body axes of the rates of the rotation parameters (S, 3, size - 3), q (S, size)."""
