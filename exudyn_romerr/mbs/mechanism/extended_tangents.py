@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from ...estimates.march import Tangent
 from ...online.coupled_runs import shared_energy
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from ..access.linearisation import Reading
     from .enriched_body import EnrichedBody
 
-ROUNDING = 1e-9  # of constraints: less is none
+LEFT = 1e-8  # of constraints: what Newton's tolerance leaves of none
 
 
 class ExtendedTangents:
@@ -91,40 +90,51 @@ class FixedFreedoms:
         if self._body is None or openings[0].start is None or openings[0].start.y0 is not None:
             return
         self._scale = np.repeat([1.0, 1.0 / np.abs(self._body.flex.positions).max()], 3)  # of rotations: a length
-        self._free = self._found(readings[0]) if has_joints_only(mbs) else None
-        if self._free is not None:
+        self._shapes = np.abs(self._body.shapes[:, : len(self._body.modal)]).max(axis=0)
+        self._found = self._among(readings[0]) if has_joints_only(mbs) else None
+        if self._found is not None:
             energy = shared_energy(runs[0], "reduction")
-            energy.slow = energy.slow_modes(self._scale[:, None] * self._free)
+            energy.slow = energy.slow_modes(self._scale[:, None] * self._found)
             if energy.slow is not None:
-                energy.slow.start(openings[0].start.z, float(np.linalg.norm(self._motion(readings[0]).w)))
+                energy.slow.start(openings[0].start.z, float(np.linalg.norm(self._motion(readings).w[0])))
 
     def check(self, readings: Sequence[Reading], runs: Sequence[Run]) -> None:
         """Let bounds forget them if readings have others."""
         energy = None if self._body is None else shared_energy(runs[0], "reduction")
         new = [] if energy is None or energy.slow is None else [x for x in readings if x.t > self._t]
-        for reading in new:
-            free, self._t = self._found(reading), reading.t
-            if free is None or free.shape != self._free.shape or not _same(free, self._free):
+        if new:
+            self._t, moves = new[-1].t, self._moves(new) @ self._found
+            if not all(self._leaves(*pair) for pair in zip(new, moves, strict=True)):
                 energy.slow = None
 
-    def _motion(self, reading: Reading) -> FrameMotion:
-        size = self._body.frame_size
-        return self._body.sampler.frame.motion(*(x[None, self._body.columns[:size]] for x in reading.state[:3]))
+    def _leaves(self, reading: Reading, moves: np.ndarray) -> bool:
+        """Whether constraints, independent of one another, leave just these motions (frame, f)."""
+        rows = np.vstack([reading.G, reading.C])
+        of_frame = rows[:, self._body.frame]
+        limit = LEFT * np.abs(of_frame).max(initial=0.0)
+        stays = np.all(np.abs(of_frame @ moves) <= limit * np.abs(moves).max(initial=0.0))
+        return bool(len(reading.G) == self._count and stays and not self._sees_shapes(rows))
 
-    def _found(self, reading: Reading) -> np.ndarray | None:
+    def _sees_shapes(self, rows: np.ndarray) -> bool:
+        limit = LEFT * np.abs(rows[:, self._body.frame]).max(initial=0.0)
+        return bool(np.any(np.abs(rows[:, self._body.modal]) > limit * self._shapes))
+
+    def _among(self, reading: Reading) -> np.ndarray | None:
         """Orthonormal combinations (6, f) of scaled rigid motions; None: constraints see deformations."""
-        body, rows = self._body, np.vstack([reading.G, reading.C])
-        frame = reading.state[0][None, body.columns[: body.frame_size]]
-        turned = np.linalg.pinv(body.sampler.frame.rates(frame)[0])
-        rigid = rows[:, body.frame] @ block_diag(self._motion(reading).A[0], turned) * self._scale
-        shapes = np.abs(body.shapes[:, : len(body.modal)]).max(axis=0)
-        limit = ROUNDING * np.abs(rigid).max(initial=0.0)
-        if np.any(np.abs(rows[:, body.modal]) > limit * shapes):
-            return None
+        rows, self._count = np.vstack([reading.G, reading.C]), len(reading.G)
+        rigid = rows[:, self._body.frame] @ self._moves([reading])[0]
         _, size, turn = np.linalg.svd(np.vstack([rigid, np.zeros((6, 6))]))
-        return turn[size <= limit].T
+        return None if self._sees_shapes(rows) else turn[size <= LEFT * np.abs(rigid).max(initial=0.0)].T
 
+    def _moves(self, readings: Sequence[Reading]) -> np.ndarray:
+        """Rates (T, frame, 6) of the frame's coordinates that scaled rigid motions in the body's axes are."""
+        motion, size = self._motion(readings), self._body.frame_size
+        moves = np.zeros((len(readings), size, 6))
+        frames = np.array([reading.state[0][self._body.columns[:size]] for reading in readings])
+        moves[:, :3, :3], moves[:, 3:, 3:] = motion.A, np.linalg.pinv(self._body.sampler.frame.rates(frames))
+        return moves * self._scale
 
-def _same(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether orthonormal columns span the same space."""
-    return bool(np.abs(one - other @ (other.T @ one)).max(initial=0.0) <= 1e3 * ROUNDING)
+    def _motion(self, readings: Sequence[Reading]) -> FrameMotion:
+        columns = self._body.columns[: self._body.frame_size]
+        states = (np.array([reading.state[k][columns] for reading in readings]) for k in range(3))
+        return self._body.sampler.frame.motion(*states)
