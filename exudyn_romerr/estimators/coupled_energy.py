@@ -86,12 +86,12 @@ class MechanismEnergy:
         return np.column_stack([block.pieces(self.norm), missed])
 
     def roughness(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
-        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, 0 if undamped; and |R| at their ends."""
-        ends = block.norms(self.norm)
+        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, and |R| where they begin and end (S, 2)."""
+        ends = block.norms(self.norm)[:, [0, -1]]
         if not self.beta:
-            return np.zeros(len(ends)), ends[:, -1]
+            return np.zeros(len(ends)), 0 * ends
         middle = self.norm(block.c[:, [0, -1]].mean(axis=1))
-        return block.h * (ends[:, 0] ** 2 + 4 * middle**2 + ends[:, -1] ** 2) / (12 * self.beta), ends[:, -1]
+        return block.h * (ends[:, 0] ** 2 + 4 * middle**2 + ends[:, 1] ** 2) / (12 * self.beta), ends
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
@@ -101,7 +101,7 @@ class MechanismEnergy:
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        g, rough = joint_growth([self], [block]) if block.joint is None else block.joint
+        g, rough, self._peak = joint_growth([self], [block]) if block.joint is None else block.joint
         self.g, self.rough = float(g[-1]), float(rough[-1])
         more = np.zeros((len(g), 2)) if block.overshoot is None else block.overshoot
         return self._bounds(block.c[:, -1], g, rough, cut_size(block), more)
@@ -159,16 +159,16 @@ class CorrectedEnergy(MechanismEnergy):
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         self._added = block.added or self._nothing(len(block.h))
-        slow = self.slow and (self.g, self.variations(block), self.impulses(block))
         found = super().advance(block)
+        found = found if self.slow is None else self._with_slow_modes(found, block)
         self._force = float(self._unbalanced(block)[-1])
-        return found if not slow else self._with_slow_modes(found, block, *slow)
+        return found
 
-    def _with_slow_modes(self, found: Bounds, block: Block, before: float, *varied: np.ndarray) -> Bounds:
+    def _with_slow_modes(self, found: Bounds, block: Block) -> Bounds:
         z, g, _, cut, _ = self._given
-        w = 0 * g if self._added.veer is None else self._added.veer.w
-        less = times(g, self.factors) + times(cut, self.static_cut)
-        less -= np.minimum(self.slow.advance((block.h, z, w), *varied, (np.append(before, g[:-1]), g), cut), less)
+        w = self._added.veer.w if self._added.veer else 0 * g
+        missed, less = cut + super().variations(block)[:, -1], times(g, self.factors) + times(cut, self.static_cut)
+        less -= np.minimum(self.slow.advance((block.h, z, w), self.impulses(block), missed, (self._peak, g)), less)
         return replace(found, outputs=found.outputs - less, correction_bound=found.correction_bound - less)
 
     def variations(self, block: Block) -> np.ndarray:
@@ -224,22 +224,22 @@ class CorrectedEnergy(MechanismEnergy):
         return np.where(self.velocity_rows, q_t @ rows, q @ rows), row_norms(q @ self.root.T)
 
 
-def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
-    """Return g and rough (S,) of all bodies together at the ends of the segments of their next blocks.
+def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, ...]:
+    """Return g and rough at the ends of the next segments, and the largest g in these, (S,) of all bodies together.
 
     R is linear in a segment; of bodies without damping it varies in both.
     """
     pairs = list(zip(energies, blocks, strict=True))
     varied = [energy.variations(block) for energy, block in pairs]
-    known = [(*energy.roughness(block), energy.beta > 0) for energy, block in pairs]
-    work, size = sum(x for x, *_ in known), np.sqrt(sum(is_damped * x**2 for _, x, is_damped in known))
-    others = [x[:, -is_damped:] for x, (*_, is_damped) in zip(varied, known, strict=True)]
+    known = [energy.roughness(block) for energy, block in pairs]
+    others = [x[:, -1:] if energy.beta else x for x, energy in zip(varied, energies, strict=True)]
+    work, R = sum(x for x, _ in known), np.sqrt(sum(ends**2 for _, ends in known))
     g, rough, found = energies[0].g, energies[0].rough, []
-    for more, W, rest, R in np.column_stack([_joint(varied), work, _joint(others), size]).tolist():
+    for more, W, rest, first, last in np.column_stack([_joint(varied), work, _joint(others), R]).tolist():
         one, other = g + more, (rough**2 + W) ** 0.5 + rest
-        g, rough = min(one, other + R), min(other, one + R)  # either may go on from the other
-        found.append((g, rough))
-    return tuple(np.array(found).reshape(-1, 2).T)
+        g, rough = min(one, other + last), min(other, one + last)  # either may go on from the other
+        found.append((g, rough, min(one, other + max(first, last))))
+    return tuple(np.array(found).reshape(-1, 3).T)
 
 
 def _joint(columns: list[np.ndarray]) -> np.ndarray:

@@ -69,22 +69,19 @@ class SlowModes:
     def advance(
         self,
         motion: tuple[np.ndarray, np.ndarray, np.ndarray],
-        varied: np.ndarray,
         impulses: np.ndarray,
+        missed: np.ndarray,
         energy: tuple[np.ndarray, np.ndarray],
-        cut: np.ndarray,
     ) -> np.ndarray:
         """Return what is left of rows (S, R) at the ends of segments.
 
-        motion : lengths (S,) of segments, z (S, k) and rates w (S,) of the frame at their ends. varied (S, d + 1) :
-        what R varies by, last what z leaves out, with impulses (S,), the integrals of |F|_{M^-1}. energy : where
-        segments begin and end (S,), (S,). cut (S,) : |.|_{K^-1} of what is cut off R.
+        motion : lengths (S,) of segments, z (S, k) and rates w (S,) of the frame at their ends. impulses (S,) :
+        integrals of |F|_{M^-1}. missed (S,) : |.|_{K^-1} of what z leaves out of R. energy : the largest in segments,
+        |e|_K <= 2 peak, |e'|_M <= peak, and that at their ends (S,), (S,).
         """
-        (h, z, w), (before, g) = motion, energy
+        (h, z, w), (peak, g) = motion, energy
         w = np.append(self._w, w)
         pushed = np.vstack([self._pushed, np.abs(rows_times(z, self._driven.T))])
-        peak = before + varied.sum(axis=1)  # in the segments |e|_K <= 2 peak, |e'|_M <= peak
-        missed = cut + varied[:, -1] - impulses
         force = np.maximum(pushed[:-1], pushed[1:]) + np.outer(missed, self._omega)
         force += 2 * peak[:, None] * (self._coupling + np.outer(np.maximum(w[:-1], w[1:]), self._turning))
         moved = self._moved + np.cumsum(h[:, None] * force + impulses[:, None], axis=0)

@@ -187,7 +187,7 @@ class Reaction:
             return
         energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
         blocks = [extension.segments[STREAM][0] for extension in extensions]
-        g = blocks[0].joint[0]
+        g = np.array(blocks[0].joint)[[0, 2]]
         impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
         left = self._positions.advance(tangents, self._tangents.readings, steps, g, impulses)
         self._keep_left([rows + self._first_steps.seen(run) for rows, run in zip(left, runs, strict=True)])
