@@ -158,9 +158,13 @@ class EnrichedBody:
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
 
     def moved(self, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
-        """Return q, q_t, q_tt (S, k + m) of frame, modes and vectors in states of the mbs plus e (3, S, size)."""
+        """Return q, q_t, q_tt (S, k + m) of frame, modes and vectors in states of the mbs moved by e (3, S, size)."""
         pairs = zip(states, e, strict=True)
-        return [np.hstack([x[:, self.columns] + added[:, self.columns], added[:, own]]) for x, added in pairs]
+        found = [np.hstack([x[:, self.columns] + dx[:, self.columns], dx[:, own]]) for x, dx in pairs]
+        bent = self._frame.bend(*([x[:, self.frame] for x in of] for of in (states, e)))
+        for x, beside in zip(found, bent, strict=True):
+            x[:, : self.frame_size] += beside
+        return found
 
     def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool = False) -> np.ndarray:
         """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.

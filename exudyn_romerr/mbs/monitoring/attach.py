@@ -71,7 +71,7 @@ def attach(
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
-        vectors made for the body ("auto": 26; 40 if nothing is damped or modes make interfaces rigid), and
+        vectors made for the body ("auto": 26; 40 without Rayleigh damping, or if modes make interfaces rigid), and
         bounds are of the reduction error, whatever time says.
     midpoint_residual : bool
         Whether the estimate of the error by time steps in a mechanism takes into account what loads do between

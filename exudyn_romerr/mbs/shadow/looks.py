@@ -13,7 +13,7 @@ DENSE = 32  # samples from a jump on, in which all sets in
 JUMP, QUIET = 3.0, 8
 CONFIRMED = 0.1  # of the largest so far: what a sample in the middle may be off a line, which is not refined then
 Loads = tuple[np.ndarray, np.ndarray]
-Residuals = Callable[[Sequence[np.ndarray]], Loads | None]
+Residuals = Callable[[Sequence[np.ndarray], np.ndarray], Loads | None]  # of rows and what moves them
 Sizes = Callable[[np.ndarray], np.ndarray]
 
 
@@ -53,7 +53,7 @@ class Looks:
         if not where.any() or self.ended:
             return
         t, *states = (x[where] for x in self._rows)
-        found = self._residuals((t, *(x + dx for x, dx in zip(states, self._e[:, where], strict=True))))
+        found = self._residuals((t, *states), self._e[:, where])
         if found is None:
             self.ended = True
             return
@@ -62,8 +62,11 @@ class Looks:
         self.known = self.known | where
         self.largest = np.maximum(self.largest, self._sizes(*(x[1:][where] for x in self._values)).max(axis=0))
 
-    def confirm(self, where: np.ndarray) -> None:
-        """Look in the middle between samples that are known, among some (S,), until it confirms the line."""
+    def confirm(self, where: np.ndarray, least: np.ndarray | float = 0.0) -> None:
+        """Look in the middle between samples that are known, among some (S,), until it confirms the line.
+
+        least : size, (quantities,), below which it does so anyway.
+        """
         places = np.flatnonzero(np.append(True, self.known))
         gaps = [(a, b) for a, b in pairwise(places) if where[a:b].any()]
         while gaps := [(a, b) for a, b in gaps if b - a > 1]:
@@ -74,7 +77,7 @@ class Looks:
             if self.ended:
                 return
             off = self._sizes(*(x[middle] - y for x, y in zip(self._values, line, strict=True)))
-            bent = np.any(off > CONFIRMED * self.largest, axis=1)
+            bent = np.any(off > np.maximum(CONFIRMED * self.largest, least), axis=1)
             halves = zip(ends[bent, 0], middle[bent], ends[bent, 1], strict=True)
             gaps = [gap for a, m, b in halves for gap in ((a, m), (m, b))]
             places = np.flatnonzero(np.append(True, self.known))

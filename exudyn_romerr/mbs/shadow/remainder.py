@@ -20,11 +20,11 @@ from .looks import DENSE, Loads, Looks, Residuals, Sizes
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
 
-# samples: in as many one at least is looked at, each time so many later, for where tangents are read they are exact,
-# beside one between two tangents, which is farthest from both; between them the residual is taken for linear
-EVERY, LATER = 32, 11
-CLOSE = 8  # the same where r pays, until samples in the middle confirm the lines between
-CLOSEST = 4  # the same in the first samples of a run, and after accelerations jump, where all sets in
+# samples: two looks are no farther apart, so many times as far where r is smaller than so much of the prediction; one
+# is between two tangents, for where these are read they are exact; between looks the residual is taken for linear
+EVERY, FARTHER, CALM = 32, 2, 1e-3
+CLOSE = 8  # the same where all sets in, after a start or a jump, and where r pays; there lines are to be confirmed
+SLIGHT = 1e-6  # of the prediction: what less moves within a step comes to 0.2 % of it at most in DENSE of them
 GROWS = 1.5  # times what it was: where the prediction has grown to, it is looked at, for r is of second order
 # of the prediction: steps in which r is larger are looked at as close as that needs, and r is added from there on
 PAYS = 0.02
@@ -56,7 +56,7 @@ class Remainder:
     """r along a run, through the steps of Feedback, after it.
 
     sizes : of x (3, S, k), (S, quantities), that r and the prediction are compared by. at_once : whether all of r is
-    added where that pays first; else it sets in, from rest.
+    added where that pays first, for no bound depends on it; else it sets in, from rest.
 
     Attributes
     ----------
@@ -67,7 +67,8 @@ class Remainder:
     def __init__(self, size: int, quantities: int, sizes: Sizes, at_once: bool = False):
         self._sizes, self._at_once = sizes, at_once
         self._moving = np.zeros((4, size, 2))  # r and what is added of it: e, e', e'', algorithmic a
-        self._count, self._ramp, self.adds, self._paid, self._ended = 0, 0, False, False, False
+        self._count, self._since, self._ramp = 0, 0, 0
+        self.adds = self._paid = self._ended = False
         self.added, self.multipliers = None, np.zeros((0, 0))
         self._largest = np.zeros((3, quantities))  # of r, of the prediction, of the motion
         self._loads = np.zeros(quantities)  # largest of what drives r
@@ -83,13 +84,14 @@ class Remainder:
         """
         (t, q, *_), none = rows, 0 * e[0]
         if e[0].any():
-            (F, g), (before, _) = (residuals((t, x, none, none)) for x in (q + e[0], q))
+            (F, g), (before, _) = (residuals((t, q, none, none), np.array([x, none, none])) for x in (e[0], none))
             self._moving[0, :, 0] = held(tangent.K, tangent, (before - F)[0] + tangent.K @ e[0, 0], -g[0])
             self._known = t[0], none[0], g[0]
 
     def go_on(self, before: Remainder) -> None:
         """Go on from the state of another run's."""
-        self._moving, self._known, self._count = before._moving, before._known, before._count
+        self._moving, self._known = before._moving, before._known
+        self._count, self._since = 0, before._since  # a new start is looked at closely
         self._ramp, self.adds, self._paid = before._ramp, before.adds, before._paid
         self._largest, self._loads = before._largest, before._loads
 
@@ -147,7 +149,7 @@ class Remainder:
         """Take e, e', e'', a (S, 4, k, 2) of these and multipliers (S, c, 2), or return what to march instead."""
         sizes = np.array([self._sizes(found[:, :3, :, 0].swapaxes(0, 1)), *self._beside])
         largest = np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
-        self._paid = self._pays(largest)
+        self._paid = self._matters(largest, PAYS)
         if self._paid and not (self._is_close or self._looks.ended):
             self._look_closely()
             return self._columns()
@@ -155,7 +157,8 @@ class Remainder:
             return self._columns()
         self._moving, self._known, self._largest = found[-1], self._looks.last, largest[:, -1]
         self._loads, self._ended = self._looks.largest, self._looks.ended
-        self._count += len(found)
+        self._count, known = self._count + len(found), np.flatnonzero(self._looks.known)
+        self._since = len(found) - 1 - known[-1] if known.size else self._since + len(found)
         self._ramp += self.adds * len(found)
         found = found[:, :3].transpose(3, 1, 0, 2)
         self._found.append(Measured(*found, np.full(found.shape[2], LOOKED if self._is_close else SAMPLED)))
@@ -170,14 +173,20 @@ class Remainder:
 
     def _look(self, part: slice) -> None:
         """Look now and then at some of the steps."""
-        number = self._count + 1 + np.arange(len(self._looks.known))
-        restless = (number <= DENSE) | self._restless[part]
-        looked = (number % EVERY == LATER * (number // EVERY) % EVERY) | self._due[part] | self._grown(*self._beside)
-        looked |= restless & (number % CLOSEST == 0)
-        looked[-1] |= len(looked) >= EVERY or restless[-1]  # else it is held from the last before
+        count = len(self._looks.known)
+        restless = (self._count + np.arange(count) < DENSE) | self._restless[part]
+        looked = self._due[part] | (restless & (np.arange(count) % CLOSE == 0))
+        if not self._at_once:
+            looked |= self._grown(*self._beside)
+        looked[-1] |= restless[-1]
+        is_calm = self._count and not self._matters(self._largest, CALM)
+        every, last = EVERY * (FARTHER if is_calm else 1), -1 - self._since
+        for place in (*np.flatnonzero(looked), count):
+            looked[max(last + every, 0) : place : every] = True
+            last = place
         self._looks.at(looked)
         if restless.any():
-            self._looks.confirm(restless)
+            self._looks.confirm(restless, SLIGHT * np.maximum(self._largest[1], self._beside[0].max(axis=0)))
 
     def _look_closely(self) -> None:
         count = len(self._looks.known)
@@ -196,14 +205,14 @@ class Remainder:
         k, inverse = self._moving.shape[1], steps.inverses[len(steps) // 2]
         return lambda F, g: self._sizes((np.hstack([F, g]) @ inverse[:k].T)[None])
 
-    def _pays(self, largest: np.ndarray) -> bool:
-        """Whether r is worth to be looked at sample by sample, and to be added."""
+    def _matters(self, largest: np.ndarray, share: float) -> bool:
+        """Whether r is larger than a share of the prediction, and not what Newton's iteration leaves."""
         r, _, motion = largest
-        return bool(np.any((self._shares(largest) > PAYS) & (r > NEWTON * motion)))
+        return bool(np.any((self._shares(largest) > share) & (r > NEWTON * motion)))
 
     def _begins_to_add(self, largest: np.ndarray) -> bool:
         """Begin to add r if that pays, and helps."""
-        self.adds = not self._ended and self._pays(largest) and bool(np.all(self._shares(largest) < LOST))
+        self.adds = not self._ended and self._matters(largest, PAYS) and bool(np.all(self._shares(largest) < LOST))
         if self.adds and self._at_once:
             self._moving[..., 1], self._ramp = self._moving[..., 0], RAMP
         return self.adds
