@@ -71,6 +71,16 @@ def body_rates(body: ElasticBody) -> list[DecayRate]:
     return [plain] if found is None else [plain, found]
 
 
+def stiffness_damping(body: ElasticBody) -> float:
+    """Return beta with D >= beta K: of Rayleigh damping, of ratios by mode; 0 of other matrices."""
+    if body.rayleigh is not None:
+        return float(body.rayleigh[1])
+    if body.modal is None:
+        return 0.0
+    modes = body.modal.modes
+    return float(min(np.min(2 * body.modal.ratios / modes.omega), body.modal.rayleigh[1]))
+
+
 def _general_rate(body: ElasticBody) -> DecayRate | None:
     """Half the smallest damping rate, halved until K_r > 0; None for unsymmetric or semidefinite D."""
     D, M, K = body.D, body.M, body.K

@@ -44,9 +44,14 @@ class NarrowMarches:
             self._moving[0, kept, i] = e
             self._moving[2:, kept, i], self.multipliers[i, 0] = solved(part.M, part, force[kept] - part.K @ e)
 
-    def go_on(self, before: NarrowMarches) -> None:
-        """Go on from the state of others."""
-        self._moving, self.multipliers = before._moving, before.multipliers[:, -1:]
+    def go_on(self, before: NarrowMarches, tangent: Tangent, force: np.ndarray) -> None:
+        """Go on from the state of others, with accelerations as Feedback begins anew."""
+        self._moving, self.multipliers = before._moving, before.multipliers[:, -1:].copy()
+        for i, left in enumerate(self._left_out):
+            kept = np.flatnonzero(~left)
+            part, (e, e_t) = _part(tangent, kept), self._moving[:2, kept, i]
+            found, self.multipliers[i, 0] = solved(part.M, part, force[kept] - part.D @ e_t - part.K @ e)
+            self._moving[2:, kept, i] = found
 
     @property
     def states(self) -> np.ndarray:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .march import Steps, Tangent
 
 PASSES = 2
+TOGETHER = 256  # rows, or as many as before, or all of a block: whether passes pay is asked of so many at once
 SMALLER = 0.3  # than what they correct: passes that are not do not converge, and are given up
 
 
@@ -54,6 +55,7 @@ class ResidualPasses:
     def __init__(self, residuals: Residuals, size: int):
         self.residuals, self.are_made = residuals, False
         self._moving, self._converge, self._largest = np.zeros((PASSES, 4, size, 1)), True, 0.0
+        self._asked, self._waiting = 0, []  # number of rows that was asked of, e in those that was not
         self.multipliers: np.ndarray | float = 0.0
 
     def start(self, tangent: Tangent, rows: Sequence[np.ndarray], e: np.ndarray, at_rest: bool) -> None:
@@ -71,7 +73,7 @@ class ResidualPasses:
 
     def go_on(self, before: ResidualPasses) -> None:
         """Go on from the state of those of another run."""
-        self.are_made, self._moving = before.are_made, before._moving
+        self.are_made, self._moving, self._asked = before.are_made, before._moving, before._asked
         self._converge, self._largest = before._converge, before._largest
         self.added = self.state[:, None]
 
@@ -88,7 +90,7 @@ class ResidualPasses:
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Return what is added to e, e', e'' (3, S, k) in some steps; None: nothing is."""
-        self.are_made = self.are_made or self.residuals.pay(part, e)
+        self.are_made = self.are_made or self._pay(part, e)
         self.multipliers = 0.0
         if not self.are_made:
             return None
@@ -100,6 +102,15 @@ class ResidualPasses:
             added, self.beside[part] = self._free(steps)
         self.added[:, part] = added
         return added
+
+    def _pay(self, part: slice, e: np.ndarray) -> bool:
+        """Whether they do, when enough rows are known."""
+        self._waiting.append(e.copy())
+        count = sum(one.shape[1] for one in self._waiting)
+        if count < min(self._asked, TOGETHER) and part.stop < len(self.residuals.rows[0]):
+            return False
+        e, self._waiting, self._asked = np.concatenate(self._waiting, axis=1), [], self._asked + count
+        return self.residuals.pay(slice(part.stop - count, part.stop), e)
 
     def _driven(self, steps: Steps, part: slice, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is added, and the forces of second order that are left."""

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..decay.decay_rates import body_rates
+from ..decay.decay_rates import body_rates, stiffness_damping
 from ..linalg.blocked_products import row_norms
-from ..linalg.symmetric_factor import SymmetricFactor
-from ..model.admissible_space import mean_motion, rigid_modes
-from ..residual.free_mass import AtStart
+from ..residual.free_mass import AtStart, free_velocity_norms
+from ..residual.interface_stiffening import interface_rows
+from ..residual.slow_modes import SlowModes
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
 
 if TYPE_CHECKING:
-    from ..model.body import ElasticBody
+    from collections.abc import Sequence
+
     from ..residual.problem import Problem
 
 
@@ -32,7 +35,11 @@ class MechanismEnergy:
 
     K_b^-1 on the free body is K^-1 where the reference conditions hold it and the first wrench balances it. Rigid
     motion has no energy: outputs are those seen from the body's frame. No decay rate is admissible, for rigid
-    motion is undamped.
+    motion is undamped. Where bodies have damping D >= beta K, rough residuals do less work than they vary:
+
+        |e|_K, |e'|_M <= rough ,   rough^2 = int sum_b |R_b|^2/(2 beta_b) dt ,   g <= rough + (sum_b |R_b|^2)^(1/2)
+
+    and g is the smaller one at every step, from whichever was smaller before.
     """
 
     name = "energy"
@@ -41,30 +48,35 @@ class MechanismEnergy:
 
     def __init__(self, problem: Problem, unknown: int = 0):
         self.start_norms = problem.dual.start_norms
-        self._interfaces = _interface_rows(problem, unknown) if problem.has_initial_error else None
+        self._interfaces = interface_rows(problem, unknown) if problem.has_initial_error else None
         self.norm, self.norm_static = problem.dual.norm_K, problem.dual.norm_static
         self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
         self.factors = problem.rows.C_K
         if self.velocity_rows.any():
-            seen = _free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
+            seen = free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
             self.factors = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
             self.factors[self.velocity_rows] = seen
         self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
         self.per_mass = body_rates(problem.body)[0].per_mass
         self.at_start = AtStart(problem)
-        self.g = 0.0
+        self.beta = stiffness_damping(problem.body)
+        self.g = self.rough = 0.0
 
-    def energy_at(self, start: Start) -> float:
-        """Return |R(0)| of this body, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error.
+    def energies_at(self, start: Start) -> tuple[float, float]:
+        """Return what g and `rough` of this body begin with.
 
-        In static equilibrium -e0 is K^-1 R(0) as far as joints let it: what moves interfaces is counted whole.
+        g : |R(0)|, or the energy of d0 = e0 + K^-1 R(0) and e0' if there is an initial error. In static equilibrium
+        -e0 is K^-1 R(0) as far as joints let it: what moves interfaces is counted whole. rough : the energy of e0 and
+        e0' and of what is cut; g without damping.
         """
+        size = float(self.norm(start.z))
         if start.y0 is None:
-            return float(self.norm(start.z)) + start.cut
+            return size + start.cut, start.cut if self.beta else size + start.cut
         w = start.y0.copy()
         w[: len(start.z)] += start.z
         held = np.linalg.norm(self._interfaces @ start.z)
-        return float(np.hypot(self.start_norms.K(w), self.start_norms.M(start.y0_t)) + held)
+        g = float(np.hypot(self.start_norms.K(w), self.start_norms.M(start.y0_t)) + held)
+        return g, g + size * (self.beta > 0)
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1): the pieces of its polygon, and what that does not hold."""
@@ -73,18 +85,26 @@ class MechanismEnergy:
         missed = missed if block.turn is None else missed + block.h * block.turn.missed
         return np.column_stack([block.pieces(self.norm), missed])
 
+    def roughness(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
+        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, and |R| where they begin and end (S, 2)."""
+        ends = block.norms(self.norm)[:, [0, -1]]
+        if not self.beta:
+            return np.zeros(len(ends)), 0 * ends
+        middle = self.norm(block.c[:, [0, -1]].mean(axis=1))
+        return block.h * (ends[:, 0] ** 2 + 4 * middle**2 + ends[:, 1] ** 2) / (12 * self.beta), ends
+
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
-        self.g = self.energy_at(start) if start.joint is None else start.joint
-        return self._bounds(start.z[None], np.array([self.g]), np.array([start.cut]), np.zeros((1, 2)))
+        self.g, self.rough = start.joint or self.energies_at(start)
+        g, rough, cut = np.array([[self.g], [self.rough], [start.cut]])
+        return self._bounds(start.z[None], g, rough, cut, np.zeros((1, 2)))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        varied = self.variations(block).sum(axis=1) if block.joint is None else block.joint
-        g = self.g + np.cumsum(varied)
-        self.g = float(g[-1])
+        g, rough, self._peak = joint_growth([self], [block]) if block.joint is None else block.joint
+        self.g, self.rough = float(g[-1]), float(rough[-1])
         more = np.zeros((len(g), 2)) if block.overshoot is None else block.overshoot
-        return self._bounds(block.c[:, -1], g, cut_size(block), more)
+        return self._bounds(block.c[:, -1], g, rough, cut_size(block), more)
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
@@ -94,16 +114,17 @@ class MechanismEnergy:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
-        self._given = z, g, cut, more
-        known = -(z @ self.static_rows.T)
-        slack, jumped = times(g, self.factors) + times(cut, self.static_cut), None
+    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
+        self._given = z, g, rough, cut, more
+        known, speed, jumped = -(z @ self.static_rows.T), np.minimum(g, rough), None
+        slack = np.where(self.velocity_rows, times(speed, self.factors), times(g, self.factors))
+        slack = slack + times(cut, self.static_cut)
         if more.any():
             moved, moved_t = (times(x, self.at_start.factors) for x in more.T)
             jumped = np.where(self.velocity_rows, moved_t, moved)
             slack += jumped
         position = self.norm_static(z) + (cut + g) * self.per_mass + more[:, 0]
-        return Bounds(position, g + more[:, 1], np.abs(known) + slack, jumped, known, slack)
+        return Bounds(position, speed + more[:, 1], np.abs(known) + slack, jumped, known, slack)
 
 
 class CorrectedEnergy(MechanismEnergy):
@@ -125,7 +146,8 @@ class CorrectedEnergy(MechanismEnergy):
         self.root = np.linalg.qr(problem.body.mass_factor.half_multiply(problem.V), mode="r")
         body, x = problem.body, problem.body.positions.ravel()
         self.arm, self.mass = float(np.sqrt(x @ (body.mass @ x))), body.total_mass
-        self._force = 0.0  # of second order, at the end of the last block
+        self._force, self.slow = 0.0, None  # of second order, at the end of the last block; SlowModes, where known
+        self.slow_modes = partial(SlowModes.of, problem)
         # so far of du, and of what it may lack: every output, and its mass norm
         self._largest = np.zeros((2, len(self.value_rows) + 1))
 
@@ -137,8 +159,17 @@ class CorrectedEnergy(MechanismEnergy):
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         self._added = block.added or self._nothing(len(block.h))
+        found = super().advance(block)
+        found = found if self.slow is None else self._with_slow_modes(found, block)
         self._force = float(self._unbalanced(block)[-1])
-        return super().advance(block)
+        return found
+
+    def _with_slow_modes(self, found: Bounds, block: Block) -> Bounds:
+        z, g, _, cut, _ = self._given
+        w = self._added.veer.w if self._added.veer else 0 * g
+        missed, less = cut + super().variations(block)[:, -1], times(g, self.factors) + times(cut, self.static_cut)
+        less -= np.minimum(self.slow.advance((block.h, z, w), self.impulses(block), missed, (self._peak, g)), less)
+        return replace(found, outputs=found.outputs - less, correction_bound=found.correction_bound - less)
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
@@ -174,8 +205,8 @@ class CorrectedEnergy(MechanismEnergy):
         rest, self._added = instant
         return super().bounds_at(rest)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
-        rest, added = super()._bounds(z, g, cut, more), self._added
+    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
+        rest, added = super()._bounds(z, g, rough, cut, more), self._added
         rows, size = self._seen(added.q, added.q_t)
         known = rest.correction + rows
         du = np.abs(np.column_stack([known, size]))
@@ -193,24 +224,27 @@ class CorrectedEnergy(MechanismEnergy):
         return np.where(self.velocity_rows, q_t @ rows, q @ rows), row_norms(q @ self.root.T)
 
 
-def joint_variation(columns: list[np.ndarray]) -> np.ndarray:
+def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, ...]:
+    """Return g and rough at the ends of the next segments, and the largest g in these, (S,) of all bodies together.
+
+    R is linear in a segment; of bodies without damping it varies in both.
+    """
+    pairs = list(zip(energies, blocks, strict=True))
+    varied = [energy.variations(block) for energy, block in pairs]
+    known = [energy.roughness(block) for energy, block in pairs]
+    others = [x[:, -1:] if energy.beta else x for x, energy in zip(varied, energies, strict=True)]
+    work, R = sum(x for x, _ in known), np.sqrt(sum(ends**2 for _, ends in known))
+    g, rough, found = energies[0].g, energies[0].rough, []
+    for more, W, rest, first, last in np.column_stack([_joint(varied), work, _joint(others), R]).tolist():
+        one, other = g + more, (rough**2 + W) ** 0.5 + rest
+        g, rough = min(one, other + last), min(other, one + last)  # either may go on from the other
+        found.append((g, rough, min(one, other + max(first, last))))
+    return tuple(np.array(found).reshape(-1, 3).T)
+
+
+def _joint(columns: list[np.ndarray]) -> np.ndarray:
     """Variation (S,) of the bodies together from their variations (S, d): |.| of all is the root of the squares."""
-    return np.sqrt(sum(x**2 for x in columns)).sum(axis=1)
-
-
-def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
-    """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
-    wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
-    return np.linalg.qr(wrenches)[0].T @ problem.dual.Y_K[:, : problem.dual.k]
-
-
-def _free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
-    """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
-    space, positions = body.space, body.positions
-    held = space.conditions
-    if held is None:
-        held = mean_motion(np.unique(space.fixed // 3)).rows(positions)
-    rows, Rg = np.zeros((len(C), body.N)), rigid_modes(positions)
-    rows[:, space.free] = C
-    rows -= (rows @ Rg) @ np.linalg.solve(held @ Rg, held)
-    return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
+    square = np.zeros((len(columns[0]), max(x.shape[1] for x in columns)))
+    for x in columns:
+        square[:, square.shape[1] - x.shape[1] :] += x**2
+    return np.sqrt(square).sum(axis=1)

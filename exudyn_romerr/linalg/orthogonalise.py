@@ -10,6 +10,8 @@ from ..errors import InputError
 from .blocked_products import by_columns
 
 ROUNDED_AWAY = 1e-14  # of the largest scaled column: what is dropped is rounding
+ORTHONORMAL = 1e-14  # of products of orthonormal columns: what rounding leaves
+SHARPENINGS = 3
 ROWS = 4096  # of a tall matrix that are multiplied at once
 DEFLATION = 1e-10  # share of a Krylov vector that must be new; less is rounding of what is already spanned
 
@@ -19,7 +21,7 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(columns, axis=0)
     Q, triangle, _ = la.qr(columns / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(triangle))
-    return Q[:, diagonal > ROUNDED_AWAY * diagonal[0]]
+    return Q[:, diagonal > ROUNDED_AWAY * diagonal.max(initial=0.0)]
 
 
 def without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
@@ -41,10 +43,13 @@ def take_out(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
 def sharpened(columns: np.ndarray) -> np.ndarray:
     """Make columns (n, k) that are nearly orthonormal so to rounding, in place; return them.
 
-    Cholesky's factor of their products does it, which leaves the square of what they lack: twice.
+    Cholesky's factor of their products does it, which leaves the square of what they lack.
     """
-    for _ in range(2):
-        inverse = la.inv(la.cholesky(columns.T @ columns)) if columns.shape[1] else np.eye(0)
+    for _ in range(SHARPENINGS):
+        products = columns.T @ columns
+        if np.max(np.abs(products - np.eye(len(products))), initial=0.0) <= ORTHONORMAL:
+            break
+        inverse = la.inv(la.cholesky(products))
         for first in range(0, len(columns), ROWS):
             columns[first : first + ROWS] = columns[first : first + ROWS] @ inverse
     return columns

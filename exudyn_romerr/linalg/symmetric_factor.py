@@ -1,14 +1,17 @@
 """Sparse symmetric factorisation of scaled coordinates: solves, norms, definiteness, and counts of eigenvalues."""
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
 
 from .blocked_products import by_columns
-from .factorisations import count_negative, factorised
+from .factorisations import FEW, Factor, count_negative, factorised
 
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
 SINGULAR_PIVOT = 1e-14
+SAME = 4 * np.finfo(float).eps  # of a diagonal of 1
 LIFT = 1e-12  # of the diagonal, added to a singular matrix so that it can be factorised
 ITERATIONS = 4  # of the inverse power method: a null vector grows by 1e12 in each
 
@@ -27,7 +30,8 @@ class SymmetricFactor:
 
     def __init__(self, matrix: sp.spmatrix):
         scaled, self._scale = _scaled(matrix)
-        self._factor = factorised(scaled)
+        third = _third(scaled) if len(self._scale) >= FEW else None
+        self._factor = factorised(scaled) if third is None else _Thrice(factorised(third))
 
     @property
     def complete(self) -> bool:
@@ -68,6 +72,44 @@ class SymmetricFactor:
         """Return right in the coordinates of half_solve: Y (n, k) with |Y z|_2 = |right z|_A."""
         scale = self._scale[:, None]
         return by_columns(lambda part: self._factor.half_multiply(part * scale), right)
+
+
+class _Thrice:
+    """The factorisation of A (n/3, n/3) as one of A (x) I3 (n, n), as the mass of solid elements is."""
+
+    order = None  # nobody asks for it
+
+    def __init__(self, factor: Factor):
+        self._factor = factor
+        self.complete, self.negative_pivots = factor.complete, 3 * factor.negative_pivots
+
+    @property
+    def smallest_pivot(self) -> float:
+        return self._factor.smallest_pivot
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        return self._of_all(self._factor.solve, right)
+
+    def half_solve(self, right: np.ndarray) -> np.ndarray:
+        return self._of_all(self._factor.half_solve, right)
+
+    def half_multiply(self, right: np.ndarray) -> np.ndarray:
+        return self._of_all(self._factor.half_multiply, right)
+
+    def _of_all(self, function: Callable[[np.ndarray], np.ndarray], right: np.ndarray) -> np.ndarray:
+        return function(right.reshape(len(right) // 3, -1)).reshape(right.shape)
+
+
+def _third(matrix: sp.csc_matrix) -> sp.csc_matrix | None:
+    """Return A of a matrix A (x) I3, equal but for rounding; None if it is no such matrix."""
+    n = matrix.shape[0]
+    if n % 3:
+        return None
+    parts = [matrix[i::3][:, i::3] for i in range(3)]
+    if sum(part.nnz for part in parts) < np.count_nonzero(matrix.data):
+        return None
+    same = max(abs(part - parts[0]).max() for part in parts[1:]) <= SAME
+    return sp.csc_matrix(parts[0]) if same else None
 
 
 class SubspaceFactor:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..estimates.overshoot import Overshoot, overshoots
-from ..estimators.coupled_energy import MechanismEnergy, joint_variation
+from ..estimators.coupled_energy import MechanismEnergy, joint_growth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +38,7 @@ def joined_openings(runs: Sequence[Run], openings: Sequence[Opening]) -> list[Op
     if any(opening.start is None for opening in openings):  # they go on from runs before, with one energy already
         return list(openings)
     pairs = [(shared_energy(run, "reduction"), o.start) for run, o in zip(runs, openings, strict=True)]
-    joint = float(np.linalg.norm([energy.energy_at(start) for energy, start in pairs]))
+    joint = tuple(np.linalg.norm([energy.energies_at(start) for energy, start in pairs], axis=0).tolist())
     return [o._replace(start=replace(o.start, joint=joint)) for o in openings]
 
 
@@ -90,11 +90,11 @@ def _push(at: AtStart, opening: Opening) -> float:
 
 
 def join_extensions(runs: Sequence[Run], extensions: Sequence[Extension], first_steps: FirstSteps) -> None:
-    """Tell every block how much R of all bodies varies together in each of its segments."""
+    """Tell every block what energy all bodies have together at the ends of its segments."""
     overshoot = first_steps.advance(extensions[0].new.t)
     for stream in extensions[0].segments:
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]
-        joint = joint_variation([e.variations(block) for e, block in zip(energies, blocks, strict=True)])
+        joint = joint_growth(energies, blocks)
         for block in blocks:
             block.joint, block.overshoot = joint, overshoot

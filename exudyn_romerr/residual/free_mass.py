@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from ..model.admissible_space import RIGID_MODES, rigid_modes
+from ..linalg.symmetric_factor import SymmetricFactor
+from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
 
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
@@ -100,3 +101,15 @@ class AtStart:
     def push(self, z: np.ndarray) -> float:
         """Return |R|_{M^-1} of the residual R = L z."""
         return float(self._mass.norms(self._residual.of(z)[:, None])[0])
+
+
+def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
+    """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
+    space, positions = body.space, body.positions
+    held = space.conditions
+    if held is None:
+        held = mean_motion(np.unique(space.fixed // 3)).rows(positions)
+    rows, Rg = np.zeros((len(C), body.N)), rigid_modes(positions)
+    rows[:, space.free] = C
+    rows -= (rows @ Rg) @ np.linalg.solve(held @ Rg, held)
+    return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)

@@ -150,7 +150,7 @@ class PackedProblem(Problem):
         rest = take_out(modes, others)
         # what modes hold but for rounding has any direction, that of modes as well
         basis = orthonormal(rest[:, np.linalg.norm(rest, axis=0) > ROUNDED_AWAY * sizes])
-        basis = sharpened(take_out(modes, basis))
+        basis = basis if auxiliary is None else sharpened(take_out(modes, basis))
         in_basis, held = basis.T @ rest, np.hstack([modes, basis])
         del others, rest, basis  # of a large body every one of them counts
         columns = TurningColumns(self.body.stiffness_factor.half_solve, self.B, cut, held)
@@ -174,7 +174,8 @@ class PackedProblem(Problem):
         weights, gram = np.sqrt(np.divide(*squares)), columns.gram()  # slow shapes answer more
         weights = np.tile(weights, len(gram) // len(weights))
         sizes = np.sqrt(np.diag(gram) + np.sum(columns.in_held**2, axis=0))  # with what others hold
-        squares, turn = la.eigh(gram * np.outer(weights, weights))  # ascending
+        most = [max(0, len(gram) - KEPT - 1), len(gram) - 1]  # with the largest of those that are too many
+        squares, turn = la.eigh(gram * np.outer(weights, weights), subset_by_index=most)  # ascending
         noise = ROUNDING * np.max(sizes * weights, initial=0.0)
         kept = squares > max(SMALL**2 * squares[-1:].max(initial=0.0), noise**2, squares[:-KEPT].max(initial=0.0))
         return columns.combined(weights[:, None] * turn[:, kept] / np.sqrt(squares[kept]))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..linalg.blocked_products import COLUMNS
-from ..linalg.orthogonalise import sharpened, take_out, without
+from ..linalg.orthogonalise import sharpened, take_out
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -66,7 +66,8 @@ class TurningColumns:
         taken, lengths = np.empty((basis.shape[1], self._count)), np.empty(self._count)
         for own in _pieces(slice(0, self._count), COLUMNS):
             X = self._left(own)
-            taken[:, own], lengths[own] = basis.T @ X, np.linalg.norm(without(basis, X), axis=0)
+            taken[:, own] = basis.T @ X
+            lengths[own] = np.linalg.norm(X - basis @ taken[:, own], axis=0)
         return taken, lengths
 
     def _left(self, part: slice) -> np.ndarray:

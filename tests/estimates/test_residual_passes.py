@@ -3,12 +3,14 @@
 Truth: the residual of nonlinear equations, M q'' + K q + N(q) = f, N cubic, evaluated. The computed motion is rest.
 """
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
 from exudyn_romerr.estimates.march import Scheme, Tangent
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
-from exudyn_romerr.estimates.residual_passes import ResidualPasses
+from exudyn_romerr.estimates.residual_passes import TOGETHER, ResidualPasses
 
 K, STEPS, H, BLOCK = 3, 120, 0.02, 50
 M, STIFFNESS = np.diag([1.0, 2.0, 0.5]), np.diag([9.0, 4.0, 30.0])
@@ -91,3 +93,23 @@ def test_passes_that_do_not_converge_are_given_up(size):
     assert np.isfinite(after).all()
     assert np.isnan(beside[-1]).all()
     assert np.abs(after - before)[0].max() < np.abs(before[0]).max()
+
+
+def test_whether_passes_pay_is_asked_of_many_rows_at_once():
+    """Of as many as before, at most TOGETHER; at the end of a block of all, since rows of another one follow."""
+    asked = []
+    residuals = Mock(pay=lambda part, e: asked.append((part.start, part.stop, e[0, :, 0].tolist())))
+    passes = ResidualPasses(residuals, 1)
+    for count in (5 * TOGETHER, 40):
+        passes.begin([np.zeros(count)])
+        for i in range(0, count, 20):
+            assert passes.follow(None, slice(i, i + 20), np.full((3, 20, 1), i) + np.arange(20)[:, None]) is None
+    starts, stops, rows = zip(*asked, strict=True)
+    last = stops.index(5 * TOGETHER) + 1
+    assert starts[:last] == (0, *stops[: last - 1])
+    assert starts[last:] == (0,)
+    assert stops[last:] == (40,)
+    assert stops[:4] == (20, 40, 80, 160)
+    assert all(found == list(range(start, stop)) for start, stop, found in zip(starts, stops, rows, strict=True))
+    assert max(np.subtract(stops, starts)) < TOGETHER + 20
+    assert len(asked) < 12

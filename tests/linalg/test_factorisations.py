@@ -8,10 +8,11 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 import exudyn_romerr as romerr
-from exudyn_romerr.linalg import factorisations
+from exudyn_romerr.linalg import factorisations, symmetric_factor
 from exudyn_romerr.linalg.eigenmodes import count_below
 from exudyn_romerr.linalg.pardiso import SplitMatrix
 from exudyn_romerr.linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
+from exudyn_romerr.model import body
 from models.hex_bar import hex_bar
 from tests.helpers import tolerances
 from tests.helpers.bodies import model
@@ -56,6 +57,26 @@ def test_norms_and_solves_of_a_definite_matrix(kind):
     np.testing.assert_allclose(halves.T @ moved, forces.T @ motions, rtol=0, atol=1e-9 * abs(energy).max() ** 0.5)
 
 
+def test_mass_equal_in_three_directions_is_factorised_once(kind, monkeypatch):
+    """Norms and solves are those of the whole matrix; what is equal in two directions only is factorised whole."""
+    M, _ = bar()
+    monkeypatch.setattr(symmetric_factor, "FEW", 0)
+    factor, dense = SymmetricFactor(M), M.toarray()
+    assert factor.definite
+    forces = RNG.standard_normal((M.shape[0], 4))
+    solved, halves, moved = (of(forces) for of in (factor.solve, factor.half_solve, factor.half_multiply))
+    np.testing.assert_allclose(solved, la.solve(dense, forces), rtol=0, atol=1e-12 * abs(solved).max())
+    np.testing.assert_allclose(factor.solve(forces[:, 0]), solved[:, 0], rtol=0, atol=1e-13 * abs(solved).max())
+    for found, exact in ((halves.T @ halves, forces.T @ solved), (moved.T @ moved, forces.T @ dense @ forces)):
+        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * abs(exact).max())
+    np.testing.assert_allclose(halves.T @ moved, forces.T @ forces, rtol=0, atol=1e-12 * abs(forces.T @ forces).max())
+    uneven = M + sp.diags(np.where(np.arange(M.shape[0]) == 4, 1e-3 * M[4, 4], 0.0))
+    assert symmetric_factor._third(symmetric_factor._scaled(M)[0]) is not None
+    assert symmetric_factor._third(symmetric_factor._scaled(uneven)[0]) is None
+    solved = SymmetricFactor(uneven).solve(forces)
+    np.testing.assert_allclose(uneven @ solved, forces, rtol=0, atol=1e-12 * abs(forces).max())
+
+
 def test_inertia_next_to_eigenvalues(kind):
     """Counts are right 1e-9 beside an eigenvalue, where proofs that no mode is missed stand, and in clusters."""
     M, K = bar()
@@ -97,6 +118,18 @@ def test_bounds_do_not_depend_on_it(monkeypatch):
         found[kind] = np.hstack([report.output("tip").bound[e] for e in ("energy", "auxiliary")])
     for values in found.values():
         assert np.all(np.abs(values - found["superlu"]) <= 1e-9 * found["superlu"].max(axis=0))
+
+
+def test_large_bodies_factorise_the_mass_again(monkeypatch):
+    """Between the check and the norms its factor does not stay in memory; norms are the same."""
+    (M, K), rows = bar(), np.eye(1, bar()[0].shape[0])
+    output, found = romerr.Output("tip", rows), []
+    for many in (body.MANY, 10):
+        monkeypatch.setattr(body, "MANY", many)
+        made = romerr.ElasticBody(M, K)
+        assert ("mass_factor" in vars(made)) == (many == factorisations.MANY)
+        found.append(output.constant(made))
+    np.testing.assert_array_equal(*found)
 
 
 def test_split_product_has_the_digits_that_cancel():

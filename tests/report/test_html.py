@@ -148,11 +148,11 @@ def test_pages_of_many_rows_have_figures_of_the_worst(case):
     report = case.report(outputs=outputs, estimators=("fast", "energy"))
     found = read(report)
     assert len(found.images) == html_figures.MOST == 6
-    (left,) = [text for text in found.of("p") if text.startswith("Not drawn")]
+    (left,) = [text for text in found.of("p") if "Not drawn" in text]
     assert "one y, two y, three y. report.plot(" in left
     del report.outputs["three"]
     assert len(read(report).images) == 6
-    assert not any(text.startswith("Not drawn") for text in read(report).of("p"))
+    assert not any("Not drawn" in text for text in read(report).of("p"))
 
 
 @pytest.mark.usefixtures("quick")

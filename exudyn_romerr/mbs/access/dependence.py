@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...trajectory.unit_sphere import bend
+
 SHAKEN = 0.05  # of coordinates: out of positions that hide what depends on what
 STEP = 1e-3  # of coordinates: differences of fourth order, which leave 1e-13 of a quantity
 NEGLIGIBLE = 1e-9  # of a row, by a coordinate: less than rounding leaves of one-sided differences
@@ -154,3 +156,15 @@ def normalised(q: np.ndarray, quaternions: list[Quaternion]) -> np.ndarray:
     for one in quaternions:
         q[one.own] = one.unit(q) - one.reference
     return q
+
+
+def moved_by(
+    e: Sequence[np.ndarray], states: Sequence[np.ndarray], quaternions: list[Quaternion]
+) -> list[np.ndarray]:
+    """Return q, q_t, q_tt (S, k) plus e (3, S, k), Euler parameters along the unit sphere."""
+    found = [x + dx for x, dx in zip(states, e, strict=True)]
+    for one in quaternions:
+        (p, *rates), turned = ([x[:, one.own] for x in of] for of in (states, e))
+        for x, bent in zip(found, bend([one.reference + p, *rates], turned), strict=True):
+            x[:, one.own] += bent
+    return found

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...errors import AssumptionError
 from ..memory.kept_values import Copies
-from .dependence import Dependences, normalised
+from .dependence import Dependences, moved_by, normalised
 from .equations import Equations
 from .load_functions import controllers, loads_with_functions
 from .state_guard import (
@@ -114,6 +114,10 @@ class Tangents:
         """Keep the last readings, which what follows is interpolated with."""
         del self.readings[:-KEPT]
         self.carried = [self.carried_near(self.readings[-1].t)]
+
+    def moved(self, states: Sequence[np.ndarray], e: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return q, q_t, q_tt (S, k) that e (3, S, k) moves; coordinates behind those of the mbs may follow."""
+        return moved_by(e, states, self._quaternions)
 
     def differences(self, mbs: Any, dq: np.ndarray) -> np.ndarray:
         """K dq in the current state: all forces at both sides of it, over twice the distance."""

@@ -139,7 +139,7 @@ class EnrichedBody:
             sampled_inputs=True,
             scene=replace(scene, corrected=True, minor=terms.minor),
         )
-        self.sampler = Sampler.of(self._frame, actions, terms, self.offline)
+        self.sampler, self._rest_rows = Sampler.of(self._frame, actions, terms, self.offline), self._rests()
 
     def use(self, actions: Actions) -> None:
         """Take loads whose functions of time may be other ones than before."""
@@ -158,9 +158,13 @@ class EnrichedBody:
         return self._layout(q, q_t, q_tt, u) @ self._forcing.T
 
     def moved(self, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
-        """Return q, q_t, q_tt (S, k + m) of frame, modes and vectors in states of the mbs plus e (3, S, size)."""
+        """Return q, q_t, q_tt (S, k + m) of frame, modes and vectors in states of the mbs moved by e (3, S, size)."""
         pairs = zip(states, e, strict=True)
-        return [np.hstack([x[:, self.columns] + added[:, self.columns], added[:, own]]) for x, added in pairs]
+        found = [np.hstack([x[:, self.columns] + dx[:, self.columns], dx[:, own]]) for x, dx in pairs]
+        bent = self._frame.bend(*([x[:, self.frame] for x in of] for of in (states, e)))
+        for x, beside in zip(found, bent, strict=True):
+            x[:, : self.frame_size] += beside
+        return found
 
     def static_rest(self, t: np.ndarray, states: Sequence[np.ndarray], keeps: bool = False) -> np.ndarray:
         """Return -C K^-1 R (S, R) of a motion q, q_t, q_tt (S, k + m) of frame, modes and vectors.
@@ -168,12 +172,13 @@ class EnrichedBody:
         keeps : K^-1 of the body with interfaces as rigid as its modes make them; as free, if these make none rigid.
         """
         q, q_t, q_tt, u, _ = self.sampler(t, *states)
-        if self.offline.packing is not None:
-            u, _ = self.offline.packing(u)
-        z = self.offline.coordinates(q, q_t, q_tt, u)
-        if keeps and self.offline.static_errors is not None:
-            return z @ self.offline.static_errors[1].T
-        return -(z @ self.offline.estimators["auxiliary"].static_rows.T)
+        return self.offline.balance.coordinates(q, q_t, q_tt, u) @ self._rest_rows[keeps].T
+
+    def _rests(self) -> list[np.ndarray]:
+        """Rows -C K^-1 L of R = L z, z as it is, not packed: with free interfaces, and with those of the modes."""
+        free, rigid = -self.offline.estimators["auxiliary"].static_rows, self.offline.static_errors
+        rows, packing = [free, free if rigid is None else rigid[1]], self.offline.packing
+        return rows if packing is None else [x @ np.hstack([self.offline.coordinates.T_q, packing.T_u]) for x in rows]
 
     def couplings(self, t: np.ndarray, states: Sequence[np.ndarray]) -> Couplings:
         """Return what couples P to the mechanism at times t (T,), states q, q_t, q_tt (T, k) of the body in the mbs.

@@ -49,8 +49,8 @@ class MechanismResiduals:
         force, (t, *states) = np.zeros(e.shape[1:]), (x[part] for x in self.rows)
         self._nets = self._nets or [NetInertia(body) for body, _ in self._parts]
         for (body, own), net in zip(self._parts, self._nets, strict=True):
-            here, moved = (body.moved(own, states, x) for x in (0 * e, e))
-            force[:, body.frame] = net.second_order(body.sampler.actions.gravity_at(t), here, moved)
+            here, there, back = (body.moved(own, states, x) for x in (0 * e, e, -e))
+            force[:, body.frame] = net.second_order(body.sampler.actions.gravity_at(t), here, there, back)
         return force
 
     def size_beside(self, i: int, force: np.ndarray) -> np.ndarray | None:
@@ -127,17 +127,24 @@ class NetInertia:
         return self._frame.size == 3 + EULER_PARAMETERS
 
     def second_order(
-        self, gravity: np.ndarray, here: Sequence[np.ndarray], moved: Sequence[np.ndarray]
+        self,
+        gravity: np.ndarray,
+        here: Sequence[np.ndarray],
+        there: Sequence[np.ndarray],
+        back: Sequence[np.ndarray],
     ) -> np.ndarray:
-        """Return what forces (S, size) are of second order in moved states less those here; gravity (S, 3).
+        """Return what forces (S, size) are of second order in states moved there less those here; gravity (S, 3).
 
-        States q, q_t, q_tt (S, size + k) are those of frame, modes and vectors. What is of even order, in fact.
+        States q, q_t, q_tt (S, size + k) are those of frame, modes and vectors; back : moved the other way. What is
+        of even order, in fact.
         """
         if not self.is_known:
             return np.zeros((len(gravity), self._frame.size))
-        back = [2 * x - y for x, y in zip(here, moved, strict=True)]
-        there, back, here = (self._forces(gravity, states) for states in (moved, back, here))
-        return (there + back) / 2 - here
+        there, back, own = (self._forces(gravity, states) for states in (there, back, here))
+        force, moment = np.split((there + back) / 2 - own, [3], axis=1)
+        q, *still = here[0][:, : self._frame.size], *np.zeros((2, len(gravity), self._frame.size))
+        A, rates = self._frame.motion(q, *still).A, self._frame.rates(q)
+        return np.hstack([np.einsum("sij,sj->si", A, force), np.einsum("sij,si->sj", rates, moment)])
 
     def size(self, q: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Return |.|_{M^-1} (S,) of the rigid body's inertia that does such forces (S, size) at q; nan: unknown."""
@@ -149,10 +156,10 @@ class NetInertia:
         return row_norms(np.hstack([local, moment]) @ self._root.T)
 
     def _forces(self, gravity: np.ndarray, states: Sequence[np.ndarray]) -> np.ndarray:
+        """Force and moment (S, 6) in axes of the frame: what holds it turns with it."""
         size = self._frame.size
         (q, q_t, q_tt), (c, c_t, c_tt) = ([x[:, part] for x in states] for part in (slice(size), slice(size, None)))
-        q = self._of_unit_length(q)
-        motion, rates = self._frame.motion(q, q_t, q_tt), self._frame.rates(q)
+        motion = self._frame.motion(q, q_t, q_tt)
         b, weight, S, w = motion.local(motion.r_tt), motion.local(-gravity), motion.S, 2 * skew(motion.w)
         first, by_c = self._first + c @ self._pull.T, self._xu + np.tensordot(c, self._uu, axes=1)
         of_c, of_rates, of_accelerations = (np.einsum("sijm,sm->sij", by_c, x) for x in (c, c_t, c_tt))
@@ -162,9 +169,4 @@ class NetInertia:
         arms = first[:, :, None] * b[:, None] + self._first[:, None] * weight[:, None]
         arms += second @ S.swapaxes(1, 2) + of_rates @ w.swapaxes(1, 2)
         arms += of_accelerations
-        return np.hstack([turned(motion.A, force), np.einsum("sij,si->sj", rates, moment_of(arms))])
-
-    def _of_unit_length(self, q: np.ndarray) -> np.ndarray:
-        """Euler parameters that are off to first order leave unit length to second order."""
-        p = self._frame.reference[3:] + q[:, 3:]
-        return np.hstack([q[:, :3], p / np.linalg.norm(p, axis=1)[:, None] - self._frame.reference[3:]])
+        return np.hstack([force, moment_of(arms)])

@@ -181,7 +181,7 @@ class OtherSensors:
             return 0.0 * here
         t, *states, forces = rows
         n = states[0].shape[1]
-        moved = [x + more[:, :n] for x, more in zip(states, dx, strict=True)]
+        moved = self._tangents.moved(states, dx[..., :n])
         forces = forces.copy()
         forces[:, self._tangents.independent] += multipliers
         change = self._shown(mbs, (t, *moved, forces), record) - here

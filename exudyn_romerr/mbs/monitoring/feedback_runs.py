@@ -14,7 +14,7 @@ from ...model.floating_frame import Veer
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
-from ..mechanism.extended_tangents import ExtendedTangents
+from ..mechanism.extended_tangents import ExtendedTangents, FixedFreedoms
 from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.mechanism_residuals import MechanismResiduals
 from ..mechanism.output_estimates import OutputEstimates
@@ -64,6 +64,7 @@ class Reaction:
         self._narrow = NarrowMarches(self._left_out())
         self._passes = ResidualPasses(MechanismResiduals(self.parts), self.size)
         self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors)
+        self._fixed = FixedFreedoms([body for body, _ in self.parts], tangents.size)
         coupled = bool(watches) and all(watch.is_coupled for watch in watches)
         self._positions = GlobalPositions.of(self.parts, self.size) if coupled else None
 
@@ -83,19 +84,20 @@ class Reaction:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
         *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
+        t = float(first[0][0])
+        readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
+        extended = ExtendedTangents(readings, self.size, self.parts)
+        tangent, samples = extended[0], [watch.sampled(*first) for watch in self._watches]
+        forces = self._forces(samples, 1)[0]
         if goes_on:
-            self._feedback = before._feedback
-            self._narrow.go_on(before._narrow)
+            self._feedback, self._fixed = before._feedback, before._fixed
+            self._feedback.begin_anew(tangent, forces)
+            self._narrow.go_on(before._narrow, tangent, forces)
             self._passes.go_on(before._passes)
             self._remainder.go_on(mbs, before._remainder)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
-            t = float(first[0][0])
-            readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
-            extended = ExtendedTangents(readings, self.size, self.parts)
-            tangent = extended[0]
-            samples = [watch.sampled(*first) for watch in self._watches]
-            start = tangent, self._forces(samples, 1)[0], self._forces_at_rest()
+            start = tangent, forces, self._forces_at_rest()
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
@@ -119,6 +121,7 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
+        self._fixed.open(mbs, self._tangents.readings, runs, openings)
         if self._positions is not None:
             g = shared_energy(runs[0], STREAM).g
             if goes_on:
@@ -142,15 +145,15 @@ class Reaction:
         *rows, multipliers = rows
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
-        others = [steps, self._narrow]
         self._passes.begin(rows)
-        late = [self._passes, self._remainder]
+        others, late = [steps, self._narrow], [self._passes, self._remainder]
         with self._remainder.following(mbs, rows, forces):
             e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
-        self._say(steps.notes)
-        self._say(self._remainder.notes)
+        for notes in (steps.notes, self._remainder.notes):
+            self._say(notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
+        self._fixed.check(self._tangents.readings, runs)
         for i, (watch, run, (body, own)) in enumerate(zip(self._watches, runs, self.parts, strict=True)):
             sample = body.sampler(rows[0], *body.moved(own, rows[1:], e))
             extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
@@ -184,7 +187,7 @@ class Reaction:
             return
         energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
         blocks = [extension.segments[STREAM][0] for extension in extensions]
-        g = energies[0].g + np.cumsum(blocks[0].joint)
+        g = np.array(blocks[0].joint)[[0, 2]]
         impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
         left = self._positions.advance(tangents, self._tangents.readings, steps, g, impulses)
         self._keep_left([rows + self._first_steps.seen(run) for rows, run in zip(left, runs, strict=True)])
@@ -192,21 +195,20 @@ class Reaction:
     def _keep_left(self, left: list[np.ndarray]) -> None:
         for watch, rows in zip(self._watches, left, strict=True):
             watch.run.estimate.left.append(rows)
-        if self._positions.failure:
-            self._say([NO_POSITIONS.format(self._positions.failure)])
+        self._say([NO_POSITIONS.format(self._positions.failure)] if self._positions.failure else [])
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        (t, *states, _), none, missed = rows, [0 * x for x in rows[1:4]], self._remainder.found
+        (t, *states, _), missed = rows, self._remainder.found
         narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
         narrow, step = narrow if missed is None else narrow + missed.added, self.time_step
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
-            left = missed and [body.moved(own, none, x) for x in missed.left()]
+            columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])  # of this body
+            left = missed and [[x[:, columns] for x in of] for of in missed.left()]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
-            if step is not None:  # of the frame, the modes and the vectors of this body
-                columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])
+            if step is not None:
                 outputs.take_time_step(watch.run, here, step.of(columns))
         forces = [self._feedback.multipliers, *self._narrow.multipliers]
         moves = list(zip([e, *narrow], forces, strict=True))

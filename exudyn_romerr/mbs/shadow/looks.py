@@ -13,7 +13,7 @@ DENSE = 32  # samples from a jump on, in which all sets in
 JUMP, QUIET = 3.0, 8
 CONFIRMED = 0.01  # of the largest so far: what a sample in the middle may be off a line, which is not refined then
 Loads = tuple[np.ndarray, np.ndarray]
-Residuals = Callable[[Sequence[np.ndarray]], Loads | None]
+Residuals = Callable[[Sequence[np.ndarray], np.ndarray], Loads | None]  # of rows and what moves them
 Sizes = Callable[[np.ndarray], np.ndarray]
 
 
@@ -53,7 +53,7 @@ class Looks:
         if not where.any() or self.ended:
             return
         t, *states = (x[where] for x in self._rows)
-        found = self._residuals((t, *(x + dx for x, dx in zip(states, self._e[:, where], strict=True))))
+        found = self._residuals((t, *states), self._e[:, where])
         if found is None:
             self.ended = True
             return

@@ -169,12 +169,13 @@ class MeasuredRemainder:
             raise RunError(INCREMENTS)
         self._shadow = Shadow(mbs, self._parts, self._tangents)
 
-    def _residuals(self, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
-        """Those of the shadow, or None from where they are not to be had."""
+    def _residuals(self, rows: Sequence[np.ndarray], e: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Those of the shadow in rows that e (3, S, k) moves, or None from where they are not to be had."""
         if not self._is_compared:
             self._try(self._shadow.compare, self._mbs)
             self._is_compared = True
-        return self._try(self._shadow.residuals, rows)
+        t, *states = rows
+        return self._try(self._shadow.residuals, (t, *self._tangents.moved(states, e)))
 
     def _try(self, work: Callable, *arguments: Any) -> Any:
         """Do what is left to do unless something has failed; what fails ends the measurement, and nothing else."""

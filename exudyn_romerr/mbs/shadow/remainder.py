@@ -84,14 +84,14 @@ class Remainder:
         """
         (t, q, *_), none = rows, 0 * e[0]
         if e[0].any():
-            (F, g), (before, _) = (residuals((t, x, none, none)) for x in (q + e[0], q))
+            (F, g), (before, _) = (residuals((t, q, none, none), np.array([x, none, none])) for x in (e[0], none))
             self._moving[0, :, 0] = held(tangent.K, tangent, (before - F)[0] + tangent.K @ e[0, 0], -g[0])
             self._known = t[0], none[0], g[0]
 
     def go_on(self, before: Remainder) -> None:
         """Go on from the state of another run's."""
         self._moving, self._known = before._moving, before._known
-        self._count, self._since = before._count, before._since
+        self._count, self._since = 0, before._since  # a new start is looked at closely
         self._ramp, self.adds, self._paid = before._ramp, before.adds, before._paid
         self._largest, self._loads = before._largest, before._loads
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import exudyn as exu
 import numpy as np
@@ -13,6 +14,11 @@ from ..access.reduced_damping import reduced_damping
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.loads_and_joints import read_interfaces
 from ..floating.reference_search import find_reference, held_body
+
+if TYPE_CHECKING:
+    from ...model.body import ElasticBody
+
+_MADE: WeakKeyDictionary[FloatingBody, ElasticBody] = WeakKeyDictionary()  # for attach, which finds it: shared_body
 
 
 def set_modal_damping(mbs: Any, flex: FloatingBody) -> np.ndarray:
@@ -52,6 +58,7 @@ def set_modal_damping(mbs: Any, flex: FloatingBody) -> np.ndarray:
         raise InputError("flex has no ratios; pass modal_damping=[...] to floating_body")
     model = read_object(mbs, flex)
     reference = find_reference(flex, model.V, read_interfaces(mbs, flex))
-    D = reduced_damping(held_body(flex, model.rayleigh, reference), model.V)
+    _MADE[flex] = body = held_body(flex, model.rayleigh, reference)
+    D = reduced_damping(body, model.V)
     mbs.SetObjectParameter(flex.number, "dampingMatrixReduced", exu.MatrixContainer(D))
     return D

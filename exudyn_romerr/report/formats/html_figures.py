@@ -39,8 +39,9 @@ def figures(report: ReportData) -> Iterator[str]:
     left = [name for _, _, name in rows_of(report) if name not in {name for _, _, name in drawn}]
     if left:
         yield paragraph(
-            f"Not drawn, for their errors are smaller shares of their outputs: {', '.join(left)}. "
-            'report.plot("all.png") draws all rows, report.plot("one.png", ["NAME"]) those of one output.'
+            "Drawn are the rows whose errors are the largest shares of their outputs, one of every output first. Not "
+            f"drawn: {', '.join(left)}. "
+            'report.plot("one.png", outputs=["NAME"]) draws all rows of an output.'
         )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr import ElasticBody
 from exudyn_romerr.mbs.mechanism import enriched_body
 from models import floating
 from tests.helpers import tolerances as tol
@@ -215,3 +216,15 @@ def test_one_ratio_for_all_modes():
     flex = romerr.floating_body(scene.fem, scene.items, modal_damping=0.02)
     D, omega = romerr.set_modal_damping(scene.mbs, flex), full_body("bar").omega
     np.testing.assert_allclose(D, np.diag(0.04 * omega), rtol=tol.EIGEN, atol=tol.EIGEN * omega[-1])
+
+
+def test_modes_of_the_full_body_are_computed_once(monkeypatch):
+    """By set_modal_damping; the solve finds the same body."""
+    made, original = [], ElasticBody.__init__
+    monkeypatch.setattr(ElasticBody, "__init__", lambda self, *a, **k: (made.append(1), original(self, *a, **k))[1])
+    scene, flex = flexible([0.0123])
+    romerr.set_modal_damping(scene.mbs, flex)
+    monitor = romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("tip", node=20)])
+    scene.solve()
+    assert monitor.report().scope["auxiliary"] == "complete"
+    assert len(made) == 1

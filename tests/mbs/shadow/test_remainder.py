@@ -59,9 +59,9 @@ class Late:
         self.remainder.begin((t[1:], none, none, none), self.residuals)
         self.predicted, self.added = [], np.zeros((3, STEPS, 2))
 
-    def residuals(self, rows):
+    def residuals(self, rows, e):
         """Nonlinear equations less forces, which the linear ones answer."""
-        now, q, q_t, q_tt = rows
+        now, (q, q_t, q_tt) = rows[0], (x + dx for x, dx in zip(rows[1:], e, strict=True))
         self.looked += now.tolist()
         at = np.searchsorted(t, now - 1e-9)
         left = q_tt @ M + q_t @ D + q @ K + self.law(q) - self.force[at]
