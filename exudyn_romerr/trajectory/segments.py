@@ -80,7 +80,7 @@ class Block:
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
     turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
-    bent, moved : (S, 2), see Turn.of_curve. joint : energies (S,), (S,) of all bodies of a mechanism together;
+    bent, moved : (S, 2), see Turn.of_curve. joint : energies (3, S) of all bodies of a mechanism together;
     None: this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
     chain : (S + 1, k), z where straight lines lead from one to the next; None: c are other curves.
     is_driven : turn and cut are those of a frame that moves as a function of time says. overshoot : (S, 2), what the
@@ -97,7 +97,7 @@ class Block:
     cut: Cut | None = None
     bent: np.ndarray | None = None
     moved: np.ndarray | None = None
-    joint: tuple[np.ndarray, np.ndarray] | None = None
+    joint: tuple[np.ndarray, ...] | None = None
     added: Added | None = None
     is_driven: bool = False
     overshoot: np.ndarray | None = None
