@@ -43,7 +43,7 @@ LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
 NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be many times larger"
-REMAINDER = "linear equations leave out about {:.2g} % of the deformation that {!r} predicts, as measured"
+REMAINDER = "linear equations leave out about {} % of the deformation that {!r} predicts, as measured"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
@@ -141,7 +141,7 @@ def scope_lines(report: ReportData) -> list[str]:
     lines = [f"scope: {scope}: {COVERS[scope]}{time.get(report.time, '')}; {PAGE}"]
     _, known, model = report.scope_reason.partition(f"{FULL_MODEL}: ")
     lines += [f"full model: {model}"] if known else []
-    return lines + [REMAINDER.format(100 * share, e) for e, share in report.remainder.items()]
+    return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
 
 
 def is_uncertified(report: ReportData) -> bool:
