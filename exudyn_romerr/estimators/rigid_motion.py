@@ -107,11 +107,16 @@ class RigidMotion:
     def __init__(self, rigid: np.ndarray, elastic: np.ndarray, flexibility: np.ndarray):
         self._rigid, self._elastic, self._flexibility = rigid, elastic, flexibility
 
-    def start(self, at: Equations, g: float, rests: bool) -> None:
-        """Begin with the energy g: without error, or at rest where the error of a static solution is."""
+    def start(self, at: Equations, g: float, rests: bool) -> bool:
+        """Begin with the energy g: without error, or at rest where the error of a static solution is.
+
+        Return whether forces of constraints and what they keep zero leave as many freedoms; else nothing begins.
+        """
         here = Instant(at, self._rigid, self._elastic)
         self._Z, self._Y = _basis(here.of_C.free), _basis(here.of_G.free)
         self.freedoms = self._Z.shape[1]
+        if self._Y.shape[1] != self.freedoms:
+            return False
         self._W, self._tau = np.zeros((2, 2 * self.freedoms, 2 * self.freedoms)), np.zeros(2)
         self.follows = here.follows(self._Z, self._Y)
         if rests:  # of A x + B u = 0 the second row, p = 0 but for what is constant there
@@ -119,6 +124,7 @@ class RigidMotion:
             still = -np.linalg.pinv(A[self.freedoms :, : self.freedoms], rcond=SINGULAR) @ B[self.freedoms :]
             self._tau[0] = 2 * g
             self._W[0, : self.freedoms, : self.freedoms] = 2 * g * still @ self._flexibility @ still.T
+        return True
 
     def advance(self, h: float, ends: tuple[Equations | None, Equations], g: float, impulse: float) -> bool:
         """Go on by a time h between two instants; return whether there are the same freedoms.

@@ -91,8 +91,9 @@ class GlobalPositions:
         """
         self._t, self._at_rest, rests = t, at_rest or 0.0, at_rest is not None
         rows = _RigidRows(tangents, readings, self._rigid, self._others)
-        self._motion.start(rows.at(t, 0), g + self._at_rest, rests)
-        if self._motion.freedoms > MOST:
+        if not self._motion.start(rows.at(t, 0), g + self._at_rest, rests):
+            self.failure = CHANGED.format(t)
+        elif self._motion.freedoms > MOST:
             self.failure = MANY.format(self._motion.freedoms, MOST)
 
     def opened(self, q: np.ndarray, g: float) -> list[np.ndarray]:
@@ -246,4 +247,4 @@ class _RigidRows:
 
 
 MANY = "the mechanism has {} freedoms; up to {} are gone through"
-CHANGED = "the number of freedoms of the mechanism changes at t = {:g} s"
+CHANGED = "how many freedoms the mechanism has changes, or is lost in rounding, at t = {:g} s"

@@ -1,0 +1,73 @@
+"""Mechanisms in other units: the same bounds, and where numbers are lost in rounding a message."""
+
+from dataclasses import replace
+
+import exudyn as exu
+import numpy as np
+import pytest
+from exudyn.itemInterface import SensorSuperElement
+
+import exudyn_romerr as romerr
+from benchmarks import mechanism_builder
+from benchmarks.random_mechanisms import drawn
+from models.floating import interface
+
+SEED = 112  # two bars with joints, one of which starts suddenly
+TINY = 0.01  # of a bound: Newton's tolerances are numbers, and what is measured depends on them
+
+
+def in_units(mechanism, length, mass):
+    """The same mechanism with so many units of length a metre, of mass a kilogram; seconds stay."""
+    force = mass * length
+    bars = [
+        replace(
+            bar,
+            size=tuple(x * length for x in bar.size),
+            shifts=bar.shifts * length,
+            material=(bar.material[0] * force / length**2, bar.material[1] * mass / length**3, bar.material[2]),
+        )
+        for bar in mechanism.bars
+    ]
+    links = [
+        [replace(x, stiffness=x.stiffness * force / length, length=x.length * length) for x in of]
+        for of in (*mechanism.links, [mechanism.last])
+    ]
+    loads = [replace(x, vector=x.vector * force * (1 if x.kind == "force" else length)) for x in mechanism.loads]
+    gravity = mechanism.gravity[0] * length, mechanism.gravity[1]
+    return replace(mechanism, bars=bars, links=links[:-1], last=links[-1][0], loads=loads, gravity=gravity)
+
+
+def reports(monkeypatch, length=1.0, mass=1.0, steps=20):
+    """Reports of both bars, outputs in the frame and the tip in global axes."""
+    side, share = mechanism_builder.CUBE
+    monkeypatch.setattr(mechanism_builder, "CUBE", (side * length, share))
+    scene = mechanism_builder.built(in_units(replace(drawn(SEED), steps=steps), length, mass))
+    monitors = []
+    for fem, items, sensors in zip(scene.fems, scene.bodies, scene.sensors, strict=True):
+        place = {"bodyNumber": items["oFFRFreducedOrder"], "meshNodeNumber": interface(fem, "tip")[0][0]}
+        of = exu.OutputVariableType.Displacement
+        tip = scene.mbs.AddSensor(
+            SensorSuperElement(name=f"tip of {len(monitors)}", outputVariableType=of, storeInternal=True, **place)
+        )
+        flex = romerr.floating_body(fem, items)
+        monitors.append(romerr.attach(scene.mbs, flex, outputs=[*sensors.values(), tip]))
+    scene.solve()
+    return [monitor.report() for monitor in monitors]
+
+
+def test_bounds_in_millimetres_and_tonnes_are_those_in_metres(monkeypatch):
+    with monkeypatch.context() as patched:
+        known = reports(patched)
+    for one, other in zip(known, reports(monkeypatch, 1e3, 1e-3), strict=True):
+        for name, out in one.outputs.items():
+            bound = other.output(name).bound["best"]
+            assert np.isfinite(bound).all()
+            assert bound.max() == pytest.approx(1e3 * out.bound["best"].max(), rel=TINY)
+
+
+def test_freedoms_that_are_lost_in_rounding_cost_positions_only(monkeypatch):
+    """In micrometres rotations and lengths are 1e6 apart; all bounds ended with a LinAlgError."""
+    for report in reports(monkeypatch, 1e6, 1e6, steps=2):
+        assert any("is lost in rounding" in message for message in report.messages)
+        for name, out in report.outputs.items():
+            assert np.isfinite(out.bound["best"]).all() != name.startswith("tip of")
