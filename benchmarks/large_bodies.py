@@ -7,7 +7,7 @@ computation of these modes. Every task has a process of its own; MB: peak of res
 before, of attach and Craig-Bampton of the whole process, with Exudyn, fem and modes.
 
     python benchmarks/large_bodies.py [--coordinates 13000 55000] [--tasks factor attach Craig-Bampton]      2 min
-    python benchmarks/large_bodies.py --coordinates 107000 285000 --only pardiso                    20 min, 12 GB
+    python benchmarks/large_bodies.py --coordinates 107000 285000 --only pardiso                    15 min, 13 GB
 """
 
 import argparse

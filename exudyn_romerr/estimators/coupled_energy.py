@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +11,8 @@ import numpy as np
 from ..decay.decay_rates import body_rates, stiffness_damping
 from ..linalg.blocked_products import row_norms
 from ..residual.free_mass import AtStart, free_velocity_norms
+from ..residual.interface_stiffening import interface_rows
+from ..residual.slow_modes import SlowModes
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
@@ -44,7 +48,7 @@ class MechanismEnergy:
 
     def __init__(self, problem: Problem, unknown: int = 0):
         self.start_norms = problem.dual.start_norms
-        self._interfaces = _interface_rows(problem, unknown) if problem.has_initial_error else None
+        self._interfaces = interface_rows(problem, unknown) if problem.has_initial_error else None
         self.norm, self.norm_static = problem.dual.norm_K, problem.dual.norm_static
         self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
         self.factors = problem.rows.C_K
@@ -82,12 +86,12 @@ class MechanismEnergy:
         return np.column_stack([block.pieces(self.norm), missed])
 
     def roughness(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
-        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, 0 if undamped; and |R| at their ends."""
-        ends = block.norms(self.norm)
+        """Return int |R|^2/(2 beta) over segments (S,), R linear in each, and |R| where they begin and end (S, 2)."""
+        ends = block.norms(self.norm)[:, [0, -1]]
         if not self.beta:
-            return np.zeros(len(ends)), ends[:, -1]
+            return np.zeros(len(ends)), 0 * ends
         middle = self.norm(block.c[:, [0, -1]].mean(axis=1))
-        return block.h * (ends[:, 0] ** 2 + 4 * middle**2 + ends[:, -1] ** 2) / (12 * self.beta), ends[:, -1]
+        return block.h * (ends[:, 0] ** 2 + 4 * middle**2 + ends[:, 1] ** 2) / (12 * self.beta), ends
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
@@ -97,7 +101,7 @@ class MechanismEnergy:
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        g, rough = joint_growth([self], [block]) if block.joint is None else block.joint
+        g, rough, self._peak = joint_growth([self], [block]) if block.joint is None else block.joint
         self.g, self.rough = float(g[-1]), float(rough[-1])
         more = np.zeros((len(g), 2)) if block.overshoot is None else block.overshoot
         return self._bounds(block.c[:, -1], g, rough, cut_size(block), more)
@@ -142,7 +146,8 @@ class CorrectedEnergy(MechanismEnergy):
         self.root = np.linalg.qr(problem.body.mass_factor.half_multiply(problem.V), mode="r")
         body, x = problem.body, problem.body.positions.ravel()
         self.arm, self.mass = float(np.sqrt(x @ (body.mass @ x))), body.total_mass
-        self._force = 0.0  # of second order, at the end of the last block
+        self._force, self.slow = 0.0, None  # of second order, at the end of the last block; SlowModes, where known
+        self.slow_modes = partial(SlowModes.of, problem)
         # so far of du, and of what it may lack: every output, and its mass norm
         self._largest = np.zeros((2, len(self.value_rows) + 1))
 
@@ -154,8 +159,17 @@ class CorrectedEnergy(MechanismEnergy):
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
         self._added = block.added or self._nothing(len(block.h))
+        found = super().advance(block)
+        found = found if self.slow is None else self._with_slow_modes(found, block)
         self._force = float(self._unbalanced(block)[-1])
-        return super().advance(block)
+        return found
+
+    def _with_slow_modes(self, found: Bounds, block: Block) -> Bounds:
+        z, g, _, cut, _ = self._given
+        w = self._added.veer.w if self._added.veer else 0 * g
+        missed, less = cut + super().variations(block)[:, -1], times(g, self.factors) + times(cut, self.static_cut)
+        less -= np.minimum(self.slow.advance((block.h, z, w), self.impulses(block), missed, (self._peak, g)), less)
+        return replace(found, outputs=found.outputs - less, correction_bound=found.correction_bound - less)
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
@@ -210,23 +224,22 @@ class CorrectedEnergy(MechanismEnergy):
         return np.where(self.velocity_rows, q_t @ rows, q @ rows), row_norms(q @ self.root.T)
 
 
-def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
-    """Return g and rough (S,) of all bodies together at the ends of the segments of their next blocks.
+def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, ...]:
+    """Return g and rough at the ends of the next segments, and the largest g in these, (S,) of all bodies together.
 
-    R is linear in a segment. Of bodies without damping it counts as what varies in both.
+    R is linear in a segment; of bodies without damping it varies in both.
     """
     pairs = list(zip(energies, blocks, strict=True))
     varied = [energy.variations(block) for energy, block in pairs]
-    known = [(*energy.roughness(block), energy.beta > 0) for energy, block in pairs]
-    work, size = sum(x for x, *_ in known), np.sqrt(sum(is_damped * x**2 for _, x, is_damped in known))
-    others = [x[:, -is_damped:] for x, (*_, is_damped) in zip(varied, known, strict=True)]
+    known = [energy.roughness(block) for energy, block in pairs]
+    others = [x[:, -1:] if energy.beta else x for x, energy in zip(varied, energies, strict=True)]
+    work, R = sum(x for x, _ in known), np.sqrt(sum(ends**2 for _, ends in known))
     g, rough, found = energies[0].g, energies[0].rough, []
-    for more, W, rest, R in np.column_stack([_joint(varied), work, _joint(others), size]).tolist():
+    for more, W, rest, first, last in np.column_stack([_joint(varied), work, _joint(others), R]).tolist():
         one, other = g + more, (rough**2 + W) ** 0.5 + rest
-        g, rough = min(one, other + R), min(other, one + R)  # either may go on from the other
-        found.append((g, rough))
-    g, rough = np.array(found).reshape(-1, 2).T
-    return g, rough
+        g, rough = min(one, other + last), min(other, one + last)  # either may go on from the other
+        found.append((g, rough, min(one, other + max(first, last))))
+    return tuple(np.array(found).reshape(-1, 3).T)
 
 
 def _joint(columns: list[np.ndarray]) -> np.ndarray:
@@ -235,9 +248,3 @@ def _joint(columns: list[np.ndarray]) -> np.ndarray:
     for x in columns:
         square[:, square.shape[1] - x.shape[1] :] += x**2
     return np.sqrt(square).sum(axis=1)
-
-
-def _interface_rows(problem: Problem, unknown: int) -> np.ndarray:
-    """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
-    wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
-    return np.linalg.qr(wrenches)[0].T @ problem.dual.Y_K[:, : problem.dual.k]

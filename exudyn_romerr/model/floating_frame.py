@@ -15,6 +15,7 @@ from ..errors import AssumptionError
 
 ROWS = {"r": 3, "r_t": 3, "A": 9, "w": 3, "al": 3, "r_tt": 3}  # parts of a frame's row: how many numbers
 CUTS = tuple(np.cumsum([*ROWS.values()])[:-1].tolist())
+TOGETHER = 256  # samples whose products are made together: as many as stay in the cache
 RIGID_INERTIA = 12  # columns M e_j and M E_ij x; the 9 n columns M E_ij V follow
 ISOTROPY = 1e-9  # of the largest entry of M: solid elements meet it to rounding
 HELD = 1e-12  # of the size of a body, and rad: some thousand roundings; what moves on purpose is far above
@@ -171,9 +172,10 @@ class Veer(NamedTuple):
 
 def skew(v: np.ndarray) -> np.ndarray:
     """Return v~ (..., 3, 3) with v~ x = v x x of v (..., 3)."""
-    x, y, z = np.moveaxis(v, -1, 0)
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape, 3)
+    found = np.zeros((*v.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[..., k, j], found[..., j, k] = v[..., i], -v[..., i]
+    return found
 
 
 def moment_of(products: np.ndarray) -> np.ndarray:
@@ -206,16 +208,15 @@ def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -
     return sp.hstack([translations(mass), _unit_products(mass @ x), _unit_products(mass @ V)], format="csc")
 
 
-def modal_inertia(n: int) -> slice:
-    """Return which of the columns are M E_ij V, V of n columns."""
-    return slice(RIGID_INERTIA, RIGID_INERTIA + 9 * n)
-
-
 def inertia_coordinates(b: np.ndarray, motion: FrameMotion, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
     """Return b, S_ij, S_ij q_k + 2 w~_ij q'_k at every sample, (S, 12 + 9 n); b (S, 3), q and q_t (S, n)."""
-    S = motion.S.reshape(-1, 9)
-    turned = S[:, :, None] * q[:, None] + 2 * skew(motion.w).reshape(-1, 9)[:, :, None] * q_t[:, None]
-    return np.hstack([b, S, turned.reshape(len(q), -1)])
+    S, w, n = motion.S.reshape(-1, 9), 2 * skew(motion.w).reshape(-1, 9), q.shape[1]
+    found = np.empty((len(q), RIGID_INERTIA + 9 * n))
+    found[:, :RIGID_INERTIA] = np.hstack([b, S])
+    for part in (slice(first, first + TOGETHER) for first in range(0, len(q), TOGETHER)):
+        turned = np.multiply(S[part, :, None], q[part, None], out=found[part, RIGID_INERTIA:].reshape(-1, 9, n))
+        turned += w[part, :, None] * q_t[part, None]
+    return found
 
 
 def _unit_products(X: np.ndarray) -> sp.csc_matrix:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache
+
 
 class Defect:
     """The largest Galerkin residual W^T R = rows z so far, and the largest of its terms."""
@@ -15,8 +17,11 @@ class Defect:
 
     def measure(self, rows: np.ndarray, z: np.ndarray, noise: float) -> None:
         """Look at samples z (S, k)."""
-        self._left = np.maximum(self._left, np.abs(z @ rows.T).max(axis=0))
-        self._terms = max(self._terms, float(np.max(np.abs(z) @ np.abs(rows).T)))
+        sizes = np.abs(rows).T
+        for first in range(0, len(z), TOGETHER):
+            part = z[first : first + TOGETHER]
+            self._left = np.maximum(self._left, np.abs(part @ rows.T).max(axis=0))
+            self._terms = max(self._terms, float(np.max(np.abs(part) @ sizes)))
         self._noise = max(self._noise, noise)
 
     def go_on(self, before: Defect) -> None:

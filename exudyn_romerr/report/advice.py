@@ -9,7 +9,6 @@ import numpy as np
 from .estimate_wording import covers_more, estimated_kind, estimated_under, is_enough, known, rest
 from .wording import (
     CURES_OF_CAUSES,
-    CURES_OF_CHECKS,
     MORE_VECTORS,
     STEPS,
     at_round_off,
@@ -50,7 +49,7 @@ def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
     if verdict == ABOUT_ENOUGH:
         sharper = "; more vectors for the bound" if _slack(out, time, scope, None) else ""
         return f"{verdict}{estimated_under(out, scope)}{sharper}"
-    return CURES_OF_CHECKS[known(out).check] if verdict == NOT_RESOLVED else STEPS[verdict]
+    return known(out).cure if verdict == NOT_RESOLVED else STEPS[verdict]
 
 
 def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = None) -> str:
@@ -70,7 +69,7 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
         said = _about_enough(out, time, scope, row)
     elif verdict == NOT_RESOLVED:
         off = percent(found.half / found.size) if found.size > 0 else ""
-        said = f"not resolved{off and f', the estimate may be off by {off}'}: {CURES_OF_CHECKS[found.check]}"
+        said = f"not resolved{off and f', the estimate may be off by {off}'}: {found.cure}"
     else:
         share = found.parts[verdict] / sum(found.parts.values())
         said = f"{100 * share:.0f} % of it from the {CURES_OF_CAUSES[verdict]}{rest(out, verdict, row)}"

@@ -14,7 +14,6 @@ from .estimate_wording import about, estimate_scope, estimated_kind, is_enough, 
 from .scope import COMPLETE, FROZEN
 from .wording import (
     AS_IN_THIS_RUN,
-    CURES_OF_CHECKS,
     NOT_THE_MECHANISM,
     advises,
     digits,
@@ -134,7 +133,7 @@ def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
     if answer == "unknown" and not found.is_resolved:
         half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
         said = f"the estimate of its {kind}, {digits(found.size, 2)} {out.unit}, half width {half}, does not tell"
-        return _made(out, row, answer, f"{said} whether it is within {_limit(out)}", CURES_OF_CHECKS[found.check])
+        return _made(out, row, answer, f"{said} whether it is within {_limit(out)}", found.cure)
     where = {"likely": "within", "unlikely": "above"}.get(answer, "too close to tell from")
     todo = "nothing to do" if answer == "likely" else _next(report, out, row)
     return _made(out, row, answer, f"its {kind} is {size}, {where} {_limit(out)}{steps}", todo)

@@ -8,12 +8,23 @@ import numpy as np
 
 from ..estimates.estimate import RESOLVED
 from .scope import FROZEN
-from .wording import CURES_OF_CHECKS, SHORT, digits, error_kind, percent, permitted, rounded_up, widest_scope
+from .wording import (
+    CURES_OF_CHECKS,
+    NOT_LINEAR,
+    SHORT,
+    digits,
+    error_kind,
+    percent,
+    permitted,
+    rounded_up,
+    widest_scope,
+)
 
 if TYPE_CHECKING:
     from .data import OutputData
 
 THREE_DIGITS = 0.05  # half width over the largest estimate: below it the third digit says something
+SMALL = 0.1  # of what other causes make: that is not what makes an error too large to be linear
 SHOWN = 0.005  # of the largest estimate: a part or half width below it is not seen in three digits
 
 
@@ -38,6 +49,19 @@ class Known(NamedTuple):
     def is_resolved(self) -> bool:
         """Whether the estimate is a number to rely on."""
         return self.half <= RESOLVED * self.size
+
+    @property
+    def of_modes(self) -> tuple[float, str]:
+        """The largest part that time steps, loads and starts do not make, and what makes it."""
+        return max((self.parts.get(cause, 0.0), cause) for cause in ("basis", "interfaces"))
+
+    @property
+    def cure(self) -> str:
+        """What would make the half width smaller, in words."""
+        steps, modes = self.parts.get("time step", 0.0), self.of_modes[0]
+        if self.check == "linearisation" and min(steps, modes) < SMALL * max(steps, modes):
+            return f"{'more modes' if steps < modes else 'shorter steps'}, {NOT_LINEAR}"
+        return CURES_OF_CHECKS[self.check]
 
     @property
     def is_at_round_off(self) -> bool:
@@ -120,9 +144,7 @@ def about(out: OutputData, row: int, found: Known) -> str:
         share = _share(found.most, of)
         return f"about {digits(found.most, 2)} {out.unit} or less{share and f' ({share})'}"
     half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
-    return (
-        f"not resolved: {CURES_OF_CHECKS[found.check]} (about {digits(found.size, 2)} {out.unit}, half width {half})"
-    )
+    return f"not resolved: {found.cure} (about {digits(found.size, 2)} {out.unit}, half width {half})"
 
 
 def about_all(out: OutputData, scope: dict[str, str]) -> str:

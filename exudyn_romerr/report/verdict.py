@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..estimates.estimate import RESOLVED
 from .advice import advice
 from .estimate_wording import about, estimate_scope, estimated_kind, known
 from .scope import COUPLED, FROZEN
 from .wording import (
     AS_IN_THIS_RUN,
+    MORE_VECTORS,
+    NOT_LINEAR,
     NOT_THE_MECHANISM,
+    STEPS,
     at_round_off,
     best_estimator,
     digits,
@@ -81,8 +85,22 @@ def _bounded(out: OutputData, row: int, scope: dict[str, str], by: str, with_sha
         return f"at round-off: at most {floor} {out.unit}{rounding}"
     size, bound = largest(out.value, row), largest(out.bound["best"], row)
     share = percent(bound / size) if with_share and size > 0 else ""
-    vain = ", not informative: more than the output itself" if bound > size > 0 else ""
+    vain = f", not informative: more than the output itself{_why(out, row, scope)}" if bound > size > 0 else ""
     return f"at most {rounded_up(bound)} {out.unit}{share and f' ({share})'}{vain}{by}"
+
+
+def _why(out: OutputData, row: int, scope: dict[str, str]) -> str:
+    """Why the bound is larger than the output where auxiliary vectors lower it, and what to do."""
+    found, size = known(out, row), largest(out.value, row)
+    if found is None or widest_scope(scope) != COUPLED:
+        return ""
+    (error, cause), is_about = found.of_modes, "is about" if found.is_resolved else "may be"
+    if error > RESOLVED * size:
+        share = percent(error / size)
+        return f", for the error itself {is_about} {f'{share} of it' if share else 'larger'}: {STEPS[cause]}"
+    if not found.is_resolved and found.check == "linearisation":
+        return f", {NOT_LINEAR}: {STEPS[cause]}"
+    return f", for auxiliary vectors leave much: {MORE_VECTORS}"
 
 
 def _where_finite(out: OutputData, row: int, scope: dict[str, str]) -> str:

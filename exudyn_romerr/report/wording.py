@@ -31,10 +31,11 @@ STEPS = {  # in two words, for a table
     "infinite": "see the reasons",
 }
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"
+NOT_LINEAR = "for the error is too large to be linear"
 CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
     "steps": "halve the step",
     "vectors": MORE_VECTORS,
-    "linearisation": "more modes or shorter steps, for the error is too large to be linear",
+    "linearisation": f"more modes or shorter steps, {NOT_LINEAR}",
     "loads": "smoother loads",
     "proved": MORE_VECTORS,
 }
@@ -42,7 +43,7 @@ LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
 NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be many times larger"
-REMAINDER = "linear equations leave out about {:.2g} % of the deformation that {!r} predicts, as measured"
+REMAINDER = "linear equations leave out about {} % of the deformation that {!r} predicts, as measured"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
@@ -140,7 +141,7 @@ def scope_lines(report: ReportData) -> list[str]:
     lines = [f"scope: {scope}: {COVERS[scope]}{time.get(report.time, '')}; {PAGE}"]
     _, known, model = report.scope_reason.partition(f"{FULL_MODEL}: ")
     lines += [f"full model: {model}"] if known else []
-    return lines + [REMAINDER.format(100 * share, e) for e, share in report.remainder.items()]
+    return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
 
 
 def is_uncertified(report: ReportData) -> bool:

@@ -158,7 +158,7 @@ def test_estimate_and_bound_are_said_apart(made, time, said):
 @pytest.mark.parametrize("check", CURES_OF_CHECKS)
 def test_what_is_not_resolved_is_no_number_to_rely_on(check):
     """Each check has its cure, in the line and in the advice: it is not add modes."""
-    out, scope = estimated(2.0, 1.0, {"basis": 0.1}, {"loads": 1e-3, check: 0.031})
+    out, scope = estimated(2.0, 1.0, {"basis": 0.08, "time step": 0.02}, {"loads": 1e-3, check: 0.031})
     (line,) = out.verdict("reconstructed", scope)
     cure = CURES_OF_CHECKS[check]
     assert f", error not resolved: {cure} (about 0.1 m, half width up to 0.032 m), at most 1 m" in line.replace(
@@ -169,6 +169,43 @@ def test_what_is_not_resolved_is_no_number_to_rely_on(check):
     assert re.fullmatch(
         rf"not resolved, the estimate may be off by 3[12] %: {re.escape(cure)}", out.advice("static", scope)
     )
+
+
+@pytest.mark.parametrize(
+    ("parts", "cure"),
+    [
+        (
+            {"basis": 0.01, "interfaces": 0.2, "time step": 0.01},
+            "more modes, for the error is too large to be linear",
+        ),
+        ({"basis": 0.01, "time step": 0.2}, "shorter steps, for the error is too large to be linear"),
+    ],
+)
+def test_what_is_too_large_to_be_linear_is_what_is_large(parts, cure):
+    out, scope = estimated(2.0, 1.0, parts, {"linearisation": 0.4})
+    assert next_step(out, "reconstructed", scope) == cure
+
+
+@pytest.mark.parametrize(
+    ("parts", "check", "why"),
+    [
+        ({"basis": 1.9}, {"steps": 0.1}, "the error itself is about 95 % of it: add modes"),
+        ({"basis": 3.0}, {"vectors": 2.0}, "the error itself may be 150 % of it: add modes"),
+        ({"basis": 90.0}, {"vectors": 50.0}, "the error itself may be larger: add modes"),
+        (
+            {"interfaces": 0.8},
+            {"steps": 0.01},
+            "the error itself is about 40 % of it: take RBE3 modes, or interfaces='rigid'",
+        ),
+        ({"basis": 0.1}, {"linearisation": 1.0}, "the error is too large to be linear: add modes"),
+        ({"basis": 0.1}, {"steps": 0.01}, "auxiliary vectors leave much: more vectors (auxiliary_modes=...)"),
+        ({"basis": 0.1, "time step": 5.0}, {"steps": 0.01}, "auxiliary vectors leave much: more vectors"),
+    ],
+)
+def test_bound_above_the_output_says_why(parts, check, why):
+    """Time steps are in no coupled bound, and are no reason."""
+    out, scope = estimated(2.0, 20.0, parts, check, covers=COUPLED)
+    assert f", not informative: more than the output itself, for {why}" in sentence(out, 0, "sampled", scope)
 
 
 def test_checks_of_estimates_have_a_cure():

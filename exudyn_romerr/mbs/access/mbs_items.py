@@ -10,6 +10,8 @@ from ...estimates.march import Scheme
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+BODIES = ("FFRFreducedOrder", "Ground", "PointGround")
+
 
 def running_static_solver(mbs: Any, known: Any) -> Any:
     """Return the static solver whose first call of the hook this is, or None; `known`: the last one returned.
@@ -81,6 +83,13 @@ def require_inputs_only(mbs: Any, node: int, item: int) -> None:
             f"on the reduced body (object {item}) act beside its input_function: {', '.join(culprits)}; "
             "a bound covers prescribed loads only, so pass them as columns of inputs= to add_reduced_body"
         )
+
+
+def has_joints_only(mbs: Any) -> bool:
+    """Whether nothing but joints and the ground is beside floating bodies, as far as objects are active."""
+    items = (mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()))
+    kinds = {item["objectType"] for item in items if item.get("activeConnector") is not False}
+    return all(kind in BODIES or kind.startswith("Joint") for kind in kinds)
 
 
 def _markers_on(mbs: Any, node: int, item: int) -> set[int]:

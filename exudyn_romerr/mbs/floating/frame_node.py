@@ -53,9 +53,7 @@ class FrameNode:
 
     def rates(self, q: np.ndarray) -> np.ndarray:
         """Return what gives w in body axes of the rates of the rotation parameters (S, 3, size - 3), q (S, size)."""
-        still = np.zeros_like(q)
-        rates = [self.motion(q, np.broadcast_to(unit, q.shape), still).w for unit in np.eye(self.size)[3:]]
-        return np.stack(rates, axis=2)
+        return RATES[self._rotation](self.reference[3:] + q[:, 3:])
 
     def reference_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Return r (3,) and A (3, 3) of the reference configuration."""
@@ -65,11 +63,16 @@ class FrameNode:
 
 def _euler_parameters(p, p_t, p_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A = (1 - 2 v.v) I + 2 v v^T + 2 s v~, w = G p', al = G p'': as the node has them, also off unit norm."""
-    s, v = p[:, 0, None, None], p[:, 1:]
+    s, v, G = p[:, 0, None, None], p[:, 1:], _rates_of_euler_parameters(p)
     diagonal = (1 - 2 * np.einsum("si,si->s", v, v))[:, None, None] * np.eye(3)
     A = diagonal + 2 * v[:, :, None] * v[:, None, :] + 2 * s * skew(v)
-    G = np.concatenate([-2 * v[:, :, None], 2 * s * np.eye(3) - 2 * skew(v)], axis=2)
     return A, np.einsum("sij,sj->si", G, p_t), np.einsum("sij,sj->si", G, p_tt)
+
+
+def _rates_of_euler_parameters(p: np.ndarray) -> np.ndarray:
+    """G (S, 3, 4)."""
+    s, v = p[:, 0, None, None], p[:, 1:]
+    return np.concatenate([-2 * v[:, :, None], 2 * s * np.eye(3) - 2 * skew(v)], axis=2)
 
 
 def _rotation_vector(v, v_t, v_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -79,4 +82,9 @@ def _rotation_vector(v, v_t, v_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return Rotation.from_rotvec(v).as_matrix(), v_t, v_tt
 
 
+def _rates_of_rotation_vector(v: np.ndarray) -> np.ndarray:
+    return np.broadcast_to(np.eye(3), (len(v), 3, 3))
+
+
 ROTATIONS = {"RigidBodyEP": _euler_parameters, "RigidBodyRotVecLG": _rotation_vector}
+RATES = {_euler_parameters: _rates_of_euler_parameters, _rotation_vector: _rates_of_rotation_vector}

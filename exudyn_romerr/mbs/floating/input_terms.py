@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from ...model.floating_frame import inertia_columns, inertia_coordinates, modal_inertia, translations
+from ...model.floating_frame import RIGID_INERTIA, inertia_columns, inertia_coordinates, translations
 
 if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
@@ -35,7 +35,7 @@ class InputTerms:
         self.weighs = not self.at_rest or bool(actions.gravity)
         self._flex, self._V = flex, V
         self._loads = [sp.csc_matrix(of.columns) for of in (*actions.loads, *actions.wrenches)]
-        self.minor = None if self.at_rest else modal_inertia(V.shape[1])
+        self.minor = None if self.at_rest else slice(RIGID_INERTIA, RIGID_INERTIA + 9 * V.shape[1])  # M E_ij V
         self.first_load = 3 * self.weighs if self.minor is None else self.minor.stop
         self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
 

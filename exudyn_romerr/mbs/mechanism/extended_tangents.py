@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...estimates.march import Tangent
+from ...online.coupled_runs import shared_energy
+from ..access.mbs_items import has_joints_only
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ...model.floating_frame import FrameMotion
+    from ...online.run import Opening, Run
     from ..access.linearisation import Reading
     from .enriched_body import EnrichedBody
+
+LEFT = 1e-8  # of constraints: what Newton's tolerance leaves of none
 
 
 class ExtendedTangents:
@@ -66,3 +72,69 @@ class ExtendedTangents:
         G = np.zeros((len(reading.G), self._size))
         G[:, :n] = reading.G
         return np.vstack([M, D, K, G])
+
+
+class FixedFreedoms:
+    """Rigid motions that joints leave to a body which is the whole mechanism, if they are the same ones all the time.
+
+    In the body's axes. Joints that see its deformations leave none, and springs are not asked.
+    """
+
+    def __init__(self, bodies: Sequence[EnrichedBody], size: int):
+        """Size counts the coordinates of the mechanism."""
+        self._body = bodies[0] if len(bodies) == 1 and size == len(bodies[0].columns) else None
+        self._t = -np.inf
+
+    def open(self, mbs: Any, readings: Sequence[Reading], runs: Sequence[Run], openings: Sequence[Opening]) -> None:
+        """Find them where a run begins; its bounds know them from there on."""
+        if self._body is None or openings[0].start is None or openings[0].start.y0 is not None:
+            return
+        self._scale = np.repeat([1.0, 1.0 / np.abs(self._body.flex.positions).max()], 3)  # of rotations: a length
+        self._shapes = np.abs(self._body.shapes[:, : len(self._body.modal)]).max(axis=0)
+        self._found = self._among(readings[0]) if has_joints_only(mbs) else None
+        if self._found is not None:
+            energy = shared_energy(runs[0], "reduction")
+            energy.slow = energy.slow_modes(self._scale[:, None] * self._found)
+            if energy.slow is not None:
+                energy.slow.start(openings[0].start.z, float(np.linalg.norm(self._motion(readings).w[0])))
+
+    def check(self, readings: Sequence[Reading], runs: Sequence[Run]) -> None:
+        """Let bounds forget them if readings have others."""
+        energy = None if self._body is None else shared_energy(runs[0], "reduction")
+        new = [] if energy is None or energy.slow is None else [x for x in readings if x.t > self._t]
+        if new:
+            self._t, moves = new[-1].t, self._moves(new) @ self._found
+            if not all(self._leaves(*pair) for pair in zip(new, moves, strict=True)):
+                energy.slow = None
+
+    def _leaves(self, reading: Reading, moves: np.ndarray) -> bool:
+        """Whether constraints, independent of one another, leave just these motions (frame, f)."""
+        rows = np.vstack([reading.G, reading.C])
+        of_frame = rows[:, self._body.frame]
+        limit = LEFT * np.abs(of_frame).max(initial=0.0)
+        stays = np.all(np.abs(of_frame @ moves) <= limit * np.abs(moves).max(initial=0.0))
+        return bool(len(reading.G) == self._count and stays and not self._sees_shapes(rows))
+
+    def _sees_shapes(self, rows: np.ndarray) -> bool:
+        limit = LEFT * np.abs(rows[:, self._body.frame]).max(initial=0.0)
+        return bool(np.any(np.abs(rows[:, self._body.modal]) > limit * self._shapes))
+
+    def _among(self, reading: Reading) -> np.ndarray | None:
+        """Orthonormal combinations (6, f) of scaled rigid motions; None: constraints see deformations."""
+        rows, self._count = np.vstack([reading.G, reading.C]), len(reading.G)
+        rigid = rows[:, self._body.frame] @ self._moves([reading])[0]
+        _, size, turn = np.linalg.svd(np.vstack([rigid, np.zeros((6, 6))]))
+        return None if self._sees_shapes(rows) else turn[size <= LEFT * np.abs(rigid).max(initial=0.0)].T
+
+    def _moves(self, readings: Sequence[Reading]) -> np.ndarray:
+        """Rates (T, frame, 6) of the frame's coordinates that scaled rigid motions in the body's axes are."""
+        motion, size = self._motion(readings), self._body.frame_size
+        moves = np.zeros((len(readings), size, 6))
+        frames = np.array([reading.state[0][self._body.columns[:size]] for reading in readings])
+        moves[:, :3, :3], moves[:, 3:, 3:] = motion.A, np.linalg.pinv(self._body.sampler.frame.rates(frames))
+        return moves * self._scale
+
+    def _motion(self, readings: Sequence[Reading]) -> FrameMotion:
+        columns = self._body.columns[: self._body.frame_size]
+        states = (np.array([reading.state[k][columns] for reading in readings]) for k in range(3))
+        return self._body.sampler.frame.motion(*states)

@@ -111,10 +111,10 @@ class GlobalPositions:
     ) -> list[np.ndarray]:
         """Go on by steps; return what is left (S, r) of every body's outputs as shown.
 
-        readings : those of the tangents. steps : t (S,), coordinates q (S, all) at their ends. g, impulses (S,) :
-        energy there, integral of |F|_{M^-1} in them.
+        readings : those of the tangents. steps : t (S,), coordinates q (S, all) at their ends. g (2, S) : energy
+        there, and its largest in them. impulses (S,) : integral of |F|_{M^-1} in them.
         """
-        (t, q), g = steps, g + self._at_rest  # |R|_{K^-1} is at most that
+        (t, q), (g, peak) = steps, g + self._at_rest  # |R|_{K^-1} is at most that
         rows, nodes = _RigidRows(tangents, readings, self._rigid, self._others), self._nodes(tangents.t, t)
         ends = np.array([0, *(np.searchsorted(t, node.end, side="right") for node in nodes)])
         seen = [_seen(body, q[np.maximum(ends - 1, 0)]) for body, _ in self._parts]
@@ -122,7 +122,7 @@ class GlobalPositions:
         for i, (a, b, j) in enumerate(nodes):
             if not self.failure:
                 step, span = slice(*ends[i : i + 2]), (None if i else rows.at(a, j), rows.at(b, j))
-                if not self._motion.advance(b - a, span, g[step][-1], impulses[step].sum()):
+                if not self._motion.advance(b - a, span, peak[step].max(), impulses[step].sum()):
                     self.failure = CHANGED.format(a)
             at.append(self._looked_at(seen, i + 1))
         times, self._t = np.array([self._t, *(node.end for node in nodes)]), float(t[-1])

@@ -80,11 +80,12 @@ class StoredResiduals:
         r[looked] = self._at(mbs, rows, MIDDLE, first + np.flatnonzero(looked))
         closer = looked.copy()
         if not looked.all():
-            more = np.zeros_like(looked)
-            more[INNER] = ~looked[INNER] & (missed(t[INNER], (moves * r)[INNER], looked[INNER]) > OFF)
+            off = np.zeros(len(t))
+            off[INNER] = missed(t[INNER], (moves * r)[INNER], looked[INNER])
+            more = ~looked & (off > OFF)
             r[more] = self._at(mbs, rows, MIDDLE, first + np.flatnonzero(more))
             looked |= more
-            closer |= standing_out(moves * np.abs(r), closer, MATTERS)
+            closer |= more & (off > MATTERS)
             r[INNER] = filled(t[INNER], r[INNER], looked[INNER])
         uncertain, matter = np.zeros_like(r), np.flatnonzero(closer & (moves * np.abs(r) > MATTERS).any(axis=1))
         if matter.size:

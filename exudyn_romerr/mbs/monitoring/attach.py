@@ -75,7 +75,7 @@ def attach(
         bounds are of the reduction error, whatever time says.
     midpoint_residual : bool
         Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
-        samples: Exudyn's equations are evaluated in the middle of every step.
+        samples: Exudyn's equations are evaluated in the middle of steps, of all where what they leave is rough.
     scope : {"auto", "coupled (linearised)", "inputs frozen"}
         What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
         that can be had (all flexible bodies attached, nothing that switches), else, and with "inputs frozen", the

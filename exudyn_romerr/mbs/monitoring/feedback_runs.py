@@ -14,7 +14,7 @@ from ...model.floating_frame import Veer
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
-from ..mechanism.extended_tangents import ExtendedTangents
+from ..mechanism.extended_tangents import ExtendedTangents, FixedFreedoms
 from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.mechanism_residuals import MechanismResiduals
 from ..mechanism.output_estimates import OutputEstimates
@@ -64,6 +64,7 @@ class Reaction:
         self._narrow = NarrowMarches(self._left_out())
         self._passes = ResidualPasses(MechanismResiduals(self.parts), self.size)
         self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors)
+        self._fixed = FixedFreedoms([body for body, _ in self.parts], tangents.size)
         coupled = bool(watches) and all(watch.is_coupled for watch in watches)
         self._positions = GlobalPositions.of(self.parts, self.size) if coupled else None
 
@@ -89,7 +90,7 @@ class Reaction:
         tangent, samples = extended[0], [watch.sampled(*first) for watch in self._watches]
         forces = self._forces(samples, 1)[0]
         if goes_on:
-            self._feedback = before._feedback
+            self._feedback, self._fixed = before._feedback, before._fixed
             self._feedback.begin_anew(tangent, forces)
             self._narrow.go_on(before._narrow, tangent, forces)
             self._passes.go_on(before._passes)
@@ -120,6 +121,7 @@ class Reaction:
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
+        self._fixed.open(mbs, self._tangents.readings, runs, openings)
         if self._positions is not None:
             g = shared_energy(runs[0], STREAM).g
             if goes_on:
@@ -143,15 +145,15 @@ class Reaction:
         *rows, multipliers = rows
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
-        others = [steps, self._narrow]
         self._passes.begin(rows)
-        late = [self._passes, self._remainder]
+        others, late = [steps, self._narrow], [self._passes, self._remainder]
         with self._remainder.following(mbs, rows, forces):
             e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
-        self._say(steps.notes)
-        self._say(self._remainder.notes)
+        for notes in (steps.notes, self._remainder.notes):
+            self._say(notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
+        self._fixed.check(self._tangents.readings, runs)
         for i, (watch, run, (body, own)) in enumerate(zip(self._watches, runs, self.parts, strict=True)):
             sample = body.sampler(rows[0], *body.moved(own, rows[1:], e))
             extension, (*_, u, frame) = run.extension(rows[0], *sample), watch.rows
@@ -185,7 +187,7 @@ class Reaction:
             return
         energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
         blocks = [extension.segments[STREAM][0] for extension in extensions]
-        g = blocks[0].joint[0]
+        g = np.array(blocks[0].joint)[[0, 2]]
         impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
         left = self._positions.advance(tangents, self._tangents.readings, steps, g, impulses)
         self._keep_left([rows + self._first_steps.seen(run) for rows, run in zip(left, runs, strict=True)])
@@ -193,8 +195,7 @@ class Reaction:
     def _keep_left(self, left: list[np.ndarray]) -> None:
         for watch, rows in zip(self._watches, left, strict=True):
             watch.run.estimate.left.append(rows)
-        if self._positions.failure:
-            self._say([NO_POSITIONS.format(self._positions.failure)])
+        self._say([NO_POSITIONS.format(self._positions.failure)] if self._positions.failure else [])
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""

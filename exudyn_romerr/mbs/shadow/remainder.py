@@ -56,8 +56,7 @@ class Remainder:
     """r along a run, through the steps of Feedback, after it.
 
     sizes : of x (3, S, k), (S, quantities), that r and the prediction are compared by. at_once : whether all of r is
-    added where that pays first, and is looked at closely from there on only, since no bound needs it; else it sets
-    in, from rest.
+    added where that pays first, for no bound depends on it; else it sets in, from rest.
 
     Attributes
     ----------
@@ -186,7 +185,7 @@ class Remainder:
             looked[max(last + every, 0) : place : every] = True
             last = place
         self._looks.at(looked)
-        if restless.any() and not self._at_once:
+        if restless.any():
             self._looks.confirm(restless, SLIGHT * np.maximum(self._largest[1], self._beside[0].max(axis=0)))
 
     def _look_closely(self) -> None:

@@ -97,7 +97,7 @@ def bound_of_the_tip(undamped_bar, is_passed):
 def test_passes_make_bounds_of_an_undamped_bar_sharp(monkeypatch):
     """Truth: all modes, same steps. What bounds are above the error by is a third of what it was, in every row.
 
-    Measured: 6 % instead of 18 % in the plane; across, where hardly anything moves, 98 times instead of 307.
+    Measured: 6 % instead of 18 % in the plane; across, where hardly anything moves, 27 times instead of 251.
     """
     monkeypatch.setattr(estimate_scenes, "SOFT_DAMPING", (0.0, 0.0))
 
@@ -115,6 +115,7 @@ def test_passes_make_bounds_of_an_undamped_bar_sharp(monkeypatch):
         slack[is_passed] = bound.max(axis=0) - error.max(axis=0)
     assert np.all(slack[True] < 0.4 * slack[False])
     assert np.all((error.max(axis=0) + slack[True])[[0, 2]] < 1.2 * error.max(axis=0)[[0, 2]])
+    assert error.max(axis=0)[1] + slack[True][1] < 40 * error.max(axis=0)[1]  # 27 times; without slow modes 95
 
 
 def test_a_sudden_start_needs_tangents_at_its_first_steps():

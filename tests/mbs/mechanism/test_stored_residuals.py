@@ -23,6 +23,11 @@ def pulsed(mbs, t, vector):
     return [0.0, 0.0, 100.0 * np.sin(60.0 * t) + 50.0 * (abs(t - (STEP + 0.5) * H) < 0.05 * H)]
 
 
+def begun(mbs, t, vector):
+    """Over some steps, from within one to within another."""
+    return [0.0, 0.0, 100.0 * np.sin(60.0 * t) + 50.0 * ((STEP - 20.7) * H < t < (STEP + 0.4) * H)]
+
+
 def rough(mbs, t, vector):
     return [0.0, 0.0, 100.0 * np.sin(2000.0 * t)]
 
@@ -82,12 +87,24 @@ def test_pulse_between_samples_is_seen(monkeypatch):
     assert np.abs(some.uncertain[STEP]).max() > 0.1 * np.abs(some.r[STEP]).max()
 
 
+def test_loads_that_begin_and_end_within_steps_are_uncertain_as_if_all_steps_were_looked_at(monkeypatch):
+    """Looked at closer are those steps that cubics through others miss most, not only those that stand out."""
+    some, whole = both(monkeypatch, force=begun)
+    assert len(some.looked) < 0.8 * STEPS
+    largest = np.abs(whole.uncertain).max(axis=0)
+    for step in (STEP - 21, STEP):
+        np.testing.assert_array_equal(some.uncertain[step], whole.uncertain[step])
+        assert np.abs(whole.uncertain[step]).max() > 0.5 * largest.max()
+    np.testing.assert_allclose(np.abs(some.uncertain).max(axis=0), largest, rtol=0, atol=0.01 * largest.max())
+
+
 @pytest.mark.parametrize("scene", [{"force": rough}, {"spring": spring}], ids=["rough", "function of an object"])
 def test_all_steps_are_looked_at(monkeypatch, scene):
     """Where residuals are rough; and where functions that may do anything between samples are not those of loads."""
     some, whole = both(monkeypatch, **scene)
     assert sorted(some.looked) == list(range(STEPS))
     np.testing.assert_array_equal(some.r, whole.r)
+    np.testing.assert_array_equal(some.uncertain, whole.uncertain)
 
 
 def test_what_alternates_is_not_taken_for_smooth():
