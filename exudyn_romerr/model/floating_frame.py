@@ -223,7 +223,7 @@ def _unit_products(X: np.ndarray) -> sp.csc_matrix:
     """E_ij X for i, j = 1..3, side by side: component j of every node put in the place of component i."""
     nodes, k = len(X) // 3, X.shape[1]
     values = np.tile(X.reshape(nodes, 3, k).transpose(1, 2, 0), (3, 1, 1, 1))  # of i, j, column, node
-    rows = np.broadcast_to(np.arange(3)[:, None, None, None] + 3 * np.arange(nodes), values.shape)
+    rows = np.broadcast_to(np.int32(np.arange(3)[:, None, None, None] + 3 * np.arange(nodes)), values.shape)
     shape, starts = (3 * nodes, 9 * k), np.arange(0, values.size + 1, nodes)
     return sp.csc_matrix((values.ravel(), rows.ravel(), starts), shape=shape)
 
