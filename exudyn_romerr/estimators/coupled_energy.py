@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from math import hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -229,14 +230,13 @@ def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -
 
     R is linear in a segment; of bodies without damping it varies in both.
     """
-    pairs = list(zip(energies, blocks, strict=True))
-    varied = [energy.variations(block) for energy, block in pairs]
-    known = [energy.roughness(block) for energy, block in pairs]
+    varied = [energy.variations(block) for energy, block in zip(energies, blocks, strict=True)]
+    known = [energy.roughness(block) for energy, block in zip(energies, blocks, strict=True)]
     others = [x[:, -1:] if energy.beta else x for x, energy in zip(varied, energies, strict=True)]
     work, R = sum(x for x, _ in known), np.sqrt(sum(ends**2 for _, ends in known))
     g, rough, found = energies[0].g, energies[0].rough, []
     for more, W, rest, first, last in np.column_stack([_joint(varied), work, _joint(others), R]).tolist():
-        one, other = g + more, (rough**2 + W) ** 0.5 + rest
+        one, other = g + more, hypot(rough, W**0.5) + rest
         g, rough = min(one, other + last), min(other, one + last)  # either may go on from the other
         found.append((g, rough, min(one, other + max(first, last))))
     return tuple(np.array(found).reshape(-1, 3).T)
