@@ -10,7 +10,8 @@ import scipy.sparse as sp
 # Multiplications of one product. BLAS libraries start threads above a few 1e5; for blocks of steps these cost more
 # than they give, and on cores that are shared with a simulation they wait for one another.
 ONE_THREAD = 250_000
-COLUMNS = 64  # of a tall matrix at once: what is made on the way to a result stays small beside it
+# of a tall matrix at once: what is made on the way to a result stays small beside it; of very tall ones fewer
+COLUMNS, FEWEST, NUMBERS = 64, 16, 6_400_000
 SMALLEST_SQUARE = 1e-280  # well above the numbers that lose digits by underflow
 
 
@@ -44,8 +45,9 @@ def by_columns(
     out : where to put it; may be `columns` itself.
     """
     result = np.empty(columns.shape, order="F") if out is None else out
-    for first in range(0, columns.shape[1], COLUMNS):
-        part = np.s_[:, first : first + COLUMNS]
+    width = max(FEWEST, min(COLUMNS, NUMBERS // max(len(result), 1)))
+    for first in range(0, columns.shape[1], width):
+        part = np.s_[:, first : first + width]
         result[part] = function(columns[part].toarray(order="F") if sp.issparse(columns) else columns[part])
     return result
 

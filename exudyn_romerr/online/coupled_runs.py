@@ -35,7 +35,8 @@ def shared_energy(run: Run, stream: str) -> MechanismEnergy:
 
 def joined_openings(runs: Sequence[Run], openings: Sequence[Opening]) -> list[Opening]:
     """Return the openings with the energy that all bodies start with together."""
-    if not openings or any(opening.start is None for opening in openings):  # they go on, with one energy already
+    # they go on from runs before, with one energy already; or there are none
+    if not openings or any(opening.start is None for opening in openings):
         return list(openings)
     pairs = [(shared_energy(run, "reduction"), o.start) for run, o in zip(runs, openings, strict=True)]
     joint = tuple(np.linalg.norm([energy.energies_at(start) for energy, start in pairs], axis=0).tolist())

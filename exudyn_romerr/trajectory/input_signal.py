@@ -10,9 +10,11 @@ import numpy as np
 
 from ..checks import check_array
 from ..errors import InputError
+from .array_functions import with_arrays
 
 COMPARED = 256  # of the values that one call gives for many times every so many-th, and the last, are called singly
 FEW = 3  # times that are called one by one
+LAST_DIGITS = 1e-15  # of the largest value
 PARTS, SHARE = 64, 1 / 32  # of times that branch: with more calls than either they are called one by one
 
 
@@ -34,8 +36,21 @@ def values_at_once(f: Callable, t: np.ndarray, p: int) -> np.ndarray | None:
     """Return f at times t (T,) from few calls, (T, p); None unless it takes arrays as NumPy functions do.
 
     Where it branches, times are halved until all of a part take the same branch. Values that are the same at all
-    times may be single numbers. Some are compared with single calls.
+    times may be single numbers. Some are compared with single calls. One that uses Python's math is called with
+    NumPy's functions in its place: values are the same but for their last digit.
     """
+    found = _values_at_once(f, t, p, f, 0.0)
+    if found is not None:
+        return found
+    try:
+        other = with_arrays(f)
+    except Exception:  # whatever a user's function consists of
+        return None
+    return None if other is None else _values_at_once(other, t, p, f, LAST_DIGITS)
+
+
+def _values_at_once(of_many: Callable, t: np.ndarray, p: int, f: Callable, rounding: float) -> np.ndarray | None:
+    """The same of a function of many times, compared with f; rounding : relative, what both may differ by."""
     values, parts, calls = np.empty((len(t), p)), [slice(0, len(t))], max(PARTS, int(SHARE * len(t)))
     compared = set(range(0, len(t), COMPARED))
     try:
@@ -44,7 +59,7 @@ def values_at_once(f: Callable, t: np.ndarray, p: int) -> np.ndarray | None:
             while parts:
                 part, calls = parts.pop(), calls - 1
                 try:
-                    values[part] = _of_part(f, t[part], p)
+                    values[part] = _of_part(of_many, t[part], p)
                     compared.add(part.stop - 1)
                 except _MixedError:
                     middle = (part.start + part.stop) // 2
@@ -55,7 +70,11 @@ def values_at_once(f: Callable, t: np.ndarray, p: int) -> np.ndarray | None:
             single = np.array([f(x) for x in t[rows].tolist()], dtype=float).reshape(len(rows), p)
     except Exception:  # whatever a user's function does with an array it was not written for
         return None
-    return values if np.array_equal(values[rows], single) else None
+    if not rounding:
+        return values if np.array_equal(values[rows], single) else None
+    if not np.isfinite(values).all():  # where math raises an error, which the user is to see
+        return None
+    return values if np.all(np.abs(values[rows] - single) <= rounding * np.abs(single).max(axis=0)) else None
 
 
 def _of_part(f: Callable, t: np.ndarray, p: int) -> np.ndarray:

@@ -158,3 +158,11 @@ def test_what_begins_late_and_suddenly_is_looked_at():
     The corrected output was 8.6 times its bound away.
     """
     assert not sweep_mechanisms_table.violated(sweep_mechanisms.measure(183))
+
+
+def test_what_rings_from_step_to_step_is_not_taken_for_a_line():
+    """Seed 45: what linear equations leave out rings after a load has ended; every fourth sample lay on a line.
+
+    The corrected output was 1.6 times its bound away, a velocity above its bound.
+    """
+    assert not sweep_mechanisms_table.violated(sweep_mechanisms.measure(45))

@@ -72,3 +72,31 @@ def test_columns_of_large_bodies_a_few_at_a_time(with_modes):
         found.append((packed.dual.norm_K(z), packed.dual.norm_static(z), np.abs(left)))
     for whole, in_groups, scale in zip(*found, (0, 1, 0), strict=True):  # what is cut is small beside |R|
         np.testing.assert_allclose(in_groups, whole, rtol=0, atol=1e-9 * found[0][scale].max())
+
+
+def test_without_what_turns_fast_there_are_fewer_columns_and_more_is_cut():
+    """The bound stays one."""
+    body, basis, columns = problem()
+    (u, cut), none = turning(), np.zeros((20, MODES))
+    whole = Problem(body, basis, inputs=columns)
+    exact = whole.dual.norm_K(whole.map.coordinates(none, none, none, u))
+    options = {"inputs": columns, "cut": cut, "with_modes": False}
+    few, many = (PackedProblem(body, basis, **options, turns_fast=fast) for fast in (False, True))
+    assert few.dual.k == whole.dual.Y_K.shape[1] - 9 * MODES < many.dual.k
+    y, left = few.packing(u)
+    assert np.all(exact <= few.dual.norm_K(few.map.coordinates(none, none, none, y)) + np.abs(left).sum(axis=1))
+
+
+@pytest.mark.parametrize(("scope", "fewer"), [("inputs frozen", True), ("auto", False)])
+def test_runs_with_frozen_inputs_keep_few_columns(scope, fewer):
+    """158 of them, in place of 62, were 17 us of a step."""
+    scene = floating.pendulum(MODES)
+    tip = romerr.node_displacement("tip", node=int(floating.interface(scene.fem, "tip")[0][0]), component="z")
+    flex = romerr.floating_body(scene.fem, scene.items)
+    monitor = romerr.attach(
+        scene.mbs, flex, outputs=[tip], scope=scope, estimators=("energy", "auxiliary"), auxiliary_modes=5
+    )
+    scene.mbs.Assemble()
+    with mock.patch.object(PackedProblem, "_turning", autospec=True, side_effect=PackedProblem._turning) as turning:
+        assert monitor.plan
+    assert turning.called != fewer

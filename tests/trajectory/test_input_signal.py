@@ -2,14 +2,17 @@
 
 import math
 import warnings
+from math import sin
 
 import numpy as np
 import pytest
 
+from exudyn_romerr.errors import InputError
 from exudyn_romerr.mbs.floating.actions import over_time
 from exudyn_romerr.trajectory.input_signal import COMPARED, InputSignal
 
 T = np.linspace(0.0, 3.0, 1000)
+LAST_DIGITS = 1e-15  # of the largest value: NumPy's functions and those of math differ in their last digit
 FINE = np.linspace(0.0, 3.0, 4000)
 
 
@@ -39,8 +42,6 @@ BRANCHES = {
 }
 ONE_BY_ONE = {
     "many branches": (1, lambda t: 1.0 if t % 0.1 < 0.05 else 0.0),
-    "branch and math": (1, lambda t: math.sin(t) if t < 1.0 else 2.0),
-    "math": (3, lambda t: (0.0, math.sin(t), 0.0)),
     "largest of all": (2, lambda t: [np.max(np.stack([0 * t, np.sin(4 * t)])), 0.0]),
     "changes what it is given": (1, lambda t: np.multiply(t, 2.0, out=t) if np.ndim(t) else 3.0 * t),
 }
@@ -82,3 +83,63 @@ def test_warnings_that_only_an_array_gives_are_not_shown():
         found = InputSignal(counted, 1)(T)
     assert np.array_equal(found[:, 0], [quotient(t) for t in T.tolist()])
     assert counted.calls < len(T)
+
+
+def helper(t):
+    return math.exp(-t) * sin(9.0 * t)
+
+
+def load(mbs, t, vector):
+    """As users write it."""
+    if t < 0.5:
+        return [0.0, vector[1] * helper(t), 0.0]
+    return [math.pi * vector[0], 0.0, -math.sqrt(t) * vector[2]]
+
+
+def test_functions_with_math_are_called_at_once():
+    vector, times = np.array([2.0, 3.0, 5.0]), FINE[1:]
+    counted = []
+
+    def f(t):
+        counted.append(t)
+        return load(None, t, vector)
+
+    expected = np.array([load(None, t, vector) for t in times.tolist()])
+    assert np.all(np.abs(over_time(f, times) - expected) <= LAST_DIGITS * np.abs(expected).max(axis=0))
+    assert len(counted) < 150
+    found = InputSignal(lambda t: math.sin(t), 1)(FINE)
+    np.testing.assert_allclose(found[:, 0], np.sin(FINE), rtol=0, atol=LAST_DIGITS)
+
+
+MATH_ONE_BY_ONE = {
+    "three arguments": lambda t: math.hypot(1.0, 2.0, t),
+    "whole numbers": lambda t: float(math.factorial(3)) + [1.0, 2.0, 3.0, 4.0][math.floor(t)],
+    "a base": lambda t: math.log(t + 2.0, 10),
+}
+
+
+@pytest.mark.parametrize("name", MATH_ONE_BY_ONE)
+def test_what_numpy_lacks_is_called_one_by_one(name):
+    f = MATH_ONE_BY_ONE[name]
+    assert np.array_equal(InputSignal(f, 1)(FINE)[:, 0], [f(t) for t in FINE.tolist()])
+
+
+def test_errors_of_math_are_the_users():
+    """NumPy gives nan there."""
+    with pytest.raises(InputError, match="raised ValueError"):
+        InputSignal(lambda t: math.sqrt(2.9995 - t), 1)(FINE)
+
+
+COUNTER = 0
+
+
+def counting(t):
+    global COUNTER
+    COUNTER += 1
+    return math.cos(t)
+
+
+def test_what_functions_write_is_not_written_by_their_copies():
+    """Single calls are the user's own."""
+    InputSignal(counting, 1)(FINE)
+    assert 0 < COUNTER < 100

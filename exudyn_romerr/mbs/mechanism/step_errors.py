@@ -19,7 +19,8 @@ INCREMENTS = "no estimate of the error by time steps: rotations of Lie group nod
 LEFT_OUT = "what loads do between samples is left out of the error by time steps: {}"
 DRIFTS = (
     "constraints hold at the level of velocities (index 2): what drifts, on flexible interfaces however short the "
-    "steps are, is in the part by time steps; without useIndex2Constraints there is none"
+    "steps are, is in the part by time steps; what the full body drifts by beside that is in no bound; without "
+    "useIndex2Constraints there is none"
 )
 LOST = "the estimate of the error by time steps ends at t = {:g} s: {}"
 TOO_LARGE = "it has grown beyond all numbers"

@@ -103,10 +103,14 @@ class StoredResiduals:
         if self._all or S <= FEW:
             return np.ones(S, dtype=bool)
         looked = np.pad(seldom(S - 2), 1, constant_values=True)
-        loads = []
-        for now in (t[:-1] + t[1:]) / 2:
-            mbs.systemData.SetTime(now)
-            loads.append(np.hstack([mbs.GetLoadValues(i) for i in self._loads] or [0.0]))
+        system, loads = mbs.systemData, [np.zeros((S, 1))]
+        for i in self._loads:
+            values = []
+            for now in ((t[:-1] + t[1:]) / 2).tolist():
+                system.SetTime(now)
+                values.append(mbs.GetLoadValues(i))
+            loads.append(np.reshape(values, (S, -1)))
+        loads = np.hstack(loads)
         bends = np.abs(np.diff(loads, 2, axis=0))
         bends = np.concatenate([bends[:1], bends, bends[-1:]])
         rough = standing_out(bends, looked, ROUGH * np.abs(loads).max(axis=0))

@@ -22,8 +22,9 @@ from .run_succession import check_extensions, check_openings, fall_back
 if TYPE_CHECKING:
     from .body_monitor import Watch
 
-# Exudyn holds rates of constraints with the trapezoidal rule only, which here, where their positions are held, rings
-DAMPED = 0.8
+# Exudyn holds rates of constraints with this rule only. Multipliers, and errors of errors by time steps, ring with it
+# here, where positions are held; with a damped one vectors do not ring as bodies do: errors were 112 times the bound
+TRAPEZOIDAL = Scheme.of_radius(1.0)
 
 
 class Mechanism:
@@ -155,10 +156,9 @@ class Mechanism:
         self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
-        scheme = Scheme.of_radius(DAMPED) if holds_rates else of_solver
-        steps = StepErrors(self.tangents, residuals, holds_rates)
-        marches = Feedback(scheme), FirstSteps(of_solver)
-        self._reaction = Reaction(self._partners, *marches, self.tangents, steps, self._sensors)
+        scheme = TRAPEZOIDAL if holds_rates else of_solver
+        steps = Feedback(scheme), FirstSteps(scheme), self.tangents, StepErrors(self.tangents, residuals, holds_rates)
+        self._reaction = Reaction(self._partners, *steps, self._sensors)
 
     def _prepare_estimates(self, mbs: Any) -> None:
         without = [watch for watch in self._watches if watch.error or (watch.is_frozen and watch.enriched is None)]

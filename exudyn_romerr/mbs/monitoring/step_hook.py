@@ -137,10 +137,9 @@ class StepHook:
         offline = watch.subject.read(mbs, attached=self.attached)
         if not offline.scene.coupled:
             return offline
-        others = [
-            other for other in self.watches if other.subject.read(mbs, attached=self.attached).scene.scope == FROZEN
-        ]
-        return watch.subject.read(mbs, attached=self.attached, others=_frozen(others))
+        others = [other for other in self.watches if other is not watch]
+        frozen = [other for other in others if other.subject.read(mbs, attached=self.attached).scene.scope == FROZEN]
+        return watch.subject.read(mbs, attached=self.attached, others=_frozen(frozen)) if frozen else offline
 
     @property
     def attached(self) -> set[int]:

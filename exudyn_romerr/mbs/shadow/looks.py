@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 DENSE = 32  # samples from a jump on, in which all sets in
 # a change of accelerations that is so many times the largest of so many steps before it is a jump
 JUMP, QUIET = 3.0, 8
-CONFIRMED = 0.1  # of the largest so far: what a sample in the middle may be off a line, which is not refined then
+CONFIRMED = 0.01  # of the largest so far: what a sample in the middle may be off a line, which is not refined then
 Loads = tuple[np.ndarray, np.ndarray]
 Residuals = Callable[[Sequence[np.ndarray], np.ndarray], Loads | None]  # of rows and what moves them
 Sizes = Callable[[np.ndarray], np.ndarray]

@@ -8,7 +8,6 @@ import pytest
 from exudyn import itemInterface
 from exudyn.utilities import InertiaCuboid
 
-from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.access.linearisation import Tangents
 from exudyn_romerr.mbs.access.mbs_items import scheme_of
@@ -17,7 +16,7 @@ from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
-from exudyn_romerr.mbs.monitoring.joint_evaluation import DAMPED
+from exudyn_romerr.mbs.monitoring.joint_evaluation import TRAPEZOIDAL
 from exudyn_romerr.online.coupled_runs import FirstSteps
 
 FINER = 8
@@ -109,7 +108,7 @@ class Estimated:
         self.tangents = Tangents(mbs)
         residuals = StoredResiduals(self.tangents, mbs) if self.midpoint else None
         steps = StepErrors(self.tangents, residuals, self.index2)
-        scheme = Scheme.of_radius(DAMPED) if self.index2 else scheme_of(mbs)
+        scheme = TRAPEZOIDAL if self.index2 else scheme_of(mbs)
         self.reaction, self.due = Reaction([], Feedback(scheme), FirstSteps(None), self.tangents, steps), 1
         self.reaction._say = self.note  # there are no reports
 
@@ -161,7 +160,8 @@ def test_error_of_a_double_pendulum(index2):
     assert off(found.x[0], e[0]) < 0.005
     assert off(found.x[1], e[1]) < 0.02
     assert off(found.x[0], e[0]) < 2 * np.abs(found.x2[0]).max() / np.abs(e[0]).max()
-    assert np.abs(found.x2[0]).max() < 0.01 * np.abs(e[0]).max()
+    # the trapezoidal rule, which holds positions here and rates there, rings
+    assert np.abs(found.x2[0]).max() < (0.04 if index2 else 0.01) * np.abs(e[0]).max()
     assert found.notes == ([step_errors.DRIFTS] if index2 else [])
 
 

@@ -25,10 +25,15 @@ def cubic(x, hardening):
 
 @cache
 def nonlinear(hardening):
-    """e, e', e'' (3, STEPS, 2) of M e'' + D e' + K e + hardening e^3 = FORCE by the scheme; fixed-point iteration."""
-    e, before = linear(FORCE[1:]), np.inf
+    """e, e', e'' (3, STEPS, 2) of M e'' + D e' + K e + hardening e^3 = FORCE by the scheme."""
+    return solved(FORCE, lambda x: cubic(x, hardening))
+
+
+def solved(force, law):
+    """The same for any force (STEPS + 1, 2) and any law; fixed-point iteration."""
+    e, before = linear(force[1:]), np.inf
     while not np.abs(e - before).max() < 1e-9 * np.abs(e).max():  # each leaves a third or less
-        e, before = linear(FORCE[1:] - cubic(e[0], hardening)), e
+        e, before = linear(force[1:] - law(e[0])), e
     return e
 
 
@@ -45,8 +50,9 @@ def sizes(x):
 class Late:
     """A remainder about no motion, with the calls of residuals."""
 
-    def __init__(self, hardening, ends=np.inf, **options):
-        self.looked, self.hardening, self.ends = [], hardening, ends
+    def __init__(self, hardening, ends=np.inf, force=FORCE, law=None, **options):
+        self.looked, self.force, self.ends = [], force, ends
+        self.law = law or (lambda x: cubic(x, hardening))
         self.remainder = Remainder(2, 1, sizes, **options)
         self.remainder.start(0.0, 0)
         none = np.zeros((STEPS, 2))
@@ -58,7 +64,7 @@ class Late:
         now, (q, q_t, q_tt) = rows[0], (x + dx for x, dx in zip(rows[1:], e, strict=True))
         self.looked += now.tolist()
         at = np.searchsorted(t, now - 1e-9)
-        left = q_tt @ M + q_t @ D + q @ K + cubic(q, self.hardening) - FORCE[at]
+        left = q_tt @ M + q_t @ D + q @ K + self.law(q) - self.force[at]
         return (left, np.zeros((len(now), 0))) if now[-1] < self.ends else None
 
     def follow(self, steps, part, e):
@@ -71,7 +77,7 @@ class Late:
 
 def measured(hardening, **options):
     late = Late(hardening, **options)
-    e = linear(FORCE[1:], [late])
+    e = linear(late.force[1:], [late])
     return e - late.added, late, late.remainder.found()
 
 
@@ -143,6 +149,41 @@ def test_left_covers_what_is_left():
         left = sum(np.abs(x[0]) for x in found.left())
         allowed = np.maximum.accumulate(left)
         assert np.all(true <= allowed + 1e-3 * np.abs(true).max())
+
+
+def swept(t):
+    """Of a load that passes through both natural frequencies."""
+    return np.sin(1.0 * t + 0.35 * t**2)
+
+
+SOFT = np.sqrt((13 - np.sqrt(13)) / 2)  # rad/s: the lower natural frequency
+BREAKING = {  # factors of the load over time
+    "sets in suddenly, late": lambda t: np.where(t > 3.1, 1.0, 0.0),
+    "small before that": lambda t: np.where(t > 3.1, 1.0, 1e-3) * np.sin(9.0 * t),
+    "ends": lambda t: np.where(t < 3.1, np.sin(2.0 * t), 0.0),
+    "lasts 12 steps": lambda t: np.where((t > 3.1) & (t < 3.25), 5.0, 0.0),
+    "grows by resonance": lambda t: 0.2 * np.sin(SOFT * t),
+    "spins up": swept,
+    "alternates": lambda t: 20.0 * (-1.0) ** np.round(t / (T / STEPS)),
+}
+
+
+def contact(x):
+    """A stop that the motion reaches now and then."""
+    return 1.5 * np.sign(x) * np.maximum(np.abs(x) - 0.15, 0.0)
+
+
+@pytest.mark.parametrize(
+    "law", [lambda x: cubic(x, 1.0), lambda x: cubic(x, 0.05), contact], ids=["1", "0.05", "stop"]
+)
+@pytest.mark.parametrize("load", BREAKING)
+def test_left_covers_what_sets_in_between_looks(load, law):
+    """Nothing tells the remainder of these but what it looks at, and the prediction."""
+    force = BREAKING[load](t)[:, None] * np.array([1.0, 0.3])
+    e, late, found = measured(None, force=force, law=law)
+    true = np.abs(solved(force, law)[0] - e[0] - late.added[0])
+    left = np.maximum.accumulate(sum(np.abs(x[0]) for x in found.left()))
+    assert np.all(true <= left + 1e-3 * np.abs(e[0]).max())
 
 
 def test_a_second_run_goes_on_from_the_first():

@@ -1,0 +1,70 @@
+"""Functions of one time that use Python's `math` as functions of many: with NumPy's functions in its place.
+
+A copy of the function runs, which sees copies of the names that it uses: what it was given stays as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from types import CellType, CodeType, FunctionType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+TAKE_ARRAYS = ("numpy", "scipy")  # libraries whose functions do without
+OTHER_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power"}
+SAME_NAMES = (
+    *("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log10", "log1p", "log2", "sqrt"),
+    *("fabs", "floor", "ceil", "copysign", "degrees", "radians"),
+)
+# what is not here, as hypot, whose third argument NumPy's writes to, fails with arrays
+IN_NUMPY = {id(getattr(math, name)): getattr(np, OTHER_NAMES.get(name, name)) for name in (*SAME_NAMES, *OTHER_NAMES)}
+_NUMPYS = {id(value) for value in IN_NUMPY.values()}
+OF_MATH = SimpleNamespace(
+    **{name: getattr(np, OTHER_NAMES.get(name, name)) for name in (*SAME_NAMES, *OTHER_NAMES)},
+    **{name: getattr(math, name) for name in ("pi", "e", "tau", "inf", "nan")},
+)
+
+
+def with_arrays(f: Callable) -> Callable | None:
+    """Return a copy of a Python function, and of those that it calls, for arrays; None if none of them uses math."""
+    made: dict[int, Any] = {}
+    copied = _copied(f, made)
+    return copied if any(value is OF_MATH or id(value) in _NUMPYS for value in made.values()) else None
+
+
+def _copied(value: Any, made: dict[int, Any]) -> Any:
+    """What stands in place of a value that a function uses; made : of others, by number."""
+    if value is math:
+        made[id(value)] = OF_MATH
+    elif id(value) in IN_NUMPY:
+        made[id(value)] = IN_NUMPY[id(value)]
+    elif type(value) is FunctionType and id(value) not in made and _library(value) not in TAKE_ARRAYS:
+        _copy(value, made)
+    return made.get(id(value), value)
+
+
+def _library(f: FunctionType) -> str:
+    return (f.__module__ or "").partition(".")[0]
+
+
+def _copy(f: FunctionType, made: dict[int, Any]) -> None:
+    names: dict[str, Any] = {}
+    cells = tuple(CellType() for _ in f.__closure__ or ())
+    copied = FunctionType(f.__code__, names, f.__name__, f.__defaults__, cells)
+    copied.__kwdefaults__ = f.__kwdefaults__
+    made[id(f)] = copied  # first: it may call itself
+    for name in {"__builtins__", *_names(f.__code__)} & f.__globals__.keys():
+        names[name] = _copied(f.__globals__[name], made)
+    for mine, its in zip(cells, f.__closure__ or (), strict=True):
+        with suppress(ValueError):  # it is empty
+            mine.cell_contents = _copied(its.cell_contents, made)
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    yield from code.co_names
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            yield from _names(inner)
