@@ -63,7 +63,7 @@ class Looks:
         self.largest = np.maximum(self.largest, self._sizes(*(x[1:][where] for x in self._values)).max(axis=0))
 
     def confirm(self, where: np.ndarray, least: np.ndarray | float = 0.0) -> None:
-        """Look in the middle between samples that are known, among some (S,), until it confirms the line.
+        """Look near the middle between samples that are known, among some (S,), until it confirms the line.
 
         least : size, (quantities,), below which it does so anyway.
         """
@@ -71,7 +71,8 @@ class Looks:
         gaps = [(a, b) for a, b in pairwise(places) if where[a:b].any()]
         while gaps := [(a, b) for a, b in gaps if b - a > 1]:
             ends = np.array(gaps)
-            middle = ends.sum(axis=1) // 2
+            # an odd number of steps from the first: what alternates from step to step is the same at even ones
+            middle = ends[:, 0] + (np.diff(ends)[:, 0] // 2 | 1)
             line = [_linear(self._t[middle], self._t[places], x[places]) for x in self._values]
             self.at(np.isin(np.arange(len(where)), middle - 1))
             if self.ended:

@@ -151,7 +151,7 @@ def test_angles_change_without_full_turns(monkeypatch, kind, change):
     sensors.sensors = [Sensor(0, "angle", getattr(exu.OutputVariableType, kind), 1)]
     monkeypatch.setattr(sensors, "_shown", lambda mbs, rows, record: np.array([[0.001 - np.pi]]))
     rows, moved = (np.zeros(1), *np.zeros((4, 1, 2))), np.ones((3, 1, 2))
-    sensors._tangents = SimpleNamespace(independent=[])
+    sensors._tangents = SimpleNamespace(independent=[], moved=lambda states, e: states)
     found = sensors._change(None, rows, np.array([[np.pi - 0.001]]), moved)
     np.testing.assert_allclose(found, change, rtol=1e-12)  # rounding of 2 pi beside 0.002
 

@@ -178,6 +178,23 @@ def test_functions_that_keep_something_are_put_back_and_refused(watched):
     mbs.SetLoadParameter(1, "loadVectorUserFunction", before)
 
 
+@pytest.mark.parametrize("fails", [False, True])
+def test_what_functions_begin_to_keep_is_put_back_and_refused(watched, fails):
+    """At the end of a block, whatever ends it."""
+    mbs, shadow = watched.scene.mbs, made(watched)
+    mbs.variables["calls"] = 7
+
+    def block():
+        with shadow.functions_kept():
+            mbs.variables["calls"] = 8
+            if fails:
+                raise ValueError
+
+    with pytest.raises(RunError, match="keeps something from call to call"):
+        block()
+    assert mbs.variables.pop("calls") == 7
+
+
 def test_another_mbs_than_it_was_is_noticed(watched):
     mbs, spring, shadow = watched.scene.mbs, watched.scene.objects["left spring"], made(watched)
     shadow.compare(mbs)
