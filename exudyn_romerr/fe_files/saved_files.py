@@ -18,6 +18,7 @@ TRUST = (
     "{} holds Python objects (pickle), which may run any code while they are read. If you trust it pass "
     "unpickle=True; FEMinterface.SaveToFile('name.hdf5') writes a file that needs no trust"
 )
+FEW = 5  # arrays that a message names
 
 
 def read_saved(path: Path, unpickle: bool, options: dict[str, Any]) -> FEModel | None:
@@ -49,7 +50,8 @@ def _npz(path: Path, unpickle: bool, options: dict[str, Any]) -> FEModel | None:
         if "massMatrix" not in file.files:
             if "format" in file.files:
                 return None
-            raise InputError(f"{path} has {', '.join(file.files)}: neither a matrix of scipy nor what Exudyn saves")
+            found = ", ".join(file.files[:FEW]) + (" ..." if len(file.files) > FEW else "")
+            raise InputError(f"{path} has {found}: neither a matrix of scipy nor what Exudyn saves")
     if not unpickle:
         raise InputError(TRUST.format(path))
     with np.load(path, allow_pickle=True) as file:

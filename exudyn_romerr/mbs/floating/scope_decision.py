@@ -148,8 +148,9 @@ def _refusals_of_bounds(mbs: Any, options: BoundOptions) -> Iterator[str]:
     watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
     if watched:
         yield (
-            f"the tolerance on {', '.join(map(repr, watched))} asks for a bound, and they see the motion of the "
-            "frame, whose error has none; pass node_displacement(..., frame='body') or a sensor of DisplacementLocal"
+            f"the tolerance on {', '.join(map(repr, watched))} asks for a bound at every step; of what sees the "
+            "motion of the frame there is one after the run only, of velocities none: pass report.assess the "
+            "tolerance instead, or give one to node_displacement(..., frame='body') or a sensor of DisplacementLocal"
         )
     for i in range(mbs.systemData.NumberOfObjects()):
         item = mbs.GetObject(i)
