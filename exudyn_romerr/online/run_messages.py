@@ -60,6 +60,11 @@ def is_certified(run: RunRecord) -> bool:
     return is_balanced(run) and not run.begins_late
 
 
+def stopped_at(run: RunRecord) -> float | None:
+    """Return where a tolerance stopped the solver before its end; None: none did."""
+    return float(run.t[-1]) if run.solver.is_stopped and _ends_early(run) is not False else None
+
+
 def _limit(run: RunRecord) -> float:
     return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
 
@@ -110,10 +115,15 @@ def _single(run: RunRecord) -> list[str]:
 
 
 def _end(run: RunRecord) -> list[str]:
-    last, end = float(run.t[-1]), run.solver.end_time
-    if end is None or last >= end * (1 - 1e-9):
+    if not _ends_early(run):
         return []
-    return [f"the run ends at t = {last:g} s; the solver was to go to {end:g} s"]
+    return [f"the run ends at t = {run.t[-1]:g} s; the solver was to go to {run.solver.end_time:g} s"]
+
+
+def _ends_early(run: RunRecord) -> bool | None:
+    """Whether the run ends before its solver was to; None: not known."""
+    end = run.solver.end_time
+    return None if end is None else bool(run.t[-1] < end * (1 - 1e-9))
 
 
 def _between_samples(run: RunRecord) -> list[str]:

@@ -14,7 +14,7 @@ from ..report.report import BoundReport, OutputReport
 from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in, unbounded
-from .run_messages import is_certified, run_messages
+from .run_messages import is_certified, run_messages, stopped_at
 
 if TYPE_CHECKING:
     from ..model.global_axes import View
@@ -64,7 +64,7 @@ def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputRepor
             if view is not None and offline.scene.coupled:
                 seen = seen.of_a_moving_frame(offline.scene, _in_global_axes(run, i))
             more = share, known, run.tolerances.get(out.name)
-            found[out.name] = _output_report(out, seen, widest, *more)
+            found[out.name] = replace(_output_report(out, seen, widest, *more), stopped=stopped_at(run))
     return found
 
 

@@ -14,6 +14,7 @@ from .wording import (
     at_round_off,
     digits,
     error_kind,
+    instant,
     percent,
     permitted,
     rounded_up,
@@ -22,9 +23,11 @@ from .wording import (
 
 if TYPE_CHECKING:
     from .data import OutputData
+    from .estimate_wording import Known
 
 FAR = 3.0  # times the estimate with its half width: below it both say much the same, and modes lower both
 ABOUT_ENOUGH, NOT_RESOLVED = "about enough", "not resolved"
+RUN_ON = "run on without tolerance="
 NO_BOUND = "no finite bound: the messages or reasons say why"
 
 
@@ -43,6 +46,8 @@ def judged(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
 
 def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
     """Return in a few words, for a table, what to do about an output."""
+    if out.stopped is not None:
+        return _lowers_bound(out, None) or RUN_ON
     verdict = judged(out, time, scope)
     if verdict == "enough":
         return f"enough{under(scope)}"
@@ -54,6 +59,8 @@ def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
 
 def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = None) -> str:
     """Return what makes most of the error and what to do, or "enough"; of all rows, or of one."""
+    if out.stopped is not None:
+        return f"{stop(out, time)}: {cure_of_stop(out, row)}"
     verdict, found = judged(out, time, scope, row), known(out, row)
     if verdict == "round-off":
         return "nothing to improve: more modes or shorter steps do not show above rounding of the input"
@@ -71,11 +78,45 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
         off = percent(found.half / found.size) if found.size > 0 else ""
         said = f"not resolved{off and f', the estimate may be off by {off}'}: {found.cure}"
     else:
-        share = found.parts[verdict] / sum(found.parts.values())
-        said = f"{100 * share:.0f} % of it from the {CURES_OF_CAUSES[verdict]}{rest(out, verdict, row)}"
+        said = _of_estimate(out, verdict, row, found)
     sharper = "" if verdict == NOT_RESOLVED else _slack(out, time, scope, row)
     unbounded = "" if np.isfinite(out.bound["best"][:, _rows(row)]).all() else NO_BOUND
     return "; ".join(filter(None, [said, sharper, unbounded]))
+
+
+def largest_part(out: OutputData, row: int) -> str:
+    """Return what makes most of the error of a row that is too large, and what lowers that."""
+    found = known(out, row)
+    if found is None or not any(found.parts.values()):
+        return _of_bound(out, _largest_cause(out, row), row)
+    return _of_estimate(out, max(found.parts, key=found.parts.get), row, found)
+
+
+def stop(out: OutputData, time: str) -> str:
+    """Return in words that a tolerance stopped the run."""
+    return f"the run was stopped at {instant(time, out.stopped)} by tolerance="
+
+
+def cure_of_stop(out: OutputData, row: int | None = None) -> str:
+    """Return how to see the rest of a run that a tolerance stopped, and what lowers its bound."""
+    lower = _lowers_bound(out, row)
+    return f"{RUN_ON}{lower and f', or lower the bound: {lower}'}"
+
+
+def _lowers_bound(out: OutputData, row: int | None) -> str:
+    """What lowers a bound above its tolerance, whatever the estimate says; empty: another output's is above."""
+    most = np.max(out.bound["best"])
+    if out.tolerance is None or most <= out.tolerance:
+        return ""
+    cause = "infinite" if most == np.inf else _largest_cause(out, row)
+    known_part = 0.0 if out.corrected is None else np.max(np.abs(out.corrected - out.value))
+    is_left = cause in ("basis", "interfaces") and most > FAR * known_part  # by vectors
+    return f"more modes or {MORE_VECTORS}" if is_left else STEPS[cause]
+
+
+def _of_estimate(out: OutputData, cause: str, row: int | None, found: Known) -> str:
+    share = found.parts[cause] / sum(found.parts.values())
+    return f"{100 * share:.0f} % of it from the {CURES_OF_CAUSES[cause]}{rest(out, cause, row)}"
 
 
 def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
-from .advice import advice
+from .advice import advice, cure_of_stop, largest_part, stop
 from .estimate_wording import about, estimate_scope, estimated_kind, is_enough, known
-from .scope import COMPLETE, FROZEN
+from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED
 from .wording import (
     AS_IN_THIS_RUN,
     NOT_THE_MECHANISM,
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
 SMALL = 0.01  # of the largest row: one below it that decides alone is told of
+TOO_LARGE = ANSWERS[:2]
+MORE_MODES = "compare with a run of the mechanism with more modes"
 NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
 UNCERTIFIED = "the balance of the run does not certify what is computed of it"
 
@@ -97,9 +99,20 @@ def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
 
 
 def _of_row(report: ReportData, out: OutputData, row: int) -> Assessment:
-    """What is known of one row beside out.tolerance: what is proved first, then what is estimated."""
+    """What is known of one row beside out.tolerance, of a run that ended early as far as it went."""
     if is_uncertified(report):
         return _made(out, row, "unknown", UNCERTIFIED, "see the messages")
+    found = _of_instants(report, out, row)
+    if found.answer in TOO_LARGE:
+        return found
+    if out.stopped is not None:
+        said = f"{stop(out, report.time)}; until then {_without_head(found, out, row)}"
+        return _made(out, row, "unknown", said, cure_of_stop(out, row))
+    return found
+
+
+def _of_instants(report: ReportData, out: OutputData, row: int) -> Assessment:
+    """What is known of one row at the instants of the run: what is proved first, then what is estimated."""
     if widest_scope(report.scope) == COMPLETE and report.time != "sampled":
         most, least = _proved(out, row)
         if most <= out.tolerance:
@@ -107,7 +120,7 @@ def _of_row(report: ReportData, out: OutputData, row: int) -> Assessment:
             return _made(out, row, "proven", said, "nothing to do")
         if least > out.tolerance:
             said = f"its error is at least {rounded_down(least)} {out.unit}, above {_limit(out)}"
-            return _made(out, row, "disproven", said, _next(report, out, row))
+            return _made(out, row, "disproven", said, _smaller(report, out, row))
     return _estimated(report, out, row)
 
 
@@ -127,7 +140,8 @@ def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
     kind, size = estimated_kind(out, report.time), about(out, row, found)
     if estimate_scope(out, report.scope) == FROZEN:
         said = f"{AS_IN_THIS_RUN} its {kind} is {size}, but {NOT_THE_MECHANISM}"
-        return _made(out, row, "unknown", said, "compare with a run of the mechanism with more modes")
+        others = ATTACH_ALL if UNATTACHED in report.scope_reason else MORE_MODES
+        return _made(out, row, "unknown", said, others)
     steps = "" if kind == "error" else "; what the time steps do is not in it"
     answer = _answer(out, row, found)
     if answer == "unknown" and not found.is_resolved:
@@ -135,7 +149,8 @@ def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
         said = f"the estimate of its {kind}, {digits(found.size, 2)} {out.unit}, half width {half}, does not tell"
         return _made(out, row, answer, f"{said} whether it is within {_limit(out)}", found.cure)
     where = {"likely": "within", "unlikely": "above"}.get(answer, "too close to tell from")
-    todo = "nothing to do" if answer == "likely" else _next(report, out, row)
+    following = _smaller if answer == "unlikely" else _next
+    todo = "nothing to do" if answer == "likely" else following(report, out, row)
     return _made(out, row, answer, f"its {kind} is {size}, {where} {_limit(out)}{steps}", todo)
 
 
@@ -150,8 +165,17 @@ def _made(out: OutputData, row: int, answer: str, said: str, todo: str) -> Asses
     return Assessment(answer, f"{out.row_names[row]}: {answer}, {said}", todo)
 
 
+def _without_head(found: Assessment, out: OutputData, row: int) -> str:
+    return found.said.removeprefix(f"{out.row_names[row]}: {found.answer}, ")
+
+
 def _limit(out: OutputData) -> str:
     return f"the tolerance of {digits(out.tolerance)} {out.unit}".rstrip()
+
+
+def _smaller(report: ReportData, out: OutputData, row: int) -> str:
+    """What lowers an error that is too large: what makes it, however well the estimate is resolved."""
+    return largest_part(out, row) if advises(report) else "see the messages"
 
 
 def _next(report: ReportData, out: OutputData, row: int) -> str:

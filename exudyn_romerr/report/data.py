@@ -71,6 +71,7 @@ class OutputData:
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
     labels: tuple[str, ...] = ()
     tolerance: float | None = None
+    stopped: float | None = None
 
     @property
     def row_names(self) -> list[str]:

@@ -69,7 +69,9 @@ def joined(
     if any(not np.array_equal(body.t, bodies[0].t) for body in bodies):
         raise RunError("the bodies were bounded over different instants; ask monitor.bodies[...].report()")
     scope = _scope(bodies)
-    others = [replace(out, bound=_infinite(out, scope), reduction_bound=_infinite(out, scope)) for out in others]
+    stopped = next((out.stopped for body in bodies for out in body.outputs.values()), None)
+    none = [_infinite(out, scope) for out in others]
+    others = [replace(o, bound=x, reduction_bound=x, stopped=stopped) for o, x in zip(others, none, strict=True)]
     places = [(f"bodies[{i}]", out) for i, body in enumerate(bodies) for out in body.outputs.values()]
     places += [("a sensor on no flexible body", out) for out in others]
     check_names([(where, out.name) for where, out in places])

@@ -8,7 +8,7 @@ import numpy as np
 
 from .advice import by_bound, next_step
 from .estimate_wording import about_all, estimated_kind
-from .scope import NOT_CERTIFIED, UNATTACHED
+from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED
 from .wording import advises, digits, error_kind, is_uncertified, percent, rounded_up, under, widest_scope
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def _line(report: ReportData, out: OutputData, columns: int) -> tuple[str, ...]:
 def _next_step(report: ReportData, out: OutputData) -> str:
     """What helps most: under the forces of a run whose other bodies' errors are not known, to know these."""
     if UNATTACHED in report.scope_reason:
-        return "attach all flexible bodies"
+        return ATTACH_ALL
     return next_step(out, report.time, report.scope)
 
 

@@ -20,6 +20,7 @@ COVERS = {
 }
 FULL_MODEL = "Full model"  # begins the part of a scope's reason that names the truth
 PAGE = "docs/reading_a_bound.md#scopes"
+ATTACH_ALL = "attach all flexible bodies"
 UNATTACHED = "flexible bodies of this mbs are not attached"  # in the reason of a scope that is no wider for that
 NOT_CERTIFIED = "not certified"  # ends the reason of a scope: loads may be missing
 

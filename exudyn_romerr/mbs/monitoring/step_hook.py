@@ -108,6 +108,8 @@ class StepHook:
                     exu.Print(live_line(self.watches, rows[0][-1]))
             for watch in self.watches:
                 watch.note_error(rows[0][-1])
+                if self._is_over and watch.run is not None:
+                    watch.run.solver = watch.run.solver._replace(is_stopped=True)
             self._say_failures(rows[0][-1])
 
     def _say_failures(self, t: float) -> None:
