@@ -138,6 +138,26 @@ def stricter_tolerances(latest: TriedRun, runs: Sequence[TriedRun]) -> dict[str,
     return tolerance
 
 
+def fewest_hoped(
+    latest: TriedRun, runs: Sequence[TriedRun], first: Sequence[tuple[int, ...]]
+) -> tuple[int, ...] | None:
+    """Return the fewest modes of `first`, in ascending number, that latest forecasts to be enough.
+
+    Where its forecasts were too low for later of the runs, others are lowered by as much. One that missed by much
+    leaves nearly nothing that way: what is left is halved where that asks for fewer modes.
+    """
+    expected = [latest.expected(modes, slack_between(runs, len(modes))) for modes in first]
+    lowered = stricter_tolerances(latest, runs[runs.index(latest) :])
+
+    def fewest(limits: dict[str, float], start: int) -> tuple[int, ...] | None:
+        rest = zip(first[start:], expected[start:], strict=True)
+        return next((modes for modes, x in rest if all(x[name] <= limits[name] for name in limits)), None)
+
+    middle = max(len(first) - 1, 0) // 2
+    found = [fewest(lowered, 0), fewest(latest.tolerance, middle)]
+    return min((modes for modes in found if modes is not None), key=len, default=None)
+
+
 def fewest_without_slack(run: TriedRun) -> tuple[int, ...] | None:
     """Fewest modes forecast to be enough, whichever they are, if auxiliary vectors left nothing."""
     bare = {name: replace(forecast, slack=0 * forecast.slack) for name, forecast in run.forecast.items()}

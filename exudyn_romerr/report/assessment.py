@@ -62,12 +62,14 @@ def assess(report: ReportData, name: str, tolerance: float, relative: bool = Fal
     out = report.output(name)
     limits = _limits(out, tolerance, relative)
     found = [_of_row(report, replace(out, tolerance=limit), row) for row, limit in enumerate(limits)]
-    worst = _worst(found)
+    worst = _worst(found, out)
     return _with_small_row(out, tolerance, found, found.index(worst)) if relative else worst
 
 
-def _worst(found: Sequence[Assessment]) -> Assessment:
-    return min(found, key=lambda assessment: ANSWERS.index(assessment.answer))
+def _worst(found: Sequence[Assessment], out: OutputData) -> Assessment:
+    """The worst answer; of rows that share it that of the one that moves most."""
+    ranks = [ANSWERS.index(assessment.answer) for assessment in found]
+    return found[np.lexsort((-np.max(np.abs(out.value), axis=0), ranks))[0]]
 
 
 def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], row: int) -> Assessment:
@@ -77,13 +79,13 @@ def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], 
     """
     sizes = np.max(np.abs(out.value), axis=0)
     largest = int(np.argmax(sizes))
-    others = [found[i] for i in np.flatnonzero(sizes >= SMALL * sizes[largest])]
-    if sizes[row] >= SMALL * sizes[largest] or _worst(others).answer == found[row].answer:
+    if sizes[row] >= SMALL * sizes[largest]:
         return found[row]
+    others = min((found[i].answer for i in np.flatnonzero(sizes >= SMALL * sizes[largest])), key=ANSWERS.index)
     small, large = (f"up to {digits(sizes[i])}" for i in (row, largest))
     why = (
         f"this row is {small} {out.unit}, {out.row_names[largest]} {large}; "
-        f"for rows above {SMALL:g} of that the answer is '{_worst(others).answer}'"
+        f"for rows above {SMALL:g} of that the answer is '{others}'"
     )
     absolute = rounded_down(tolerance * sizes[largest])
     return replace(found[row], todo=f"{why}; assess({out.name!r}, {absolute}) asks for the same of all rows")

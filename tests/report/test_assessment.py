@@ -1,15 +1,17 @@
 """Assessments: every answer, by hand and of runs whose error is known."""
 
 import warnings
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.report.advice import advice, next_step
 from exudyn_romerr.report.assessment import ANSWERS, assess
 from exudyn_romerr.report.data import Plan, ReportData
-from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, UNATTACHED
 from exudyn_romerr.report.wording import CURES_OF_CHECKS
 from models import estimate_truths
 from models.estimate_scenes import SCENES, LinearScene
@@ -149,6 +151,64 @@ def test_a_row_that_hardly_moves_is_told_of():
     still = two_rows(0.0)
     still.outputs["tip z"].value[:] = 0.0
     assert "this row" not in assess(still, "tip z", 0.02, relative=True).text
+
+
+def test_of_rows_with_the_worst_answer_the_one_that_moves_most_is_named():
+    made = two_rows(1e-5)
+    out = made.outputs["tip z"]
+    out.value, out.labels = out.value[:, ::-1], ("y", "x")
+    assert assess(made, "tip z", 0.02, relative=True).text.startswith("tip z y: unlikely, ")
+    assert assess(made, "tip z", 0.005, relative=True).text.startswith("tip z x: unlikely, ")
+
+
+def test_other_bodies_are_to_be_attached_first():
+    unattached = assess(report(UNDER_FORCES, reason=f"{UNATTACHED}, so their errors are not known"), "tip z", 9.0)
+    assert unattached.todo == "attach all flexible bodies"
+    assert "more modes" in assess(report(UNDER_FORCES), "tip z", 9.0).todo
+
+
+def test_what_is_disproven_is_lowered_by_what_makes_it():
+    """Not by what makes the half width."""
+    out, scope = corrected(2.0, 1.2, 1.0, 0.1)
+    out.uncertainty_parts = {"steps": 0.8 * out.estimate}
+    out.uncertainty = out.uncertainty_parts["steps"]
+    found = assess(report((out, scope)), "tip z", 0.5)
+    assert (found.answer, found.todo) == (
+        "disproven",
+        "100 % of it from the basis: add modes; the rest is about 0.8 m or less",
+    )
+
+
+def stopped(made, allowed):
+    """A report of a run that a tolerance of `allowed` stopped, or of another output (None)."""
+    out, scope = made
+    return report((replace(out, stopped=0.5, tolerance=allowed), scope), "sampled")
+
+
+@pytest.mark.parametrize(("allowed", "tolerance"), [(0.5, 1.2), (None, 1.2), (0.5, 0.95)])
+def test_a_run_that_was_stopped_is_likely_nothing(allowed, tolerance):
+    found = assess(stopped(SAID, allowed), "tip z", tolerance)
+    assert found.text.startswith(
+        "tip z: unknown, the run was stopped at t = 0.5 s by tolerance=; until then its error"
+    )
+    assert found.todo.startswith("run on without tolerance=")
+
+
+def test_a_run_that_was_stopped_proves_nothing_of_the_rest():
+    out, scope = PROVED
+    for tolerance, answer in ((1.2, "unknown"), (0.89, "disproven")):
+        assert assess(report((replace(out, stopped=0.5), scope)), "tip z", tolerance).answer == answer
+
+
+def test_cure_of_a_stop_lowers_the_bound_that_stopped_it():
+    """Which holds nothing of the steps here, though these make most of the error."""
+    out, scope = estimated(2.0, 9.0, {"basis": 0.2, "time step": 0.8}, {"steps": 0.1}, covers=COUPLED)
+    out.causes = {"basis": out.bound["best"], "time step": 0 * out.bound["best"]}
+    (made,) = stopped((out, scope), 0.5).outputs.values()
+    assert next_step(made, "sampled", scope) == "more modes or more vectors (auxiliary_modes=...)"
+    assert "halve" not in advice(made, "sampled", scope)
+    assert advice(made, "sampled", scope).endswith(f", or lower the bound: {next_step(made, 'sampled', scope)}")
+    assert next_step(replace(made, tolerance=10.0), "sampled", scope) == "run on without tolerance="
 
 
 @pytest.mark.parametrize("tolerance", [0, -1.0, np.nan, np.inf, True, "1%", None])

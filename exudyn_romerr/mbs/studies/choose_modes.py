@@ -13,8 +13,8 @@ from ...mode_selection.modal_forecast import BOUND, BY, Ladder, fewest_modes, fo
 from ...mode_selection.mode_choice import (
     SECOND_ORDER,
     ModeChoice,
+    fewest_hoped,
     fewest_without_slack,
-    slack_between,
     smallest_basis,
     stricter_tolerances,
 )
@@ -190,11 +190,8 @@ class _Search:
             return fewest_without_slack(latest) if enough is None and len(runs) == 1 else enough
         below = len(self._all) + 1 if met is None else met.n
         above = max((run.n for run in runs if not run.is_enough and run.n < below), default=self._least(kind) - 1)
-        limits = stricter_tolerances(latest, runs[runs.index(latest) :])  # of forecasts by it that were wrong
         first = [self._all[:n] for n in range(above + 1, below)]
-        hoped = (latest.expected(modes, slack_between(runs, len(modes))) for modes in first)
-        enough = (all(x <= limits[name] for name, x in found.items()) for found in hoped)
-        known = next((modes for modes, is_enough in zip(first, enough, strict=True) if is_enough), None)
+        known = fewest_hoped(latest, runs, first)
         if known is None and len(runs) == 1:
             none = dict.fromkeys(latest.tolerance, 0.0)
             known = next((modes for modes in first if latest.would_meet(modes, none)), None)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import exudyn_romerr as romerr
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from exudyn_romerr.online.tolerance_check import FEWEST, MOST, ToleranceCheck
 from tests.helpers.mechanism_runs import pendulum, reports, solve, watch
@@ -17,7 +18,7 @@ def bound(report):
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.9])
-def test_solve_stops_at_the_step_where_it_is_exceeded(share):
+def test_solve_stops_at_the_step_where_it_is_exceeded(share, tmp_path):
     """Bounds rise here smoothly; in the first steps as many are made before they are compared as were before."""
     free, _ = reports(pendulum(steps=40))
     limit = share * np.max(bound(free))
@@ -31,6 +32,12 @@ def test_solve_stops_at_the_step_where_it_is_exceeded(share):
     said = next(message for message in stopped.report().messages if "stopped" in message)
     assert said.startswith(f"stopped at t = {t[-1]:g}: tolerance on 'probe' exceeded")
     assert (f"exceeded at t = {t[first]:g}" in said) == (first < len(t) - 1)
+    for monitor in (stopped, other):  # of all bodies, and in files
+        monitor.report().save(tmp_path / "report.npz")
+        for report in (monitor.report(), romerr.load_report(tmp_path / "report.npz")):
+            assert {out.stopped for out in report.outputs.values()} == {t[-1]}
+            assert report.assess(next(iter(report.outputs)), 1.0).answer == "unknown"
+    assert {out.stopped for out in free.outputs.values()} == {None}
 
 
 def test_few_blocks_where_the_bound_is_far_below(monkeypatch):
