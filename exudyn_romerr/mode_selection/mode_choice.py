@@ -10,7 +10,7 @@ import numpy as np
 from ..report.report import SAMPLED
 from ..report.wording import digits
 from .modal_forecast import ESTIMATE, TINY, fewest_modes
-from .tried_run import BASIS, SLACK, STEP, TriedRun
+from .tried_run import BASIS, INTERFACES, SLACK, STEP, TriedRun
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 SECOND_ORDER = 4 / 3  # error of a step over the difference to half the step
 CURES = {
     BASIS: "too few modes, or too few kinds of them: raise most=, or keep interfaces free (RBE3)",
+    INTERFACES: "rigid (RBE2) interfaces alone make it larger than allowed: take RBE3 modes, or "
+    "floating_body(..., interfaces='rigid') if they are rigid in reality",
     STEP: "the time steps alone make it larger than allowed: halve the step",
     SLACK: "what auxiliary vectors leave is larger than allowed: raise auxiliary_modes=, or let loads grow smoothly",
 }
@@ -72,26 +74,35 @@ class ModeChoice:
 
     @property
     def limit(self) -> str | None:
-        """What keeps the error above the tolerance: "basis", "step size", "slack" (of auxiliary vectors), or None.
+        """What keeps the error above the tolerance: "basis", "interfaces", "step size", "slack", or None.
 
-        "step size" also where the bound is met, which does not cover the steps, and the estimate is not.
+        "slack" is what auxiliary vectors leave. "step size" also where the bound is met, which does not cover the
+        steps, and their error is larger: step_error, or, without, their part of the estimate.
         """
-        errors = self.step_error or {}
-        too_long = any(error > self.chosen.tolerance[name] for name, error in errors.items())
-        return STEP if self.chosen.is_enough and too_long else self.chosen.limit()
+        return next(iter(self._limits()), None)
+
+    def _limits(self) -> list[str]:
+        """Return what has to be changed, each for itself."""
+        if self.chosen.is_enough and self.step_error is not None:
+            return [STEP] if any(x > self.chosen.tolerance[name] for name, x in self.step_error.items()) else []
+        alone, limit = self.chosen.alone(), self.chosen.limit()
+        if self.chosen.is_enough:
+            return [what for what in alone if what == STEP and not self.chosen.covers_steps]
+        return alone + [BASIS] * (INTERFACES not in alone) if limit == BASIS else [limit]
 
     def __str__(self) -> str:
         scopes = {scope for report in self.reports for scope in report.scope.values()}
         frozen = ", inputs frozen (the mechanism's answer is not covered)" if self.chosen.is_frozen else ""
         closest = "" if self.chosen.is_enough else "came closest, "
         bounds = f"its bounds are {'' if self.met else 'not '}within the tolerance{frozen}"
-        lines = [f"{self.chosen.basis}: {closest}{self.answer}; {bounds}; their scope: {', '.join(sorted(scopes))}"]
+        answer = f"{closest}error within the tolerance: {self.answer}"
+        lines = [f"{self.chosen.basis}: {answer}; {bounds}; their scope: {', '.join(sorted(scopes))}"]
         lines += [f"  run {i}: {run}" for i, run in enumerate(self.tried, start=1)]
         found = self.chosen.assessment
         if self.chosen.is_enough:
             lines += [f"  {found}", f"  {self._smaller()}"]
-        else:  # one cure: that of the search, which knows more than one run does
-            lines.append(f"  {found.said}: {CURES[self.limit]}")
+        else:  # cures of the search, which knows more than one run does
+            lines.append(f"  {found.said}: {'; '.join(CURES[limit] for limit in self._limits())}")
         if self.failed is not None:
             lines.append(f"  not tried further, for a run failed: {self.failed}")
         if self.step_error is not None:

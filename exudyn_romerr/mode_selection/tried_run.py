@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..report.assessment import ANSWERS
-from ..report.estimate_wording import covers_time, estimate_scope
+from ..report.estimate_wording import covers_time, estimate_scope, known, parts_of
 from ..report.scope import FROZEN
 from ..report.wording import digits, rounded_up, widest_scope
 from .modal_forecast import BOUND, ESTIMATE
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..report.report import BoundReport, OutputReport
     from .modal_forecast import Forecast
 
-BASIS, STEP, SLACK = "basis", "step size", "slack"
+BASIS, STEP, SLACK, INTERFACES = "basis", "step size", "slack", "interfaces"
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,23 @@ class TriedRun:
         if any(self.forecast[name].largest_slack > self.tolerance[name] for name in missed):
             return SLACK
         return BASIS if missed else None
+
+    def alone(self) -> list[str]:
+        """Return which parts of estimates are above a tolerance alone, half width taken off, that no modes lower."""
+        outputs = outputs_of(self.reports)
+        found = []
+        for name, limit in self.tolerance.items():
+            out = outputs[name]
+            if known(out) is None:
+                continue
+            parts, of_steps = parts_of(out), out.uncertainty_parts.get("steps", 0.0)
+            for cause, what, half in (
+                ("time step", STEP, out.uncertainty),
+                ("interfaces", INTERFACES, out.uncertainty - of_steps),
+            ):
+                if np.max(np.abs(parts.get(cause, 0.0)) - half) > limit:
+                    found.append(what)
+        return [what for what in (STEP, INTERFACES) if what in found]
 
     @property
     def basis(self) -> str:

@@ -9,7 +9,7 @@ import pytest
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.studies.scene_run import Trial, build_trial
 from exudyn_romerr.mode_selection.modal_forecast import Ladder, forecasts
-from exudyn_romerr.mode_selection.tried_run import BASIS, SLACK, STEP
+from exudyn_romerr.mode_selection.tried_run import BASIS, INTERFACES, SLACK, STEP
 from models import exact, floating, linkage, mechanism_truths, mechanisms
 from tests.helpers import tolerances as tol
 
@@ -186,7 +186,9 @@ def test_estimate_may_decide_and_met_stays_with_the_bound(monkeypatch):
         patch.setattr(Trial, "solve", with_loose_bounds)
         choice = romerr.choose_modes(crank, 0.01, relative=True, by="estimate")
     assert (choice.chosen.is_enough, choice.met, choice.limit) == (True, False, None)
-    assert str(choice).startswith("n = 5: likely; its bounds are not within the tolerance; their scope: coupled")
+    assert str(choice).startswith(
+        "n = 5: error within the tolerance: likely; its bounds are not within the tolerance; "
+    )
     assert f"\n  {choice.reports[0].assess('tip', choice.chosen.tolerance['tip'])}\n" in str(choice)
     for name, out in choice.reports[0].outputs.items():
         most = np.max(np.abs(out.estimate) + out.uncertainty)
@@ -195,7 +197,7 @@ def test_estimate_may_decide_and_met_stays_with_the_bound(monkeypatch):
         assert out.tolerance == choice.chosen.tolerance[name]  # its advice is about that
         out.bound = {e: bound / 100 for e, bound in out.bound.items()}
     assert choice.met
-    assert str(choice).startswith("n = 5: likely; its bounds are within the tolerance; their scope: coupled")
+    assert str(choice).startswith("n = 5: error within the tolerance: likely; its bounds are within the tolerance; ")
     assert [choice.answer, *(run.assessment.answer for run in choice.tried)] == ["likely", "unlikely", "likely"]
 
 
@@ -292,10 +294,30 @@ def test_step_is_not_the_limit_where_it_is_short():
 
 
 def test_too_few_modes_are_said_so():
-    choice = romerr.choose_modes(crank, {"mid": 1e-3}, relative=True, first=2, most=6)
+    choice = romerr.choose_modes(partial(crank, steps=480), {"mid": 1e-3}, relative=True, first=2, most=6)
     assert (choice.met, choice.limit, choice.n) == (False, BASIS, 6)
     assert "most=" in str(choice)
     assert "add modes" not in str(choice)  # a second cure, of the run alone
+
+
+def test_steps_that_alone_are_too_long_are_said_beside_too_few_modes():
+    """By their part of the estimate, as no run with half of them was made; the bound does not cover them."""
+    choice = romerr.choose_modes(crank, {"mid": 1e-3}, relative=True, first=2, most=6)
+    assert (choice.met, choice.limit, choice.step_error) == (False, STEP, None)
+    assert "halve the step; too few modes" in str(choice)
+
+
+def test_steps_are_the_limit_of_a_bound_that_is_met_where_no_run_is_left(monkeypatch):
+    monkeypatch.setattr("exudyn_romerr.mbs.studies.choose_modes.RUNS", 1)
+    choice = romerr.choose_modes(partial(crank, steps=60), {"mid": 1e-2}, relative=True, first=8, most=12)
+    assert (choice.met, choice.limit, choice.step_error) == (True, STEP, None)
+
+
+def test_rigid_interfaces_that_alone_are_too_stiff_are_said_so():
+    choice = romerr.choose_modes(partial(crank, kind="RBE2", steps=480), {"tip": 1e-2}, relative=True, most=6)
+    assert (choice.met, choice.limit) == (False, INTERFACES)
+    assert "take RBE3 modes" in str(choice)
+    assert "most=" not in str(choice)
 
 
 def test_what_auxiliary_vectors_leave_is_said_so():
