@@ -135,7 +135,8 @@ def test_a_missing_file_is_named(run, capsys, command):
 def test_a_file_that_is_no_report_is_refused(run, capsys, command):
     Path("text.npz").write_text("not a report")
     assert "text.npz is no report" in refused(capsys, command, "text.npz")
-    assert ". is a folder" in refused(capsys, command, ".")
+    assert ". is a folder" in (said := refused(capsys, command, "."))
+    assert "of a sweep, romerr collect FOLDER makes a table" in said
 
 
 @pytest.mark.parametrize("seed", range(40))

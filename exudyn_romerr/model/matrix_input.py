@@ -78,14 +78,14 @@ def checked_rayleigh(rayleigh: Sequence[float] | None) -> tuple[float, float]:
     return float(alpha), float(beta)
 
 
-def checked_ratios(ratios: Any, size: int) -> np.ndarray:
-    """Damping ratios of the lowest modes (k,), or of all ()."""
+def checked_ratios(ratios: Any, size: int, warns: bool = True) -> np.ndarray:
+    """Damping ratios of the lowest modes (k,), or of all (); warns=False: they will be checked again."""
     ratios = check_array("modal_damping", ratios, () if np.ndim(ratios) == 0 else (None,))
     if ratios.ndim and not 1 <= ratios.size <= size:
         raise InputError(f"modal_damping has {ratios.size} ratios; allowed: 1..{size} (modes), or a number for all")
     if np.any(ratios < 0):
         raise AssumptionError(f"modal_damping has a ratio {ratios.min():g}: it feeds energy in; ratios must be >= 0")
-    if np.any(ratios > 1):
+    if warns and np.any(ratios > 1):
         warnings.warn(
             f"modal_damping has a ratio {ratios.max():g}: above 1 a mode does not ring at all. Ratios are no "
             "percentages: 2 % is 0.02",

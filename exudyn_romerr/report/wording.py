@@ -126,10 +126,12 @@ def instant(time: str, t: float) -> str:
 def estimator_lines(report: ReportData) -> list[str]:
     """Return a line for each estimator: its scope, the error of the whole body, what it assumes; then scope_lines."""
     divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
-    what = "error in the mass norm" if report.total_mass is None else "mass-weighted RMS error of position"
+    what, unit = "mass-weighted RMS error of position", " in the model's unit of length"
+    if report.total_mass is None:
+        what, unit = "error in the mass norm", ""
     return [
         f"  {e:<13} scope {report.scope[e]}; {what}{under(report.scope, e)} <= "
-        f"{rounded_up(np.max(bound) / divisor)}; {report.reasons[e]}"
+        f"{rounded_up(np.max(bound) / divisor)}{unit}; {report.reasons[e]}"
         for e, bound in report.position_bound.items()
     ] + [f"  {line}" for line in scope_lines(report)]
 

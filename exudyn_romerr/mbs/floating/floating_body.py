@@ -121,7 +121,7 @@ def floating_body(
     matrices = (sp.csc_matrix(of(sparse=True), copy=True) for of in (fem.GetMassMatrix, fem.GetStiffnessMatrix))
     positions = np.array(fem.GetNodePositionsAsArray(), dtype=float)
     if modal_damping is not None:
-        ratios = checked_ratios(modal_damping, positions.size)
+        ratios = checked_ratios(modal_damping, positions.size, warns=False)
         modal_damping = tuple(ratios.tolist()) if ratios.ndim else float(ratios)
     flex = FloatingBody(fem, items, reference, interfaces, *matrices, positions, modal_damping)
     if flex.mass.shape[0] != 3 * len(flex.positions):

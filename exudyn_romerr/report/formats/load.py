@@ -15,6 +15,8 @@ from ..mechanism_report import MechanismReport, OfBodies
 from ..report import BoundReport, OutputReport
 from .npz_file import DICTS, FORMAT, NODE_DICTS, OPTIONAL
 
+SWEPT = "; of a sweep, romerr collect FOLDER makes a table"
+
 
 def load_report(path: str | os.PathLike) -> BoundReport:
     """Read a report that BoundReport.save wrote.
@@ -31,7 +33,7 @@ def load_report(path: str | os.PathLike) -> BoundReport:
         if found == FORMAT:
             return report_of(arrays, os.fspath(path))
     except IsADirectoryError as error:
-        raise InputError(f"{path} is a folder; pass one of the files that report.save wrote there") from error
+        raise InputError(f"{path} is a folder; pass one of the files that report.save wrote there{SWEPT}") from error
     except FileNotFoundError as error:
         raise InputError(f"{path} is no file; pass the name given to report.save") from error
     except PermissionError as error:
