@@ -110,6 +110,9 @@ def _of_row(report: ReportData, out: OutputData, row: int) -> Assessment:
     if out.stopped is not None:
         said = f"{stop(out, report.time)}; until then {_without_head(found, out, row)}"
         return _made(out, row, "unknown", said, cure_of_stop(out, row))
+    if not advises(report):
+        said = f"only the first instant was bounded; there {_without_head(found, out, row)}"
+        return _made(out, row, "unknown", said, "see the messages")
     return found
 
 

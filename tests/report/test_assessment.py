@@ -200,6 +200,13 @@ def test_a_run_that_was_stopped_proves_nothing_of_the_rest():
         assert assess(report((replace(out, stopped=0.5), scope)), "tip z", tolerance).answer == answer
 
 
+def test_a_first_instant_is_no_run():
+    made = report(SAID, "sampled")
+    made.t = made.t[:1]
+    found = assess(made, "tip z", 1.2)
+    assert found.text.startswith("tip z: unknown, only the first instant was bounded; there its error")
+
+
 def test_cure_of_a_stop_lowers_the_bound_that_stopped_it():
     """Which holds nothing of the steps here, though these make most of the error."""
     out, scope = estimated(2.0, 9.0, {"basis": 0.2, "time step": 0.8}, {"steps": 0.1}, covers=COUPLED)

@@ -210,6 +210,14 @@ def test_the_plan_tells_the_damping(ratios, text):
     assert f"damping: {text}\n" in str(monitor.plan)
 
 
+def test_ratios_that_look_like_percentages_are_said_once(recwarn):
+    scene, flex = flexible([2.0])
+    romerr.set_modal_damping(scene.mbs, flex)
+    romerr.attach(scene.mbs, flex, outputs=[romerr.node_displacement("tip", node=20)])
+    scene.solve()
+    assert ["2 % is 0.02" in str(warning.message) for warning in recwarn] == [True]
+
+
 def test_one_ratio_for_all_modes():
     """The reduced matrix of the complete basis is 2 zeta Omega."""
     scene = damped_scene(floating.clamped_bar, 0, "complete", STEP, 2 * STEP)
