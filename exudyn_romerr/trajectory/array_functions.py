@@ -26,8 +26,8 @@ def _log(x: Any) -> Any:
     return np.log(x)
 
 
-# what is not here, as hypot, whose third argument NumPy's writes to, fails with arrays. float_power, for whole numbers
-# overflow in NumPy's power
+# what is not here, as hypot, whose third argument NumPy's writes to, fails with arrays; float_power, for whole
+# numbers overflow in NumPy's power
 BY_NAME = {name: getattr(np, OTHER_NAMES.get(name, name)) for name in (*SAME_NAMES, *OTHER_NAMES)} | {"log": _log}
 IN_NUMPY = {id(getattr(math, name)): f for name, f in BY_NAME.items()}
 _NUMPYS = {id(value) for value in IN_NUMPY.values()}
