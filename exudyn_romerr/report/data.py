@@ -71,6 +71,7 @@ class OutputData:
     effectivity: dict[str, np.ndarray] = field(default_factory=dict)
     labels: tuple[str, ...] = ()
     tolerance: float | None = None
+    beside_steps: tuple[str, ...] = ()
 
     @property
     def row_names(self) -> list[str]:

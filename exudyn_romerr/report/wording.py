@@ -32,6 +32,9 @@ STEPS = {  # in two words, for a table
 }
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"
 NOT_LINEAR = "for the error is too large to be linear"
+RINGS = ", for what starts at once rings in modes that the steps do not resolve"
+MUCH_SHORTER = "take a twentieth of the step or less"
+SMOOTHLY, DAMPED = "let loads begin smoothly", "give the body damping"  # what helps beside shorter steps
 CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
     "steps": "halve the step",
     "vectors": MORE_VECTORS,

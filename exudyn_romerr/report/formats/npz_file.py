@@ -61,6 +61,7 @@ def _meta(report: ReportData) -> dict:
         "labels": [out.labels for out in report.outputs.values()],
         "estimate_scopes": [out.estimate_scope for out in report.outputs.values()],
         "tolerances": [out.tolerance for out in report.outputs.values()],
+        "beside_steps": [out.beside_steps for out in report.outputs.values()],
         "made": report.made,
         "scope": report.scope,
         "scope_reason": report.scope_reason,
