@@ -61,6 +61,8 @@ def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputRepor
             seen = rows if view is None else _turned(view, rows, run)
             share = _interface_share(run, part, view)
             known = _estimate(run, i, seen.streams, share)
+            if run.estimate is not None:  # static parts lack the inertia that sets what a mechanism's modes leave
+                share = known.estimate.interface_share(share)
             if view is not None and offline.scene.coupled:
                 seen = seen.of_a_moving_frame(offline.scene, _in_global_axes(run, i))
             more = share, known, run.tolerances.get(out.name), run.beside_steps
