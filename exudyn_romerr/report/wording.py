@@ -99,6 +99,12 @@ def under(scope: dict[str, str], e: str = "best") -> str:
     return SHORT.get(widest_scope(scope) if e == "best" else scope[e], "")
 
 
+def bound_column(scope: dict[str, str], e: str = "best") -> str:
+    """Return what a column of bounds is called: beside estimates of a mechanism, with time steps, what it is of."""
+    of = widest_scope(scope) if e == "best" else scope[e]
+    return f"{'reduction error ' if of == COUPLED else ''}bound"
+
+
 def largest(x: np.ndarray, row: int) -> float:
     """Return the largest absolute value of a row over time."""
     return np.max(np.abs(x[:, row]), initial=0.0)
