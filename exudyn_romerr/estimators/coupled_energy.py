@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..decay.decay_rates import body_rates, stiffness_damping
+from ..decay.decay_rates import body_rates, damping_in_steps, stiffness_damping
 from ..linalg.blocked_products import row_norms
 from ..residual.free_mass import AtStart, free_velocity_norms
 from ..residual.interface_stiffening import interface_rows
@@ -92,7 +92,7 @@ class MechanismEnergy:
         if not self.beta:
             return np.zeros(len(ends)), 0 * ends
         middle = self.norm(block.c[:, [0, -1]].mean(axis=1))
-        return block.h * (ends[:, 0] ** 2 + 4 * middle**2 + ends[:, 1] ** 2) / (12 * self.beta), ends
+        return block.h * ((ends**2).sum(axis=1) + 4 * middle**2) / (12 * damping_in_steps(self.beta, block.h)), ends
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 COUNTS = (4, 8)  # modes that count as slow: each row takes what is best
 RIGID = 1e-6  # of the lowest frequency of the held body: less is a rigid motion
+BESIDE = 1e-3  # of the rate at which the frame turns: so much may be about axes that the joint does not leave free
+ROUNDING = 1e-9  # of the lowest frequency: rates below are rounding
 
 
 class SlowModes:
@@ -48,7 +50,8 @@ class SlowModes:
         inertia = factor.half_solve(body.space.loads(body.mass @ t))
         coupled = np.linalg.norm(without(orthonormal(held), inertia), axis=0)  # |t^T M z| <= coupled |z|_K
         self._coupling = self._omega**2 * (1 + body.rayleigh[1] * self._omega) * coupled
-        self._turning = _largest_turned(body.mass, t, la.orth(free[3:]))
+        self._axes = la.orth(free[3:])
+        self._turning = _largest_turned(body.mass, t, self._axes) + BESIDE * _largest_turned(body.mass, t, np.eye(3))
         self._driven, self._static = (held @ bent).T @ Y, inertia.T @ Y
         seen, is_velocity = problem.rows.C @ V @ bent, problem.rows.velocity_rows
         rests = (problem.rows.Y_C_K - inertia[:, :count] @ seen[:, :count].T for count in COUNTS)
@@ -61,6 +64,11 @@ class SlowModes:
         """Make it; None where damping is not proportional to stiffness."""
         rayleigh = problem.body.rayleigh
         return None if rayleigh is None or rayleigh[0] else cls(problem, free)
+
+    def cover(self, w: np.ndarray) -> bool:
+        """Whether rates w (T, 3) of the frame, in its axes, are about what the joint leaves free."""
+        sizes, others = (np.linalg.norm(x, axis=1) for x in (w, w - w @ self._axes @ self._axes.T))
+        return bool(np.all(others <= BESIDE * sizes + ROUNDING * self._omega[0])) if self._omega.size else True
 
     def start(self, z: np.ndarray, w: float) -> None:
         """Begin with the residual z (k,) and a frame that turns at the rate w."""

@@ -14,16 +14,25 @@ from typing import Any
 import numpy as np
 
 TAKE_ARRAYS = ("numpy", "scipy")  # libraries whose functions do without
-OTHER_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "power"}
+OTHER_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "pow": "float_power"}
 SAME_NAMES = (
-    *("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "expm1", "log", "log10", "log1p", "log2", "sqrt"),
+    *("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "expm1", "log10", "log1p", "log2", "sqrt"),
     *("fabs", "floor", "ceil", "copysign", "degrees", "radians"),
 )
-# what is not here, as hypot, whose third argument NumPy's writes to, fails with arrays
-IN_NUMPY = {id(getattr(math, name)): getattr(np, OTHER_NAMES.get(name, name)) for name in (*SAME_NAMES, *OTHER_NAMES)}
+
+
+def _log(x: Any) -> Any:
+    """NumPy's without its second argument, which it writes to: in math that is a base."""
+    return np.log(x)
+
+
+# what is not here, as hypot, whose third argument NumPy's writes to, fails with arrays; float_power, for whole
+# numbers overflow in NumPy's power
+BY_NAME = {name: getattr(np, OTHER_NAMES.get(name, name)) for name in (*SAME_NAMES, *OTHER_NAMES)} | {"log": _log}
+IN_NUMPY = {id(getattr(math, name)): f for name, f in BY_NAME.items()}
 _NUMPYS = {id(value) for value in IN_NUMPY.values()}
 OF_MATH = SimpleNamespace(
-    **{name: getattr(np, OTHER_NAMES.get(name, name)) for name in (*SAME_NAMES, *OTHER_NAMES)},
+    **BY_NAME,
     **{name: getattr(math, name) for name in ("pi", "e", "tau", "inf", "nan")},
 )
 

@@ -143,3 +143,22 @@ def test_what_functions_write_is_not_written_by_their_copies():
     """Single calls are the user's own."""
     InputSignal(counting, 1)(FINE)
     assert 0 < COUNTER < 100
+
+
+def test_whole_numbers_to_powers_do_not_overflow():
+    """10^20 does as a whole number of NumPy's; in a pulse between the times that are compared nothing else tells."""
+    t = np.linspace(0.0, 1.0, 8 * COMPARED + 1)
+    middle = t[4 * COMPARED + COMPARED // 2]
+
+    def pulse(x):
+        return 1e-20 * math.pow(10, 20) * math.exp(-(((x - middle) / 5e-4) ** 2))
+
+    np.testing.assert_allclose(
+        InputSignal(pulse, 1)(t)[:, 0], [pulse(x) for x in t.tolist()], rtol=LAST_DIGITS, atol=LAST_DIGITS
+    )
+
+
+def test_bases_of_logarithms_stay_what_they_are():
+    base = np.array(10.0)
+    InputSignal(lambda t: math.sin(t) * math.log(5.0, base), 1)(FINE)
+    assert base == 10.0

@@ -104,7 +104,8 @@ class FixedFreedoms:
         new = [] if energy is None or energy.slow is None else [x for x in readings if x.t > self._t]
         if new:
             self._t, moves = new[-1].t, self._moves(new) @ self._found
-            if not all(self._leaves(*pair) for pair in zip(new, moves, strict=True)):
+            leaves = all(self._leaves(*pair) for pair in zip(new, moves, strict=True))
+            if not leaves or not energy.slow.cover(self._motion(new).w):
                 energy.slow = None
 
     def _leaves(self, reading: Reading, moves: np.ndarray) -> bool:

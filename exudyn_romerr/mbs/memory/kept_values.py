@@ -7,7 +7,7 @@ import io
 import pickle
 import sys
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from types import FunctionType, MemberDescriptorType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
@@ -15,7 +15,8 @@ import numpy as np
 
 OURS = __name__.split(".")[0]
 EXUDYN = "exudynCPP"  # in the name of its compiled module, of which there are several
-WRAPPERS = partial | MethodType | staticmethod | classmethod | property
+CACHED = type(lru_cache(abs))
+WRAPPERS = CACHED | partial | MethodType | staticmethod | classmethod | property
 NUMBERS = (type(None), bool, int, float, complex, str, bytes)
 PROTOCOL = 5  # contents of arrays may stay where they are
 STREAMS = ("__next__", "fileno")  # of generators and open files, of files and sockets

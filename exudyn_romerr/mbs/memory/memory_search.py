@@ -8,7 +8,7 @@ from functools import partial
 from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
-from .kept_values import WRAPPERS, Copies, Frozen, Variable, spaces_of
+from .kept_values import CACHED, WRAPPERS, Copies, Frozen, Variable, spaces_of
 
 SETS = re.compile(r"Set(\w+Parameter|(ODE1|ODE2|AE|Data)Coordinates(_t|_tt)?|SystemState|Time)$")  # of an mbs
 
@@ -61,6 +61,8 @@ class MemorySearch:
             self._add_function(value)
         elif isinstance(value, staticmethod | classmethod):
             self._add_values((value.__func__,))
+        elif isinstance(value, CACHED):  # what it keeps is what the function gave; that may keep something
+            self._add_values((value.__wrapped__,))
         elif isinstance(value, property):
             self._add_values((value.fget, value.fset))
         elif isinstance(value, type):

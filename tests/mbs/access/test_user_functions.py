@@ -6,7 +6,7 @@ import tempfile
 import threading
 import warnings
 import weakref
-from functools import partial
+from functools import lru_cache, partial
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -289,6 +289,17 @@ def of_an_open_file(scene):
     return lambda mbs, t, vector: [0.0, 10.0 + 1e-9 * float(lines.readline()), 0.0]
 
 
+def cached_noise(scene):
+    """Noise that is the same in all iterations of a step: of a generator, cached."""
+    random_numbers = np.random.default_rng(0)
+
+    @lru_cache(None)
+    def noise(t):
+        return random_numbers.normal()
+
+    return lambda mbs, t, vector: [0.0, 10.0 + noise(t), 0.0]
+
+
 LOADS = {
     "hidden": hidden,
     "mbs.variables": integral_of_the_mbs,
@@ -328,6 +339,12 @@ def test_runs_are_the_same_with_and_without_us(name):
     for one, other in zip(alone, watched, strict=True):
         np.testing.assert_array_equal(one, other)
     assert np.ptp(alone[0][:, 1:]) > 0
+
+
+def test_runs_with_cached_noise_are_the_same_with_and_without_us():
+    (alone, _), (watched, _) = (recorded(cached_noise, attached) for attached in (False, True))
+    for one, other in zip(alone, watched, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("name", LOADS)

@@ -286,7 +286,7 @@ def swung_up():
     squares, modes = la.eigh(X.T @ K @ X, X.T @ M @ X)
     omega, B = squares[-1] ** 0.5, M @ X @ modes[:, [-1, -1]]
     body = ElasticBody(M, K, positions=part.body.positions, reference=mass_orthogonal(), rayleigh=(0.0, beta / omega))
-    t, rate = 0.08 / omega * np.arange(8 * STEPS + 1), beta * omega / 2
+    t, rate = 0.16 / omega * np.arange(4 * STEPS + 1), beta * omega / 2
     swing = np.sqrt(omega**2 - rate**2)
     speed = np.exp(rate * t) * (np.cos(swing * t) + rate / swing * np.sin(swing * t))
     loads = np.column_stack([2 * beta * omega * speed, 0 * t])

@@ -110,3 +110,17 @@ def test_every_part_is_needed(part, monkeypatch):
     monkeypatch.setattr(SlowModes, "__init__", without)
     found = [violations(case.compared(case.e, [bounds(case, free)])) for case, free in map(on_a_joint, SEEDS)]
     assert any("y" in names for names in found)
+
+
+def test_turning_is_about_axes_that_the_joint_leaves_free():
+    """A joint that drives the body about an axis leaves it other ones; rounding at rest is about any."""
+    case, _ = on_a_joint(0)
+    (part,) = case.parts
+    energy = shared_energy(part.run(part.V, True), "reduction")
+    hinge, slider = np.eye(6)[:, 5:], np.eye(6)[:, :1]
+    along, beside, at_rest = np.array([[[0.0, 1e-4, 1.0]], [[0.0, 0.1, 1.0]], [[1e-14, 0.0, 0.0]]])
+    of_hinge, of_slider = energy.slow_modes(hinge), energy.slow_modes(slider)
+    assert of_hinge.cover(along)
+    assert not of_hinge.cover(beside)
+    assert not of_slider.cover(along)
+    assert of_slider.cover(at_rest)
