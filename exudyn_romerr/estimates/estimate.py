@@ -34,6 +34,15 @@ class Estimate(NamedTuple):
         """Its half width (T, r)."""
         return reduce(np.add, self.half_widths.values())  # of one: that array, no copy of it
 
+    def interface_share(self, otherwise: np.ndarray | float) -> np.ndarray | float:
+        """Return the share (r,) of rigid interfaces in what the basis makes, largest values over time.
+
+        otherwise : what is returned where the parts do not tell the two apart, or are not known.
+        """
+        stiff, modes = (np.max(np.abs(self.parts[cause]), axis=0, initial=0.0) for cause in ("interfaces", "basis"))
+        told = (stiff > 0) & np.isfinite(stiff + modes)
+        return np.where(told, np.divide(stiff, stiff + modes, out=np.zeros_like(stiff), where=told), otherwise)
+
 
 def estimated(streams: dict[str, dict[str, Bounds]], name: str, interfaces: np.ndarray | float = 0.0) -> Estimate:
     """Return what estimator `name` knows of an output's error; what it leaves is bounded, which is the half width.

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..linalg.blocked_products import row_norms
 from ..report.data import NodeFields
+from ..report.wording import DAMPED, SMOOTHLY
 from ..trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ class SolverFacts(NamedTuple):
 
 
 UNKNOWN = SolverFacts()
+AT_ONCE = 0.1  # of omega_1^2 max |V qr|_M: with as large a |V qr''|_M at first a body rings with that amplitude
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class RunRecord:
     t (T,), values (T, R), round_off (T, R), frames, driven_frames (T, 24) or (0,) : samples, output rows of the
     reduced body, what rounding of the input may move these by, motion of the frame if outputs need it, as the run has
     it, and as a function of time says, if one does.
+    sizes (T, 2) : |V qr|_M, |V qr''|_M.
     static_errors (T, 2, R) : see residual/interface_stiffening.py; (0,) if modes make no interface rigid.
     estimate : of all outputs as shown, side by side, from the linearised mechanism; None: there is none.
     left (T, r) : bound of what that leaves of outputs in global axes, fewer rows where it ended early.
@@ -64,6 +68,7 @@ class RunRecord:
     round_off: np.ndarray
     frames: np.ndarray
     driven_frames: np.ndarray
+    sizes: np.ndarray
     static_errors: np.ndarray
     streams: dict[str, dict[str, Bounds]]
     estimate: Estimate | None
@@ -79,6 +84,14 @@ class RunRecord:
     rounding_share: float | None
     largest_miss: float | None
 
+    @property
+    def beside_steps(self) -> tuple[str, ...]:
+        """What helps beside shorter steps where the body rings, for something acts on it at once; else nothing."""
+        displaced, accelerated = np.max(self.sizes[:, 0]), np.max(self.sizes[:2, 1])
+        if self.begins_late or not accelerated > AT_ONCE * self.offline.omega_1**2 * displaced:
+            return ()
+        return (SMOOTHLY, DAMPED) if self.offline.is_undamped else (SMOOTHLY,)
+
 
 class RecordedSamples:
     """What is kept of samples along a run: t, output rows, their round-off, frames if outputs need them.
@@ -92,7 +105,9 @@ class RecordedSamples:
         self._motions: list[tuple[int, np.ndarray]] = []  # number of the first sample, q
         self._worst: dict[str, tuple[float, int]] = {}  # estimator -> its largest bound of |e|_M, and where
         self._looked: dict[str, int] = {}
-        self._values, self._round_off, self._frames, self._driven_frames = (GrowingArray() for _ in range(4))
+        self._values, self._round_off, self._frames, self._driven_frames, self._sizes = (
+            GrowingArray() for _ in range(5)
+        )
 
     def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray, driven: np.ndarray) -> None:
         """Keep further samples; rounded: what rounding of the computation may move there; own: see RoundOff.
@@ -103,6 +118,7 @@ class RecordedSamples:
         self._motions.append((len(self.t), new.q))
         self.t.append(new.t)
         self._values.append(self._offline.outputs_of(new.q, new.q_t))
+        self._sizes.append(row_norms(np.stack([new.q, new.q_tt], axis=1) @ self._offline.mass_root.T))
         of_input = self._offline.input_rounding
         self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u, own) if of_input else rounded).outputs)
         if self._offline.static_errors is not None:
@@ -145,4 +161,5 @@ class RecordedSamples:
         """Return the fields t, values, round_off, frames of a RunRecord."""
         kept = {"t": self.t, "values": self._values, "round_off": self._round_off, "frames": self._frames}
         kept |= {"driven_frames": self._driven_frames, "static_errors": self._static_errors}
+        kept["sizes"] = self._sizes
         return {name: rows.read()[index] for name, rows in kept.items()}

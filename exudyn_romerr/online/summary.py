@@ -61,9 +61,11 @@ def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputRepor
             seen = rows if view is None else _turned(view, rows, run)
             share = _interface_share(run, part, view)
             known = _estimate(run, i, seen.streams, share)
+            if run.estimate is not None:  # static parts lack the inertia that sets what a mechanism's modes leave
+                share = known.estimate.interface_share(share)
             if view is not None and offline.scene.coupled:
                 seen = seen.of_a_moving_frame(offline.scene, _in_global_axes(run, i))
-            more = share, known, run.tolerances.get(out.name)
+            more = share, known, run.tolerances.get(out.name), run.beside_steps
             found[out.name] = replace(_output_report(out, seen, widest, *more), stopped=stopped_at(run))
     return found
 
@@ -161,6 +163,7 @@ def _output_report(
     interfaces: np.ndarray | float,
     found: _Known,
     tolerance: float | None,
+    beside_steps: tuple[str, ...],
 ) -> OutputReport:
     value, round_off, streams = seen
     bound, estimate = _with_best(streams["total"], widest), found.estimate
@@ -183,6 +186,7 @@ def _output_report(
         estimate_scope=found.scope,
         labels=out.labels,
         tolerance=tolerance,
+        beside_steps=beside_steps,
     )
 
 

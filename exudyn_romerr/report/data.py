@@ -72,6 +72,7 @@ class OutputData:
     labels: tuple[str, ...] = ()
     tolerance: float | None = None
     stopped: float | None = None
+    beside_steps: tuple[str, ...] = ()
 
     @property
     def row_names(self) -> list[str]:

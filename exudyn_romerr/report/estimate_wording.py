@@ -10,7 +10,9 @@ from ..estimates.estimate import RESOLVED
 from .scope import FROZEN
 from .wording import (
     CURES_OF_CHECKS,
+    MUCH_SHORTER,
     NOT_LINEAR,
+    RINGS,
     SHORT,
     digits,
     error_kind,
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 THREE_DIGITS = 0.05  # half width over the largest estimate: below it the third digit says something
 SMALL = 0.1  # of what other causes make: that is not what makes an error too large to be linear
+TWENTIETH = 20.0  # times shorter steps: who is told to halve them would not get there
 SHOWN = 0.005  # of the largest estimate: a part or half width below it is not seen in three digits
 
 
@@ -34,7 +37,8 @@ class Known(NamedTuple):
     size : the largest |estimate|. off : how far the largest error may be from it, by the half widths of all instants.
     half : the largest half width, or, where that is proved, off: a proof needs no margin. most : the largest sum of
     estimate, half width and rounding. floor : what rounding of the input may move. check : makes most of the half
-    width. parts : the largest |part| by cause, each at its own instant: two that cancel at one are both seen.
+    width. parts : the largest |part| by cause, each at its own instant: two that cancel at one are both seen. value :
+    the largest |value|. beside_steps : see OutputReport.
     """
 
     size: float
@@ -44,11 +48,18 @@ class Known(NamedTuple):
     floor: float
     check: str
     parts: dict[str, float]
+    value: float
+    beside_steps: tuple[str, ...]
 
     @property
     def is_resolved(self) -> bool:
         """Whether the estimate is a number to rely on."""
         return self.half <= RESOLVED * self.size
+
+    @property
+    def tells_nothing(self) -> bool:
+        """Whether the error may be larger than the output itself, for all that is known: the estimate is no size."""
+        return not self.is_resolved and self.half > self.value > 0
 
     @property
     def of_modes(self) -> tuple[float, str]:
@@ -58,9 +69,22 @@ class Known(NamedTuple):
     @property
     def cure(self) -> str:
         """What would make the half width smaller, in words."""
+        if self.check != "steps" or not self.beside_steps:
+            return self.first_cure
+        *others, last = self.first_cure, *self.beside_steps
+        return f"{', '.join(others)} or {last}{RINGS}"
+
+    @property
+    def first_cure(self) -> str:
+        """The same in a few words: of time steps, how much shorter ones are needed at least.
+
+        Half widths fall with the square of the step at best, and have to come down to RESOLVED of the output.
+        """
         steps, modes = self.parts.get("time step", 0.0), self.of_modes[0]
         if self.check == "linearisation" and min(steps, modes) < SMALL * max(steps, modes):
             return f"{'more modes' if steps < modes else 'shorter steps'}, {NOT_LINEAR}"
+        if self.check == "steps" and TWENTIETH**2 * RESOLVED * self.value < self.half < np.inf and self.value > 0:
+            return MUCH_SHORTER
         return CURES_OF_CHECKS[self.check]
 
     @property
@@ -80,7 +104,7 @@ def known(out: OutputData, row: int | None = None) -> Known | None:
     off = max(most - _largest(size), _largest(size) - least)
     doubt = off if set(out.uncertainty_parts) == {"proved"} else _largest(half)
     largest = (_largest(size), doubt, off, _largest(size + half + floor), _largest(floor))
-    return Known(*largest, _check(out, rows), parts)
+    return Known(*largest, _check(out, rows), parts, _largest(out.value[:, rows]), out.beside_steps)
 
 
 def parts_of(out: OutputData) -> dict[str, np.ndarray]:
@@ -143,8 +167,10 @@ def about(out: OutputData, row: int, found: Known) -> str:
     if is_enough(out, found):
         share = _share(found.most, of)
         return f"about {digits(found.most, 2)} {out.unit} or less{share and f' ({share})'}"
+    if found.tells_nothing:
+        return f"not known (not resolved: {found.first_cure})"
     half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
-    return f"not resolved: {found.cure} (about {digits(found.size, 2)} {out.unit}, half width {half})"
+    return f"not resolved: {found.first_cure} (about {digits(found.size, 2)} {out.unit}, half width {half})"
 
 
 def about_all(out: OutputData, scope: dict[str, str]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from .advice import by_bound, next_step
 from .estimate_wording import about_all, estimated_kind
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED
-from .wording import advises, digits, error_kind, is_uncertified, percent, rounded_up, under, widest_scope
+from .wording import RINGS, advises, digits, error_kind, is_uncertified, percent, rounded_up, under, widest_scope
 
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
@@ -51,7 +51,7 @@ def _next_step(report: ReportData, out: OutputData) -> str:
     """What helps most: under the forces of a run whose other bodies' errors are not known, to know these."""
     if UNATTACHED in report.scope_reason:
         return ATTACH_ALL
-    return next_step(out, report.time, report.scope)
+    return next_step(out, report.time, report.scope).removesuffix(RINGS)  # the advice below says it
 
 
 def _at_most(report: ReportData, out: OutputData, largest: float) -> str:

@@ -54,7 +54,8 @@ class OutputReport(OutputData):
     error (T, r), effectivity[e] (r,) = max_t bound / max_t |error| and, with an estimate, estimate_off (r,) =
     max_t |error - estimate| / max_t |error| once a truth was compared. labels : names of the rows, or ().
     tolerance : what attach, or choose_modes, was asked to keep the bound below, None: nothing. stopped : instant at
-    which such a tolerance, of this or another output, stopped the run before its end; None: none did.
+    which such a tolerance, of this or another output, stopped the run before its end; None: none did. beside_steps :
+    what helps beside shorter steps where these do not resolve what starts at once.
     """
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:

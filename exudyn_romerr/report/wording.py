@@ -32,6 +32,9 @@ STEPS = {  # in two words, for a table
 }
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"
 NOT_LINEAR = "for the error is too large to be linear"
+RINGS = ", for what starts at once rings in modes that the steps do not resolve"
+MUCH_SHORTER = "take a twentieth of the step or less"
+SMOOTHLY, DAMPED = "let loads begin smoothly", "give the body damping"  # what helps beside shorter steps
 CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
     "steps": "halve the step",
     "vectors": MORE_VECTORS,
@@ -94,6 +97,12 @@ def best_estimator(out: OutputData, row: int, scope: dict[str, str]) -> str:
 def under(scope: dict[str, str], e: str = "best") -> str:
     """Return what must be said with a bound, in two words: nothing where the scope is complete."""
     return SHORT.get(widest_scope(scope) if e == "best" else scope[e], "")
+
+
+def bound_column(scope: dict[str, str], e: str = "best") -> str:
+    """Return what a column of bounds is called: beside estimates of a mechanism, with time steps, what it is of."""
+    of = widest_scope(scope) if e == "best" else scope[e]
+    return f"{'reduction error ' if of == COUPLED else ''}bound"
 
 
 def largest(x: np.ndarray, row: int) -> float:

@@ -14,7 +14,7 @@ from ..report.estimate_wording import estimated_under, known
 from ..report.formats.atomic_write import write_whole
 from ..report.formats.csv_table import largest
 from ..report.report import BoundReport
-from ..report.wording import digits, rounded_up, under
+from ..report.wording import bound_column, digits, rounded_up, under
 from .result_files import results_in
 from .variations import Failure
 
@@ -119,7 +119,7 @@ def _largest_of(report: BoundReport, out: OutputReport, row: int) -> dict[str, A
     estimate = None if found is None else f"{digits(found.size)}{estimated_under(out, report.scope)}"
     half = None if found is None else rounded_up(found.half) if np.isfinite(found.half) else "not known"
     bound = f"{rounded_up(bound)}{under(report.scope)}" if np.isfinite(bound) else "not bounded"
-    return {"largest": size, "estimate": estimate, "half width": half, "bound": bound}
+    return {"largest": size, "estimate": estimate, "half width": half, bound_column(report.scope): bound}
 
 
 def _parts(value: dict | list | tuple) -> Any:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.report.wording import DAMPED, SMOOTHLY
 from models.exact import full_solution, reduced_solution, reduced_trajectory
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model
@@ -32,6 +33,22 @@ def run():
     free = full_solution(body, B, [0.0], W, offset).motion(t)
     truth, of_start = ({"y": q @ rows.T, "v": q_t @ rows.T} for q, q_t, _ in (full, free))
     return report, truth, of_start
+
+
+@pytest.mark.parametrize(
+    ("beta", "start", "helps"), [(0.0, 1.0, (SMOOTHLY, DAMPED)), (1e-3, 1.0, (SMOOTHLY,)), (0.0, 0.0, ())]
+)
+def test_what_starts_at_once_is_told_from_a_load_that_grows(beta, start, helps):
+    """A body that is let go where its load, a slow sine, would not hold it, and one that only follows that load."""
+    of = model("chain", "under", 3)
+    body = romerr.ElasticBody(of.M, of.K, rayleigh=(0.0, beta))
+    basis, rows = romerr.modal_basis(body, 2), np.eye(body.N)[:1]
+    omega, B = of.modes[0][0], of.M @ np.ones((body.N, 1))
+    initial = [start * np.ones(2), np.zeros(2)]
+    reduced = reduced_solution(body, basis, B, [1.0], 0.05 * omega, initial)
+    trajectory = reduced_trajectory(reduced, np.linspace(0, 60 / omega, 601), [1.0])
+    report = romerr.evaluate(body, basis, trajectory, inputs=B, outputs=[romerr.Output("y", rows)])
+    assert report.output("y").beside_steps == helps
 
 
 def test_estimate_is_the_error(run):

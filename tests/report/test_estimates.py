@@ -10,7 +10,7 @@ from exudyn_romerr.report.advice import ABOUT_ENOUGH, NOT_RESOLVED, judged, next
 from exudyn_romerr.report.estimate_wording import known, off_by
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
 from exudyn_romerr.report.verdict import sentence
-from exudyn_romerr.report.wording import CURES_OF_CAUSES, CURES_OF_CHECKS
+from exudyn_romerr.report.wording import CURES_OF_CAUSES, CURES_OF_CHECKS, DAMPED, MUCH_SHORTER, RINGS, SMOOTHLY
 from tests.report.test_verdict import output
 
 CONDITION = "under the frame motion, loads and joint forces of this run"
@@ -135,7 +135,7 @@ BEAM = (2.5e-5, 1.22e-6, BAR)
         (
             estimated(2.0, 1.0, {"basis": 0.1}, {"steps": np.inf}),
             "reconstructed",
-            ", error not resolved: halve the step (about 0.1 m, half width not known), at most 1 m",
+            ", error not known (not resolved: halve the step), at most 1 m",
         ),
         (
             estimated(2.0, 1.0, {"basis": 0.1}, {"steps": 0.02, "vectors": 0.04}, covers=FROZEN),
@@ -184,6 +184,35 @@ def test_what_is_not_resolved_is_no_number_to_rely_on(check):
 def test_what_is_too_large_to_be_linear_is_what_is_large(parts, cure):
     out, scope = estimated(2.0, 1.0, parts, {"linearisation": 0.4})
     assert next_step(out, "reconstructed", scope) == cure
+
+
+@pytest.mark.parametrize(
+    ("half", "beside", "few", "said"),
+    [
+        (0.05, (), "halve the step", "halve the step"),
+        (0.05, (SMOOTHLY,), "halve the step", f"halve the step or {SMOOTHLY}{RINGS}"),
+        (0.05, (SMOOTHLY, DAMPED), "halve the step", f"halve the step, {SMOOTHLY} or {DAMPED}{RINGS}"),
+        (239.0, (), "halve the step", "halve the step"),  # 400 times 0.3 of an output of 2 m are 240 m
+        (241.0, (), MUCH_SHORTER, MUCH_SHORTER),
+        (241.0, (SMOOTHLY, DAMPED), MUCH_SHORTER, f"{MUCH_SHORTER}, {SMOOTHLY} or {DAMPED}{RINGS}"),
+    ],
+)
+def test_steps_that_do_not_resolve_what_rings(half, beside, few, said):
+    """In the row only how much shorter; where the error may exceed the output the estimate is no size there."""
+    out, scope = estimated(2.0, 1.0, {"basis": 0.1}, {"steps": half})
+    out.beside_steps = beside
+    (line,) = out.verdict("reconstructed", scope)
+    unknown = f"error not known (not resolved: {few}), at most"
+    resolved_less = f"error not resolved: {few} (about 0.1 m, half width up to {half:g} m), at most"
+    assert (unknown if half > 2.0 else resolved_less) in line
+    assert next_step(out, "reconstructed", scope) == said
+    assert out.advice("reconstructed", scope).endswith(f": {said}")
+
+
+def test_other_checks_know_nothing_of_what_rings():
+    out, scope = estimated(2.0, 1.0, {"basis": 0.1}, {"vectors": 241.0})
+    out.beside_steps = (SMOOTHLY, DAMPED)
+    assert next_step(out, "reconstructed", scope) == VECTORS
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
+from exudyn_romerr.report.formats import csv_table
 from exudyn_romerr.report.formats.provenance import made_here
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
 from models import floating
@@ -107,6 +108,16 @@ def test_columns_have_estimates_where_there_are_any(report, scope, said):
     assert sum("estimate" in name or "uncertainty" in name for name in columns) == 6  # of tip z alone
     report.output("tip z").estimate_scope = COUPLED
     assert "tip z estimate [m]" in report.to_dict()
+
+
+@pytest.mark.parametrize(("scope", "of"), [(COMPLETE, ""), (COUPLED, "reduction error "), (FROZEN, "")])
+def test_columns_of_bounds_without_time_steps_say_what_they_are_of(report, scope, of):
+    """Beside an estimate with time steps, which may be larger; other names are those of 0.1."""
+    other = replace(report, scope=dict.fromkeys(report.scope, scope))
+    said = {COMPLETE: "", COUPLED: ", to first order", FROZEN: ", inputs frozen"}[scope]
+    assert f"tip z {of}bound{said} [m]" in other.to_dict()
+    assert all(f"tip z {of}bound {e}{said} [m]" in other.to_dict() for e in report.scope)
+    assert f"tip z {of}bound{said} largest [m]" in csv_table.largest(other)
 
 
 @pytest.mark.parametrize(("scope", "said"), [(COUPLED, ", to first order"), (FROZEN, ", inputs frozen")])

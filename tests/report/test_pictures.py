@@ -397,9 +397,21 @@ def test_outputs_without_a_bound_are_drawn_by_their_estimate():
         out.bound = {e: np.full_like(x, np.inf) for e, x in out.bound.items()}
         out.estimate = size * np.ones_like(out.value) * [2.0, 1.0]
         out.uncertainty = np.zeros_like(out.value)
+        out.uncertainty_parts = {"steps": out.uncertainty}
     assert drawn(plot_report(report)) == [*(f"out {number} y" for number in range(1, PANELS)), f"out {PANELS} x"]
     assert drawn(plot_causes(report)) == [f"out {number} y" for number in range(1, PANELS)]
     assert drawn(plot_causes(report, outputs=["out 0"])) == ["out 0 x", "out 0 y"]
+
+
+@pytest.mark.parametrize(("half", "is_said"), [(9.0, False), (12.0, True)])  # of an output of 10 to 11 mm
+def test_legends_say_that_an_estimate_is_not_resolved(half, is_said):
+    report = several(1, 1)
+    (out,) = report.outputs.values()
+    out.estimate, out.uncertainty = np.ones_like(out.value), np.full_like(out.value, half)
+    out.estimate_parts, out.uncertainty_parts = {"basis": out.estimate}, {"steps": out.uncertainty}
+    labels = [label for ax in plot_report(report).axes for label in ax.get_legend_handles_labels()[1]]
+    assert ("value + estimate (not resolved)" in labels) == is_said
+    assert ("value + estimate" in labels) != is_said
 
 
 def test_titles_stay_in_their_panels():

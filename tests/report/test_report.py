@@ -13,7 +13,7 @@ import pytest
 from exudyn_romerr import InputError, load_report
 from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.scope import FROZEN, NOT_CERTIFIED
-from exudyn_romerr.report.wording import rounded_up
+from exudyn_romerr.report.wording import RINGS, rounded_up
 from tests.helpers import tolerances as tol
 from tests.helpers.theorem import random_case
 
@@ -46,6 +46,7 @@ def test_save_and_load_keep_everything(report, case, tmp_path, with_truth):
     report.save(tmp_path / "run.npz")
     again = load_report(tmp_path / "run.npz")
     assert str(again) == str(report)
+    assert again.output("y").beside_steps == report.output("y").beside_steps != ()
     assert (again.scope, again.reasons, again.messages, again.plan) == (
         report.scope,
         report.reasons,
@@ -235,7 +236,9 @@ def test_table_has_a_column_of_estimates_where_there_are_any(report):
     assert re.split(r"  +", head)[2:4] == ["error about", "reduction error at most"]
     assert re.split(r"  +", y)[2].endswith(" (10 %), inputs frozen")
     out.uncertainty_parts["steps"] = out.uncertainty = 0.04 * np.abs(out.value)
-    assert re.split(r"  +", str(report).splitlines()[2])[2::3] == ["not resolved, inputs frozen", "halve the step"]
+    line, todo = str(report).splitlines()[2], "halve the step or let loads begin smoothly"  # without the reason
+    assert re.split(r"  +", line)[2::3] == ["not resolved, inputs frozen", todo]
+    assert f": {todo}{RINGS}" in str(report)
     out.round_off = np.full_like(out.value, largest)
     assert "or less, at round-off" in str(report).splitlines()[2]
 

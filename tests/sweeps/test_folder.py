@@ -11,6 +11,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
+from exudyn_romerr.report.scope import COUPLED
 from exudyn_romerr.report.wording import rounded_up
 from exudyn_romerr.sweeps.collect import table_of
 from exudyn_romerr.sweeps.result_files import read_result
@@ -48,6 +49,12 @@ def report(parameters):
     case = random_case(int(parameters["seed"]), steps=20)
     found = case.report(outputs=[romerr.Output("tip z", case.C[0], unit="m")], estimators=("fast",))
     return found, 3.0
+
+
+def report_to_first_order(parameters):
+    found, _ = report(parameters)
+    found.scope = dict.fromkeys(found.scope, COUPLED)
+    return found
 
 
 def value(parameters):
@@ -202,6 +209,15 @@ def test_reports_are_printed_a_row_a_line(tmp_path, capsys):
     assert cells[2] == f"0 tip z [{out.unit}]"
     assert float(cells[3]) == float(f"{np.max(np.abs(out.value)):.4g}")
     assert cells[-1] == rounded_up(np.max(out.bound["best"]))
+
+
+def test_bounds_of_mechanisms_are_called_what_they_are_of(tmp_path, capsys):
+    """Not of the time steps, which the estimates beside them may have in them."""
+    romerr.sweep(report_to_first_order, {"seed": [1]}, folder=tmp_path)
+    assert main(["collect", str(tmp_path)]) == 0
+    head, _, line = capsys.readouterr().out.splitlines()
+    assert head.strip("| ").endswith("| reduction error bound")
+    assert line.strip("| ").endswith(", to first order")
 
 
 @pytest.mark.parametrize(

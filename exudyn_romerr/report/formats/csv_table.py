@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..estimate_wording import estimated_under
-from ..wording import under
+from ..wording import bound_column, under
 from .atomic_write import write_whole
 
 if TYPE_CHECKING:
@@ -37,8 +37,8 @@ def columns(report: ReportData) -> dict[str, np.ndarray]:
         half width) with their parts, such as "tip z estimate basis [m]" and "tip z uncertainty steps [m]" (where an
         estimate is known), "tip z round-off [m]", "tip z true error [m]" (if a truth was compared); then "position
         bound auxiliary" and "velocity bound auxiliary" of |e|_M and |e'|_M. Where the scope is not complete the names
-        of bounds say so: "tip z bound, inputs frozen [m]", or ", to first order"; those of estimates only with inputs
-        frozen.
+        of bounds say so: "tip z bound, inputs frozen [m]", "tip z reduction error bound, to first order [m]" (without
+        the time steps, which estimates have in them); those of estimates only with inputs frozen.
 
     Notes
     -----
@@ -60,7 +60,7 @@ def largest(report: ReportData) -> dict[str, float]:
     for out in report.outputs.values():
         condition = estimated_under(out, report.scope)
         kinds = {"": out.value, f"estimate{condition}": out.estimate, f"uncertainty{condition}": out.uncertainty}
-        kinds[f"bound{under(report.scope)}"] = out.bound["best"]
+        kinds[f"{bound_column(report.scope)}{under(report.scope)}"] = out.bound["best"]
         for row, name in enumerate(out.row_names):
             for what, x in kinds.items():
                 if x is not None:
@@ -94,8 +94,8 @@ def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
 
 def _series(out: OutputData, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
     yield "", out.value
-    yield f"bound{under(scope)}", out.bound["best"]
-    yield from ((f"bound {e}{under(scope, e)}", x) for e, x in out.bound.items() if e != "best")
+    yield f"{bound_column(scope)}{under(scope)}", out.bound["best"]
+    yield from ((f"{bound_column(scope, e)} {e}{under(scope, e)}", x) for e, x in out.bound.items() if e != "best")
     if out.corrected is not None:
         yield "corrected", out.corrected
         yield f"corrected bound{under(scope)}", out.corrected_bound

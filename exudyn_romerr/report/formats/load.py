@@ -47,7 +47,8 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
     """Return the report that npz_file.arrays_of took apart; origin: the file that they were in."""
     meta = json.loads(str(arrays["meta"]))
     count = len(meta["outputs"])
-    older = {"labels": (), "tolerances": None, "estimate_scopes": "", "stopped": None}  # what older files lack
+    # what older files lack
+    older = {"labels": (), "tolerances": None, "estimate_scopes": "", "stopped": None, "beside_steps": ()}
     more = zip(*(meta.get(key, [nothing] * count) for key, nothing in older.items()), strict=True)
     outputs = [
         _load_output(arrays, i, *names, *known)
@@ -95,11 +96,13 @@ def _load_output(
     tolerance: float | None,
     scope: str,
     stopped: float | None,
+    beside_steps: list,
 ) -> OutputReport:
     dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
     optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
     plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
     known = {"labels": tuple(labels), "tolerance": tolerance, "estimate_scope": scope, "stopped": stopped}
+    known["beside_steps"] = tuple(beside_steps)
     return OutputReport(name, unit, of, **plain, **dicts, **optional, **known)
 
 

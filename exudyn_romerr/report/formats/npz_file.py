@@ -62,6 +62,7 @@ def _meta(report: ReportData) -> dict:
         "estimate_scopes": [out.estimate_scope for out in report.outputs.values()],
         "tolerances": [out.tolerance for out in report.outputs.values()],
         "stopped": [out.stopped for out in report.outputs.values()],
+        "beside_steps": [out.beside_steps for out in report.outputs.values()],
         "made": report.made,
         "scope": report.scope,
         "scope_reason": report.scope_reason,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...checks import check_count
-from ..estimate_wording import estimated_kind, estimated_under
+from ..estimate_wording import estimated_kind, estimated_under, known
 from ..wording import at_round_off, error_kind, rounded_up, under
 from .style import (
     CAUSE_STYLES,
@@ -134,7 +134,8 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
     if _is_estimated(out):
         half = out.uncertainty[:, row]
         within = f"half width{estimated_under(out, report.scope)}, {at_most(half, out.unit, 'up to')}"
-        return out.value[:, row] + out.estimate[:, row], half, f"value + estimate ± {within}", "value + estimate"
+        line = f"value + estimate{_not_resolved(out, row)}"
+        return out.value[:, row] + out.estimate[:, row], half, f"value + estimate ± {within}", line
     if out.corrected is None:
         return None
     bound = out.corrected_bound[:, row]
@@ -163,13 +164,19 @@ def _estimate(ax: Any, report: ReportData, out: OutputData, row: int) -> None:
     size, half, t = np.abs(out.estimate[:, row]), out.uncertainty[:, row], report.t
     style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
     style["zorder"] = 2.5  # above the other lines
-    log_line(ax, t, size, label=f"|estimate|{estimated_under(out, report.scope)}", **style)
-    known = np.isfinite(half) & (size + half > 0)
-    if known.any():
-        high = np.where(known, size + half, 1.0)
-        low = np.maximum(size - half, min(np.min(high[known]), np.min(size, where=size > 0, initial=np.inf)))
+    log_line(ax, t, size, label=f"|estimate|{estimated_under(out, report.scope)}{_not_resolved(out, row)}", **style)
+    is_known = np.isfinite(half) & (size + half > 0)
+    if is_known.any():
+        high = np.where(is_known, size + half, 1.0)
+        low = np.maximum(size - half, min(np.min(high[is_known]), np.min(size, where=size > 0, initial=np.inf)))
         style = {"facecolor": COLOURS["estimate"], "alpha": 0.25, "linewidth": 0}
-        _fill(ax, t, np.where(known, low, 1.0), high, known, label="half width of the estimate", **style)
+        _fill(ax, t, np.where(is_known, low, 1.0), high, is_known, label="half width of the estimate", **style)
+
+
+def _not_resolved(out: OutputData, row: int) -> str:
+    """For a legend: that the estimate is no number to rely on."""
+    found = known(out, row)
+    return " (not resolved)" if found is not None and found.tells_nothing else ""
 
 
 def _of_what(report: ReportData, out: OutputData) -> str:
