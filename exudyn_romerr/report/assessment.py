@@ -62,14 +62,14 @@ def assess(report: ReportData, name: str, tolerance: float, relative: bool = Fal
     out = report.output(name)
     limits = _limits(out, tolerance, relative)
     found = [_of_row(report, replace(out, tolerance=limit), row) for row, limit in enumerate(limits)]
-    worst = _worst(found, out)
+    worst = _worst(found, limits)
     return _with_small_row(out, tolerance, found, found.index(worst)) if relative else worst
 
 
-def _worst(found: Sequence[Assessment], out: OutputData) -> Assessment:
-    """The worst answer; of rows that share it that of the one that moves most."""
+def _worst(found: Sequence[Assessment], limits: Sequence[float]) -> Assessment:
+    """The worst answer; of rows that share it the first with the largest tolerance: of shares, that moves most."""
     ranks = [ANSWERS.index(assessment.answer) for assessment in found]
-    return found[np.lexsort((-np.max(np.abs(out.value), axis=0), ranks))[0]]
+    return found[np.lexsort((-np.array(limits), ranks))[0]]
 
 
 def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], row: int) -> Assessment:
