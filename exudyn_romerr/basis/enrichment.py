@@ -92,9 +92,8 @@ class Enrichment:
         self.P, self.omega = (np.hstack([block[k] for block in found]) for k in (0, 1))
         count = [len(block[1]) for block in found]
         self.keeps, self.first = (np.repeat([block[k] for block in found], count) for k in (2, 3))
-        kept = independent_beside(
-            self._energies, self._factor.half_multiply(self.P)
-        )  # blocks know V, not one another
+        # blocks know V, not one another
+        kept = independent_beside(self._energies, self._factor.half_multiply(self.P))
         self.P = self.P[:, kept]
         self.omega, self.keeps, self.first = (x[kept] for x in (self.omega, self.keeps, self.first))
 

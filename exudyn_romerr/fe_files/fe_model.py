@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -101,8 +100,9 @@ class FEModel:
             No positions, rotations (6 coordinates a node), or coordinates that the file holds: Exudyn's bodies are
             free solids.
         """
-        # by name: what uses Exudyn stands above this folder
-        return import_module("exudyn_romerr.mbs.studies.fem_export").fem_of(self)
+        from ..mbs.studies.fem_export import fem_of  # Exudyn is there only where this is asked for
+
+        return fem_of(self.mass, self.stiffness, self.positions, self.elements, self.node_sets, self.held)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to an .npz file that read_body reads again, faster than text; InputError if it cannot."""
