@@ -2,6 +2,7 @@
 
 from setuptools import Extension, setup
 
-MARCHED = Extension("exudyn_romerr.estimates._marched", ["exudyn_romerr/estimates/_marched.c"], optional=True)
+C = "exudyn_romerr/compiled/"
+HEADERS = [C + "march.h", C + "oscillators.h"]
 
-setup(ext_modules=[MARCHED])
+setup(ext_modules=[Extension("exudyn_romerr.compiled._loops", [C + "loops.c"], depends=HEADERS, optional=True)])

@@ -12,12 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..compiled.loops import loops
 from .columns import Columns, at_all, distinct, side_by_side
-
-try:
-    from . import _marched as compiled
-except ImportError:  # installed without a compiler, or run from its sources
-    compiled = None
 
 
 @dataclass(frozen=True)
@@ -167,7 +163,7 @@ class Steps:
         held = {j: J for j, J in held if J.size}
         kept, place = distinct(given, held)
         held = [(kept.index(j), J) for j, J in held.items() if j in kept]  # others are 0 all the same
-        marched = self._marched if compiled is None else self._marched_at_once
+        marched = self._marched if loops is None else self._marched_at_once
         found = marched(*(x if len(kept) == len(x) else x[kept] for x in given), held=held)
         found, z = (np.moveaxis(at_all(x, place), 1, -1) for x in found)
         all_found = np.split(found, ends[:-1], axis=3)
@@ -230,7 +226,7 @@ class Steps:
         states, solutions = np.empty((S, columns, 4, k)), np.empty((S, columns, n))
         maps, held = (self.scheme.ahead(self.h), self.scheme.next(self.h)), [(j, J.astype(np.int64)) for j, J in held]
         given = moving, right, kicks, *maps, *self._matrices, self.once
-        if not compiled.march(columns, S, k, n, *given, states, solutions, held):
+        if not loops.march(columns, S, k, n, *given, states, solutions, held):
             raise np.linalg.LinAlgError("Singular matrix")  # as _hold does
         return states, solutions
 

@@ -95,7 +95,7 @@ def contents(wheel):
 
 PACKAGE = ROOT / "exudyn_romerr"
 FILES = {path.relative_to(ROOT).as_posix() for path in PACKAGE.rglob("*") if path.suffix in (".py", ".typed")}
-COMPILED = f"exudyn_romerr/estimates/_marched{sysconfig.get_config_var('EXT_SUFFIX')}"
+COMPILED = f"exudyn_romerr/compiled/_loops{sysconfig.get_config_var('EXT_SUFFIX')}"
 
 
 def test_wheel_has_the_package_and_nothing_else(wheel):

@@ -1,4 +1,4 @@
-"""The compiled march beside the one in NumPy, which is the reference: of a mechanism's run, and of random numbers."""
+"""Compiled loops beside those in NumPy, which are the reference: of a mechanism's run, and of random numbers."""
 
 import shutil
 import subprocess
@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.compiled.loops import loops as installed
 from exudyn_romerr.estimates import march
 from exudyn_romerr.estimates.march import Columns, Scheme, Steps
+from exudyn_romerr.linalg import modal_oscillators
+from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
 from models import floating
 from tests.helpers import tolerances as tol
 
 ROOT = Path(__file__).resolve().parents[2]
-NEEDED = ("setup.py", "pyproject.toml", "README.md", "LICENSE", "exudyn_romerr/estimates/_marched.c")
+NEEDED = ("setup.py", "pyproject.toml", "README.md", "LICENSE", "exudyn_romerr/compiled")
 # Random numbers: products of up to 60 in another order, 1e-16 each, added up over 20 steps that do not grow.
 SAME = 1e-12
 
@@ -25,18 +28,18 @@ SAME = 1e-12
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory):
     """The compiled part: what is installed, else built from its source."""
-    if march.compiled is not None:
-        return march.compiled
+    if installed is not None:
+        return installed
     folder = tmp_path_factory.mktemp("compiled")
     for name in NEEDED:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, folder / name)
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
+        copy(ROOT / name, folder / name)
     command = [sys.executable, "setup.py", "build_ext", "--build-lib", "built"]
     done = subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8")
-    found = [path for suffix in EXTENSION_SUFFIXES for path in (folder / "built").rglob(f"_marched{suffix}")]
+    found = [path for suffix in EXTENSION_SUFFIXES for path in (folder / "built").rglob(f"_loops{suffix}")]
     if not found:
-        pytest.skip(f"the compiled march was not installed and cannot be built here: {done.stderr[-500:]}")
-    module = module_from_spec(spec := spec_from_file_location("exudyn_romerr.estimates._marched", found[0]))
+        pytest.skip(f"the compiled part is not installed and cannot be built here: {done.stderr[-500:]}")
+    module = module_from_spec(spec := spec_from_file_location("exudyn_romerr.compiled._loops", found[0]))
     spec.loader.exec_module(module)
     return module
 
@@ -51,7 +54,7 @@ class Both:
     def march(self, steps, *parts, multipliers=False):
         found = []
         for one in (None, self.compiled):
-            self.monkeypatch.setattr(march, "compiled", one)
+            self.monkeypatch.setattr(march, "loops", one)
             found.append(self.of_steps(steps, *parts, multipliers=True))
         for part, (numpy, other) in zip(parts, zip(*found, strict=True), strict=True):
             of_kinds = zip(numpy[0].swapaxes(0, 1), other[0].swapaxes(0, 1), strict=True)  # e, e', e'', a
@@ -112,14 +115,14 @@ def test_what_cannot_be_held_is_told(compiled, monkeypatch):
     steps = random_steps(np.random.default_rng(1), 4, 0)
     steps.inverses[7, 2] = steps.inverses[7, :, 2] = 0.0
     for one in (None, compiled):
-        monkeypatch.setattr(march, "compiled", one)
+        monkeypatch.setattr(march, "loops", one)
         with pytest.raises(np.linalg.LinAlgError, match="Singular matrix"):
             steps.march(Columns(np.ones((4, 4, 1)), held=[np.array([1, 2])]))
 
 
 def test_other_shapes_are_refused(compiled, monkeypatch):
     """Nothing is read beyond the end of an array."""
-    monkeypatch.setattr(march, "compiled", compiled)
+    monkeypatch.setattr(march, "loops", compiled)
     steps = random_steps(np.random.default_rng(1), 4, 1)
     columns = Columns(np.ones((4, 4, 1)))
     for name in ("moved", "whole", "inverses", "once"):
@@ -131,3 +134,33 @@ def test_other_shapes_are_refused(compiled, monkeypatch):
         setattr(steps, name, kept)
     with pytest.raises(ValueError, match="no such column or coordinate"):
         steps.march(Columns(np.ones((4, 4, 1)), held=[np.array([4])]))
+
+
+@pytest.mark.parametrize(("degree", "count"), [(0, 1), (5, 3), (3, 20)])
+def test_oscillators_find_the_same(degree, count, compiled, monkeypatch):
+    """In two blocks; the last step of the second is shorter, and always NumPy's."""
+    rng = np.random.default_rng(degree)
+    omega, zeta = np.geomspace(1.0, 1e4, count), rng.uniform(0, 0.2, count)
+    F, h = rng.standard_normal((300, degree + 1, count)), np.append(np.full(299, 1e-3), 3e-4)
+    found = []
+    for one in (None, compiled):
+        monkeypatch.setattr(modal_oscillators, "loops", one)
+        oscillators, state = ModalOscillators(omega, zeta), rng.standard_normal((2, count)) * (one is None)
+        if one is not None:
+            state = found[0][0]
+        found.append([state])
+        for part in (slice(100), slice(100, 300)):
+            found[-1] += [*oscillators.advance(found[-1][-1], np.cumsum(h)[part], h[part], F[part])]
+    assert off(*(np.array(one)[:, 0] for one in found)) < SAME
+    assert off(*(np.array(one)[:, 1] for one in found)) < SAME
+
+
+def test_oscillators_refuse_other_shapes(compiled):
+    """Nothing is read or written beyond the end of an array."""
+    right = [np.zeros(shape) for shape in ((2, 3), (2, 2, 3), (2, 4, 3), (5, 4, 3), (5, 2, 3))]
+    compiled.oscillators(5, 4, 3, *right)
+    for i in range(5):
+        wrong = [*right]
+        wrong[i] = right[i][:-1]
+        with pytest.raises(ValueError, match="in place of"):
+            compiled.oscillators(5, 4, 3, *wrong)
