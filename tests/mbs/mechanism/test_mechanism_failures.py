@@ -8,7 +8,7 @@ from exudyn import itemInterface
 from exudyn_romerr import AssumptionError
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.access.equations import Equations
-from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.monitoring import step_hook as hook
 from exudyn_romerr.online.run import Run
 from exudyn_romerr.report.scope import NOT_CERTIFIED

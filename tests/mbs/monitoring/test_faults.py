@@ -12,7 +12,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.estimators.coupled_energy import LINEARISED
-from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.monitoring import floating_adapter as moving
 from exudyn_romerr.mbs.monitoring import step_hook as hook
 from exudyn_romerr.online.run import Run
