@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from ...estimates.time_step_error import TimeStep
     from ...trajectory.samples import Extension
-    from ..access.linearisation import Tangents
+    from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors

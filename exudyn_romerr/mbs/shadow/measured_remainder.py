@@ -18,7 +18,7 @@ from .shadow_mbs import Shadow
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
     from ...estimates.time_step_error import TimeStep
-    from ..access.linearisation import Tangents
+    from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.step_errors import StepErrors
 
