@@ -10,6 +10,7 @@ import numpy as np
 
 from ...basis.basis import Basis
 from ...basis.enrichment import Enrichment
+from ...basis.shape_sums import ShapeSums
 from ...checks import check_count
 from ...errors import AssumptionError
 from ...estimators.rigid_motion import Deformations
@@ -61,7 +62,7 @@ class EnrichedBody:
     if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
     rows of modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, of its frame, its modes.
     offline, sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan.
-    flex, shapes (N, n + m) : the body as it is in the mbs, its modes and vectors. damping : X^T D Y, see there.
+    flex, shapes (N, n + m) : the body as it is in the mbs, its modes and vectors. sums : of these. damping : X^T D Y.
     """
 
     def __init__(
@@ -106,23 +107,24 @@ class EnrichedBody:
         highest = found.omega.max(initial=0.0)
         self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
         self.damping = partial(damping_products, body)
-        self._couple(flex, V, P)
+        self.flex, self.shapes = flex, np.hstack([V, P])
+        self._couple(flex, V.shape[1])
         # where forces act: their motion by P (3, m); torques do not care
         self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
-        self.flex, self.shapes = flex, np.hstack([V, P])
         del P, V_y, found, inertia, loads, wrenches  # of a large body they take memory that is short now
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
-    def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray) -> None:
-        """Matrices between the body's coordinates and P, and of P (m, m)."""
-        MP, KP, nodes = flex.mass @ P, flex.stiffness @ P, len(flex.positions)
-        self.M_PP, self.K_PP, self._M_VP, self.K_VP = P.T @ MP, P.T @ KP, V.T @ MP, V.T @ KP
-        self.D_PP, self.D_VP = self.damping(P, P, self.M_PP, self.K_PP), self.damping(V, P, self._M_VP, self.K_VP)
-        MP, V, P = (np.ascontiguousarray(X).reshape(nodes, 3, -1).swapaxes(0, 1) for X in (MP, V, P))
-        self._pull = MP.sum(axis=1)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
-        self._arms = (flex.positions.T @ MP).swapaxes(0, 1)
-        self._of_V, self._of_P = (X[:, None].swapaxes(2, 3) @ MP[None] for X in (V, P))
+    def _couple(self, flex: FloatingBody, n: int) -> None:
+        """Matrices between the body's coordinates and P, and of P (m, m), behind n modes."""
+        sums = self.sums = ShapeSums.of(flex.mass, flex.stiffness, flex.positions, self.shapes)
+        V, P = slice(n), slice(n, None)
+        self.M_PP, self.K_PP, self._M_VP, self.K_VP = sums.M[P, P], sums.K[P, P], sums.M[V, P], sums.K[V, P]
+        D = self.damping(self.shapes, self.shapes[:, P], sums.M[:, P], sums.K[:, P])
+        self.D_VP, self.D_PP = D[V], D[P]
+        # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
+        self._pull, self._arms = sums.pull[:, P].copy(), sums.of_x[:, :, P].copy()
+        self._of_V, self._of_P = sums.of_U[:, :, V, P].copy(), sums.of_U[:, :, P, P].copy()
 
     def _force(self, body: ElasticBody, V: np.ndarray, P: np.ndarray) -> None:
         """-P^T R = -P^T L z of the modes alone."""

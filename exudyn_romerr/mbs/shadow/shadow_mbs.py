@@ -143,7 +143,7 @@ def _copy(mbs: Any, shadow: Any, bodies: Sequence[EnrichedBody]) -> None:
     for i in range(system.NumberOfObjects()):
         item = _bare(mbs.GetObject(i))
         if i in wider:
-            item |= object_terms(wider[i].flex, wider[i].shapes, wider[i].damping)
+            item |= object_terms(wider[i])
         shadow.AddObject(item)
     for i in range(system.NumberOfMarkers()):
         shadow.AddMarker(_bare(mbs.GetMarker(i)))
