@@ -33,3 +33,8 @@ class ShapeSums(NamedTuple):
         of_U = np.array([[U[i::3].T @ of_j for of_j in by_axis] for i in range(3)])
         of_x = np.array([positions.T @ of_j for of_j in by_axis]).swapaxes(0, 1)
         return cls(of_U, of_x, np.array([of_j.sum(axis=0) for of_j in by_axis]), np.einsum("iikl->kl", of_U), K)
+
+
+def contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """Sum over i, j of turning_ij of_ij (T, k, m), of turning (T, 3, 3) and of (3, 3, k, m)."""
+    return np.tensordot(turning, of, axes=2)

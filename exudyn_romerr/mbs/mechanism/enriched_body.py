@@ -10,12 +10,13 @@ import numpy as np
 
 from ...basis.basis import Basis
 from ...basis.enrichment import Enrichment
-from ...basis.shape_sums import ShapeSums
+from ...basis.shape_sums import ShapeSums, contracted
 from ...checks import check_count
 from ...errors import AssumptionError
 from ...estimators.rigid_motion import Deformations
 from ...model.floating_frame import moment_of, skew, unit_inertia
 from ...model.outputs import stacked_rows
+from ...model.shared_body import made_once
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...residual.interface_stiffening import rigid_response, with_rigid_interfaces
@@ -99,7 +100,9 @@ class EnrichedBody:
             asked = min(count if model.D.any() else UNDAMPED, len(V_y))
         asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
-            found = Enrichment(body, V_y, inertia, loads, wrenches, asked, rigid)
+            of = V_y, loads, wrenches, asked, None if rigid is None else scene.stiff.Z
+            make = partial(Enrichment, body, V_y, inertia, loads, wrenches, asked, rigid)
+            found = made_once(body, "vectors", of, make)
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
         del rigid
@@ -138,7 +141,7 @@ class EnrichedBody:
         self.offline: Offline = prepare(
             body,
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
-            BoundOptions(inputs=Deferred(lambda: terms.columns), estimators="auxiliary", **kept),
+            BoundOptions(inputs=Deferred(lambda: terms.columns, terms.made_of), estimators="auxiliary", **kept),
             sampled_inputs=True,
             scene=replace(scene, corrected=True, minor=terms.minor),
         )
@@ -200,16 +203,16 @@ class EnrichedBody:
         inputs = self._terms.values(self._actions, t, motion, *modal[:2])
         K[:, 3:size] += rates.swapaxes(1, 2) @ self._moved_arms(motion, inputs, S, arms, modal)
         D_rows, K_rows = self._by_the_frame(t, states)
-        D_rows = np.concatenate([D_rows, self.D_VP.T - _contracted(w, self._of_V).swapaxes(1, 2)], axis=2)
+        D_rows = np.concatenate([D_rows, self.D_VP.T - contracted(w, self._of_V).swapaxes(1, 2)], axis=2)
         K_rows = np.concatenate(
-            [K_rows, self.K_VP.T + _contracted(S.swapaxes(1, 2), self._of_V).swapaxes(1, 2)], axis=2
+            [K_rows, self.K_VP.T + contracted(S.swapaxes(1, 2), self._of_V).swapaxes(1, 2)], axis=2
         )
         return Couplings(M, D, K, D_rows, K_rows)
 
     def _columns(self, A: np.ndarray, rates: np.ndarray, arms: np.ndarray, turning: np.ndarray) -> np.ndarray:
         """Work of M (turning P) on the coordinates of the body in the mbs and on P, (T, k + m, m)."""
         moment = moment_of(np.einsum("tjk,tikm->tijm", np.broadcast_to(turning, A.shape), arms))
-        of_modes, of_P = (_contracted(turning, of) for of in (self._of_V, self._of_P))
+        of_modes, of_P = (contracted(turning, of) for of in (self._of_V, self._of_P))
         parts = [A @ turning @ self._pull, rates.swapaxes(1, 2) @ moment, of_modes, of_P]
         return np.concatenate([np.broadcast_to(part, (len(A), *part.shape[1:])) for part in parts], axis=1)
 
@@ -241,11 +244,6 @@ class EnrichedBody:
         found = (inputs @ self._forcing[:, self._layout.input_slot].T).reshape(len(t), 2, 2, size, self.m)
         D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * DIFFERENCE), 1, 0)
         return D, K
-
-
-def _contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Sum over i, j of turning_ij of_ij (T, k, m), of (3, 3, k, m)."""
-    return np.tensordot(turning, of, axes=2)
 
 
 def _side_by_side(parts: list[np.ndarray], N: int) -> np.ndarray:

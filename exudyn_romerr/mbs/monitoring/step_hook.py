@@ -84,8 +84,9 @@ class StepHook:
         self._mechanism.begin(mbs)
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
-        # load steps are few, and their loads may be changed before the next solve asks for a block
-        return static is not None or (not self.has_tangents and any(watch.tolerance for watch in self.watches))
+        return (
+            static is not None
+        )  # load steps are few, and loads may be changed before the next solve asks for a block
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
