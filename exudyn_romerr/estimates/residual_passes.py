@@ -7,6 +7,7 @@ correction, if the residual is that of what it leads to (theory.md 8).
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -131,3 +132,66 @@ class ResidualPasses:
         self._moving = np.array(np.split(found[-1], PASSES, axis=2))
         self.multipliers = multipliers.sum(axis=2)
         return found[:, :3].sum(axis=3).swapaxes(0, 1), np.nan
+
+
+class JointDrift:
+    """What joints of the full bodies drift by beside those of the simulation, where solvers keep C e' + C' e zero.
+
+    With C e = 0, as the others march, e' = (C e)' - C' e is missed by p = C e' + C' e at the samples. The trapezoidal
+    rule that makes p zero lets C e drift:
+
+        C e = g ,   g_{n+1} = g_n - h/2 (p_n + p_{n+1})          but for h |C'| of g
+
+    Attributes
+    ----------
+    added : (3, S, k) what they add to e, e', e'' in the last rows. values : g (S, c) in the steps of the last call of
+    follow. multipliers : (S, c) of what that has added.
+    """
+
+    def __init__(self, size: int):
+        self._moving = np.zeros((4, size, 1))
+        self.added = self.state[:, None]
+        self._p = self._g = self.values = self.multipliers = np.zeros((1, 0))  # at the last sample
+        self._before: deque = deque(maxlen=2)  # C of the last samples, and steps to these
+
+    @property
+    def state(self) -> np.ndarray:
+        """What is added to e, e', e'' now, (3, k)."""
+        return self._moving[:3, :, 0]
+
+    def go_on(self, before: JointDrift) -> None:
+        """Go on from the state of another run's."""
+        self._moving, self._p, self._g, self._before = before._moving, before._p, before._g, before._before
+        self.added = self.state[:, None]
+
+    def begin(self, count: int) -> None:
+        """So many steps follow."""
+        self.added = np.zeros((3, count, self._moving.shape[1]))
+
+    def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray:
+        """Return what is added to e, e', e'' (3, S, k) in some steps."""
+        k = e.shape[2]
+        C = np.asarray(steps.whole)[:, k:, :k]
+        if not self._g.size:
+            self._p, self._g = np.zeros((2, 1, C.shape[1]))
+        p = np.einsum("sck,sk->sc", C, e[1]) + np.einsum("sck,sk->sc", self._rates(C, steps.h), e[0])
+        pairs = np.vstack([self._p, p])
+        self.values = self._g - np.cumsum(steps.h[:, None] / 2 * (pairs[:-1] + pairs[1:]), axis=0)
+        self._p, self._g = p[-1:], self.values[-1:]
+        [(found, multipliers)] = steps.march(Columns(self._moving, values=self.values[..., None]), multipliers=True)
+        self._moving, self.multipliers = found[-1], multipliers[..., 0]
+        self.added[:, part] = found[:, :3, :, 0].swapaxes(0, 1)
+        return self.added[:, part]
+
+    def _rates(self, C: np.ndarray, h: np.ndarray) -> np.ndarray:
+        """C' (S, c, k), of parabolas through three samples."""
+        found = np.zeros_like(C)
+        for i, (now, step) in enumerate(zip(C, h.tolist(), strict=True)):
+            known = list(self._before)
+            if known:
+                last, before = known[-1]
+                found[i] = slope = (now - last) / step
+                if len(known) == 2:
+                    found[i] += step / (step + before) * (slope - (last - known[0][0]) / before)
+            self._before.append((now.copy(), step))
+        return found

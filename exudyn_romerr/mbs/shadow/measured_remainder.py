@@ -17,6 +17,7 @@ from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
+    from ...estimates.residual_passes import JointDrift
     from ...estimates.time_step_error import TimeStep
     from ..access.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
@@ -32,7 +33,8 @@ LEFT_OUT = "what linear equations leave out is taken for 1 % of what they predic
 class MeasuredRemainder:
     """Remainders of what vectors predict, and of errors by time steps; what fails ends them, and nothing else.
 
-    step_errors : errors by time steps, which have gone through steps before `follow` is called.
+    step_errors : errors by time steps, which have gone through steps before `follow` is called; drift : likewise, of
+    joints, if the solver lets them.
 
     Attributes
     ----------
@@ -40,8 +42,11 @@ class MeasuredRemainder:
     nothing. notes : why, once.
     """
 
-    def __init__(self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors):
+    def __init__(
+        self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors, drift: JointDrift
+    ):
         self._tangents, self._parts, self._size, self._step_errors = tangents, parts, size, step_errors
+        self._drift = drift
         self._roots, self._of_body = _mass_roots(parts, size)
         self._shadow: Shadow | None = None
         self._mbs, self._is_compared = None, True  # while rows are evaluated: the mbs, whether it is as it was
@@ -130,7 +135,7 @@ class MeasuredRemainder:
         if newest is not None:
             x, force, values = newest
             none = np.zeros((len(steps), self._constraints))
-            drift = None if values is None else (0 * force, values)
+            drift = None if values is None else (0 * force, values + self._drift.values)
             if self._of_steps.adds or not self._failure:
                 work[self._of_steps] = self._of_steps.columns(steps, part, -x, (-force - self._forces[part], none))
         of_vectors = self._of_vectors
