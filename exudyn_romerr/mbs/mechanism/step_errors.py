@@ -19,8 +19,8 @@ INCREMENTS = "no estimate of the error by time steps: rotations of Lie group nod
 LEFT_OUT = "what loads do between samples is left out of the error by time steps: {}"
 DRIFTS = (
     "constraints hold at the level of velocities (index 2): what drifts, on flexible interfaces however short the "
-    "steps are, is in the part by time steps; what the full body drifts by beside that is in the bound to first order, "
-    "but not in that of 'energy'; without useIndex2Constraints there is none"
+    "steps are, is in the part by time steps; what the full body drifts by beside that is in the bound to first "
+    "order, but not in that of 'energy'; without useIndex2Constraints there is none"
 )
 LOST = "the estimate of the error by time steps ends at t = {:g} s: {}"
 TOO_LARGE = "it has grown beyond all numbers"
@@ -85,6 +85,11 @@ class StepErrors:
     def newest(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None] | None:
         """See TimeStepError; None: there is none."""
         return self._do(lambda error: error.newest(count))
+
+    def drift(self, count: int) -> np.ndarray | None:
+        """What constraints have drifted by at the last samples (count, c); None: it is not known, or they do not."""
+        newest = self.newest(count)
+        return None if newest is None else newest[2]
 
     def finish(self) -> None:
         """All steps were gone through."""

@@ -63,7 +63,7 @@ class Reaction:
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
         self._passes = ResidualPasses(MechanismResiduals(self.parts), self.size)
-        self._drift, self._drifts = JointDrift(self.size), step_errors.holds_rates
+        self._drift, self._drifts = JointDrift(self.size, step_errors.drift), step_errors.holds_rates
         self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors, self._drift)
         self._fixed = FixedFreedoms([body for body, _ in self.parts], tangents.size)
         coupled = bool(watches) and all(watch.is_coupled for watch in watches)
@@ -103,6 +103,7 @@ class Reaction:
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
+            self._drift.start(tangent)
             self._passes.start(tangent, first, self._feedback.state, start[-1] is not None)
             self._remainder.open(mbs, tangent, first, (self._feedback.state + self._passes.state)[:, None])
         e = (self._feedback.state + self._passes.state + self._drift.state + self._remainder.state)[:, None]
@@ -202,14 +203,14 @@ class Reaction:
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        (t, *states, _), missed = rows, self._remainder.found
+        (t, *states, _), missed, lacks = rows, self._remainder.found, self._remainder.lacks
         narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
         narrow, step = narrow + self._drift.added + (0.0 if missed is None else missed.added), self.time_step
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
             columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])  # of this body
-            left = missed and [[x[:, columns] for x in of] for of in missed.left()]
+            left = missed and [[x[:, columns] for x in of] for of in lacks]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
             if step is not None:
                 outputs.take_time_step(watch.run, here, step.of(columns))
@@ -242,10 +243,8 @@ class Reaction:
 
     def _added(self, i: int, e: np.ndarray, speed: np.ndarray) -> Added:
         """What is added to body i, and what that may lack."""
-        body, own = self.parts[i]
-        found = self._remainder.found
+        lacks, (body, own) = self._remainder.lacks, self.parts[i]
         of_all, *left = (
-            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
-            for of in (e, *(found.left() if found else ()))
+            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2]) for of in (e, *(lacks or ()))
         )
-        return Added(*of_all, speed, left=left if found else None)
+        return Added(*of_all, speed, left=None if lacks is None else left)

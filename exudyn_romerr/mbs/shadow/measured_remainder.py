@@ -12,7 +12,7 @@ from ...errors import RunError
 from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 from .looks import Jumps, middles
-from .remainder import LOST, SAMPLED, Measured, Remainder, joined, march_together
+from .remainder import LOOKED, LOST, SAMPLED, Measured, Remainder, joined, march_together
 from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:
@@ -42,9 +42,7 @@ class MeasuredRemainder:
     nothing. notes : why, once.
     """
 
-    def __init__(
-        self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors, drift: JointDrift
-    ):
+    def __init__(self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors, drift: JointDrift):
         self._tangents, self._parts, self._size, self._step_errors = tangents, parts, size, step_errors
         self._drift = drift
         self._roots, self._of_body = _mass_roots(parts, size)
@@ -93,9 +91,20 @@ class MeasuredRemainder:
     @property
     def left(self) -> list[np.ndarray] | None:
         """What the prediction may lack where that may be more than LINEARISED of it; None: unknown, or less."""
-        if self.found is None or not np.any(SAMPLED * self._of_vectors.shares > LINEARISED):
+        return self.lacks if np.any(SAMPLED * self._of_vectors.shares > LINEARISED) else None
+
+    @property
+    def lacks(self) -> list[np.ndarray] | None:
+        """What the prediction may lack, sum of the sizes of these (3, S, k); None: it is not known.
+
+        What joints drift by is predicted but for its own size at most, and a share of what the simulation's drift by:
+        that of the prediction in the motion. Linear equations leave out some, and how joints turn what has drifted.
+        """
+        if self.found is None:
             return None
-        return self.found.left()
+        share = min(1.0, SAMPLED * self._of_vectors.predicted)
+        drift = [LOOKED * self._drift.added, share * self._drift.own]
+        return self.found.left() + [x for x in drift if x.any()]
 
     def share(self, i: int) -> float | None:
         """Size of what is left out of the deformation of body i over that of the prediction; None: not known."""

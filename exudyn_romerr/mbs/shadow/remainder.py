@@ -112,6 +112,12 @@ class Remainder:
         """Largest r so far over the largest of the prediction, (quantities,)."""
         return self._shares(self._largest)
 
+    @property
+    def predicted(self) -> float:
+        """The largest share of the prediction so far in the motion."""
+        _, predicted, motion = self._largest
+        return float(np.max(predicted / np.maximum(motion, np.finfo(float).tiny)))
+
     @staticmethod
     def _shares(largest: np.ndarray) -> np.ndarray:
         r, predicted, motion = largest

@@ -55,10 +55,11 @@ def test_vectors_ring_as_the_bodies_do(seed):
     assert np.all(worst(seed) <= 1.0)
 
 
-@pytest.mark.parametrize("seed", [10, 13, 30, 45])
+@pytest.mark.parametrize("seed", [38, 45, 53, 65])
 def test_joints_of_the_full_bodies_drift_otherwise(seed):
-    """Hinges that turn at once. What they drift by beside the simulation's is predicted: without, errors were 1.001 to
-    1.07 times the bound, of corrected outputs 1.8 to 1800 times."""
+    """Hinges that turn at once. What they drift by beside the simulation's is predicted, and some of that of the
+    simulation is added: without, errors were 1.001 to 1.06 times the bound, of corrected outputs 2.3 to 1800 times.
+    """
     best, corrected = worst(seed)
     assert 0.9 < best <= 1.0
     assert corrected <= 1.0
