@@ -168,7 +168,7 @@ class Reaction:
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
-            join_extensions(runs, extensions, self._first_steps)
+            self._say(join_extensions(runs, extensions, self._first_steps))
             self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)

@@ -44,7 +44,8 @@ class MeasuredRemainder:
 
     def __init__(self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors, drift: JointDrift):
         self._tangents, self._parts, self._size, self._step_errors = tangents, parts, size, step_errors
-        self._drift = drift
+        self._drift, self._predicted = drift, np.zeros(1)
+        self._most = np.zeros((2, len(parts) + 1))  # sizes so far of what is predicted, and of the motion
         self._roots, self._of_body = _mass_roots(parts, size)
         self._shadow: Shadow | None = None
         self._mbs, self._is_compared = None, True  # while rows are evaluated: the mbs, whether it is as it was
@@ -70,6 +71,7 @@ class MeasuredRemainder:
         self._of_vectors.go_on(before._of_vectors)
         self._of_steps.go_on(before._of_steps)
         self._jumps.go_on(before._jumps)
+        self._most, self._predicted = before._most, before._predicted[-1:]
         self._failure, self._constraints = before._failure, before._constraints
         self._try(self._make, mbs)
         self._open()
@@ -102,8 +104,7 @@ class MeasuredRemainder:
         """
         if self.found is None:
             return None
-        share = min(1.0, SAMPLED * self._of_vectors.predicted)
-        drift = [LOOKED * self._drift.added, share * self._drift.own]
+        drift = [LOOKED * self._drift.added, np.minimum(1.0, SAMPLED * self._predicted)[:, None] * self._drift.own]
         return self.found.left() + [x for x in drift if x.any()]
 
     def share(self, i: int) -> float | None:
@@ -113,7 +114,7 @@ class MeasuredRemainder:
     @contextmanager
     def following(self, mbs: Any, rows: Sequence[np.ndarray], forces: np.ndarray) -> Iterator[None]:
         """Go through steps to rows t (S,), q, q_t, q_tt (S, n), under forces (S, k) on vectors."""
-        self._forces = forces
+        self._forces, self._predicted = forces, np.zeros(len(forces))
         self._mbs, self._is_compared = mbs, False
         rows = self._wide(rows)
         read = np.array([reading.t for reading in self._tangents.readings])
@@ -150,6 +151,9 @@ class MeasuredRemainder:
         of_vectors = self._of_vectors
         if self._parts and (of_vectors.adds or not self._failure):
             work[of_vectors] = of_vectors.columns(steps, part, e, drift)
+            sizes = np.maximum.accumulate(np.hstack([self._most[:, None], of_vectors.beside]), axis=1)[:, 1:]
+            self._most, (predicted, motion) = sizes[:, -1], sizes
+            self._predicted[part] = np.max(predicted / np.maximum(motion, np.finfo(float).tiny), axis=1)
         march_together(steps, work)
         return of_vectors.added
 
