@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
-from ..report.assessment import ANSWERS, ENOUGH
+from ..report.assessment import ANSWERS, TOO_LARGE
 from ..report.estimate_wording import covers_time, estimate_scope, known, parts_of
 from ..report.scope import FROZEN
 from ..report.wording import digits, rounded_up, widest_scope
@@ -147,8 +147,10 @@ class TriedRun:
         allowed = {name: f"(allowed {digits(x)} {units[name]})" for name, x in self.tolerance.items()}
         said = [f"{name}{self._said_of(name, units[name])} {limit}" for name, limit in allowed.items()]
         found = self.assessment
-        todo = "" if found.answer in ENOUGH else f"; {found.todo}"
-        return f"{self.basis}: {', '.join(said)}; error within the tolerance: {found.answer}{todo}"
+        made_by = (
+            f", {found.todo.partition(':')[0]}" if found.answer in TOO_LARGE else ""
+        )  # cures: of the search alone
+        return f"{self.basis}: {', '.join(said)}; error within the tolerance: {found.answer}{made_by}"
 
     def _said_of(self, name: str, unit: str) -> str:
         bound = f" <= {rounded_up(self.bound[name])} {unit}"

@@ -239,8 +239,7 @@ def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Off
     text = f"assumes {assumes}"
     if offline.scene.coupled and offline.scene.scope_of(name) == FROZEN:
         text += f"; {offline.scene.frozen}"
-    finite = np.isfinite(bounds.position)
-    if finite.all():
+    if (finite := np.isfinite(bounds.position)).all():
         return text
     why = "the residual's square cancelled below zero"
     if offline.scene.turns:

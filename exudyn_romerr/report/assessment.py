@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
 SMALL = 0.01  # of the largest row: one below it that decides alone is told of
-TOO_LARGE, ENOUGH = ANSWERS[:2], ANSWERS[3:]
+TOO_LARGE = ANSWERS[:2]
 MORE_MODES = "compare with a run of the mechanism with more modes"
 NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
 RUN_TO_END = "let it run to its end; the messages say what ended it, where that is known"
