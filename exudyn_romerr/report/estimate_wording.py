@@ -202,12 +202,21 @@ def number(found: Known) -> str:
 
 
 def off_by(out: OutputData, row: int | None = None) -> str:
-    """Return in words how far the estimate of one row, or of all, is from the true error that was compared."""
+    """Return in words how far the estimate of one row, or of all, is from the true error that was compared.
+
+    A truth with the same time steps has nothing of their error: also of the estimate without it, where that is nearer.
+    """
     rows = slice(None) if row is None else slice(row, row + 1)
-    off, share = _largest((out.error - out.estimate)[:, rows]), ""
-    if (true := _largest(out.error[:, rows])) > 0:
-        share = percent(off / true) or "more than 1000 %"
-    return f"the estimate is off by up to {digits(off, 2)} {out.unit}{share and f' ({share} of it)'}"
+    true, of_steps = out.error[:, rows], out.estimate_parts.get("time step", np.zeros_like(out.estimate))[:, rows]
+    off, without = (_largest(true - out.estimate[:, rows] + part) for part in (0.0, of_steps))
+    said, other = (_share_of_it(x, _largest(true), out.unit) for x in (off, without))
+    beside = f", without its time steps by {other}" if without < off else ""
+    return f"the estimate is off by up to {said}{beside}"
+
+
+def _share_of_it(x: float, of: float, unit: str) -> str:
+    share = (percent(x / of) or "more than 1000 %") if of > 0 else ""
+    return f"{digits(x, 2)} {unit}{share and f' ({share} of it)'}"
 
 
 def rest(out: OutputData, cause: str, row: int | None) -> str:

@@ -432,4 +432,13 @@ def test_how_far_the_estimate_was_off():
     assert off_by(out) == "the estimate is off by up to 0.1 m (12 % of it)"
     out.error = np.array([[0.0], [0.0]])
     assert off_by(out) == "the estimate is off by up to 0.9 m"
+
+
+def test_an_estimate_of_steps_that_the_truth_shares_is_said_without_them():
+    out, _ = estimated(2.0, 1.0, {"basis": 0.8, "time step": 0.4})
+    out.error = np.array([[0.0], [0.75]])
+    said = "the estimate is off by up to 0.45 m (60 % of it)"
+    assert off_by(out) == f"{said}, without its time steps by 0.05 m (6.7 % of it)"
+    out.error = np.array([[0.0], [1.1]])
+    assert off_by(out) == "the estimate is off by up to 0.1 m (9.1 % of it)"
     assert ABOUT_ENOUGH == "about enough"
