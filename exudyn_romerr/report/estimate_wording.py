@@ -204,7 +204,7 @@ def number(found: Known) -> str:
 def off_by(out: OutputData, row: int | None = None) -> str:
     """Return in words how far the estimate of one row, or of all, is from the true error that was compared.
 
-    A truth with the same time steps has nothing of their error: also of the estimate without it, where that is nearer.
+    A truth with the same time steps has nothing of their error: then of the estimate without it, too.
     """
     rows = slice(None) if row is None else slice(row, row + 1)
     true, of_steps = out.error[:, rows], out.estimate_parts.get("time step", np.zeros_like(out.estimate))[:, rows]
