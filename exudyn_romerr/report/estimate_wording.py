@@ -67,9 +67,14 @@ class Known(NamedTuple):
         return max((self.parts.get(cause, 0.0), cause) for cause in ("basis", "interfaces"))
 
     @property
+    def rings(self) -> bool:
+        """Whether something starts at once, and rings in modes that the steps do not resolve."""
+        return self.check == "steps" and bool(self.beside_steps)
+
+    @property
     def cure(self) -> str:
         """What would make the half width smaller, in words."""
-        if self.check != "steps" or not self.beside_steps:
+        if not self.rings:
             return self.first_cure
         return f"{', '.join(self.beside_steps)} or {self._shorter_steps}{RINGS}"
 
@@ -79,9 +84,9 @@ class Known(NamedTuple):
         steps, modes = self.parts.get("time step", 0.0), self.of_modes[0]
         if self.check == "linearisation" and min(steps, modes) < SMALL * max(steps, modes):
             return f"{'more modes' if steps < modes else 'shorter steps'}, {NOT_LINEAR}"
-        if self.check != "steps":
-            return CURES_OF_CHECKS[self.check]
-        return self.beside_steps[0] if self.beside_steps else self._shorter_steps
+        if self.rings:
+            return self.beside_steps[0]
+        return self._shorter_steps if self.check == "steps" else CURES_OF_CHECKS[self.check]
 
     @property
     def _shorter_steps(self) -> str:

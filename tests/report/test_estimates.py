@@ -240,6 +240,15 @@ def test_bound_above_the_output_says_why(parts, check, why):
     assert f", not informative: more than the output itself, for {why}" in sentence(out, 0, "sampled", scope)
 
 
+def test_a_bound_of_what_rings_has_no_other_cure_than_the_estimate():
+    """Not more modes or vectors: with a smooth start both are small."""
+    out, scope = estimated(2.0, 20.0, {"basis": 3.0}, {"steps": 5.0}, covers=COUPLED)
+    out.beside_steps = (SMOOTHLY,)
+    text = sentence(out, 0, "sampled", scope, advised=False)
+    assert text.endswith("at most 20 m, not informative: more than the output itself.")
+    assert text.count(SMOOTHLY) == 1
+
+
 def test_checks_of_estimates_have_a_cure():
     """Those that half widths are made of, see docs/theory.md."""
     assert set(CURES_OF_CHECKS) == {"steps", "vectors", "linearisation", "loads", "proved"}
