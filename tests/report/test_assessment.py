@@ -201,6 +201,28 @@ def test_a_run_that_was_stopped_proves_nothing_of_the_rest():
         assert assess(report((replace(out, stopped=0.5), scope)), "tip z", tolerance).answer == answer
 
 
+@pytest.mark.parametrize(
+    ("steps", "basis", "cure"),
+    [
+        (0.39, 0.0, "halve it; "),
+        (0.41, 0.0, "take steps 3 times as short; "),
+        (0.41, 0.05, "take steps 3 times as short; "),  # sqrt(0.41 / 0.05) is below 3
+        (0.79, 0.05, "take steps 4 times as short; "),
+        (0.8, 0.11, "halve it; "),  # no steps are short enough alone
+    ],
+)
+def test_steps_are_as_short_as_the_tolerance_asks_for(steps, basis, cure):
+    """Their error falls with the square of their length."""
+    out, scope = estimated(2.0, 9.0, {"basis": basis, "time step": steps}, {"steps": 0.01}, covers=COUPLED)
+    made = report((out, scope), "sampled")
+    found = assess(made, "tip z", 0.1)
+    assert found.answer == "unlikely"
+    assert f"% of it from the step size, not the basis: {cure}" in found.todo
+    told = replace(out, tolerance=0.1)
+    assert next_step(told, "sampled", scope) == cure.replace(" it", " the step").removesuffix("; ")
+    assert "halve it" in advice(out, "sampled", scope)  # nothing was asked for
+
+
 def test_what_is_not_known_is_not_printed_as_a_number():
     """The row says "error not known" where the half width is above the output itself; so does the answer."""
     made = estimated(2.0, 9.0, {"time step": 1.0}, {"steps": 3.0}, covers=COUPLED)
