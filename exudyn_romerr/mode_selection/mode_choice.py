@@ -23,7 +23,7 @@ CURES = {
     INTERFACES: "rigid (RBE2) interfaces alone make it larger than allowed: take RBE3 modes, or "
     "floating_body(..., interfaces='rigid') if they are rigid in reality",
     STEP: "the time steps alone make it larger than allowed: halve the step",
-    SLACK: "what auxiliary vectors leave is larger than allowed: raise auxiliary_modes=, or let loads grow smoothly",
+    SLACK: "what auxiliary vectors leave is larger than allowed: let loads grow smoothly, or raise auxiliary_modes=",
 }
 
 
