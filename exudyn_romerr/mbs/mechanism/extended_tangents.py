@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from ...model.floating_frame import FrameMotion
     from ...online.run import Opening, Run
-    from ..access.linearisation import Reading
+    from ..derivatives.linearisation import Reading
     from .enriched_body import EnrichedBody
 
 LEFT = 1e-8  # of constraints: what Newton's tolerance leaves of none
