@@ -11,7 +11,7 @@ from ...offline.options import BoundOptions
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
 from ..floating.scope_decision import ASKABLE
-from ..mechanism.other_sensors import OtherSensors
+from ..sensors.other_sensors import OtherSensors
 from .body_monitor import Watch
 from .monitor import MechanismMonitor, Monitor
 from .requests import checked_tolerance, make_subject, shares
