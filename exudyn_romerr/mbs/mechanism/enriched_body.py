@@ -102,7 +102,8 @@ class EnrichedBody:
         del rigid
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
-        self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
+        count = f"{self.m} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}"
+        self.note = f"estimator 'auxiliary': {count} up to {highest:.4g} rad/s, reacting with the mechanism"
         self.damping = partial(damping_products, body)
         self._couple(flex, V, P)
         # where forces act: their motion by P (3, m); torques do not care
