@@ -85,6 +85,11 @@ class FixedFreedoms:
         self._body = bodies[0] if len(bodies) == 1 and size == len(bodies[0].columns) else None
         self._t = -np.inf
 
+    def prepare(self, mbs: Any) -> None:
+        """Do before the solve what `open` needs of the full body, whatever the joints are."""
+        if self._body is not None and has_joints_only(mbs):
+            _ = self._body.offline.estimators["auxiliary"].slow_modes.shapes
+
     def open(self, mbs: Any, readings: Sequence[Reading], runs: Sequence[Run], openings: Sequence[Opening]) -> None:
         """Find them where a run begins; its bounds know them from there on."""
         if self._body is None or openings[0].start is None or openings[0].start.y0 is not None:

@@ -55,7 +55,7 @@ class Shadow:
         try:
             self._container = exu.SystemContainer()  # goes when nobody holds it, and what is in it
             self._mbs = self._container.AddSystem()
-            wider = {b.flex.number: object_terms(b.flex, b.shapes, b.damping) for b, _ in parts}
+            wider = {b.flex.number: object_terms(b) for b, _ in parts}
             copy_items(mbs, self._mbs, wider)
             self._mbs.Assemble()
             self._equations = Equations(self._mbs, tangents.equations.threads)
