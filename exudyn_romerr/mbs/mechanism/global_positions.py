@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ...estimates.march import Tangent
-    from ..access.linearisation import Reading
+    from ..derivatives.linearisation import Reading
     from .extended_tangents import ExtendedTangents
 
 DIFFERENCE = 1e-6  # of coordinates of frames, to differentiate positions by

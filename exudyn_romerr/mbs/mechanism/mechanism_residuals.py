@@ -113,15 +113,13 @@ class NetInertia:
 
     def __init__(self, body: EnrichedBody):
         self._frame, positions, mass = body.sampler.frame, body.flex.positions, body.flex.mass
-        nodes, shapes = len(positions), body.shapes
-        u, of_u = (X.reshape(nodes, 3, -1) for X in (shapes, mass @ shapes))
-        of_x, rigid = (mass @ positions.ravel()).reshape(nodes, 3), rigid_modes(positions)
+        of_x, rigid = (mass @ positions.ravel()).reshape(-1, 3), rigid_modes(positions)
         whole = rigid.T @ (mass @ rigid)
-        self._total, self._first, self._pull = whole[0, 0], of_x.sum(axis=0), of_u.sum(axis=0)
+        self._total, self._first, self._pull = whole[0, 0], of_x.sum(axis=0), body.sums.pull
         self._root = np.linalg.inv(np.linalg.cholesky(whole))
-        self._xx = positions.T @ of_x  # sums of x_i M x_j, x_i M u_j, u_i M u_j
-        self._xu = np.einsum("ai,ajm->ijm", positions, of_u)
-        self._uu = np.einsum("ain,ajm->nijm", u, of_u, optimize=True)
+        # sums of x_i M x_j, x_i M u_j, u_i M u_j
+        self._xx, self._xu = positions.T @ of_x, body.sums.of_x
+        self._uu = np.ascontiguousarray(body.sums.of_U.transpose(2, 0, 1, 3))
 
     @property
     def is_known(self) -> bool:

@@ -12,7 +12,7 @@ from ...estimates.columns import Columns
 from ...estimates.march import Steps
 from ...estimates.mechanism_feedback import GROWN
 from ...estimates.time_step_error import TimeStep, TimeStepError
-from ..access.linearisation import Tangents
+from ..derivatives.linearisation import Tangents
 from .stored_residuals import StoredResiduals
 
 INCREMENTS = "no estimate of the error by time steps: rotations of Lie group nodes have no rates that are velocities"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import RunError
+from ...errors import AssumptionError, RunError
 from ...estimates.kept_estimate import KeptEstimate
 
 if TYPE_CHECKING:
@@ -99,3 +99,20 @@ def fall_back(watches: Sequence[Any], error: Exception) -> bool:
         run.messages.append(ENDED.format(error))
         run.estimate, run.companion = KeptEstimate(), None
     return bool(runs)
+
+
+def require_vectors(watches: Sequence[Any]) -> None:
+    """Raise AssumptionError unless all bodies can have estimates together."""
+    without = [watch for watch in watches if watch.error or (watch.is_frozen and watch.enriched is None)]
+    if without:
+        raise AssumptionError(f"it needs all bodies, and has no vectors of object {without[0].item}")
+
+
+def end_with(failed: Sequence[Any], watches: Sequence[Any]) -> None:
+    """End coupled bounds where watches have failed: they need all bodies."""
+    for watch in watches if failed else ():
+        if watch.error is None:
+            reason = f"{type(failed[0].error).__name__}: {failed[0].error}"
+            watch.error = RunError(
+                f"coupled bounds need all bodies of the mechanism, and object {failed[0].item} has none: {reason}"
+            )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
     from ...estimates.residual_passes import JointDrift
     from ...estimates.time_step_error import TimeStep
-    from ..access.linearisation import Tangents
+    from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.step_errors import StepErrors
 
