@@ -39,7 +39,7 @@ from benchmarks.mechanism_builder import all_modes, built
 from benchmarks.random_mechanisms import drawn
 from benchmarks.sweep import PENCIL
 from benchmarks.sweep_mechanisms_table import report
-from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 
 ESTIMATORS = ("energy", "auxiliary")
 COUPLED = "coupled (linearised)"

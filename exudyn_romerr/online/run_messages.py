@@ -41,7 +41,7 @@ def run_messages(run: RunRecord) -> list[str]:
         *_first_only(run),
         *_defect(run),
         *_no_outputs(run),
-        *run.messages,
+        *dict.fromkeys(run.messages),
         *_in_global_axes(run),
         *(run.offline.notes if run.time != "static" else ()),
         *_end(run),

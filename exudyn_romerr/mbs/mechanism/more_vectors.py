@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from ...online.run import Opening, Run
     from ...report.data import OutputData
-    from ..access.linearisation import Reading, Tangents
+    from ..derivatives.linearisation import Reading, Tangents
 
     Rows = tuple[np.ndarray, ...]
 

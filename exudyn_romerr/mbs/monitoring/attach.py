@@ -62,11 +62,10 @@ def attach(
         Times in s at which the inputs jump.
     tolerance : dict or float, optional
         Output name -> value in the output's unit (a float if there is one output). The best bound is
-        compared with it at every step; when it is exceeded the solve is stopped, and the report says when. In a
-        mechanism that has estimates, some steps are made before they are compared: the solve stops at the step where
-        a bound that rises no faster than before exceeds it, up to 16 steps later where one has been close to it for
-        long, up to 128 where one jumps. One on an output in global axes of a mechanism asks for the scope "inputs
-        frozen", which has a bound at every step.
+        compared with it at every step; when it is exceeded the solve is stopped, and the report says when. Some steps
+        are made before they are compared: the solve stops at the step where a bound that rises no faster than before
+        exceeds it, up to 16 steps later where one has been close to it for long, up to 128 where one jumps. One on an
+        output in global axes of a mechanism asks for the scope "inputs frozen", which has a bound at every step.
     hook : callable, optional
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes

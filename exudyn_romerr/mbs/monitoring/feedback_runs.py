@@ -10,7 +10,7 @@ import numpy as np
 
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
-from ...estimates.residual_passes import ResidualPasses
+from ...estimates.residual_passes import JointDrift, ResidualPasses
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from ...estimates.time_step_error import TimeStep
     from ...trajectory.samples import Extension
-    from ..access.linearisation import Tangents
+    from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.step_errors import StepErrors
     from ..sensors.other_sensors import OtherSensors
@@ -62,7 +62,8 @@ class Reaction:
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
         self._passes = ResidualPasses(MechanismResiduals(self.parts), self.size)
-        self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors)
+        self._drift, self._drifts = JointDrift(self.size, step_errors.drift), step_errors.holds_rates
+        self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors, self._drift)
         self._fixed = FixedFreedoms([body for body, _ in self.parts], tangents.size)
         coupled = bool(watches) and all(watch.is_coupled for watch in watches)
         self._positions = GlobalPositions.of(self.parts, self.size) if coupled else None
@@ -93,6 +94,7 @@ class Reaction:
             self._feedback.begin_anew(tangent, forces)
             self._narrow.go_on(before._narrow, tangent, forces)
             self._passes.go_on(before._passes)
+            self._drift.go_on(before._drift)
             self._remainder.go_on(mbs, before._remainder)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
@@ -100,9 +102,10 @@ class Reaction:
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
+            self._drift.start(tangent)
             self._passes.start(tangent, first, self._feedback.state, start[-1] is not None)
             self._remainder.open(mbs, tangent, first, (self._feedback.state + self._passes.state)[:, None])
-        e = (self._feedback.state + self._passes.state + self._remainder.state)[:, None]
+        e = (self._feedback.state + self._passes.state + self._drift.state + self._remainder.state)[:, None]
         runs, openings = [], []
         for i, (watch, (body, own)) in enumerate(zip(self._watches, self.parts, strict=True)):
             rest = watch.opening.rest
@@ -145,8 +148,9 @@ class Reaction:
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
         self._passes.begin(rows)
-        others, late = [steps, self._narrow], [self._passes, self._remainder]
+        others, late = [steps, self._narrow], [self._passes, *[self._drift] * self._drifts, self._remainder]
         with self._remainder.following(mbs, rows, forces):
+            self._drift.begin(len(rows[0]))
             e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
         self._say(steps.notes)
@@ -163,7 +167,7 @@ class Reaction:
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
-            join_extensions(runs, extensions, self._first_steps)
+            self._say(join_extensions(runs, extensions, self._first_steps))
             self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
@@ -198,14 +202,14 @@ class Reaction:
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        (t, *states, _), missed = rows, self._remainder.found
+        (t, *states, _), missed, lacks = rows, self._remainder.found, self._remainder.lacks
         narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
-        narrow, step = narrow if missed is None else narrow + missed.added, self.time_step
+        narrow, step = narrow + self._drift.added + (0.0 if missed is None else missed.added), self.time_step
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
             columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])  # of this body
-            left = missed and [[x[:, columns] for x in of] for of in missed.left()]
+            left = missed and [[x[:, columns] for x in of] for of in lacks]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
             if step is not None:
                 outputs.take_time_step(watch.run, here, step.of(columns))
@@ -232,18 +236,14 @@ class Reaction:
         """The same in the equilibrium that the full bodies start in; None if they start as the reduced ones."""
         if not self._watches or any(watch.opening.rest is None for watch in self._watches):
             return None
-        samples = []
-        for opening in (watch.opening for watch in self._watches):
-            none = np.zeros_like(opening.first.q)
-            samples.append((opening.first.q, none, none, opening.rest[None]))
+        openings = [watch.opening for watch in self._watches]
+        samples = [(x.first.q, *np.zeros((2, *x.first.q.shape)), x.rest[None]) for x in openings]
         return self._forces(samples, 1)[0]
 
     def _added(self, i: int, e: np.ndarray, speed: np.ndarray) -> Added:
         """What is added to body i, and what that may lack."""
-        body, own = self.parts[i]
-        found = self._remainder.found
+        lacks, (body, own) = self._remainder.lacks, self.parts[i]
         of_all, *left = (
-            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
-            for of in (e, *(found.left() if found else ()))
+            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2]) for of in (e, *(lacks or ()))
         )
-        return Added(*of_all, speed, left=left if found else None)
+        return Added(*of_all, speed, left=None if lacks is None else left)

@@ -12,8 +12,8 @@ from ...errors import AssumptionError, InputError, RunError
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
-from ..access.linearisation import Tangents
 from ..access.mbs_items import scheme_of
+from ..derivatives.linearisation import Tangents
 from ..mechanism.late_readings import LateReadings
 from ..mechanism.more_vectors import MoreVectors
 from ..mechanism.step_errors import StepErrors

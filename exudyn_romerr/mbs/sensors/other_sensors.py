@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ...estimates.time_step_error import TimeStep
     from ...online.run import Run
     from ...report.report import OutputReport
-    from ..access.linearisation import Reading, Tangents
+    from ..derivatives.linearisation import Reading, Tangents
 
 COORDINATES = exu.OutputVariableType.Coordinates
 NOT_COUPLED = "the linearised mechanism, which tells how it moves, is not to be had: see the scope of the bodies"

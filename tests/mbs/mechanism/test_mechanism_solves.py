@@ -10,7 +10,7 @@ import pytest
 import exudyn_romerr as romerr
 from benchmarks.mechanism_builder import built
 from benchmarks.random_mechanisms import drawn
-from exudyn_romerr.mbs.access import linearisation as tangent
+from exudyn_romerr.mbs.derivatives import linearisation as tangent
 from tests.helpers.mechanism_runs import (
     BOTH,
     COUPLED,

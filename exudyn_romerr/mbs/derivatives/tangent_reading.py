@@ -19,6 +19,7 @@ REDUNDANT = 1e-10  # of the largest singular value: constraints below are redund
 LIGHT = 1e12  # beside the heaviest and stiffest coordinate: what has neither mass nor stiffness
 SOFT = 1e-12  # of what single coordinates feel: less is rounding
 TINY = np.finfo(float).tiny
+Parts = Sequence[tuple[Dependence, np.ndarray]]  # how M and G^T change, see Dependence.forward
 
 
 @dataclass(frozen=True)
@@ -28,8 +29,9 @@ class Reading:
     K holds loads too, and how inertia and the forces of constraints change with the coordinates. Constraints have
     forces G^T l; C is the derivative of what they keep zero, C_t its rate. Exudyn's G is not C: where an interface
     turns with the deformation, its rows of rotations are off by as much as it has turned.
-    masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. own : hash of what Exudyn
-    gives by itself. motions (n, f) : as motions_of gives them, dt the time since the reading before, if there is one.
+    masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. seen : hash of what the
+    mbs of the run showed near this state. motions (n, f) : as motions_of gives them, dt the time since the reading
+    before, if there is one.
     change : of G and K since then, over CHANGE.
     """
 
@@ -43,7 +45,7 @@ class Reading:
     C_t: np.ndarray
     masses: np.ndarray
     springs: np.ndarray
-    own: int
+    seen: int = 0
     motions: np.ndarray | None = None
     change: float = 0.0
 
@@ -68,7 +70,7 @@ class Carried:
     turning: np.ndarray
 
 
-def carried_of(t: float, G: np.ndarray, *parts: tuple[Dependence, np.ndarray]) -> Carried:
+def carried_of(t: float, G: np.ndarray, parts: Parts) -> Carried:
     """Put together how M and G^T change: where, and by how much."""
     n = G.shape[1]
     (_, by_M), (forces, by_G) = parts
