@@ -24,7 +24,8 @@ UNKNOWN_SCHEME = (
 )
 BEGUN_ANEW = (
     "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
-    "that ring and that they do not resolve, is not in the bound; a spectral radius of 1 leaves them as they are"
+    "that ring and that they do not resolve, is not in the bound, which is not certified; a spectral radius of 1 "
+    "leaves them as they are"
 )
 
 GREW = 2.0 * (

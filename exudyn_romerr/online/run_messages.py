@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..trajectory.reconstruction import ROUNDING_SHARE
+from .coupled_runs import BEGUN_ANEW
 
 if TYPE_CHECKING:
     from .run_record import RunRecord, SolverFacts
@@ -57,7 +58,7 @@ def is_balanced(run: RunRecord) -> bool:
 
 def is_certified(run: RunRecord) -> bool:
     """Whether the run is balanced and its bounds hold from the start of the solve on."""
-    return is_balanced(run) and not run.begins_late
+    return is_balanced(run) and not run.begins_late and BEGUN_ANEW not in run.messages
 
 
 def planned_end(run: RunRecord) -> float | None:
