@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 import exudyn_romerr as romerr
 from benchmarks.random_mechanisms import Bar, Link, Mechanism, Shape
+from exudyn_romerr.mbs.floating.floating_body import FloatingBody
 from models.floating import interface, reduce
 from models.hex_bar import hex_bar
 from models.mechanisms import settings_to_compare
@@ -63,6 +64,12 @@ class Scene:
     bodies: list[dict[str, int]] = field(default_factory=list)
     sensors: list[dict[str, int]] = field(default_factory=list)
 
+    def flexible(self) -> list[FloatingBody]:
+        """The bars, to be attached."""
+        ratios = [bar.ratios for bar in self.mechanism.bars]
+        parts = zip(self.fems, self.bodies, ratios, strict=True)
+        return [romerr.floating_body(fem, items, modal_damping=of) for fem, items, of in parts]
+
     def solve(self) -> None:
         """Assemble, and solve from the start to the end."""
         self.mbs.Assemble()
@@ -93,6 +100,9 @@ def built(mechanism: Mechanism, complete: bool = False, iterate: float = 1.0, at
     _end(scene, place, ground, axes)
     for load in mechanism.loads:
         _add_load(scene, load.bar, load.side, load.kind, load.vector, load.shape)
+    for flex in scene.flexible():
+        if flex.modal_damping is not None:
+            romerr.set_modal_damping(scene.mbs, flex)
     return scene
 
 

@@ -23,7 +23,7 @@ CURES = {
     INTERFACES: "rigid (RBE2) interfaces alone make it larger than allowed: take RBE3 modes, or "
     "floating_body(..., interfaces='rigid') if they are rigid in reality",
     STEP: "the time steps alone make it larger than allowed: halve the step",
-    SLACK: "what auxiliary vectors leave is larger than allowed: raise auxiliary_modes=, or let loads grow smoothly",
+    SLACK: "what auxiliary vectors leave is larger than allowed: let loads grow smoothly, or raise auxiliary_modes=",
 }
 
 
@@ -121,7 +121,7 @@ class ModeChoice:
         name = f"modes {', '.join(map(str, modes))}" if self.chosen.picked else f"n = {len(modes)}"
         for run in self.tried:
             if (run.modes, run.kind) == (modes, self.kind):
-                return f"{name}: {run.assessment.answer}, was tried"
+                return f"{name}: error within the tolerance: {run.assessment.answer}, was tried"
         worst = ", ".join(f"{output} <= {digits(x)}" for output, x in self.chosen.expected(modes).items())
         decides = "estimates" if self.chosen.by == ESTIMATE else "bounds"
         place = "within the tolerance, too, but it was not tried" if self.chosen.would_meet(modes) else "above it"

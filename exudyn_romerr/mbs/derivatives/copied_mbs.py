@@ -5,7 +5,7 @@ Exudyn's GetDictionary refuses objects with user functions. The mbs that is copi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,13 @@ import numpy as np
 from .light_mesh import FFRF, lightened
 
 
-def copy_items(mbs: Any, to: Any, wider: Mapping[int, dict[str, Any]] | None = None) -> bool:
+def copy_items(
+    mbs: Any, to: Any, wider: Mapping[int, dict[str, Any]] | None = None, hollow: Collection[int] = ()
+) -> bool:
     """Add all items of an mbs to another one, but for sensors; return whether meshes are lighter: see there.
 
-    wider : what bodies with more modes have, by number; further coordinates of their nodes are zero. User functions
-    find the variables that they know.
+    wider : what bodies with more modes have, by number; further coordinates of their nodes are zero. hollow : numbers
+    of bodies that have neither mass nor stiffness there. User functions find the variables that they know.
     """
     to.variables, to.sys = mbs.variables, mbs.sys
     system, wider = mbs.systemData, wider or {}
@@ -27,8 +29,8 @@ def copy_items(mbs: Any, to: Any, wider: Mapping[int, dict[str, Any]] | None = N
     for i, item in enumerate(objects):
         if item["objectType"] == FFRF:
             light = lightened(item, [one for one in markers if int(one.get("bodyNumber", -1)) == i])
-            lighter, item = lighter or bool(light), item | light
-            objects[i] = item
+            lighter = lighter or bool(light)
+            objects[i] = item | light | ({"computeFFRFterms": False} if i in hollow else {})
     counts = {int(objects[i]["nodeNumbers"][1]): np.shape(objects[i]["modeBasis"])[1] for i in wider}
     for i in range(system.NumberOfNodes()):
         node = _bare(mbs.GetNode(i))

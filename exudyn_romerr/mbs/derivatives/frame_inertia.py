@@ -1,20 +1,22 @@
 """FrameInertia: inertia forces of an ObjectFFRFreducedOrder and their derivatives in closed form.
 
-Acceleration of a node in the frame: a = b + al~ p + w~ w~ p + 2 w~ u' + u'', p = x + u, b = A^T r''; its forces do the
-work of m a on the velocities of nodes, A^T r' + w~ p + u' with w = G theta'. All follow from sums over the nodes that
-Exudyn keeps with its modes: see object_terms in shadow/wider_object.py.
+Acceleration of a node in the frame: a = b + al~ p + w~ w~ p + 2 w~ u' + u'', p = x + u, b = A^T r''; m a works on
+velocities of nodes, A^T r' + w~ p + u' with w = G theta'. All follows from sums over the nodes that Exudyn keeps with
+its modes: see object_terms in shadow/wider_object.py.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...model.floating_frame import skew
+from .dependence import QUATERNIONS
+from .light_mesh import FFRF
 
-EULER = "RigidBodyEP"
+MANY = 25  # coordinates of a body: differences of its forces cost as much as closed forms
 UNIT = np.eye(3)
 AXES = skew(UNIT)  # e_i~
 
@@ -40,12 +42,12 @@ class FrameInertia:
 
     Attributes
     ----------
-    columns : where its coordinates are among those of the mbs.
+    number : of the body. columns : where its coordinates are among those of the mbs.
     """
 
-    def __init__(self, item: dict[str, Any], node: dict[str, Any], columns: Sequence[int]):
+    def __init__(self, item: dict[str, Any], node: dict[str, Any], number: int, columns: Sequence[int]):
         """Item and node as GetObject and GetNode give them."""
-        self.columns = np.array(columns)
+        self.number, self.columns = number, np.array(columns)
         self._reference = np.array(node["referenceCoordinates"], float)
         self.M, self.K, self.D = (_dense(item[f"{name}MatrixReduced"]) for name in ("mass", "stiffness", "damping"))
         n = len(self.M)
@@ -58,12 +60,20 @@ class FrameInertia:
         self._once = np.reshape(item["mXRefTildePsiTilde"], (3, n, 3)).swapaxes(0, 1).reshape(9 * n)
 
     @classmethod
-    def of(cls, mbs: Any, i: int, item: dict[str, Any]) -> FrameInertia | None:
-        """Make it of object i; None where forces are those of a user, or rotations are no Euler parameters."""
-        node = mbs.GetNode(int(item["nodeNumbers"][0]))
-        if node["nodeType"] != EULER or item["forceUserFunction"] or item["massMatrixUserFunction"]:
-            return None
-        return cls(item, node, mbs.systemData.GetObjectLTGODE2(i))
+    def all_of(cls, mbs: Any) -> Iterator[FrameInertia]:
+        """Make them of the bodies of an mbs with many modes; of fewer, Exudyn's own differences cost no more.
+
+        Not where forces are those of a user, or rotations no Euler parameters.
+        """
+        for number in range(mbs.systemData.NumberOfObjects()):
+            if len(mbs.systemData.GetObjectLTGODE2(number)) < MANY:
+                continue
+            item = mbs.GetObject(number)
+            if item["objectType"] != FFRF or item["forceUserFunction"] or item["massMatrixUserFunction"]:
+                continue
+            node = mbs.GetNode(int(item["nodeNumbers"][0]))
+            if node["nodeType"] == QUATERNIONS and item["computeFFRFterms"]:
+                yield cls(item, node, number, mbs.systemData.GetObjectLTGODE2(number))
 
     def force(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> np.ndarray:
         """All forces of inertia, stiffness and damping (k,): M q'' and the left-hand side of the body."""

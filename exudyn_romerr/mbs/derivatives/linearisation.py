@@ -93,14 +93,13 @@ class Tangents:
 
     def differences(self, mbs: Any, t: float, state: Sequence[np.ndarray], dq: np.ndarray) -> np.ndarray:
         """K dq in a state, of an mbs that reads the same: all forces at both sides of it, over twice the distance."""
-        equations, beside = (self.equations, mbs) if self._twin is None else self._twin
-        step, (q, *others) = DIFFERENCE / np.abs(dq).max(), state
+        at, step, (q, *others) = self._twin or Place(self.equations, mbs), DIFFERENCE / np.abs(dq).max(), state
 
-        def force(at: np.ndarray) -> np.ndarray:
-            set_state(beside.systemData, t, (at, *others))
-            return equations.residual(beside)
+        def force(moved: np.ndarray) -> np.ndarray:
+            set_state(at.mbs.systemData, t, (moved, *others))
+            return at.residual()
 
-        with state_kept(beside.systemData):
+        with state_kept(at.mbs.systemData):
             return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
 
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -130,9 +129,10 @@ class Tangents:
             seen = Place(self.equations, mbs).look(t, state)
         except Exception as error:
             raise AssumptionError(f"{FAILED}: {error}") from error
-        reading, parts = self._reader.read(self._beside(mbs, t, state, seen), t)
+        at = self._beside(mbs, t, state, seen)
+        reading, parts = self._reader.read(at, t)
         if self._is_due(t, reading.G):
-            self.carried.append(carried_of(t, reading.G, parts))
+            self.carried.append(carried_of(reading, parts, at.inertias))
         return replace(reading, seen=hashed(*seen))
 
     def _beside(self, mbs: Any, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]) -> Place:

@@ -46,11 +46,17 @@ class TangentReader:
         self.redundant = 0
 
     def read(self, at: Place, t: float) -> tuple[Reading, Parts]:
-        """Return the tangent, and how M and G^T change with the coordinates."""
+        """Return the tangent, and how M and G^T change with the coordinates; M without that of inertias."""
         state = current_state(at.mbs.systemData)
         M, G = at.equations.mass(at.mbs), self._constraints(at, t)
         D, own, carried, parts, C, C_t = self._forces(at, M, G)
         K = own + carried
+        for one in at.inertias:
+            q, q_t, q_tt = (x[one.columns] for x in state[:3])
+            rows, here = np.ix_(one.columns, one.columns), one.tangent(q, q_t, q_tt)
+            M[rows] += one.mass(q)
+            K[rows] += here[0]
+            D[rows] += here[1]
         springs = np.abs(np.diag(K))
         springs[[j for rotation in self._rotations for j in rotation]] = 0.0
         return Reading(t, state, M, D, K, G, C, C_t, masses_of(M, self._rotations), springs), parts

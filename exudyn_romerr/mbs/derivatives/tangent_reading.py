@@ -10,9 +10,9 @@ import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError
-from .dependence import Dependence, Quaternion
+from .dependence import QUATERNIONS, Dependence, Quaternion
+from .frame_inertia import FrameInertia
 
-QUATERNIONS = "RigidBodyEP"
 PARAMETERS = (QUATERNIONS, "RigidBodyRxyz")  # node types whose rotations are coordinates like others
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
 REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
@@ -70,16 +70,22 @@ class Carried:
     turning: np.ndarray
 
 
-def carried_of(t: float, G: np.ndarray, parts: Parts) -> Carried:
-    """Put together how M and G^T change: where, and by how much."""
-    n = G.shape[1]
-    (_, by_M), (forces, by_G) = parts
-    at, entries = np.unique(np.concatenate([part.j * n + part.i for part, _ in parts]), return_inverse=True)
-    by = np.zeros((len(at), by_M.shape[1] + by_G.shape[1]), np.float32)
-    by[entries[: len(by_M)], : by_M.shape[1]] = by_M
-    by[entries[len(by_M) :], by_M.shape[1] :] = by_G
-    turning = np.sqrt(np.bincount(forces.j, (by_G**2).sum(axis=1), n)) / max(np.linalg.norm(G), TINY)
-    return Carried(t, G, *np.divmod(at, n), by, turning)
+def carried_of(reading: Reading, parts: Parts, inertias: Sequence[FrameInertia]) -> Carried:
+    """Put together how M and G^T change: where, and by how much; inertias : what is not in the parts."""
+    (mass, by_M), (forces, by_G) = parts
+    n, c = reading.G.shape[1], by_G.shape[1]
+    found = [(mass.j, mass.i, by_M, np.arange(n)), (forces.j, forces.i, by_G, np.arange(n, n + c))]
+    for one in inertias:
+        changes = one.mass_changes(reading.state[0][one.columns])
+        j, i = np.nonzero(changes.any(axis=2))
+        found.append((one.columns[j], one.columns[i], changes[j, i], one.columns))
+    at, entries = np.unique(np.concatenate([j * n + i for j, i, *_ in found]), return_inverse=True)
+    by, first = np.zeros((len(at), n + c), np.float32), 0
+    for j, _, values, columns in found:
+        by[entries[first : first + len(j), None], columns] = values
+        first += len(j)
+    turning = np.sqrt(np.bincount(forces.j, (by_G**2).sum(axis=1), n)) / max(np.linalg.norm(reading.G), TINY)
+    return Carried(reading.t, reading.G, *np.divmod(at, n), by, turning)
 
 
 def quaternions_of(mbs: Any) -> list[Quaternion]:

@@ -9,8 +9,9 @@ import exudyn as exu
 import numpy as np
 
 from ..access.equations import Equations
-from ..access.state_guard import set_state, state_set
+from ..access.state_guard import current_state, set_state, state_set
 from .copied_mbs import copy_items
+from .frame_inertia import FrameInertia
 
 MOVED = 1e-4  # of coordinates and rates: where both are compared, so that nothing vanishes by chance
 # of an entry, and of the largest one: sums of nodes in another order; measured 3e-16 of the largest
@@ -18,10 +19,36 @@ AGREES, ROUNDING = 1e-9, 1e-13
 
 
 class Place(NamedTuple):
-    """Where equations are asked: of an mbs, or of its twin, in the current state."""
+    """Where equations are asked: of an mbs, or of its twin, in the current state.
+
+    inertias : of bodies that have neither mass nor stiffness in this mbs.
+    """
 
     equations: Equations
     mbs: Any
+    inertias: tuple[FrameInertia, ...] = ()
+
+    def mass(self) -> np.ndarray:
+        """M (n, n)."""
+        M, q = self.equations.mass(self.mbs), self.mbs.systemData.GetODE2Coordinates()
+        for one in self.inertias:
+            M[np.ix_(one.columns, one.columns)] += one.mass(q[one.columns])
+        return M
+
+    def forces(self) -> np.ndarray:
+        """Return f (n,), without those of constraints."""
+        system, f = self.mbs.systemData, self.equations.forces(self.mbs)
+        q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
+        for one in self.inertias:
+            f[one.columns] -= one.force(*(x[one.columns] for x in (q, q_t, 0 * q)))
+        return f
+
+    def residual(self) -> np.ndarray:
+        """M q'' + G^T l - f (n,)."""
+        found, (*state, _) = self.equations.residual(self.mbs), current_state(self.mbs.systemData)
+        for one in self.inertias:
+            found[one.columns] += one.force(*(x[one.columns] for x in state))
+        return found
 
     def look(self, t: float, state: Sequence[np.ndarray]) -> list[np.ndarray]:
         """M, forces, G and what constraints keep zero, near a state."""
@@ -29,8 +56,8 @@ class Place(NamedTuple):
         by = MOVED * (1 + np.sin(np.arange(len(q))))
         near = [x + by * np.abs(x).max(initial=1.0) for x in (q, q_t)]
         with state_set(self.mbs.systemData, t, (*near, *others)):
-            of = self.equations.mass, self.equations.forces, self.equations.constraints, self.equations.drift
-            return [value(self.mbs).copy() for value in of]
+            G, drift = self.equations.constraints(self.mbs).copy(), self.equations.drift(self.mbs)
+            return [self.mass().copy(), self.forces(), G, drift]
 
 
 class Twin(Place):
@@ -44,10 +71,11 @@ class Twin(Place):
         container = exu.SystemContainer()
         copy = container.AddSystem()
         try:
-            if not copy_items(mbs, copy):
+            inertias = tuple(FrameInertia.all_of(mbs))
+            if not (copy_items(mbs, copy, hollow=[one.number for one in inertias]) or inertias):
                 return None
             copy.Assemble()
-            twin = cls(Equations(copy, threads), copy)
+            twin = cls(Equations(copy, threads), copy, inertias)
         except Exception:  # of Exudyn, for an item that cannot be copied
             return None
         twin.container = container  # it goes with it, and what is in it

@@ -198,9 +198,9 @@ class MovingSubject:
 
     def _known_inputs(self, t: np.ndarray) -> np.ndarray:
         """Inputs (T, p) of a frame at rest where it was when the solve began."""
-        pose = np.tile(self._now, (len(t), 1))
-        rest, q = 0 * pose, np.zeros((len(t), self._model.V.shape[1]))
-        return self._sampler.terms.values(self._sampler.actions, t, self._model.frame.motion(pose, rest, rest), q, q)
+        q = np.zeros((len(t), self._model.V.shape[1]))
+        terms, actions = self._sampler.terms, self._sampler.actions
+        return terms.values(actions, t, self._model.frame.at_rest(self._now, len(t)), q, q)
 
     def _driven_inputs(self, *of_curve: Any) -> Inputs:
         """Inputs of a frame that moves as its function says, see DrivenFrame.inputs."""

@@ -1,4 +1,4 @@
-"""The copy of an mbs in which tangents are read: the same equations on three nodes a marker, while they are the same."""
+"""The copy of an mbs in which tangents are read: the same equations on three nodes a marker, while they stay so."""
 
 import numpy as np
 import pytest
