@@ -16,9 +16,11 @@ if TYPE_CHECKING:
 
     from ...model.floating_frame import FrameMotion
     from ...online.run import Opening, Run
+    from ...trajectory.samples import Extension
     from ..access.linearisation import Reading
     from .enriched_body import EnrichedBody
 
+TINY = np.finfo(float).tiny
 LEFT = 1e-8  # of constraints: what Newton's tolerance leaves of none
 
 
@@ -52,6 +54,21 @@ class ExtendedTangents:
             self._made = {i: tangent for i, tangent in self._made.items() if i == j - 1}
             self._made[j] = replace(self._tangent(j, 0), rate=self._tangent(j, 1))
         return self._made[j]
+
+    def turned(self, t: np.ndarray, extensions: Sequence[Extension]) -> np.ndarray:
+        """Return angles (S,) by which constraints and frames of bodies turn in the steps to t at most.
+
+        A reading is good for the steps around it.
+        """
+        h = next(iter(extensions[0].segments.values()))[0].h
+        rates = [
+            (np.linalg.norm(C_t, axis=1) / np.maximum(np.linalg.norm(C, axis=1), TINY)).max(initial=0.0)
+            for C, C_t in self._turning
+        ]
+        after = np.clip(np.searchsorted(self.t, t), 0, len(rates) - 1)
+        rates = np.maximum(np.array(rates)[after], np.array(rates)[np.maximum(after - 1, 0)])
+        frames = [block.added.veer.w for e in extensions for block, _ in e.segments.values()]
+        return 2 * h * np.maximum(rates, np.max(frames, axis=0))
 
     def _tangent(self, j: int, order: int) -> Tangent:
         """The tangent, or its rate."""

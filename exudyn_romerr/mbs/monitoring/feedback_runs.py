@@ -164,7 +164,7 @@ class Reaction:
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
-            join_extensions(runs, extensions, self._first_steps)
+            join_extensions(runs, extensions, self._first_steps, extended.turned(rows[0], extensions))
             self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)

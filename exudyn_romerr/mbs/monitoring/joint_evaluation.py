@@ -12,7 +12,7 @@ from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
 from ..access.linearisation import Tangents
-from ..access.mbs_items import scheme_of
+from ..access.mbs_items import scheme_of, share_of
 from ..mechanism.late_readings import LateReadings
 from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
@@ -149,15 +149,15 @@ class Mechanism:
             self._prepare_reaction(mbs)
 
     def _prepare_reaction(self, mbs: Any) -> None:
-        of_solver = scheme_of(mbs)
-        if of_solver is None:
+        if (of_solver := scheme_of(mbs)) is None:
             raise AssumptionError("the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False")
         settings = mbs.sys["simulationSettings"]
         self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
         scheme = TRAPEZOIDAL if holds_rates else of_solver
-        steps = Feedback(scheme), FirstSteps(scheme), self.tangents, StepErrors(self.tangents, residuals, holds_rates)
+        first = FirstSteps(scheme, None if holds_rates else share_of(mbs))
+        steps = Feedback(scheme), first, self.tangents, StepErrors(self.tangents, residuals, holds_rates)
         self._reaction = Reaction(self._partners, *steps, self._sensors)
 
     def _prepare_estimates(self, mbs: Any) -> None:
