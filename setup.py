@@ -1,5 +1,8 @@
-"""Shim for tools that still call setup.py; everything is in pyproject.toml."""
+"""The compiled part; all else is in pyproject.toml. Where there is no compiler, installing leaves it out."""
 
-from setuptools import setup
+from setuptools import Extension, setup
 
-setup()
+C = "exudyn_romerr/compiled/"
+HEADERS = [C + "march.h", C + "oscillators.h"]
+
+setup(ext_modules=[Extension("exudyn_romerr.compiled._loops", [C + "loops.c"], depends=HEADERS, optional=True)])

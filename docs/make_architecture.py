@@ -18,8 +18,8 @@ PACKAGE = ROOT / "exudyn_romerr"
 PICTURE = ROOT / "docs" / "figures" / "architecture.png"
 # A folder imports from itself and from what stands above it, annotations and imports inside functions included.
 ORDER = (
-    "_version errors checks progress linalg model decay basis residual trajectory estimators estimates report "
-    "offline online mode_selection sweeps mbs.memory mbs.access mbs.floating mbs.mechanism mbs.shadow "
+    "_version errors checks progress compiled linalg model decay basis residual trajectory estimators estimates "
+    "report offline online mode_selection sweeps mbs.memory mbs.access mbs.floating mbs.mechanism mbs.shadow "
     "mbs.monitoring mbs.studies fe_files mbs __init__ __main__"
 ).split()
 FOLDERS = [name for name in ORDER if (PACKAGE / name.replace(".", "/")).is_dir() and name != "mbs"]

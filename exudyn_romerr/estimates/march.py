@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..compiled.loops import loops
 from .columns import Columns, at_all, distinct, side_by_side
 
 
@@ -159,10 +160,11 @@ class Steps:
         given, ends = side_by_side(parts, len(self), n)
         starts = (end - part.moving.shape[2] for part, end in zip(parts, ends, strict=True))
         held = ((j, J) for part, start in zip(parts, starts, strict=True) for j, J in enumerate(part.held, start))
-        holds = {j: self._hold(J) for j, J in held if J.size}
-        kept, place = distinct(given, holds)
-        holds = [(kept.index(j), *hold) for j, hold in holds.items() if j in kept]  # others are 0 all the same
-        found = self._marched(*(x[kept] for x in given), holds=holds)
+        held = {j: J for j, J in held if J.size}
+        kept, place = distinct(given, held)
+        held = [(kept.index(j), J) for j, J in held.items() if j in kept]  # others are 0 all the same
+        marched = self._marched if loops is None else self._marched_at_once
+        found = marched(*(x if len(kept) == len(x) else x[kept] for x in given), held=held)
         found, z = (np.moveaxis(at_all(x, place), 1, -1) for x in found)
         all_found = np.split(found, ends[:-1], axis=3)
         if not multipliers:
@@ -181,14 +183,16 @@ class Steps:
         return J, B @ np.linalg.inv(B[:, J])
 
     def _marched(
-        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None = None, *, holds: list
+        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None = None, *, held: list
     ) -> tuple[np.ndarray, np.ndarray]:
         """March (columns, 4, k) under right-hand sides (columns, S, k + c) and kicks (columns, S, 2, k).
 
+        held : pairs, number of a column and its coordinates (J,) that are held at zero.
         Return what is found (S, columns, 4, k), and the solutions z (S, columns, k + c): increments, and l in their
         last rows. Column by column, for products with vectors are faster than those with a few columns.
         """
         (columns, S, n), k, dot, subtract = right.shape, moving.shape[2], np.dot, np.subtract
+        holds = [(j, *self._hold(J)) for j, J in held]
         ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
         ahead[1:] = ahead[1:] @ onward[:-1]
         # what is known of e, e', a, then z: increments, and l behind them
@@ -213,6 +217,18 @@ class Steps:
                 self._correct(i, right[:, i], all_z, holds)
             last = now
         return onward[:, None] @ states, solutions
+
+    def _marched_at_once(
+        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None = None, *, held: list
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The same, compiled: all columns at once."""
+        (columns, S, n), k = right.shape, moving.shape[2]
+        states, solutions = np.empty((S, columns, 4, k)), np.empty((S, columns, n))
+        maps, held = (self.scheme.ahead(self.h), self.scheme.next(self.h)), [(j, J.astype(np.int64)) for j, J in held]
+        given = moving, right, kicks, *maps, *self._matrices, self.once
+        if not loops.march(columns, S, k, n, *given, states, solutions, held):
+            raise np.linalg.LinAlgError("Singular matrix")  # as _hold does
+        return states, solutions
 
     def _correct(self, i: int, right: np.ndarray, found: np.ndarray, holds: list) -> None:
         """Solve step i once more for what solutions (columns, k + c) leave of right-hand sides."""

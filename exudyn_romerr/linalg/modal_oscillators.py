@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg.blas import dtbsv
 
+from ..compiled.loops import loops
+
 TAYLOR_TERMS = 18  # of phi functions at arguments of at most 1: the next term is 1/19! relative
 FIRST_ORDER = 1e-8  # of change in a step's angle, and of its length: the square of it is rounding
 SEPARATE = 1.1  # damping ratio above which the two real roots are far enough apart to be taken one by one
@@ -138,9 +140,14 @@ class ModalOscillators:
             step = self._of_length(degree, h)
             self._last[degree] = step, step.weights(), np.zeros((0, 4, 0))
         step, weights, bands = self._last[degree]
+        self._lag = steps * (h - step.h)
+        if loops is not None:
+            y = np.empty((steps, 2, F.shape[2]))
+            loops.oscillators(*F.shape, *map(np.ascontiguousarray, (state, step.A, weights, F)), y)
+            return y
         if bands.shape[2] < 2 * steps:
             bands = _bands(step.A, steps)
-        self._last[degree], self._lag = (step, weights, bands), steps * (h - step.h)
+            self._last[degree] = step, weights, bands
         driven = np.einsum("cjm,sjm->scm", weights, F)
         return _marched(bands[:, :, : 2 * steps], _apply(step.A, state), driven)
 

@@ -13,6 +13,7 @@ import sysconfig
 import venv
 import zipfile
 from importlib import import_module
+from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.metadata import Distribution
 from pathlib import Path
 from types import SimpleNamespace
@@ -33,19 +34,25 @@ SOURCES = {path.relative_to(ROOT).as_posix(): path for folder in FOLDERS for pat
 TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in SOURCES.items()}
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
+def built(tmp_path_factory, **environment):
     """A wheel built from a copy of the sources: nothing is left in the checkout."""
     source, folder = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
     for name in BUILT_FROM:
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
         copy(ROOT / name, source / name, **({"ignore": IGNORED} if copy is shutil.copytree else {}))
-    subprocess.run([*PIP, "wheel", "--no-deps", "--no-build-isolation", "-w", folder, source], check=True)
+    command = [*PIP, "wheel", "--no-deps", "--no-build-isolation", "-w", folder, source]
+    subprocess.run(command, check=True, env=os.environ | environment)
     (path,) = folder.glob("*.whl")
     return path
 
 
-IGNORED = shutil.ignore_patterns("__pycache__")
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """With the compiled part, if there is a compiler."""
+    return built(tmp_path_factory)
+
+
+IGNORED = shutil.ignore_patterns("__pycache__", *(f"*{suffix}" for suffix in EXTENSION_SUFFIXES))
 
 
 @pytest.fixture(scope="module")
@@ -81,12 +88,27 @@ ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {
 }
 
 
+def contents(wheel):
+    """Names of the files that a wheel installs."""
+    return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+
+
+PACKAGE = ROOT / "exudyn_romerr"
+FILES = {path.relative_to(ROOT).as_posix() for path in PACKAGE.rglob("*") if path.suffix in (".py", ".typed")}
+COMPILED = f"exudyn_romerr/compiled/_loops{sysconfig.get_config_var('EXT_SUFFIX')}"
+
+
 def test_wheel_has_the_package_and_nothing_else(wheel):
-    names = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    package = ROOT / "exudyn_romerr"
-    files = {path.relative_to(ROOT).as_posix() for path in package.rglob("*") if path.suffix in (".py", ".typed")}
-    assert names == files
-    assert "exudyn_romerr/py.typed" in names
+    assert contents(wheel) - {COMPILED} == FILES
+    assert "exudyn_romerr/py.typed" in FILES
+
+
+@pytest.mark.skipif(os.name == "nt", reason="CC names no compiler there")
+def test_wheel_without_a_compiler_lacks_the_compiled_part_only(wheel, tmp_path_factory):
+    assert contents(built(tmp_path_factory, CC=sys.executable + " -c raise")) == FILES
+    if not shutil.which((sysconfig.get_config_var("CC") or "cc").split()[0]):
+        pytest.skip("there is no compiler to build the wheel with, either")
+    assert contents(wheel) == FILES | {COMPILED}
 
 
 def test_wheel_asks_for_four_packages(python):

@@ -1,0 +1,168 @@
+/* Loops that take long in Python. NumPy has them all, sums products in another order, and is what tests compare with.
+
+Arrays come as buffers, so that building this needs nothing but Python. */
+
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+
+#ifdef __GNUC__ /* Clang, too */
+#define INLINE static inline __attribute__((always_inline))
+#define UNROLLED _Pragma("GCC unroll 8")
+#define PREFETCH(place) __builtin_prefetch(place)
+#define RESTRICT __restrict__
+#ifdef __x86_64__
+#define WIDE __attribute__((target("avx2,fma")))
+#endif
+#else
+#define INLINE static __forceinline
+#define UNROLLED
+#define PREFETCH(place)
+#define RESTRICT __restrict
+#endif
+
+typedef Py_ssize_t Size;
+
+#include "march.h"
+#include "oscillators.h"
+
+static int march_anywhere(const March *all) { return march(all); }
+static void oscillate_anywhere(const Oscillators *all) { oscillate(all); }
+static int (*march_here)(const March *) = march_anywhere;
+static void (*oscillate_here)(const Oscillators *) = oscillate_anywhere;
+
+#ifdef WIDE
+WIDE static int march_wide(const March *all) { return march(all); }
+WIDE static void oscillate_wide(const Oscillators *all) { oscillate(all); }
+#endif
+
+/* Buffers that are held until the march has ended. */
+typedef struct {
+    Py_buffer *views;
+    Size count;
+} Held;
+
+/* Numbers of `object`, of so many bytes each, which must be so many; NULL with an error set if they are not. */
+static void *numbers(PyObject *object, Held *held, Size count, Size bytes, int flags)
+{
+    Py_buffer *view = held->views + held->count;
+    if (PyObject_GetBuffer(object, view, PyBUF_C_CONTIGUOUS | flags) < 0) return NULL;
+    held->count++;
+    if (view->itemsize == bytes && view->len == count * bytes) return view->buf;
+    PyErr_Format(PyExc_ValueError, "%zd bytes, %zd a number, in place of %zd numbers of %zd", view->len, view->itemsize,
+                 count, bytes);
+    return NULL;
+}
+
+/* Write where the numbers of S matrices begin, which the caller holds; -1 with an error set if they are not there. */
+static int matrices(PyObject *object, const double **found, Size S, Size count)
+{
+    PyObject *all = PySequence_Fast(object, "matrices of steps are a sequence");
+    if (all == NULL) return -1;
+    if (PySequence_Fast_GET_SIZE(all) != S) PyErr_SetString(PyExc_ValueError, "there is not a matrix of each step");
+    for (Size i = 0; i < S && !PyErr_Occurred(); i++) {
+        Py_buffer view;
+        Held one = {&view, 0};
+        found[i] = numbers(PySequence_Fast_GET_ITEM(all, i), &one, count, sizeof(double), 0);
+        if (one.count) PyBuffer_Release(&view);
+    }
+    Py_DECREF(all);
+    return PyErr_Occurred() ? -1 : 0;
+}
+
+/* Read the arguments, whose memory is given. */
+static int prepared(March *all, PyObject *const *given, PyObject *holds, Held *held, const double **rows)
+{
+    const Size columns = all->columns, S = all->S, k = all->k, n = all->n, size = sizeof(double);
+    all->moved = rows, all->whole = rows + S, all->inverses = rows + 2 * S;
+    if (!(all->moving = numbers(given[0], held, columns * 4 * k, size, 0)) ||
+        !(all->right = numbers(given[1], held, columns * S * n, size, 0)) ||
+        (given[2] != Py_None && !(all->kicks = numbers(given[2], held, columns * S * 2 * k, size, 0))) ||
+        !(all->ahead = numbers(given[3], held, S * 12, size, 0)) ||
+        !(all->onward = numbers(given[4], held, S * 16, size, 0)) || matrices(given[5], all->moved, S, n * 2 * k) < 0 ||
+        matrices(given[6], all->whole, S, n * n) < 0 || matrices(given[7], all->inverses, S, n * n) < 0 ||
+        !(all->once = numbers(given[8], held, S, 1, 0)) ||
+        !(all->states = numbers(given[9], held, S * columns * 4 * k, size, PyBUF_WRITABLE)) ||
+        !(all->solutions = numbers(given[10], held, S * columns * n, size, PyBUF_WRITABLE)))
+        return -1;
+    for (Hold *hold = all->hold; all->holds < PyList_GET_SIZE(holds); hold++, all->holds++) {
+        PyObject *coordinates;
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(holds, all->holds), "nO", &hold->column, &coordinates)) return -1;
+        hold->count = PyObject_Length(coordinates);
+        if (hold->count < 0 || !(hold->coordinates = numbers(coordinates, held, hold->count, 8, 0))) return -1;
+        for (Size j = 0; j < hold->count; j++)
+            if (hold->column < 0 || hold->column >= columns || hold->coordinates[j] < 0 || hold->coordinates[j] >= k || hold->count > k) {
+                PyErr_SetString(PyExc_ValueError, "there is no such column or coordinate to hold");
+                return -1;
+            }
+    }
+    return 0;
+}
+
+#define ARRAYS 11
+#define MARCH                                                                                                     \
+    "march(columns, S, k, n, moving, right, kicks, ahead, onward, moved, whole, inverses, once, states, solutions, "  \
+    "held)\n\nWrite states (S, columns, 4, k) and solutions (S, columns, n) of Steps._marched, which tells the rest; "   \
+    "held: list\nof pairs, the number of a column and its coordinates (J,) that are held. Return whether they can be."
+
+static PyObject *marched(PyObject *self, PyObject *arguments)
+{
+    March all = {0};
+    PyObject *given[ARRAYS], *holds, *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnnOOOOOOOOOOOO!", &all.columns, &all.S, &all.k, &all.n, given, given + 1,
+                          given + 2, given + 3, given + 4, given + 5, given + 6, given + 7, given + 8, given + 9,
+                          given + 10, &PyList_Type, &holds))
+        return NULL;
+    Held held = {PyMem_Calloc(ARRAYS + PyList_GET_SIZE(holds), sizeof(Py_buffer)), 0};
+    const double **rows = PyMem_Calloc(3 * all.S + 1, sizeof(double *));
+    double *work = PyMem_Calloc(2 * all.columns * all.n + all.k * (all.k + 1) + 1, sizeof(double));
+    all.hold = PyMem_Calloc(PyList_GET_SIZE(holds) + 1, sizeof(Hold));
+    if (!held.views || !rows || !work || !all.hold) {
+        PyErr_NoMemory();
+    } else if (prepared(&all, given, holds, &held, rows) == 0) {
+        all.left = work, all.more = work + all.columns * all.n, all.held = all.more + all.columns * all.n;
+        result = PyBool_FromLong(march_here(&all));
+    }
+    while (held.count) PyBuffer_Release(held.views + --held.count);
+    PyMem_Free(held.views), PyMem_Free(rows), PyMem_Free(work), PyMem_Free(all.hold);
+    return result;
+}
+
+#define OSCILLATORS                                                                                                  \
+    "oscillators(S, points, m, state, A, weights, F, y)\n\nWrite y (S, 2, m) = A (2, 2, m) y_before + weights (2, "   \
+    "points, m) F (S, points, m), from state (2, m) on."
+
+static PyObject *oscillated(PyObject *self, PyObject *arguments)
+{
+    Oscillators all = {0};
+    PyObject *given[5], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnOOOOO", &all.S, &all.points, &all.m, given, given + 1, given + 2, given + 3,
+                          given + 4))
+        return NULL;
+    Py_buffer views[5];
+    Held held = {views, 0};
+    const Size m = all.m, size = sizeof(double);
+    if ((all.state = numbers(given[0], &held, 2 * m, size, 0)) && (all.A = numbers(given[1], &held, 4 * m, size, 0)) &&
+        (all.weights = numbers(given[2], &held, 2 * all.points * m, size, 0)) &&
+        (all.F = numbers(given[3], &held, all.S * all.points * m, size, 0)) &&
+        (all.y = numbers(given[4], &held, all.S * 2 * m, size, PyBUF_WRITABLE))) {
+        oscillate_here(&all);
+        result = Py_NewRef(Py_None);
+    }
+    while (held.count) PyBuffer_Release(views + --held.count);
+    return result;
+}
+
+static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
+                                {"oscillators", oscillated, METH_VARARGS, OSCILLATORS},
+                                {NULL, NULL, 0, NULL}};
+static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit__loops(void)
+{
+#ifdef WIDE
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+        march_here = march_wide, oscillate_here = oscillate_wide;
+#endif
+    return PyModule_Create(&module);
+}

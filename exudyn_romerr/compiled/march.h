@@ -1,0 +1,182 @@
+/* The loop of Steps.march in estimates/march.py, where all columns share the reading of a step's matrices. */
+
+#include <math.h>
+#include <string.h>
+
+#define LANES 4    /* numbers of a row at once */
+#define TOGETHER 4 /* columns at once: with two rows, their sums stay in registers */
+
+#ifdef __GNUC__
+typedef double Lanes __attribute__((vector_size(32)));
+#define ADD_PRODUCT(sum, a, b) sum += a * b
+#else
+typedef struct {
+    double of[LANES];
+} Lanes;
+#define ADD_PRODUCT(sum, a, b) \
+    for (int lane = 0; lane < LANES; lane++) sum.of[lane] += a.of[lane] * b.of[lane]
+#endif
+
+/* Coordinates of a column that are held at zero. */
+typedef struct {
+    Size column, count;
+    const long long *coordinates;
+} Hold;
+
+/* What the text of march() in loops.c says. */
+typedef struct {
+    Size columns, S, k, n, holds;
+    const double *moving, *right, *kicks, *ahead, *onward;
+    const double **moved, **whole, **inverses; /* of each step */
+    const char *once;
+    Hold *hold;
+    double *states, *solutions;
+    double *left, *more, *held; /* (columns, n) of a step, twice; what solve() needs of k */
+} March;
+
+/* y = A x for some rows of A (., m) and some columns x (next_x numbers apart), constants where this is called. */
+INLINE void block(const int rows, const int columns, Size m, const double *A, const double *x, Size next_x, double *y,
+                  Size next_y)
+{
+    Lanes sums[4][TOGETHER], row[4], one;
+    double of[LANES];
+    Size l = 0;
+    memset(sums, 0, sizeof(sums));
+    for (; l + LANES <= m; l += LANES) {
+        UNROLLED
+        for (int i = 0; i < rows; i++) {
+            memcpy(&row[i], A + i * m + l, sizeof(one));
+            PREFETCH(A + (rows + i) * m + l); /* the next rows: matrices of many steps are far away */
+        }
+        UNROLLED
+        for (int j = 0; j < columns; j++) {
+            memcpy(&one, x + j * next_x + l, sizeof(one));
+            UNROLLED
+            for (int i = 0; i < rows; i++) { ADD_PRODUCT(sums[i][j], row[i], one); }
+        }
+    }
+    UNROLLED
+    for (int i = 0; i < rows; i++) {
+        UNROLLED
+        for (int j = 0; j < columns; j++) {
+            memcpy(of, &sums[i][j], sizeof(of));
+            double sum = (of[0] + of[2]) + (of[1] + of[3]);
+            for (Size rest = l; rest < m; rest++) sum += A[i * m + rest] * x[j * next_x + rest];
+            y[j * next_y + i] = sum;
+        }
+    }
+}
+
+#define ROWS(rows, columns) \
+    for (; i + rows <= n; i += rows) block(rows, columns, m, A + i * m, x, next_x, y + i, next_y)
+
+/* y = A x, A (n, m). */
+INLINE void product(Size n, Size m, Size columns, const double *A, const double *x, Size next_x, double *y, Size next_y)
+{
+    for (; columns > 0; columns -= TOGETHER, x += TOGETHER * next_x, y += TOGETHER * next_y) {
+        Size i = 0;
+        if (columns >= TOGETHER) {
+            ROWS(2, TOGETHER);
+            ROWS(1, TOGETHER);
+        } else if (columns == 3) {
+            ROWS(2, 3);
+            ROWS(1, 3);
+        } else if (columns == 2) {
+            ROWS(4, 2);
+            ROWS(1, 2);
+        } else {
+            ROWS(4, 1);
+            ROWS(1, 1);
+        }
+    }
+}
+
+/* Solve A x = b for what replaces b, A (count, count) with b as one more column; whether there is a solution. */
+INLINE int solve(Size count, double *A)
+{
+    const Size row = count + 1;
+    for (Size i = 0; i < count; i++) {
+        Size largest = i;
+        for (Size j = i + 1; j < count; j++)
+            if (fabs(A[j * row + i]) > fabs(A[largest * row + i])) largest = j;
+        for (Size l = i; largest > i && l < row; l++) {
+            const double other = A[i * row + l];
+            A[i * row + l] = A[largest * row + l], A[largest * row + l] = other;
+        }
+        if (A[i * row + i] == 0.0) return 0;
+        for (Size j = i + 1; j < count; j++) {
+            const double factor = A[j * row + i] / A[i * row + i];
+            for (Size l = i + 1; l < row; l++) A[j * row + l] -= factor * A[i * row + l];
+        }
+    }
+    for (Size i = count - 1; i >= 0; i--) {
+        double *b = A + i * row + count;
+        for (Size j = i + 1; j < count; j++) *b -= A[i * row + j] * A[j * row + count];
+        *b /= A[i * row + i];
+    }
+    return 1;
+}
+
+/* Take from solutions z (columns, n) of step i what moves coordinates that are held; whether that is possible. */
+INLINE int let_go(const March *all, Size i, double *z)
+{
+    const Size n = all->n;
+    const double *B = all->inverses[i];
+    for (const Hold *hold = all->hold; hold < all->hold + all->holds; hold++) {
+        const Size count = hold->count, row = count + 1;
+        const long long *J = hold->coordinates;
+        double *of = z + hold->column * n, *A = all->held;
+        for (Size a = 0; a < count; a++) {
+            for (Size b = 0; b < count; b++) A[a * row + b] = B[J[a] * n + J[b]];
+            A[a * row + count] = of[J[a]];
+        }
+        if (!solve(count, A)) return 0;
+        for (Size l = 0; l < n; l++)
+            for (Size b = 0; b < count; b++) of[l] -= B[l * n + J[b]] * A[b * row + count];
+        for (Size b = 0; b < count; b++) of[J[b]] = 0.0; /* but for rounding they are */
+    }
+    return 1;
+}
+
+/* Whether all could be held. */
+INLINE int march(const March *all)
+{
+    const Size columns = all->columns, S = all->S, k = all->k, n = all->n;
+    const double *last = all->moving;
+    for (Size i = 0; i < S; i++) {
+        const double *ahead = all->ahead + 12 * i, *onward = all->onward + 16 * i;
+        double *now = all->states + i * columns * 4 * k, *z = all->solutions + i * columns * n;
+        for (Size j = 0; j < columns; j++) {
+            const double *x = last + j * 4 * k, *kick = all->kicks ? all->kicks + (j * S + i) * 2 * k : NULL;
+            double *e = now + j * 4 * k; /* what is known of e, e', a, until z is */
+            for (Size a = 0; a < 3; a++)
+                for (Size l = 0; l < k; l++)
+                    e[a * k + l] = ahead[4 * a] * x[l] + ahead[4 * a + 1] * x[k + l] + ahead[4 * a + 2] * x[2 * k + l] +
+                                   ahead[4 * a + 3] * x[3 * k + l];
+            for (Size l = 0; kick && l < 2 * k; l++) e[l] += kick[l];
+        }
+        product(n, 2 * k, columns, all->moved[i], now, 4 * k, all->left, n);
+        for (Size j = 0; j < columns; j++)
+            for (Size l = 0; l < n; l++) all->left[j * n + l] = all->right[(j * S + i) * n + l] - all->left[j * n + l];
+        product(n, n, columns, all->inverses[i], all->left, n, z, n);
+        if (!let_go(all, i, z)) return 0;
+        if (!all->once[i]) {
+            product(n, n, columns, all->whole[i], z, n, all->more, n);
+            for (Size l = 0; l < columns * n; l++) all->left[l] -= all->more[l];
+            product(n, n, columns, all->inverses[i], all->left, n, all->more, n);
+            if (!let_go(all, i, all->more)) return 0;
+            for (Size l = 0; l < columns * n; l++) z[l] += all->more[l];
+        }
+        for (Size j = 0; j < columns; j++)
+            for (Size l = 0; l < k; l++) {
+                double *e = now + j * 4 * k + l;
+                const double known[3] = {e[0], e[k], e[2 * k]}, step = z[j * n + l];
+                for (Size a = 0; a < 4; a++)
+                    e[a * k] = onward[4 * a] * known[0] + onward[4 * a + 1] * known[1] + onward[4 * a + 2] * known[2] +
+                               onward[4 * a + 3] * step;
+            }
+        last = now;
+    }
+    return 1;
+}
+

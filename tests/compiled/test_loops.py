@@ -1,0 +1,166 @@
+"""Compiled loops beside those in NumPy, which are the reference: of a mechanism's run, and of random numbers."""
+
+import shutil
+import subprocess
+import sys
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from exudyn_romerr.compiled.loops import loops as installed
+from exudyn_romerr.estimates import march
+from exudyn_romerr.estimates.march import Columns, Scheme, Steps
+from exudyn_romerr.linalg import modal_oscillators
+from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
+from models import floating
+from tests.helpers import tolerances as tol
+
+ROOT = Path(__file__).resolve().parents[2]
+NEEDED = ("setup.py", "pyproject.toml", "README.md", "LICENSE", "exudyn_romerr/compiled")
+# Random numbers: products of up to 60 in another order, 1e-16 each, added up over 20 steps that do not grow.
+SAME = 1e-12
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """The compiled part: what is installed, else built from its source."""
+    if installed is not None:
+        return installed
+    folder = tmp_path_factory.mktemp("compiled")
+    for name in NEEDED:
+        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
+        copy(ROOT / name, folder / name)
+    command = [sys.executable, "setup.py", "build_ext", "--build-lib", "built"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8")
+    found = [path for suffix in EXTENSION_SUFFIXES for path in (folder / "built").rglob(f"_loops{suffix}")]
+    if not found:
+        pytest.skip(f"the compiled part is not installed and cannot be built here: {done.stderr[-500:]}")
+    module = module_from_spec(spec := spec_from_file_location("exudyn_romerr.compiled._loops", found[0]))
+    spec.loader.exec_module(module)
+    return module
+
+
+class Both:
+    """Steps.march by NumPy and compiled: what both find is kept, the run goes on with the former."""
+
+    def __init__(self, compiled, monkeypatch):
+        self.compiled, self.of_steps, self.kinds, self.off = compiled, Steps.march, set(), []
+        self.monkeypatch = monkeypatch
+
+    def march(self, steps, *parts, multipliers=False):
+        found = []
+        for one in (None, self.compiled):
+            self.monkeypatch.setattr(march, "loops", one)
+            found.append(self.of_steps(steps, *parts, multipliers=True))
+        for part, (numpy, other) in zip(parts, zip(*found, strict=True), strict=True):
+            of_kinds = zip(numpy[0].swapaxes(0, 1), other[0].swapaxes(0, 1), strict=True)  # e, e', e'', a
+            self.off += [off(x, y) for x, y in of_kinds]
+            self.off.append(off(numpy[1], other[1]))
+            self.kinds |= {name for name in ("force", "values", "kicks") if getattr(part, name) is not None}
+            self.kinds |= {"held" for J in part.held if J.size}
+        self.kinds |= {len(parts), type(steps.moved), *("once" if once else "corrected" for once in steps.once)}
+        return found[0] if multipliers else [states for states, _ in found[0]]
+
+
+def off(one, other):
+    """Largest difference, of the largest number."""
+    return np.max(np.abs(one - other), initial=0.0) / np.max(np.abs(one), initial=1e-300)
+
+
+def test_a_run_finds_the_same(compiled, monkeypatch):
+    """The pendulum with auxiliary modes, midpoint residuals and all that goes with these."""
+    both = Both(compiled, monkeypatch)
+    monkeypatch.setattr(Steps, "march", lambda *given, **options: both.march(*given, **options))
+    scene = floating.pendulum(8, h=1e-4, t_end=0.03)
+    node = int(floating.interface(scene.fem, "tip")[0][0])
+    output = romerr.node_displacement("tip", node=node, component="z")
+    options = {"estimators": ("auxiliary",), "auxiliary_modes": 20, "scope": "coupled (linearised)"}
+    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items), outputs=[output], **options)
+    scene.mbs.Assemble()
+    scene.mbs.SolveDynamic(scene.settings)
+    monitor.report()
+    # all there is: of one and of several parts, steps that are put together, corrected or not
+    assert {"force", "values", "kicks", "held", 1, 3, np.ndarray, list, "once", "corrected"} <= both.kinds
+    assert max(both.off) < tol.MARCHED
+
+
+def random_steps(rng, k, c, S=20):
+    """Steps with matrices of random numbers, every third of them to be corrected."""
+    n = k + c
+    moved = 0.3 * rng.standard_normal((S, n, 2 * k)) / n
+    whole = np.eye(n) + 0.3 * rng.standard_normal((S, n, n)) / n
+    inverses = np.linalg.inv(whole) + 1e-4 * rng.standard_normal((S, n, n)) / n
+    return Steps(Scheme.of_radius(0.8), np.full(S, 1.0), moved, whole, inverses, np.arange(S) % 3 > 0)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 4, 5, 9])
+@pytest.mark.parametrize(("k", "c"), [(1, 0), (3, 1), (12, 2), (17, 4), (30, 0)])
+def test_any_shape_finds_the_same(k, c, columns, compiled, monkeypatch):
+    """Fewer numbers than are summed at once, and remainders of these; more columns than are."""
+    rng = np.random.default_rng([k, c, columns])
+    both, steps, force = Both(compiled, monkeypatch), random_steps(rng, k, c), rng.standard_normal((20, k, columns))
+    held = [rng.permutation(k)[: j % (k + 1)] for j in range(columns)]
+    moving, values = rng.standard_normal((4, k, columns)), rng.standard_normal((20, c, columns))
+    both.march(steps, Columns(moving, force, values, tuple(rng.standard_normal((2, 20, k, columns))), held))
+    both.march(steps, Columns(moving, force))
+    assert max(both.off) < SAME
+
+
+def test_what_cannot_be_held_is_told(compiled, monkeypatch):
+    """By both; as where the shapes are not what they are said to be, which would be read beyond the end."""
+    steps = random_steps(np.random.default_rng(1), 4, 0)
+    steps.inverses[7, 2] = steps.inverses[7, :, 2] = 0.0
+    for one in (None, compiled):
+        monkeypatch.setattr(march, "loops", one)
+        with pytest.raises(np.linalg.LinAlgError, match="Singular matrix"):
+            steps.march(Columns(np.ones((4, 4, 1)), held=[np.array([1, 2])]))
+
+
+def test_other_shapes_are_refused(compiled, monkeypatch):
+    """Nothing is read beyond the end of an array."""
+    monkeypatch.setattr(march, "loops", compiled)
+    steps = random_steps(np.random.default_rng(1), 4, 1)
+    columns = Columns(np.ones((4, 4, 1)))
+    for name in ("moved", "whole", "inverses", "once"):
+        kept = getattr(steps, name)
+        for wrong in (kept[:-1], kept[..., :-1].copy(), kept.astype(np.float32)):
+            setattr(steps, name, wrong)
+            with pytest.raises(ValueError, match=r"in place of|not a matrix of each step"):
+                steps.march(columns)
+        setattr(steps, name, kept)
+    with pytest.raises(ValueError, match="no such column or coordinate"):
+        steps.march(Columns(np.ones((4, 4, 1)), held=[np.array([4])]))
+
+
+@pytest.mark.parametrize(("degree", "count"), [(0, 1), (5, 3), (3, 20)])
+def test_oscillators_find_the_same(degree, count, compiled, monkeypatch):
+    """In two blocks; the last step of the second is shorter, and always NumPy's."""
+    rng = np.random.default_rng(degree)
+    omega, zeta = np.geomspace(1.0, 1e4, count), rng.uniform(0, 0.2, count)
+    F, h = rng.standard_normal((300, degree + 1, count)), np.append(np.full(299, 1e-3), 3e-4)
+    found = []
+    for one in (None, compiled):
+        monkeypatch.setattr(modal_oscillators, "loops", one)
+        oscillators, state = ModalOscillators(omega, zeta), rng.standard_normal((2, count)) * (one is None)
+        if one is not None:
+            state = found[0][0]
+        found.append([state])
+        for part in (slice(100), slice(100, 300)):
+            found[-1] += [*oscillators.advance(found[-1][-1], np.cumsum(h)[part], h[part], F[part])]
+    assert off(*(np.array(one)[:, 0] for one in found)) < SAME
+    assert off(*(np.array(one)[:, 1] for one in found)) < SAME
+
+
+def test_oscillators_refuse_other_shapes(compiled):
+    """Nothing is read or written beyond the end of an array."""
+    right = [np.zeros(shape) for shape in ((2, 3), (2, 2, 3), (2, 4, 3), (5, 4, 3), (5, 2, 3))]
+    compiled.oscillators(5, 4, 3, *right)
+    for i in range(5):
+        wrong = [*right]
+        wrong[i] = right[i][:-1]
+        with pytest.raises(ValueError, match="in place of"):
+            compiled.oscillators(5, 4, 3, *wrong)
