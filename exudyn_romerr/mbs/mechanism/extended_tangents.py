@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import null_space
 
 from ...estimates.march import Tangent
 from ...online.coupled_runs import shared_energy
@@ -70,6 +71,16 @@ class ExtendedTangents:
         frames = [block.added.veer.w for e in extensions for block, _ in e.segments.values()]
         return 2 * h * np.maximum(rates, np.max(frames, axis=0))
 
+    def lightness(self, j: int) -> float:
+        """Return the smallest mass that constraints admit half way to the next reading, over that at both of them."""
+        ends = self[j], self[j + 1]
+        dt, scale = ends[1].t - ends[0].t, 1 / np.sqrt(np.max([np.diag(tangent.M) for tangent in ends], axis=0))
+        between = (sum(getattr(x, name) for x in ends) / 2 for name in "MC")
+        slopes = (dt / 8 * (getattr(ends[0].rate, name) - getattr(ends[1].rate, name)) for name in "MC")
+        middle = (x + dx for x, dx in zip(between, slopes, strict=True))
+        known = min(_lightest(tangent.M, tangent.C, scale) for tangent in ends)
+        return _lightest(*middle, scale) / known
+
     def _tangent(self, j: int, order: int) -> Tangent:
         """The tangent, or its rate."""
         n, turning, whole = self._size, self._turning[j][order], (self._whole, self._rates)[order][j]
@@ -89,6 +100,12 @@ class ExtendedTangents:
         G = np.zeros((len(reading.G), self._size))
         G[:, :n] = reading.G
         return np.vstack([M, D, K, G])
+
+
+def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> float:
+    """Smallest mass of what constraints admit, coordinates scaled."""
+    free = scale[:, None] * null_space(C * scale)
+    return float(np.linalg.eigvalsh(free.T @ M @ free)[0])
 
 
 class FixedFreedoms:

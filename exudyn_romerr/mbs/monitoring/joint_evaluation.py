@@ -91,7 +91,7 @@ class Mechanism:
         """Read the tangents that stored steps need: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
         if self.tangents is None or not self.tangents.readings or self._has_failed:
             return
-        late = LateReadings(self.tangents, mbs, t, states)
+        late = LateReadings(self.tangents, mbs, t, states, self._reaction)
         late.read()
         self._failure = late.failure
         for watch in self._partners if late.note else ():
