@@ -3,8 +3,9 @@
 Bars 4 : 1 : 1 of hexahedra (models/hex_block.py). First the factorisation alone: of K, clamped at one end; the count
 of eigenvalues (K - sigma M); 100 half solves. Then all that attach does to a pendulum of it, Craig-Bampton modes
 (RBE2, 20 eigenmodes): scope coupled, vectors "auto", one output, and the first step. "Craig-Bampton": Exudyn's own
-computation of these modes. Every task has a process of its own; MB: peak of resident memory, of the factor above that
-before, of attach and Craig-Bampton of the whole process, with Exudyn, fem and modes.
+computation of these modes. Every task has a process of its own. N: coordinates less those of the clamped end. MB:
+peak of resident memory, of the factor above that before, of attach and Craig-Bampton of the whole process, with
+Exudyn, fem and modes.
 
     python benchmarks/large_bodies.py [--coordinates 13000 55000] [--tasks factor attach Craig-Bampton]      2 min
     python benchmarks/large_bodies.py --coordinates 107000 285000 --only pardiso                    15 min, 13 GB
@@ -89,6 +90,7 @@ def child_factor(kind: str, coordinates: int) -> None:
 def child_attach(kind: str, coordinates: int) -> None:
     """Tell CPU seconds of attach and of the first step, and memory: before, and the peak of all."""
     fem, faces, weights = block(coordinates)
+    tell("N", 3 * (fem.NumberOfNodes() - len(faces[0])))
     reduced(fem, faces)
     mbs, items = floating_cost.pendulum(fem, faces, weights)
     factorisations.solver = lambda n: kind
@@ -106,6 +108,7 @@ def child_attach(kind: str, coordinates: int) -> None:
 def child_exudyn(_: str, coordinates: int) -> None:
     """Tell CPU seconds of Exudyn's own modes, and the peak of memory."""
     fem, faces, weights = block(coordinates)
+    tell("N", 3 * (fem.NumberOfNodes() - len(faces[0])))
     kind, _, begin = HCBstaticModeSelection.RBE2, anew(), process_time()
     fem.ComputeHurtyCraigBamptonModes(faces, EIGENMODES, computationMode=kind, boundaryNodesWeights=weights)
     tell("Craig-Bampton", process_time() - begin)

@@ -7,7 +7,7 @@ that bars move by 0.5 to 50 % of their length, and bend by 1 % of it at most, as
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ ENDS = ("none", "cube", "springs", "rope", "guide")
 LOADS = ("at once", "smooth", "late", "late suddenly", "pulse", "off")
 GRAVITIES = ("none", "at once", "ramp", "late suddenly", "off")
 DAMPINGS = ((0.0, 0.0), (2.0, 1e-5), (0.0, 1e-5), (5.0, 0.0), (0.0, 2e-4))  # alpha in 1/s, beta in s
+RATIOS = 1e-3, 0.3  # of modes
 MATERIALS = ((2e9, 2000.0, 0.3), (1e10, 1200.0, 0.35), (7e10, 2700.0, 0.33), (2.1e11, 7850.0, 0.3))
 MOVES = 5e-3, 0.5  # of a bar's length, or in rad: what a load alone would move it by until the end
 BENDS = 1e-2  # of a bar's length: what a load may bend it by, as a clamped beam; also in rad
@@ -51,7 +52,10 @@ class Shape:
 
 @dataclass(frozen=True)
 class Bar:
-    """A flexible bar: fem (see models.hex_bar), modes, damping; turned against the one before, perhaps reversed."""
+    """A flexible bar: fem (see models.hex_bar), modes, damping; turned against the one before, perhaps reversed.
+
+    ratios : of the lowest modes, a float: of all; None: damping is Rayleigh's.
+    """
 
     elements: int
     size: tuple[float, float, float]
@@ -62,6 +66,12 @@ class Bar:
     damping: tuple[float, float]
     kink: np.ndarray
     reversed: bool
+    ratios: tuple[float, ...] | float | None = None
+
+    @property
+    def damped_by(self) -> str:
+        """What its damping is called."""
+        return "ratios" if self.ratios is not None else "Rayleigh" if any(self.damping) else "none"
 
     @property
     def mass(self) -> float:
@@ -119,7 +129,7 @@ class Mechanism:
             "end": [self.end],
             "loads": sorted({load.shape.kind for load in self.loads}),
             "gravity": [self.gravity[1].kind],
-            "damping": sorted({"Rayleigh" if any(bar.damping) else "none" for bar in self.bars}),
+            "damping": sorted({bar.damped_by for bar in self.bars}),
             "spectral radius": [f"{self.rho:g}"],
         }
 
@@ -139,6 +149,16 @@ def drawn(seed: int) -> Mechanism:
     last, rho = _link(rng, bars[-1]), float(rng.choice([0.6, 0.8, 0.9, 1.0]))
     vectors = [6, 12, "auto"][rng.choice(3, p=[0.2, 0.3, 0.5])]
     return Mechanism(seed, bars, base, tuple(links), end, last, loads, gravity, h, steps, rho, vectors)
+
+
+def with_ratios(mechanism: Mechanism) -> Mechanism:
+    """Return it with ratios of the modes of every bar in place of its damping."""
+    rng, bars = np.random.default_rng([mechanism.seed, 31]), []
+    for bar in mechanism.bars:
+        ratios = np.exp(rng.uniform(*np.log(RATIOS), int(rng.integers(1, 13))))
+        of_all = bool(rng.random() < 0.3)
+        bars.append(replace(bar, damping=(0.0, 0.0), ratios=float(ratios[0]) if of_all else tuple(ratios.tolist())))
+    return replace(mechanism, bars=tuple(bars))
 
 
 def _bars(rng: np.random.Generator, count: int) -> tuple[Bar, ...]:

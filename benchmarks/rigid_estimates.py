@@ -11,8 +11,8 @@ import numpy as np
 
 from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
-from exudyn_romerr.mbs.access.linearisation import Tangents
 from exudyn_romerr.mbs.access.state_guard import current_state, state_set
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals

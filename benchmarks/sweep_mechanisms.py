@@ -14,6 +14,8 @@ Violations are counted with and without the floor.
 
     python benchmarks/sweep_mechanisms.py results [--count 200] [--seed 0] [--processes 2] [--table docs/sweep.md]
 
+With --ratios all bars have damping ratios of their lowest modes, or of all, in place of Rayleigh's factors.
+
 One file of results a mechanism; those that are there are not computed again.
 """
 
@@ -36,10 +38,10 @@ import numpy as np
 
 import exudyn_romerr as romerr
 from benchmarks.mechanism_builder import all_modes, built
-from benchmarks.random_mechanisms import drawn
+from benchmarks.random_mechanisms import drawn, with_ratios
 from benchmarks.sweep import PENCIL
 from benchmarks.sweep_mechanisms_table import report
-from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 
 ESTIMATORS = ("energy", "auxiliary")
 COUPLED = "coupled (linearised)"
@@ -52,9 +54,9 @@ class NotSolvedError(Exception):
     """Newton reaches none of the tolerances."""
 
 
-def measure(seed):
-    """Return the results of a seed: what was compared, or why nothing was."""
-    return {"seed": seed, **measured(drawn(seed))}
+def measure(seed, ratios=False):
+    """Return the results of a seed: what was compared, or why nothing was; ratios: with damping by mode."""
+    return {"seed": seed, **measured(with_ratios(drawn(seed)) if ratios else drawn(seed))}
 
 
 def measured(mechanism):
@@ -108,12 +110,12 @@ def compared(mechanism, factor, truth, noise):
     monitors = [
         romerr.attach(
             scene.mbs,
-            romerr.floating_body(fem, items),
+            flex,
             outputs=list(sensors.values()),
             estimators=ESTIMATORS,
             auxiliary_modes=mechanism.vectors,
         )
-        for fem, items, sensors in zip(scene.fems, scene.bodies, scene.sensors, strict=True)
+        for flex, sensors in zip(scene.flexible(), scene.sensors, strict=True)
     ]
     with mock.patch.object(Tangents, "read", counted(Tangents.read, readings)), warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -175,11 +177,11 @@ def against(error, bound, floor):
     }
 
 
-def stored(folder, seed):
+def stored(folder, ratios, seed):
     """Return the results of a seed, from its file if there is one."""
     path = folder / f"{seed:04d}.json"
     if not path.exists():
-        result = measure(seed)
+        result = measure(seed, ratios)
         part = path.with_suffix(".part")
         part.write_text(json.dumps(result, indent=1, default=str), encoding="utf-8")
         part.replace(path)
@@ -192,11 +194,12 @@ def main(arguments=None):
     parser.add_argument("folder", type=Path, help="where results are stored")
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0, help="the first of the seeds")
+    parser.add_argument("--ratios", action="store_true", help="bars are damped by ratios of their modes")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--table", type=Path, help="page whose block 'mechanisms' the table is put into")
     options = parser.parse_args(arguments)
     options.folder.mkdir(parents=True, exist_ok=True)
-    seeds, one = range(options.seed, options.seed + options.count), partial(stored, options.folder)
+    seeds, one = range(options.seed, options.seed + options.count), partial(stored, options.folder, options.ratios)
     if options.processes == 1:
         results = [one(seed) for seed in seeds]
     else:

@@ -133,3 +133,4 @@ def main(folder: str | Path = RESULTS, ladder: tuple = LADDER, sizes: tuple[int,
 
 if __name__ == "__main__":
     main(*sys.argv[1:2])
+    print(f"saved {(sys.argv[1:2] or [RESULTS])[0]}/picture_*.png")

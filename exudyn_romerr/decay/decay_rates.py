@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from ..linalg.eigenmodes import GAP, lowest_modes
+from ..linalg.eigenmodes import GAP, lowest_modes, starts
 from ..linalg.oscillator import largest_decay_rate
 from ..linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
 
@@ -125,5 +125,5 @@ def _largest_ratio(K, K_r, factor: SymmetricFactor) -> float:
     if n < 4:  # ARPACK wants more coordinates than eigenvalues
         return float(np.max(np.linalg.eigvals(factor.solve(K.toarray())).real) * (1 + GAP))
     solve = LinearOperator((n, n), matvec=factor.solve, dtype=float)
-    start = np.random.default_rng(0).standard_normal(n)
-    return float(eigsh(K, 1, K_r, which="LA", Minv=solve, v0=start, return_eigenvectors=False)[0] * (1 + GAP))
+    largest = eigsh(K, 1, K_r, which="LA", Minv=solve, return_eigenvectors=False, **starts(n))
+    return float(largest[0] * (1 + GAP))

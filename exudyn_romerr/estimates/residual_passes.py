@@ -15,12 +15,13 @@ from .columns import Columns
 from .mechanism_feedback import held
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from .march import Steps, Tangent
 
 PASSES = 2
 TOGETHER = 256  # rows, or as many as before, or all of a block: whether passes pay is asked of so many at once
+KNOWN = 5  # samples that a spline begins with
 SMALLER = 0.3  # than what they correct: passes that are not do not converge, and are given up
 
 
@@ -131,3 +132,78 @@ class ResidualPasses:
         self._moving = np.array(np.split(found[-1], PASSES, axis=2))
         self.multipliers = multipliers.sum(axis=2)
         return found[:, :3].sum(axis=3).swapaxes(0, 1), np.nan
+
+
+class JointDrift:
+    """What joints of full bodies drift by beside those of the simulation, where solvers keep C e' + C' e zero.
+
+    With C e = 0, as the others march, e' = (C e)' - C' e is missed by p = C e' + C' e at the samples. The trapezoidal
+    rule that makes p zero lets C e drift:
+
+        C e = g ,   g_{n+1} = g_n - h/2 (p_n + p_{n+1})          but for h |C'| of g
+
+    simulated : count -> what the simulation's own joints have drifted by at the last samples (count, c), or None.
+
+    Attributes
+    ----------
+    added : (3, S, k) what they add to e, e', e'' in the last rows. own : likewise, what the simulation's own drift
+    does. values : g (S, c) in the steps of the last call of follow. multipliers : (S, c) of what that has added.
+    """
+
+    def __init__(self, size: int, simulated: Callable[[int], np.ndarray | None]):
+        self._simulated = simulated
+        self._moving, self._moving_own = np.zeros((PASSES, 4, size, 1)), np.zeros((4, size, 1))
+        self.added, self.own = self.state[:, None], self._moving_own[:3, :, 0][:, None]
+
+    @property
+    def state(self) -> np.ndarray:
+        """What is added to e, e', e'' now, (3, k)."""
+        return self._moving[:, :3, :, 0].sum(axis=0)
+
+    def start(self, tangent: Tangent) -> None:
+        """Begin without, at a tangent."""
+        self._p, self._g = np.zeros((2, PASSES, 1, len(tangent.C)))  # at the last sample
+        self._C, self._h = tangent.C[None], np.zeros(1)  # of the last samples, and steps to these
+
+    def go_on(self, before: JointDrift) -> None:
+        """Go on from the state of another run's."""
+        self._moving, self._p, self._g, self._C, self._h = before._moving, before._p, before._g, before._C, before._h
+        self._moving_own = before._moving_own
+        self.added, self.own = self.state[:, None], self._moving_own[:3, :, 0][:, None]
+
+    def begin(self, count: int) -> None:
+        """So many steps follow."""
+        self.added, self.own = np.zeros((2, 3, count, self._moving.shape[2]))
+
+    def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray:
+        """Return what is added to e, e', e'' (3, S, k) in some steps."""
+        k, corrected = e.shape[2], e
+        C = np.asarray(steps.whole)[:, k:, :k]
+        C_t = self._rates(C, steps.h)
+        self.values, self.multipliers = 0.0, 0.0
+        for i, moving in enumerate(self._moving):
+            p = np.vstack([self._p[i], _seen(C, corrected[1]) + _seen(C_t, corrected[0])])
+            g = self._g[i] - np.cumsum(steps.h[:, None] / 2 * (p[:-1] + p[1:]), axis=0)
+            [(found, multipliers)] = steps.march(Columns(moving, values=g[..., None]), multipliers=True)
+            self._moving[i], self._p[i], self._g[i] = found[-1], p[-1:], g[-1:]
+            self.values, self.multipliers = self.values + g, self.multipliers + multipliers[..., 0]
+            corrected = corrected + found[:, :3, :, 0].swapaxes(0, 1)
+        self.added[:, part] = corrected - e
+        simulated = self._simulated(len(steps))
+        [found] = steps.march(Columns(self._moving_own, values=None if simulated is None else simulated[..., None]))
+        self._moving_own, self.own[:, part] = found[-1], found[:, :3, :, 0].swapaxes(0, 1)
+        return self.added[:, part]
+
+    def _rates(self, C: np.ndarray, h: np.ndarray) -> np.ndarray:
+        """C' (S, c, k), of a spline: parabolas miss as much as joints drift by."""
+        from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
+
+        known, steps = np.concatenate([self._C, C]), np.append(self._h, h)
+        self._C, self._h = known[-KNOWN:].copy(), steps[-KNOWN:]
+        times = np.cumsum(steps)
+        return CubicSpline(times, known)(times[-len(h) :], 1)
+
+
+def _seen(C: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """C e (S, c)."""
+    return np.einsum("sck,sk->sc", C, e)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from math import hypot
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from ..decay.decay_rates import body_rates, damping_in_steps, stiffness_damping
 from ..linalg.blocked_products import row_norms
 from ..residual.free_mass import AtStart, free_velocity_norms
 from ..residual.interface_stiffening import interface_rows
-from ..residual.slow_modes import SlowModes
+from ..residual.slow_modes import SlowModesOf
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
@@ -151,7 +150,7 @@ class CorrectedEnergy(MechanismEnergy):
         self.root = np.linalg.qr(body.mass_factor.half_multiply(problem.V), mode="r")
         self.arm, self.mass = float(np.sqrt(x @ (body.mass @ x))), body.total_mass
         self._force, self.slow = 0.0, None  # of second order, at the end of the last block; SlowModes, where known
-        self.slow_modes = partial(SlowModes.of, problem)
+        self.slow_modes = SlowModesOf(problem)
         # so far of du, and of what it may lack: every output, and its mass norm
         self._largest = np.zeros((2, len(self.value_rows) + 1))
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from inspect import signature
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -94,6 +96,16 @@ def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float, order: np.ndar
     raise AssumptionError(f"the modes below {limit:.6g} rad/s cannot be counted: K - sigma M has no L D L^T there")
 
 
+def starts(n: int) -> dict[str, Any]:
+    """Return options of eigsh, the same each time: its own first vector, and those it restarts with, are random.
+
+    Random numbers of a generator of its own have a part in all modes, those of a symmetric body, too.
+    """
+    rng = np.random.default_rng(0)
+    options = {"v0": rng.standard_normal(n), "rng": rng}
+    return {name: x for name, x in options.items() if name in signature(eigsh).parameters}  # rng: scipy 1.17
+
+
 def _missing_below(M, K, omega, limit, order) -> int:
     return count_below(M, K, limit, order) - int(np.sum(omega < limit))
 
@@ -126,8 +138,7 @@ def _lanczos_shapes(M, K, m, factor) -> np.ndarray:
     """Shapes (n, m) of the lowest modes, omega ascending."""
     n = M.shape[0]
     inverse = LinearOperator((n, n), matvec=factor.solve, dtype=float)
-    start = np.random.default_rng(0).standard_normal(n)  # ARPACK's own start differs from run to run
-    squares, shapes = eigsh(K, m, M, sigma=0.0, OPinv=inverse, v0=start)
+    squares, shapes = eigsh(K, m, M, sigma=0.0, OPinv=inverse, **starts(n))
     return shapes[:, np.argsort(squares)]
 
 

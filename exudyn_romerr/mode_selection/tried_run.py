@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
-from ..report.assessment import ANSWERS
+from ..report.assessment import ANSWERS, TOO_LARGE
 from ..report.estimate_wording import covers_time, estimate_scope, known, parts_of
 from ..report.scope import FROZEN
 from ..report.wording import digits, rounded_up, widest_scope
@@ -50,6 +50,11 @@ class TriedRun:
         """The largest bound of every output that has a tolerance."""
         outputs = outputs_of(self.reports)
         return {name: float(np.max(outputs[name].bound["best"])) for name in self.tolerance}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of every output."""
+        return {name: out.unit for name, out in outputs_of(self.reports).items()}
 
     @property
     def decisive(self) -> dict[str, float]:
@@ -143,12 +148,17 @@ class TriedRun:
         return min(drops, key=lambda modes: max(self.expected(modes).values()))
 
     def __str__(self) -> str:
-        said = [f"{name}{self._said_of(name)} (allowed {digits(x)})" for name, x in self.tolerance.items()]
-        return f"{self.basis}: {', '.join(said)}: {self.assessment.answer}"
+        allowed = {name: f"(allowed {digits(x)} {self.units[name]})" for name, x in self.tolerance.items()}
+        said = [f"{name}{self._said_of(name, self.units[name])} {limit}" for name, limit in allowed.items()]
+        found = self.assessment
+        made_by = (
+            f", {found.todo.partition(':')[0]}" if found.answer in TOO_LARGE else ""
+        )  # cures: of the search alone
+        return f"{self.basis}: {', '.join(said)}; error within the tolerance: {found.answer}{made_by}"
 
-    def _said_of(self, name: str) -> str:
-        bound = f" <= {rounded_up(self.bound[name])}"
-        return bound if self.by == BOUND else f" about {digits(self.decisive[name])} or less, bound{bound}"
+    def _said_of(self, name: str, unit: str) -> str:
+        bound = f" <= {rounded_up(self.bound[name])} {unit}"
+        return bound if self.by == BOUND else f" about {digits(self.decisive[name])} {unit} or less, bound{bound}"
 
 
 def outputs_and_reports(reports: Iterable[BoundReport]) -> Iterator[tuple[OutputReport, BoundReport]]:

@@ -36,7 +36,7 @@ class BoundOptions:
 
     @property
     def live(self) -> bool:
-        """Whether bounds are looked at every step, which the plan says."""
+        """Whether bounds are compared with tolerances, which the plan says."""
         return self.tolerance is not None
 
     def watches(self, name: str) -> bool:

@@ -71,7 +71,7 @@ def _extent(problem: Problem, time: str, live: bool) -> Iterator[str]:
     if time == "reconstructed":
         yield "error of the time integration: quintic reconstruction between steps"
     if live:
-        yield "evaluation at every step: a tolerance is to stop the solve"
+        yield "a tolerance is to stop the solve: bounds of every step are compared, some steps at a time"
 
 
 def _estimators_not_made(problem: Problem, names, asked: Any, scene: Scene) -> Iterator[tuple[str, str]]:
@@ -112,7 +112,7 @@ def _not_covered(time: str, live: bool, scene: Scene) -> Iterator[tuple[str, str
         bound = "bound of the error of the time integration"
         yield bound, IN_A_MECHANISM if scene.coupled else "time='sampled'"
     if not live:
-        yield "evaluation at every step", "no tolerance is to be watched, blocks of steps do"
+        yield "comparison with a tolerance", "none was given"
 
 
 def _why_no_nodes(body: ElasticBody) -> str:

@@ -16,10 +16,12 @@ from ..estimators.rotating_frame import Turning
 from ..estimators.static import StaticError
 from ..model.global_axes import View
 from ..model.matrix_input import DOUBLE
+from ..model.outputs import stacked_rows
+from ..model.shared_body import made_once
 from ..report.scope import COMPLETE, COUPLED, Scene
 from ..residual.interface_stiffening import static_errors
 from ..residual.packed_residual import PackedProblem
-from ..residual.problem import Problem
+from ..residual.problem import Deferred, Problem, checked_outputs
 from ..residual.round_off import RoundOff, of_input
 from ..trajectory.input_signal import InputSignal
 from .options import TIMES, BoundOptions
@@ -140,6 +142,23 @@ def _made_problem(
     body, basis, options: BoundOptions, names: tuple[str, ...], scene: Scene, with_modes: bool
 ) -> Problem:
     """Packed where all estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
+    if not isinstance(options.inputs, Deferred) or options.initial is not None:
+        return _new_problem(body, basis, options, names, scene, with_modes)
+    rows, asked = stacked_rows(checked_outputs(options.outputs), body), [out.is_requested for out in options.outputs]
+    kinds = options.residual, options.kernels, options.auxiliary_modes, names, scene.minor, scene.coupled, with_modes
+    kept = made_once(
+        body,
+        "residual",
+        (basis.V, basis.W, *options.inputs.made_of, rows.C, rows.velocity, rows.slices, asked, kinds),
+        # without outputs, which may know the fem
+        lambda: _new_problem(body, basis, options, names, scene, with_modes).renamed(basis, ()),
+    )
+    return kept.renamed(basis, options.outputs)
+
+
+def _new_problem(
+    body, basis, options: BoundOptions, names: tuple[str, ...], scene: Scene, with_modes: bool
+) -> Problem:
     given = {name: getattr(options, name) for name in OF_PROBLEM}
     packed = names and scene.minor is not None and set(names) <= {"energy", "auxiliary"}
     if not packed or options.initial is not None or options.residual != "orthonormal":

@@ -29,6 +29,14 @@ BEGUN_ANEW = (
     "that ring and that they do not resolve, is not in the bound; a spectral radius of 1 leaves them as they are"
 )
 
+GREW = 2.0 * (
+    1 + 1e-6
+)  # from one step to the next: Exudyn's adaptive steps grow by 2 at most unless they are told else
+TOO_FAST = (
+    "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
+    "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"
+)
+
 
 def shared_energy(run: Run, stream: str) -> MechanismEnergy:
     """Return the estimator of a stream that bounds the energy of the mechanism."""
@@ -55,6 +63,7 @@ class FirstSteps:
     def __init__(self, scheme: Scheme | None, share: float | None = None):
         self._scheme, self._push, self._share = scheme, 0.0, share
         self._felt: dict[str, FeltResiduals] = {}
+        self._times, self._is_lost = np.zeros(0), False  # the last two
         self._overshoot: Overshoot | None = None
         self._positions = np.zeros(0)
 
@@ -62,6 +71,7 @@ class FirstSteps:
         """Begin; return what is not known, if anything."""
         if any(opening.start is None for opening in openings):
             self._share = None
+        self._times = openings[0].first.t
         if self._scheme is None:
             return UNKNOWN_SCHEME
         if not overshoots(self._scheme):
@@ -88,6 +98,17 @@ class FirstSteps:
         self._positions = more[:, 0]
         return more
 
+    def lost(self, t: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        """Return at which of the next samples t (S,) there is no bound any more, and why, once."""
+        times, is_lost = np.append(self._times, t), np.full(len(t), self._is_lost)
+        self._times, h = times[-2:], np.diff(times)
+        grew = np.flatnonzero(h[1:] > GREW * h[:-1]) + 1
+        if self._is_lost or not grew.size or not (self._scheme is None or overshoots(self._scheme)):
+            return is_lost, []
+        self._is_lost, first = True, grew[0]
+        is_lost[first - len(h) :] = True
+        return is_lost, [TOO_FAST.format(times[first], h[first] / h[first - 1])]
+
     def seen(self, run: Run) -> np.ndarray | float:
         """Return what outputs in global axes of a body may see of it (S, r), at the samples of `advance`."""
         if not self._positions.any():
@@ -105,19 +126,23 @@ def _push(at: AtStart, opening: Opening) -> float:
 
 def join_extensions(
     runs: Sequence[Run], extensions: Sequence[Extension], first_steps: FirstSteps, turned: np.ndarray | float = 0.0
-) -> None:
-    """Tell every block what energy all bodies have together at the ends of its segments.
+) -> list[str]:
+    """Tell every block what energy all bodies have together at the ends of its segments; return notes.
 
     turned (S,) : angles by which frames and joints turn in the steps.
     """
-    overshoot = first_steps.advance(extensions[0].new.t)
+    overshoot, (is_lost, notes) = (of(extensions[0].new.t) for of in (first_steps.advance, first_steps.lost))
     for stream in extensions[0].segments:
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]
         joint, felt = joint_growth(energies, blocks), first_steps.felt(stream, energies)
         joint = joint if felt is None else _sharpened(joint, felt, energies, blocks, turned)
+        joint = tuple(np.where(is_lost, np.inf, x) for x in joint)
         for block in blocks:
             block.joint, block.overshoot = joint, overshoot
+    for run in runs:
+        run.messages += notes
+    return notes
 
 
 def _sharpened(

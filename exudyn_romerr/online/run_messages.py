@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..trajectory.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
-    from .run_record import RunRecord
+    from .run_record import RunRecord, SolverFacts
 
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
 TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
@@ -41,7 +41,7 @@ def run_messages(run: RunRecord) -> list[str]:
         *_first_only(run),
         *_defect(run),
         *_no_outputs(run),
-        *run.messages,
+        *dict.fromkeys(run.messages),
         *_in_global_axes(run),
         *(run.offline.notes if run.time != "static" else ()),
         *_end(run),
@@ -60,9 +60,19 @@ def is_certified(run: RunRecord) -> bool:
     return is_balanced(run) and not run.begins_late
 
 
+def planned_end(run: RunRecord) -> float | None:
+    """Return where the solver was to go to, if the run ends before; None: it does not, or that is not known."""
+    return run.solver.end_time if _ends_early(run.t[-1], run.solver) else None
+
+
 def stopped_at(run: RunRecord) -> float | None:
     """Return where a tolerance stopped the solver before its end; None: none did."""
-    return float(run.t[-1]) if run.solver.is_stopped and _ends_early(run) is not False else None
+    return float(run.t[-1]) if run.solver.is_stopped and _ends_early(run.t[-1], run.solver) is not False else None
+
+
+def stopped_or_ended(t: float, solver: SolverFacts) -> str:
+    """Return in words whether what ends a run at t stopped it, or was found when it had come to its end."""
+    return "the run ended" if _ends_early(t, solver) is False else "stopped"
 
 
 def _limit(run: RunRecord) -> float:
@@ -115,15 +125,13 @@ def _single(run: RunRecord) -> list[str]:
 
 
 def _end(run: RunRecord) -> list[str]:
-    if not _ends_early(run):
-        return []
-    return [f"the run ends at t = {run.t[-1]:g} s; the solver was to go to {run.solver.end_time:g} s"]
+    end = planned_end(run)
+    return [] if end is None else [f"the run ends at t = {run.t[-1]:g} s; the solver was to go to {end:g} s"]
 
 
-def _ends_early(run: RunRecord) -> bool | None:
-    """Whether the run ends before its solver was to; None: not known."""
-    end = run.solver.end_time
-    return None if end is None else bool(run.t[-1] < end * (1 - 1e-9))
+def _ends_early(t: float, solver: SolverFacts) -> bool | None:
+    """Whether a run that is at t ends before its solver was to; None: not known."""
+    return None if solver.end_time is None else bool(t < solver.end_time * (1 - 1e-9))
 
 
 def _between_samples(run: RunRecord) -> list[str]:

@@ -14,7 +14,7 @@ from ..report.report import BoundReport, OutputReport
 from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in, unbounded
-from .run_messages import is_certified, run_messages, stopped_at
+from .run_messages import is_certified, planned_end, run_messages, stopped_at
 
 if TYPE_CHECKING:
     from ..model.global_axes import View
@@ -43,6 +43,7 @@ def assemble(run: RunRecord) -> BoundReport:
         nodes=run.nodes,
         remainder=run.remainder,
         made=made_here(),
+        planned_end=planned_end(run),
     )
 
 
@@ -238,8 +239,7 @@ def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Off
     text = f"assumes {assumes}"
     if offline.scene.coupled and offline.scene.scope_of(name) == FROZEN:
         text += f"; {offline.scene.frozen}"
-    finite = np.isfinite(bounds.position)
-    if finite.all():
+    if (finite := np.isfinite(bounds.position)).all():
         return text
     why = "the residual's square cancelled below zero"
     if offline.scene.turns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from .data import OutputData
     from .estimate_wording import Known
 
+HALVED = 4.0  # times smaller errors of steps half as long
 FAR = 3.0  # times the estimate with its half width: below it both say much the same, and modes lower both
 ABOUT_ENOUGH, NOT_RESOLVED = "about enough", "not resolved"
 RUN_ON = "run on without tolerance="
@@ -54,7 +56,10 @@ def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
     if verdict == ABOUT_ENOUGH:
         sharper = "; more vectors for the bound" if _slack(out, time, scope, None) else ""
         return f"{verdict}{estimated_under(out, scope)}{sharper}"
-    return known(out).cure if verdict == NOT_RESOLVED else STEPS[verdict]
+    found = known(out)
+    if verdict == NOT_RESOLVED:
+        return found.cure
+    return (found and _shorter_steps(out, verdict, None, found)) or STEPS[verdict]
 
 
 def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = None) -> str:
@@ -115,8 +120,23 @@ def _lowers_bound(out: OutputData, row: int | None) -> str:
 
 
 def _of_estimate(out: OutputData, cause: str, row: int | None, found: Known) -> str:
-    share = found.parts[cause] / sum(found.parts.values())
-    return f"{100 * share:.0f} % of it from the {CURES_OF_CAUSES[cause]}{rest(out, cause, row)}"
+    share, cure = found.parts[cause] / sum(found.parts.values()), CURES_OF_CAUSES[cause]
+    if shorter := _shorter_steps(out, cause, row, found):
+        cure = f"step size, not the basis: {shorter}"
+    return f"{100 * share:.0f} % of it from the {cure}{rest(out, cause, row)}"
+
+
+def _shorter_steps(out: OutputData, cause: str, row: int | None, found: Known) -> str:
+    """Return how much shorter steps a tolerance asks for, whose error falls with their square; empty: half will do.
+
+    Or half is a begin: no tolerance says how far to go, or what else is wrong is above it.
+    """
+    if cause != "time step" or out.tolerance is None:
+        return ""
+    left = np.max(np.abs(out.estimate - out.estimate_parts[cause])[:, _rows(row)])
+    if left >= out.tolerance or found.parts[cause] <= HALVED * (out.tolerance - left):
+        return ""
+    return f"take steps {ceil(sqrt(found.parts[cause] / (out.tolerance - left)))} times as short"
 
 
 def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:

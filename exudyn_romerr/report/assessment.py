@@ -17,6 +17,7 @@ from .wording import (
     NOT_THE_MECHANISM,
     advises,
     digits,
+    instant,
     is_uncertified,
     rounded_down,
     rounded_up,
@@ -34,6 +35,7 @@ SMALL = 0.01  # of the largest row: one below it that decides alone is told of
 TOO_LARGE = ANSWERS[:2]
 MORE_MODES = "compare with a run of the mechanism with more modes"
 NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
+RUN_TO_END = "let it run to its end; the messages say what ended it, where that is known"
 UNCERTIFIED = "the balance of the run does not certify what is computed of it"
 
 
@@ -113,6 +115,9 @@ def _of_row(report: ReportData, out: OutputData, row: int) -> Assessment:
     if not advises(report):
         said = f"only the first instant was bounded; there {_without_head(found, out, row)}"
         return _made(out, row, "unknown", said, "see the messages")
+    if report.planned_end is not None:
+        said = f"the run ends at {instant(report.time, report.t[-1])} and was to go to {report.planned_end:.4g} s"
+        return _made(out, row, "unknown", f"{said}; until then {_without_head(found, out, row)}", RUN_TO_END)
     return found
 
 
@@ -150,6 +155,9 @@ def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
     steps = "" if kind == "error" else "; what the time steps do is not in it"
     answer = _answer(out, row, found)
     if answer == "unknown" and not found.is_resolved:
+        if found.tells_nothing:
+            said = f"its {kind} is not known, and so not whether it is within {_limit(out)}{steps}"
+            return _made(out, row, answer, said, found.cure)
         half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
         said = f"the estimate of its {kind}, {digits(found.size, 2)} {out.unit}, half width {half}, does not tell"
         return _made(out, row, answer, f"{said} whether it is within {_limit(out)}", found.cure)

@@ -100,6 +100,7 @@ class ReportData:
     nodes: Callable[[], NodeFields] | NodeFields | None = None
     remainder: dict[str, float] = field(default_factory=dict)
     made: dict[str, str] = field(default_factory=dict)
+    planned_end: float | None = None
     origin: str = ""
 
     @property

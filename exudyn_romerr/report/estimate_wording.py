@@ -59,7 +59,7 @@ class Known(NamedTuple):
     @property
     def tells_nothing(self) -> bool:
         """Whether the error may be larger than the output itself, for all that is known: the estimate is no size."""
-        return not self.is_resolved and self.half > self.value > 0
+        return not self.is_resolved and (self.half > self.value > 0 or self.half == np.inf)
 
     @property
     def of_modes(self) -> tuple[float, str]:
@@ -67,25 +67,32 @@ class Known(NamedTuple):
         return max((self.parts.get(cause, 0.0), cause) for cause in ("basis", "interfaces"))
 
     @property
+    def rings(self) -> bool:
+        """Whether something starts at once, and rings in modes that the steps do not resolve."""
+        return self.check == "steps" and bool(self.beside_steps)
+
+    @property
     def cure(self) -> str:
         """What would make the half width smaller, in words."""
-        if self.check != "steps" or not self.beside_steps:
+        if not self.rings:
             return self.first_cure
-        *others, last = self.first_cure, *self.beside_steps
-        return f"{', '.join(others)} or {last}{RINGS}"
+        return f"{', '.join(self.beside_steps)} or {self._shorter_steps}{RINGS}"
 
     @property
     def first_cure(self) -> str:
-        """The same in a few words: of time steps, how much shorter ones are needed at least.
-
-        Half widths fall with the square of the step at best, and have to come down to RESOLVED of the output.
-        """
+        """The same in a few words; not shorter steps for what starts at once, which may need far too many."""
         steps, modes = self.parts.get("time step", 0.0), self.of_modes[0]
         if self.check == "linearisation" and min(steps, modes) < SMALL * max(steps, modes):
             return f"{'more modes' if steps < modes else 'shorter steps'}, {NOT_LINEAR}"
-        if self.check == "steps" and TWENTIETH**2 * RESOLVED * self.value < self.half < np.inf and self.value > 0:
-            return MUCH_SHORTER
-        return CURES_OF_CHECKS[self.check]
+        if self.rings:
+            return self.beside_steps[0]
+        return self._shorter_steps if self.check == "steps" else CURES_OF_CHECKS[self.check]
+
+    @property
+    def _shorter_steps(self) -> str:
+        """How much shorter at least: half widths fall with the square of the step at best, and have to by far."""
+        is_far = self.value > 0 and TWENTIETH**2 * RESOLVED * self.value < self.half < np.inf
+        return MUCH_SHORTER if is_far else CURES_OF_CHECKS["steps"]
 
     @property
     def is_at_round_off(self) -> bool:
@@ -164,13 +171,11 @@ def about(out: OutputData, row: int, found: Known) -> str:
     if found.is_resolved:
         notes = "; ".join(filter(None, [_share(found.size, of), ", ".join(_parts(found))]))
         return f"about {number(found)} {out.unit}{notes and f' ({notes})'}"
-    if is_enough(out, found):
-        share = _share(found.most, of)
-        return f"about {digits(found.most, 2)} {out.unit} or less{share and f' ({share})'}"
-    if found.tells_nothing:
-        return f"not known (not resolved: {found.first_cure})"
-    half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
-    return f"not resolved: {found.first_cure} (about {digits(found.size, 2)} {out.unit}, half width {half})"
+    not_resolved = "" if is_enough(out, found) else f"not resolved: {found.first_cure}"
+    if not_resolved and found.tells_nothing:
+        return f"not known ({not_resolved})"
+    notes = "; ".join(filter(None, [_share(found.most, of), not_resolved]))
+    return f"about {digits(found.most, 2)} {out.unit} or less{notes and f' ({notes})'}"
 
 
 def about_all(out: OutputData, scope: dict[str, str]) -> str:
@@ -186,8 +191,11 @@ def about_all(out: OutputData, scope: dict[str, str]) -> str:
         said = f"{number(found)} {unit}{share and f' ({share})'}"
     elif is_enough(out, found):
         said = f"{digits(found.most, 2)} {unit} or less"
+    elif found.tells_nothing:
+        said = "not known"
     else:
-        said = "not resolved"
+        share = _share(found.most, largest)
+        said = f"{digits(found.most, 2)} {unit} or less{share and f' ({share})'}, not resolved"
     return f"{said}{estimated_under(out, scope)}"
 
 
@@ -199,12 +207,21 @@ def number(found: Known) -> str:
 
 
 def off_by(out: OutputData, row: int | None = None) -> str:
-    """Return in words how far the estimate of one row, or of all, is from the true error that was compared."""
+    """Return in words how far the estimate of one row, or of all, is from the true error that was compared.
+
+    A truth with the same time steps has nothing of their error: then of the estimate without it, too.
+    """
     rows = slice(None) if row is None else slice(row, row + 1)
-    off, share = _largest((out.error - out.estimate)[:, rows]), ""
-    if (true := _largest(out.error[:, rows])) > 0:
-        share = percent(off / true) or "more than 1000 %"
-    return f"the estimate is off by up to {digits(off, 2)} {out.unit}{share and f' ({share} of it)'}"
+    true, of_steps = out.error[:, rows], out.estimate_parts.get("time step", np.zeros_like(out.estimate))[:, rows]
+    off, without = (_largest(true - out.estimate[:, rows] + part) for part in (0.0, of_steps))
+    said, other = (_share_of_it(x, _largest(true), out.unit) for x in (off, without))
+    beside = f", without its time steps by {other}" if without < off else ""
+    return f"the estimate is off by up to {said}{beside}"
+
+
+def _share_of_it(x: float, of: float, unit: str) -> str:
+    share = (percent(x / of) or "more than 1000 %") if of > 0 else ""
+    return f"{digits(x, 2)} {unit}{share and f' ({share} of it)'}"
 
 
 def rest(out: OutputData, cause: str, row: int | None) -> str:

@@ -91,6 +91,7 @@ def joined(
         time=times.pop() if len(times) == 1 else "sampled",
         total_mass=None,
         made=bodies[0].made,
+        planned_end=bodies[0].planned_end,
         remainder={e: max(b.remainder.get(e, 0.0) for b in bodies) for b in bodies for e in b.remainder},
         bodies=tuple(bodies),
     )

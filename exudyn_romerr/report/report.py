@@ -81,7 +81,8 @@ class BoundReport(ReportData):
     those of this simulation). time : "reconstructed", "sampled" or "static". remainder[e] : in a mechanism, size of
     what linear equations leave out over that of the deformation that auxiliary vectors predict, as measured; empty
     where it was not. messages : what the reader must know first. made : when, by which script and versions the run
-    was bounded. origin : the file it was saved to, or read from, last.
+    was bounded. planned_end : where the solver was to go to, if the run ends before; None: it does not, or that is
+    not known. origin : the file it was saved to, or read from, last.
     """
 
     outputs: dict[str, OutputReport]

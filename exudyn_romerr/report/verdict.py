@@ -94,6 +94,8 @@ def _why(out: OutputData, row: int, scope: dict[str, str]) -> str:
     found, size = known(out, row), largest(out.value, row)
     if found is None or widest_scope(scope) != COUPLED:
         return ""
+    if not found.is_resolved and found.rings:
+        return ""  # the estimate's cure, a few words before, is the bound's, too
     (error, cause), is_about = found.of_modes, "is about" if found.is_resolved else "may be"
     if error > RESOLVED * size:
         share = percent(error / size)

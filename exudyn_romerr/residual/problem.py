@@ -17,7 +17,7 @@ from ..decay.kernels import KERNELS, Kernel, make_kernel
 from ..errors import InputError
 from ..model.body import ElasticBody
 from ..model.matrix_input import checked_inputs, precision
-from ..model.outputs import Output, stacked_rows
+from ..model.outputs import Output, StackedRows, stacked_rows
 from .dual_norms import DualNorms, OutputNorms
 from .modal_split import AuxiliaryModes, Split
 from .residual import RESIDUALS, ResidualMap
@@ -27,9 +27,13 @@ if TYPE_CHECKING:
 
 
 class Deferred(NamedTuple):
-    """Inputs that are made when they are needed, and not kept: of a large body they take much memory."""
+    """Inputs that are made when they are needed, and not kept: of a large body they take much memory.
+
+    made_of : what tells them apart, beside the body and its basis.
+    """
 
     make: Callable[[], Any]
+    made_of: tuple[Any, ...]
 
 
 class Problem:
@@ -54,24 +58,32 @@ class Problem:
         check_type("basis", basis, Basis)
         check_choice("residual", residual, RESIDUALS)
         check_choice("kernels", kernels, KERNELS)
-        self.body, self.basis = body, basis
+        self.body = body
         self.residual, self.kernels, self.initial, self.auxiliary_modes = residual, kernels, initial, auxiliary_modes
         self.V, self.W = basis.restricted_to(body)
         inputs = inputs.make() if isinstance(inputs, Deferred) else inputs
         self.precision = precision(inputs)
         self.B = body.space.loads(checked_inputs(inputs, body.N))
         self.map = self.terms = ResidualMap(body, self.V, self.B, merged=residual != "expanded")
-        C, velocity_rows, self.slices = stacked_rows(checked_outputs(outputs), body)
-        self.outputs = tuple(outputs)
-        self.views = tuple(out.view(body) for out in outputs)
-        self.rows_precision = np.repeat(
-            [precision(out.rows) for out in outputs], [x.stop - x.start for x in self.slices]
-        )
+        C, velocity_rows, _ = self._name(basis, outputs)
         self.initial_state = _checked_initial(initial, body)
         self.dual = DualNorms(self.map, self.initial_state, residual, self.has_initial_error)
         self.rows = OutputNorms(body, C, velocity_rows, self.dual)
 
     packing = None  # see packed_residual.py
+
+    def _name(self, basis: Basis, outputs: Sequence[Output]) -> StackedRows:
+        rows = stacked_rows(checked_outputs(outputs), self.body)
+        self.basis, self.outputs, self.slices = basis, tuple(outputs), rows.slices
+        self.views = tuple(out.view(self.body) for out in outputs)
+        self.rows_precision = np.repeat([precision(out.rows) for out in outputs], [x.stop - x.start for x in rows[2]])
+        return rows
+
+    def renamed(self, basis: Basis, outputs: Sequence[Output]) -> Problem:
+        """Return the same problem with a basis and outputs of the same numbers, which may have other names."""
+        other = copy.copy(self)
+        other._name(basis, outputs)
+        return other
 
     @property
     def has_initial_error(self) -> bool:

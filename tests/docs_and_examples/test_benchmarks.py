@@ -59,6 +59,7 @@ def test_large_bodies_measures_every_task(capsys):
     tasks = ["factor", "attach", "Craig-Bampton"]
     (found,) = large_bodies.main(["--coordinates", "600", "--only", "superlu", "--tasks", *tasks])
     assert found["N"] == 3 * 12 * 16
+    assert [large_bodies.measured("superlu", 600, (task,))["N"] for task in tasks[1:]] == [found["N"]] * 2
     assert found["attach, MB"] > found["before, MB"] > found["MB"] >= 0
     assert all(found[name] > 0 for name in large_bodies.FIGURES if "MB" not in name)
     assert capsys.readouterr().out.splitlines()[1].split()[:2] == ["superlu", "576"]

@@ -191,12 +191,14 @@ def test_suspension_linkage_prints_the_bound_and_draws_it(tmp_path, capsys):
 def test_clamped_bar_bounds_what_a_truth_shows_that_has_a_bound_itself(tmp_path, capsys):
     report, truth = clamped_bar.main(tmp_path, t_end=0.004)
     out, full = report.output("tip z"), truth.output("tip z")
-    own = full.bound["best"][::4]  # |error| <= bound holds for the exact truth; this one is within `own` of it
+    own = full.corrected_bound[::4]  # |error| <= bound holds for the exact truth; this one is within `own` of it
     np.testing.assert_allclose(truth.t[::4], report.t, rtol=1e-12)
     assert np.all(np.abs(out.error) <= out.bound["best"] + own)
     assert out.effectivity["best"][0] < 1.5
     assert set(report.scope.values()) == {"complete"}
-    assert "is itself within" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "itself within" in printed
+    assert "is above the bound" not in printed  # no alarm by a truth that is worse than the bound
     assert (tmp_path / "clamped_bar.png").read_bytes()[:4] == PNG
 
 

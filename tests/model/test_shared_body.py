@@ -2,12 +2,18 @@
 
 import gc
 import weakref
+from contextlib import contextmanager
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
+import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.model.shared_body import shared_body
+from exudyn_romerr.basis.enrichment import Enrichment
+from exudyn_romerr.model import shared_body as sharing
+from exudyn_romerr.model.shared_body import fingerprint, shared_body
+from exudyn_romerr.residual.packed_residual import PackedProblem
 from models import floating, mechanisms
 
 RAYLEIGH = (0.5, 1e-4)
@@ -53,3 +59,127 @@ def test_no_body_outlives_what_uses_it():
     alive = weakref.ref(shared_body(**bar()))
     gc.collect()
     assert alive() is None
+
+
+@contextmanager
+def work_counted():
+    """Count vectors and packed residuals that are made."""
+    made = []
+
+    def counted(kind):
+        init = kind.__init__
+
+        def counting(self, *arguments, **options):
+            made.append(kind.__name__)
+            init(self, *arguments, **options)
+
+        return mock.patch.object(kind, "__init__", counting)
+
+    with counted(Enrichment), counted(PackedProblem):
+        yield made
+
+
+def falling(fem, output="tip"):
+    """A pendulum of a fem with modes, and its monitor."""
+    with mock.patch.object(floating, "load_fem", return_value=fem), mock.patch.object(floating, "reduce"):
+        scene = floating.pendulum(2, h=1e-3, t_end=0.02, assemble=True)
+    tip = romerr.node_displacement(output, node=int(floating.interface(fem, "tip")[0][0]), component="z")
+    return scene, romerr.attach(scene.mbs, romerr.floating_body(fem, scene.items), outputs=[tip])
+
+
+def bounds(fem, output="tip"):
+    scene, monitor = falling(fem, output)
+    scene.solve()
+    return monitor.report().output(output).bound["best"]
+
+
+@pytest.fixture
+def fem():
+    made = floating.load_fem("bar")
+    floating.reduce(made, 2)
+    return made
+
+
+def test_a_second_attach_finds_what_the_first_one_made(fem):
+    with work_counted() as made:
+        first = bounds(fem)
+        assert sorted(made) == ["Enrichment", "PackedProblem"]
+        second = bounds(fem, "its name")
+        assert len(made) == 2
+    np.testing.assert_array_equal(second, first)
+
+
+def test_what_changed_is_made_anew(fem):
+    _ = bounds(fem)
+    fem.stiffnessMatrix = 1.5 * fem.stiffnessMatrix
+    floating.reduce(fem, 2)
+    with work_counted() as made:
+        found = bounds(fem)
+        floating.reduce(fem, 3)
+        more = bounds(fem)
+    assert made.count("Enrichment") == 2
+    for n, values in ((2, found), (3, more)):
+        other = floating.load_fem("bar")
+        other.stiffnessMatrix = 1.5 * other.stiffnessMatrix
+        floating.reduce(other, n)
+        # modes are known to about 1e-9, and ARPACK starts anywhere
+        np.testing.assert_allclose(values, bounds(other), rtol=1e-5)
+
+
+def test_other_outputs_are_other_work(fem):
+    _ = bounds(fem)
+    _, monitor = falling(fem)
+    right = int(floating.interface(fem, "right")[0][1])
+    monitor.subject.add([romerr.node_displacement("right", node=right, component="y")])
+    with work_counted() as made:
+        assert "'right'" in str(monitor.plan)
+    assert made == ["PackedProblem"]  # vectors know no outputs
+
+
+def test_factors_are_those_of_other_modes_of_the_same_fem(fem):
+    """Rayleigh's factors, read from matrices of other modes, differ by rounding."""
+    bodies = []
+    for n in (2, 3):
+        floating.reduce(fem, n)
+        _, monitor = falling(fem)
+        _ = monitor.plan
+        bodies.append(monitor.subject.body)
+    assert bodies[0] is bodies[1]
+
+
+def test_work_goes_with_the_fem():
+    fem = floating.load_fem("bar")
+    floating.reduce(fem, 2)
+    scene, monitor = falling(fem)
+    _ = monitor.plan
+    body = weakref.ref(monitor.subject.body)
+    del scene, monitor
+    gc.collect()
+    assert body() is not None
+    gone = weakref.ref(fem)
+    del fem
+    gc.collect()
+    assert gone() is None
+    assert body() is None
+
+
+def test_of_many_bodies_and_results_the_last_are_kept():
+    given, fem, made = bar(), floating.load_fem("bar"), []
+    bodies = [shared_body(**{**given, "rayleigh": (0.5, beta)}) for beta in (1e-4, 2e-4, 3e-4)]
+    for body in bodies:
+        sharing.keep_with(fem, body)
+    for number in [*range(6), 5, 2, 0]:
+        sharing.made_once(bodies[-1], "number", [number], lambda number=number: made.append(number))
+        sharing.made_once(bodies[0], "number", [7], lambda: made.append(7))  # not kept any more
+    assert [x for x in made if x != 7] == [*range(6), 0]
+    assert made.count(7) == 9
+
+
+def test_fingerprints_tell_numbers_apart():
+    A = bar()["mass"]
+    more = A.copy()
+    more.data[3] *= 1 + 1e-15
+    x = np.arange(6.0)
+    parts = ([A], [more], [A[:, :-1]], [x], [x.reshape(2, 3)], [x.reshape(2, 3).T], [x[:3], x[3:]], ["x"], [1], [1.0])
+    assert len({fingerprint(of) for of in parts}) == len(parts)
+    assert fingerprint([A.copy(), x.copy()]) == fingerprint([A, x])

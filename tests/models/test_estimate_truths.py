@@ -7,7 +7,8 @@ from models import driven_truth, estimate_truths
 from models.estimate_scenes import SCENES
 from tests.helpers import tolerances as tol
 
-# steps of the reduced run that are solved again: in less than a second, and bodies move; of other scenes all, slow
+# steps of the reduced run that are solved again: in less than a second, and bodies move; of other scenes, slow, a
+# tenth of all: `python -m models.estimate_truths` solves all, in an hour
 CHEAP = {"rigid_pendulum": 100, "linear_bar": 40, "driven_bar": 20, "hinged_bar": 4, "hinged_bar_fine": 8}
 
 
@@ -28,8 +29,8 @@ def test_first_steps_are_those_stored(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in CHEAP])
-def test_all_steps_are_those_stored(name):
-    assert_stored(name, None)
+def test_a_tenth_of_the_steps_is_that_stored(name):
+    assert_stored(name, round(SCENES[name].t_end / SCENES[name].h / 10))
 
 
 @pytest.mark.parametrize("name", SCENES)

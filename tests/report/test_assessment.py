@@ -9,9 +9,10 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.report.advice import advice, next_step
-from exudyn_romerr.report.assessment import ANSWERS, assess
+from exudyn_romerr.report.assessment import ANSWERS, TOO_LARGE, assess
 from exudyn_romerr.report.data import Plan, ReportData
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, UNATTACHED
+from exudyn_romerr.report.verdict import row_verdict
 from exudyn_romerr.report.wording import CURES_OF_CHECKS
 from models import estimate_truths
 from models.estimate_scenes import SCENES, LinearScene
@@ -198,6 +199,52 @@ def test_a_run_that_was_stopped_proves_nothing_of_the_rest():
     out, scope = PROVED
     for tolerance, answer in ((1.2, "unknown"), (0.89, "disproven")):
         assert assess(report((replace(out, stopped=0.5), scope)), "tip z", tolerance).answer == answer
+
+
+@pytest.mark.parametrize(
+    ("steps", "basis", "cure"),
+    [
+        (0.39, 0.0, "halve it; "),
+        (0.41, 0.0, "take steps 3 times as short; "),
+        (0.41, 0.05, "take steps 3 times as short; "),  # sqrt(0.41 / 0.05) is below 3
+        (0.79, 0.05, "take steps 4 times as short; "),
+        (0.8, 0.11, "halve it; "),  # no steps are short enough alone
+    ],
+)
+def test_steps_are_as_short_as_the_tolerance_asks_for(steps, basis, cure):
+    """Their error falls with the square of their length."""
+    out, scope = estimated(2.0, 9.0, {"basis": basis, "time step": steps}, {"steps": 0.01}, covers=COUPLED)
+    made = report((out, scope), "sampled")
+    found = assess(made, "tip z", 0.1)
+    assert found.answer == "unlikely"
+    assert f"% of it from the step size, not the basis: {cure}" in found.todo
+    told = replace(out, tolerance=0.1)
+    assert next_step(told, "sampled", scope) == cure.replace(" it", " the step").removesuffix("; ")
+    assert "halve it" in advice(out, "sampled", scope)  # nothing was asked for
+
+
+def test_what_is_not_known_is_not_printed_as_a_number():
+    """The row says "error not known" where the half width is above the output itself; so does the answer."""
+    made = estimated(2.0, 9.0, {"time step": 1.0}, {"steps": 3.0}, covers=COUPLED)
+    (line,) = (row_verdict(made[0], row, "sampled", made[1]) for row in (0,))
+    assert "error not known (not resolved: halve the step)" in line
+    found = assess(report(made, "sampled"), "tip z", 0.1)
+    said = "its error is not known, and so not whether it is within the tolerance of 0.1 m"
+    assert found.text == f"tip z: unknown, {said}: halve the step."
+
+
+@pytest.mark.parametrize("made", [SAID, PROVED])
+def test_a_run_that_ended_early_says_nothing_good_of_the_rest(made):
+    """What is too large until then is too large."""
+    early = report(made)
+    early.planned_end = 2.5
+    good, bad = (assess(early, "tip z", tolerance) for tolerance in (1.2, 0.5))
+    assert good.text.startswith(
+        "tip z: unknown, the run ends at t = 1 s and was to go to 2.5 s; until then its error"
+    )
+    assert good.todo.startswith("let it run to its end")
+    assert bad == assess(report(made), "tip z", 0.5)
+    assert bad.answer in TOO_LARGE
 
 
 def test_a_first_instant_is_no_run():

@@ -239,6 +239,15 @@ def test_bounds_are_told_from_the_true_error():
     np.testing.assert_array_equal(line(ax, "bound 'energy'")[1], 3 * report.output("tip").bound["best"][:, 0])
 
 
+def test_what_rounding_alone_makes_of_a_true_error_does_not_set_the_axis():
+    report = made_up()
+    report.outputs["tip"].error[0] = 1e-25  # of 10 mm
+    ax = axes_of(draw_bounds, report, "tip")
+    np.testing.assert_array_equal(np.isnan(line(ax, "|true error|")[1]), [True, False, False, False, False])
+    assert ax.get_ylim()[0] > 0.1
+    assert ZERO not in legend(ax)
+
+
 def test_zeros_and_inf_are_at_the_edges_and_in_the_legend():
     """They have no place on a logarithmic axis."""
     ax = axes_of(draw_bounds, made_up([0, 1, np.inf, 2, 0]), "tip")

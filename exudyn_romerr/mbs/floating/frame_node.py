@@ -43,6 +43,11 @@ class FrameNode:
         A, w, al = self._rotation(self.reference[3:] + q[:, 3:], q_t[:, 3:], q_tt[:, 3:])
         return FrameMotion(self.reference[:3] + q[:, :3], q_t[:, :3], q_tt[:, :3], A, w, al)
 
+    def at_rest(self, q: np.ndarray, samples: int) -> FrameMotion:
+        """Return the motion of a frame that stays at q (size,), as often."""
+        one = self.motion(q[None], *np.zeros((2, 1, self.size)))
+        return FrameMotion(*(np.broadcast_to(x, (samples, *x.shape[1:])) for x in vars(one).values()))
+
     def bend(self, states: Sequence[np.ndarray], e: Sequence[np.ndarray]) -> np.ndarray:
         """Return what e, e', e'' (S, size) do to coordinates and rates beside being added to them (3, S, size)."""
         found = np.zeros((3, *states[0].shape))

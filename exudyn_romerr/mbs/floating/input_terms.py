@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,6 +38,11 @@ class InputTerms:
         self.minor = None if self.at_rest else slice(RIGID_INERTIA, RIGID_INERTIA + 9 * V.shape[1])  # M E_ij V
         self.first_load = 3 * self.weighs if self.minor is None else self.minor.stop
         self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
+
+    @property
+    def made_of(self) -> tuple[Any, ...]:
+        """What the columns are made of, beside the body and V."""
+        return self.at_rest, self.weighs, *self._loads
 
     @property
     def columns(self) -> sp.csc_matrix:

@@ -18,7 +18,7 @@ from ...model.admissible_space import (
     rigid_modes,
     rigid_parts,
 )
-from ...model.shared_body import shared_body
+from ...model.shared_body import keep_with, shared_body
 
 if TYPE_CHECKING:
     from ...model.body import ElasticBody
@@ -81,7 +81,9 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
 def held_body(flex: FloatingBody, rayleigh: tuple[float, float], reference: Reference) -> ElasticBody:
     """Return the full body, held in its frame by the conditions."""
     held = reference.fixed, reference.rigid, reference.conditions
-    return shared_body(flex.mass, flex.stiffness, flex.positions, rayleigh, *held, flex.modal_damping)
+    body = shared_body(flex.mass, flex.stiffness, flex.positions, rayleigh, *held, flex.modal_damping)
+    keep_with(flex.fem, body)
+    return body
 
 
 def require_still_interface(flex: FloatingBody, V: np.ndarray) -> np.ndarray:

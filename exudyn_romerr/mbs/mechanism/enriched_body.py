@@ -10,11 +10,13 @@ import numpy as np
 
 from ...basis.basis import Basis
 from ...basis.enrichment import Enrichment
+from ...basis.shape_sums import ShapeSums, contracted
 from ...checks import check_count
 from ...errors import AssumptionError
 from ...estimators.rigid_motion import Deformations
 from ...model.floating_frame import moment_of, skew, unit_inertia
 from ...model.outputs import stacked_rows
+from ...model.shared_body import made_once
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...residual.interface_stiffening import rigid_response, with_rigid_interfaces
@@ -23,6 +25,7 @@ from ...residual.residual import ResidualMap
 from ..access.reduced_damping import damping_products
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
+from .more_vectors import first_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,10 +39,6 @@ if TYPE_CHECKING:
     from ..floating.frame_support import Support
 
 DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
-# vectors a body: 20 static responses (those to the inertia of 14 modes and of the frame are 26, of unequal weight),
-# and a round of responses to their own inertia; 14 more where a third of all deform rigid interfaces; 34 more where
-# nothing is damped, and what rings stays: NGsolveCraigBampton's bound is 2.05 times the error with 40, 1.4 with 60
-AUTO, STIFF, UNDAMPED = 26, 40, 60
 
 
 class Couplings(NamedTuple):
@@ -57,11 +56,12 @@ class EnrichedBody:
 
     Attributes
     ----------
-    m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
-    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
-    rows of modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, of its frame, its modes.
-    offline, sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan.
-    flex, shapes (N, n + m) : the body as it is in the mbs, its modes and vectors. damping : X^T D Y, see there.
+    m : number of vectors. asked, most : how many were to be made, and how many there can be. keeps : (m,) bool, those
+    that leave the interfaces rigid that the modes make rigid: all, if these make none rigid. first : (m,) bool, those
+    that fewer would have been. deformations : what bounds rows of modes, vectors and the rest. columns, frame, modal
+    : coordinates in the mbs, of its frame, its modes. offline, sampler : of the body on modes and vectors.
+    midpoint_residual : as asked for. note : line for the plan. flex, shapes (N, n + m) : the body as it is in the
+    mbs, its modes and vectors. sums : of these. damping : X^T D Y.
     """
 
     def __init__(
@@ -93,36 +93,40 @@ class EnrichedBody:
             )
         )
         V_y, asked = Z.coordinates("V", V), options.auxiliary_modes
+        self.most = len(V_y)
         if asked == "auto":
-            count = AUTO if scene.stiff is None and any(model.rayleigh) else STIFF
-            asked = min(count if model.D.any() else UNDAMPED, len(V_y))
-        asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
+            asked = first_count(self.most, model.D.any(), scene.stiff is None and any(model.rayleigh))
+        asked = self.asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
-            found = Enrichment(body, V_y, inertia, loads, wrenches, asked, rigid)
+            of = V_y, loads, wrenches, asked, None if rigid is None else scene.stiff.Z
+            make = partial(Enrichment, body, V_y, inertia, loads, wrenches, asked, rigid)
+            found = made_once(body, "vectors", of, make)
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
         del rigid
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
-        self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
+        count = f"{self.m} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}"
+        self.note = f"estimator 'auxiliary': {count} up to {highest:.4g} rad/s, reacting with the mechanism"
         self.damping = partial(damping_products, body)
-        self._couple(flex, V, P)
+        self.flex, self.shapes = flex, np.hstack([V, P])
+        self._couple(flex, V.shape[1])
         # where forces act: their motion by P (3, m); torques do not care
         self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
-        self.flex, self.shapes = flex, np.hstack([V, P])
         del P, V_y, found, inertia, loads, wrenches  # of a large body they take memory that is short now
         self._prepare(flex, body, self.shapes, actions, support, scene, options)
 
-    def _couple(self, flex: FloatingBody, V: np.ndarray, P: np.ndarray) -> None:
-        """Matrices between the body's coordinates and P, and of P (m, m)."""
-        MP, KP, nodes = flex.mass @ P, flex.stiffness @ P, len(flex.positions)
-        self.M_PP, self.K_PP, self._M_VP, self.K_VP = P.T @ MP, P.T @ KP, V.T @ MP, V.T @ KP
-        self.D_PP, self.D_VP = self.damping(P, P, self.M_PP, self.K_PP), self.damping(V, P, self._M_VP, self.K_VP)
-        MP, V, P = (np.ascontiguousarray(X).reshape(nodes, 3, -1).swapaxes(0, 1) for X in (MP, V, P))
-        self._pull = MP.sum(axis=1)  # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
-        self._arms = (flex.positions.T @ MP).swapaxes(0, 1)
-        self._of_V, self._of_P = (X[:, None].swapaxes(2, 3) @ MP[None] for X in (V, P))
+    def _couple(self, flex: FloatingBody, n: int) -> None:
+        """Matrices between the body's coordinates and P, and of P (m, m), behind n modes."""
+        sums = self.sums = ShapeSums.of(flex.mass, flex.stiffness, flex.positions, self.shapes)
+        V, P = slice(n), slice(n, None)
+        self.M_PP, self.K_PP, self._M_VP, self.K_VP = sums.M[P, P], sums.K[P, P], sums.M[V, P], sums.K[V, P]
+        D = self.damping(self.shapes, self.shapes[:, P], sums.M[:, P], sums.K[:, P])
+        self.D_VP, self.D_PP = D[V], D[P]
+        # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
+        self._pull, self._arms = sums.pull[:, P].copy(), sums.of_x[:, :, P].copy()
+        self._of_V, self._of_P = sums.of_U[:, :, V, P].copy(), sums.of_U[:, :, P, P].copy()
 
     def _force(self, body: ElasticBody, V: np.ndarray, P: np.ndarray) -> None:
         """-P^T R = -P^T L z of the modes alone."""
@@ -136,15 +140,16 @@ class EnrichedBody:
         self.offline: Offline = prepare(
             body,
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
-            BoundOptions(inputs=Deferred(lambda: terms.columns), estimators="auxiliary", **kept),
+            BoundOptions(inputs=Deferred(lambda: terms.columns, terms.made_of), estimators="auxiliary", **kept),
             sampled_inputs=True,
             scene=replace(scene, corrected=True, minor=terms.minor),
         )
         self.sampler, self._rest_rows = Sampler.of(self._frame, actions, terms, self.offline), self._rests()
 
-    def use(self, actions: Actions) -> None:
-        """Take loads whose functions of time may be other ones than before."""
+    def use(self, actions: Actions) -> EnrichedBody:
+        """Take loads whose functions of time may be other ones than before; return itself."""
         self._actions, self.sampler = actions, replace(self.sampler, actions=actions)
+        return self
 
     def rest(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Inputs (p,) beside which modes and vectors q (n + m,) rest, from those of the modes alone."""
@@ -198,16 +203,16 @@ class EnrichedBody:
         inputs = self._terms.values(self._actions, t, motion, *modal[:2])
         K[:, 3:size] += rates.swapaxes(1, 2) @ self._moved_arms(motion, inputs, S, arms, modal)
         D_rows, K_rows = self._by_the_frame(t, states)
-        D_rows = np.concatenate([D_rows, self.D_VP.T - _contracted(w, self._of_V).swapaxes(1, 2)], axis=2)
+        D_rows = np.concatenate([D_rows, self.D_VP.T - contracted(w, self._of_V).swapaxes(1, 2)], axis=2)
         K_rows = np.concatenate(
-            [K_rows, self.K_VP.T + _contracted(S.swapaxes(1, 2), self._of_V).swapaxes(1, 2)], axis=2
+            [K_rows, self.K_VP.T + contracted(S.swapaxes(1, 2), self._of_V).swapaxes(1, 2)], axis=2
         )
         return Couplings(M, D, K, D_rows, K_rows)
 
     def _columns(self, A: np.ndarray, rates: np.ndarray, arms: np.ndarray, turning: np.ndarray) -> np.ndarray:
         """Work of M (turning P) on the coordinates of the body in the mbs and on P, (T, k + m, m)."""
         moment = moment_of(np.einsum("tjk,tikm->tijm", np.broadcast_to(turning, A.shape), arms))
-        of_modes, of_P = (_contracted(turning, of) for of in (self._of_V, self._of_P))
+        of_modes, of_P = (contracted(turning, of) for of in (self._of_V, self._of_P))
         parts = [A @ turning @ self._pull, rates.swapaxes(1, 2) @ moment, of_modes, of_P]
         return np.concatenate([np.broadcast_to(part, (len(A), *part.shape[1:])) for part in parts], axis=1)
 
@@ -239,11 +244,6 @@ class EnrichedBody:
         found = (inputs @ self._forcing[:, self._layout.input_slot].T).reshape(len(t), 2, 2, size, self.m)
         D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * DIFFERENCE), 1, 0)
         return D, K
-
-
-def _contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Sum over i, j of turning_ij of_ij (T, k, m), of (3, 3, k, m)."""
-    return np.tensordot(turning, of, axes=2)
 
 
 def _side_by_side(parts: list[np.ndarray], N: int) -> np.ndarray:

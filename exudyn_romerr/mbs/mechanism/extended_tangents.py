@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
     from ...online.run import Opening, Run
     from ...trajectory.samples import Extension
-    from ..access.linearisation import Reading
+    from ..derivatives.linearisation import Reading
     from .enriched_body import EnrichedBody
 
 TINY = np.finfo(float).tiny
@@ -118,6 +118,11 @@ class FixedFreedoms:
         """Size counts the coordinates of the mechanism."""
         self._body = bodies[0] if len(bodies) == 1 and size == len(bodies[0].columns) else None
         self._t = -np.inf
+
+    def prepare(self, mbs: Any) -> None:
+        """Do before the solve what `open` needs of the full body, whatever the joints are."""
+        if self._body is not None and has_joints_only(mbs):
+            _ = self._body.offline.estimators["auxiliary"].slow_modes.shapes
 
     def open(self, mbs: Any, readings: Sequence[Reading], runs: Sequence[Run], openings: Sequence[Opening]) -> None:
         """Find them where a run begins; its bounds know them from there on."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ...estimates.march import Tangent
-    from ..access.linearisation import Reading
+    from ..derivatives.linearisation import Reading
     from .extended_tangents import ExtendedTangents
 
 DIFFERENCE = 1e-6  # of coordinates of frames, to differentiate positions by
@@ -122,15 +122,15 @@ class GlobalPositions:
         for i, (a, b, j) in enumerate(nodes):
             if not self.failure:
                 step, span = slice(*ends[i : i + 2]), (None if i else rows.at(a, j), rows.at(b, j))
-                if not self._motion.advance(b - a, span, peak[step].max(), impulses[step].sum()):
-                    self.failure = CHANGED.format(a)
+                is_known = np.isfinite(most := peak[step].max())
+                if not (is_known and self._motion.advance(b - a, span, most, impulses[step].sum())):
+                    self.failure = CHANGED.format(a) if is_known else f"nothing is bounded from t = {a:g} s on"
             at.append(self._looked_at(seen, i + 1))
         times, self._t = np.array([self._t, *(node.end for node in nodes)]), float(t[-1])
         after = np.clip(np.searchsorted(times, t), 1, len(times) - 1)
-        share = ((t - times[after - 1]) / np.diff(times)[after - 1])[:, None]
-        left = []
-        for of_body in zip(*at, strict=True):
-            direct, freed = (np.array(x) for x in zip(*of_body, strict=True))
+        g = np.where(np.isfinite(g), g, 0.0)
+        share, left = ((t - times[after - 1]) / np.diff(times)[after - 1])[:, None], []
+        for direct, freed in (map(np.array, zip(*of_body, strict=True)) for of_body in zip(*at, strict=True)):
             followed = (1 - share) * direct[after - 1] + share * direct[after]
             left.append(g[:, None] * followed + np.maximum(freed[after - 1], freed[after]))
         return left

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..access.linearisation import Reading, Tangents
-from ..access.state_guard import state_set
+from ..derivatives.linearisation import Reading, Tangents
 from .extended_tangents import ExtendedTangents
 
 OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
@@ -222,8 +221,7 @@ class LateReadings:
     def _untried(self, row: int, dq: np.ndarray) -> np.ndarray:
         """What K dq is off by in the state of a row, but for what q'' and multipliers are."""
         t = self._t[row]
-        with state_set(self._mbs.systemData, t, [x[row] for x in self._states]):
-            off = self._tangents.differences(self._mbs, dq)
+        off = self._tangents.differences(self._mbs, t, [x[row] for x in self._states], dq)
         for weight, reading in zip(self._spline(t), self._tangents.readings, strict=True):
             off -= weight * (reading.K @ dq)
         carried = self._tangents.carried_near(t)

@@ -12,15 +12,15 @@ from ...estimates.columns import Columns
 from ...estimates.march import Steps
 from ...estimates.mechanism_feedback import GROWN
 from ...estimates.time_step_error import TimeStep, TimeStepError
-from ..access.linearisation import Tangents
+from ..derivatives.linearisation import Tangents
 from .stored_residuals import StoredResiduals
 
 INCREMENTS = "no estimate of the error by time steps: rotations of Lie group nodes have no rates that are velocities"
 LEFT_OUT = "what loads do between samples is left out of the error by time steps: {}"
 DRIFTS = (
     "constraints hold at the level of velocities (index 2): what drifts, on flexible interfaces however short the "
-    "steps are, is in the part by time steps; what the full body drifts by beside that is in no bound; without "
-    "useIndex2Constraints there is none"
+    "steps are, is in the part by time steps; what the full body drifts by beside that is in the bound to first "
+    "order, but not in that of 'energy'; without useIndex2Constraints there is none"
 )
 LOST = "the estimate of the error by time steps ends at t = {:g} s: {}"
 TOO_LARGE = "it has grown beyond all numbers"
@@ -39,7 +39,7 @@ class StepErrors:
     """
 
     def __init__(self, tangents: Tangents, residuals: StoredResiduals | None, holds_rates: bool):
-        self._tangents, self._residuals, self._holds_rates = tangents, residuals, holds_rates
+        self._tangents, self._residuals, self.holds_rates = tangents, residuals, holds_rates
         self._error: TimeStepError | None = None
         self.found: TimeStep | None = None
         self.notes: list[str] = []
@@ -49,7 +49,7 @@ class StepErrors:
         if not self._tangents.differentiable.all():
             self.notes.append(INCREMENTS)
             return
-        if self._holds_rates:
+        if self.holds_rates:
             self.notes.append(DRIFTS)
         goes_on = before is not None and before._error is not None
         self._error = before._error if goes_on else TimeStepError(size, loads=self._residuals is not None)
@@ -60,7 +60,7 @@ class StepErrors:
         self._do(lambda error: self._begin(error, mbs, rows))
 
     def _begin(self, error: TimeStepError, mbs: Any, rows: Sequence[np.ndarray]) -> None:
-        drifts = self._holds_rates and mbs is not None
+        drifts = self.holds_rates and mbs is not None
         error.add(rows, self._tangents.drifts(mbs, rows) if drifts else None)
         error.begin(*self._between(mbs, error))
 
@@ -85,6 +85,11 @@ class StepErrors:
     def newest(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None] | None:
         """See TimeStepError; None: there is none."""
         return self._do(lambda error: error.newest(count))
+
+    def drift(self, count: int) -> np.ndarray | None:
+        """What constraints have drifted by at the last samples (count, c); None: it is not known, or they do not."""
+        newest = self.newest(count)
+        return None if newest is None else newest[2]
 
     def finish(self) -> None:
         """All steps were gone through."""

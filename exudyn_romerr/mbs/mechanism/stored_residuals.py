@@ -9,9 +9,9 @@ import numpy as np
 
 from ...errors import RunError
 from ...estimates.local_errors import filled, in_the_middle, missed, seldom, standing_out
-from ..access.linearisation import Tangents
 from ..access.load_functions import load_functions, loads_with_functions
 from ..access.state_guard import set_state, state_kept
+from ..derivatives.linearisation import Tangents
 from ..memory.user_memory import memory_kept
 
 BALANCED = 1e-3  # of the largest force: what may be left at a sample, where Newton's iterations have ended
@@ -128,7 +128,8 @@ class StoredResiduals:
         t, *states = rows
         times = t[:-1] + share * np.diff(t)
         inside = [in_the_middle(t, x, share)[steps] for x in states]
-        found = [self._residual(mbs, now, state) for now, *state in zip(times[steps], *inside, strict=True)]
+        at = self._tangents.light(mbs)
+        found = [at.at(now, state).residual() for now, *state in zip(times[steps], *inside, strict=True)]
         return np.reshape(found, (len(steps), self._tangents.size))
 
     def _residual(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 
 OURS = __name__.split(".")[0]
 EXUDYN = "exudynCPP"  # in the name of its compiled module, of which there are several
+MESHES = "exudyn.FEM"  # of which an mbs has what it needs: megabytes of arrays that no run looks at
 CACHED = type(lru_cache(abs))
 WRAPPERS = CACHED | partial | MethodType | staticmethod | classmethod | property
 NUMBERS = (type(None), bool, int, float, complex, str, bytes)
@@ -167,7 +168,7 @@ def _stays(value: Any, own: set[str]) -> bool:
         return True
     if kind.__module__ in own and kind.__new__ is object.__new__:  # it is all in its attributes
         return True
-    return EXUDYN in kind.__module__ or kind.__module__.split(".")[0] == OURS
+    return EXUDYN in kind.__module__ or kind.__module__ == MESHES or kind.__module__.split(".")[0] == OURS
 
 
 def _same_bytes(one: bytes | memoryview, other: bytes | memoryview) -> bool:

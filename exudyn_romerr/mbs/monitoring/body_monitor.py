@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import RunError
 from ...online.initial_condition import LOADS_JUMP, NO_ACCELERATIONS, loads_jump
 from ...online.run import Run
+from ...online.run_messages import stopped_or_ended
 from ...online.run_record import UNKNOWN, SolverFacts
 from ...online.static_run import StaticRun
 from ...online.tolerance_check import ToleranceCheck
@@ -183,8 +184,8 @@ class Watch:
         self.error, self._pending = self._pending, None
         with self.kept_errors():
             for reason in self.check.exceeded(self.run):
-                self.stopped = True
-                self.note(f"stopped at t = {self.bounded_until():g}: {reason}")
+                self.stopped, t = True, self.bounded_until()
+                self.note(f"{stopped_or_ended(t, self.run.solver)} at t = {t:g}: {reason}")
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""
@@ -203,8 +204,8 @@ class Watch:
             self.note(f"{until}: the steps up to t = {t:g} could not be evaluated, {text}")
 
     def _look(self, t: np.ndarray, *states: np.ndarray) -> None:
-        finite = np.logical_and.reduce([np.isfinite(state).all(axis=1) for state in states])
-        if not finite.all():
+        if not all(np.isfinite(state).all() for state in states):
+            finite = np.logical_and.reduce([np.isfinite(state).all(axis=1) for state in states])
             self._diverge(t[np.argmin(finite)])
             t, *states = (rows[: np.argmin(finite)] for rows in (t, *states))
         if not t.size:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
-from ...estimates.residual_passes import ResidualPasses
+from ...estimates.residual_passes import JointDrift, ResidualPasses
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
@@ -25,10 +26,10 @@ if TYPE_CHECKING:
 
     from ...estimates.time_step_error import TimeStep
     from ...trajectory.samples import Extension
-    from ..access.linearisation import Tangents
+    from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
-    from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors
+    from ..sensors.other_sensors import OtherSensors
     from .body_monitor import Watch
 
 STREAM = "reduction"  # of a mechanism's bounds, which are those at samples
@@ -38,9 +39,7 @@ NO_POSITIONS = "positions in global axes have an estimate only: {}"
 class Reaction:
     """The linearised mechanism with the vectors of its bodies behind its own coordinates (theory.md 7).
 
-    Attributes
-    ----------
-    size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are among these.
+    size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are. said : notes.
     """
 
     def __init__(
@@ -53,8 +52,8 @@ class Reaction:
         sensors: Sequence[OtherSensors] = (),
     ):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
-        self._first_steps = first_steps
-        self._step_errors, self._sensors = step_errors, sensors
+        self._first_steps, self._step_errors, self._sensors = first_steps, step_errors, sensors
+        self.said: list[str] = []
         self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
@@ -63,7 +62,8 @@ class Reaction:
             self.size += body.m
         self._narrow = NarrowMarches(self._left_out())
         self._passes = ResidualPasses(MechanismResiduals(self.parts), self.size)
-        self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors)
+        self._drift, self._drifts = JointDrift(self.size, step_errors.drift), step_errors.holds_rates
+        self._remainder = MeasuredRemainder(tangents, self.parts, self.size, step_errors, self._drift)
         self._fixed = FixedFreedoms([body for body, _ in self.parts], tangents.size)
         coupled = bool(watches) and all(watch.is_coupled for watch in watches)
         self._positions = GlobalPositions.of(self.parts, self.size) if coupled else None
@@ -94,6 +94,7 @@ class Reaction:
             self._feedback.begin_anew(tangent, forces)
             self._narrow.go_on(before._narrow, tangent, forces)
             self._passes.go_on(before._passes)
+            self._drift.go_on(before._drift)
             self._remainder.go_on(mbs, before._remainder)
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
@@ -101,9 +102,10 @@ class Reaction:
             self._feedback.start(*start, t)
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
+            self._drift.start(tangent)
             self._passes.start(tangent, first, self._feedback.state, start[-1] is not None)
             self._remainder.open(mbs, tangent, first, (self._feedback.state + self._passes.state)[:, None])
-        e = (self._feedback.state + self._passes.state + self._remainder.state)[:, None]
+        e = (self._feedback.state + self._passes.state + self._drift.state + self._remainder.state)[:, None]
         runs, openings = [], []
         for i, (watch, (body, own)) in enumerate(zip(self._watches, self.parts, strict=True)):
             rest = watch.opening.rest
@@ -129,8 +131,8 @@ class Reaction:
             else:
                 self._positions.start(t, extended, readings, g, self._energy_at_rest(openings))
             self._keep_left(self._positions.opened(first[1], g))
-        for sensors in self._sensors:
-            sensors.open([watch.run for watch in self._watches], goes_on)
+        for one in self._sensors:
+            one.open([watch.run for watch in self._watches], goes_on)
         self._feedback.multipliers = self._feedback.multipliers[-1:]
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
         if self._tangents.redundant:
@@ -146,12 +148,13 @@ class Reaction:
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
         self._narrow.begin(forces)
         self._passes.begin(rows)
-        others, late = [steps, self._narrow], [self._passes, self._remainder]
+        others, late = [steps, self._narrow], [self._passes, *[self._drift] * self._drifts, self._remainder]
         with self._remainder.following(mbs, rows, forces):
+            self._drift.begin(len(rows[0]))
             e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
-        for notes in (steps.notes, self._remainder.notes):
-            self._say(notes)
+        self._say(steps.notes)
+        self._say(self._remainder.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
         self._fixed.check(self._tangents.readings, runs)
         for i, (watch, run, (body, own)) in enumerate(zip(self._watches, runs, self.parts, strict=True)):
@@ -164,7 +167,8 @@ class Reaction:
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
-            join_extensions(runs, extensions, self._first_steps, extended.turned(rows[0], extensions))
+            turned = extended.turned(rows[0], extensions)
+            self._say(join_extensions(runs, extensions, self._first_steps, turned))
             self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
@@ -199,14 +203,14 @@ class Reaction:
 
     def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        (t, *states, _), missed = rows, self._remainder.found
+        (t, *states, _), missed, lacks = rows, self._remainder.found, self._remainder.lacks
         narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
-        narrow, step = narrow if missed is None else narrow + missed.added, self.time_step
+        narrow, step = narrow + self._drift.added + (0.0 if missed is None else missed.added), self.time_step
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
             columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])  # of this body
-            left = missed and [[x[:, columns] for x in of] for of in missed.left()]
+            left = missed and [[x[:, columns] for x in of] for of in lacks]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
             if step is not None:
                 outputs.take_time_step(watch.run, here, step.of(columns))
@@ -217,9 +221,9 @@ class Reaction:
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
-        for note in notes:
-            for watch in self._watches:
-                watch.note(note)
+        self.said += notes
+        for note, watch in product(notes, self._watches):
+            watch.note(note)
         notes.clear()
 
     def _forces(self, samples: Sequence[tuple], count: int) -> np.ndarray:
@@ -233,18 +237,14 @@ class Reaction:
         """The same in the equilibrium that the full bodies start in; None if they start as the reduced ones."""
         if not self._watches or any(watch.opening.rest is None for watch in self._watches):
             return None
-        samples = []
-        for opening in (watch.opening for watch in self._watches):
-            none = np.zeros_like(opening.first.q)
-            samples.append((opening.first.q, none, none, opening.rest[None]))
+        openings = [watch.opening for watch in self._watches]
+        samples = [(x.first.q, *np.zeros((2, *x.first.q.shape)), x.rest[None]) for x in openings]
         return self._forces(samples, 1)[0]
 
     def _added(self, i: int, e: np.ndarray, speed: np.ndarray) -> Added:
         """What is added to body i, and what that may lack."""
-        body, own = self.parts[i]
-        found = self._remainder.found
+        lacks, (body, own) = self._remainder.lacks, self.parts[i]
         of_all, *left = (
-            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2])
-            for of in (e, *(found.left() if found else ()))
+            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2]) for of in (e, *(lacks or ()))
         )
-        return Added(*of_all, speed, left=left if found else None)
+        return Added(*of_all, speed, left=None if lacks is None else left)

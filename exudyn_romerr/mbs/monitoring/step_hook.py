@@ -15,6 +15,7 @@ from ...errors import InputError
 from ...online.run import BLOCK
 from ...report.scope import FROZEN
 from ..access.mbs_items import end_time, is_verbose, running_static_solver
+from ..mechanism.extended_tangents import FixedFreedoms
 from .joint_evaluation import Mechanism
 from .live_output import live_line
 from .run_succession import SAME_TIME
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from ...offline.prepared import Offline
-    from ..mechanism.other_sensors import OtherSensors
+    from ..sensors.other_sensors import OtherSensors
     from .body_monitor import Watch
 
 LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step
@@ -84,8 +85,9 @@ class StepHook:
         self._mechanism.begin(mbs)
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
-        # load steps are few, and their loads may be changed before the next solve asks for a block
-        return static is not None or (not self.has_tangents and any(watch.tolerance for watch in self.watches))
+        return (
+            static is not None
+        )  # load steps are few, and loads may be changed before the next solve asks for a block
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
@@ -139,6 +141,8 @@ class StepHook:
         offline = watch.subject.read(mbs, attached=self.attached)
         if not offline.scene.coupled:
             return offline
+        if watch.enriched is not None and len(self.watches) == 1:
+            FixedFreedoms([watch.enriched], mbs.systemData.ODE2Size()).prepare(mbs)
         others = [other for other in self.watches if other is not watch]
         frozen = [other for other in others if other.subject.read(mbs, attached=self.attached).scene.scope == FROZEN]
         return watch.subject.read(mbs, attached=self.attached, others=_frozen(frozen)) if frozen else offline

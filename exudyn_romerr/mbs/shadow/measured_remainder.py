@@ -12,13 +12,14 @@ from ...errors import RunError
 from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 from .looks import Jumps, middles
-from .remainder import LOST, SAMPLED, Measured, Remainder, joined, march_together
+from .remainder import LOOKED, LOST, SAMPLED, Measured, Remainder, joined, march_together
 from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
+    from ...estimates.residual_passes import JointDrift
     from ...estimates.time_step_error import TimeStep
-    from ..access.linearisation import Tangents
+    from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.step_errors import StepErrors
 
@@ -32,7 +33,8 @@ LEFT_OUT = "what linear equations leave out is taken for 1 % of what they predic
 class MeasuredRemainder:
     """Remainders of what vectors predict, and of errors by time steps; what fails ends them, and nothing else.
 
-    step_errors : errors by time steps, which have gone through steps before `follow` is called.
+    step_errors : errors by time steps, which have gone through steps before `follow` is called; drift : likewise, of
+    joints, if the solver lets them.
 
     Attributes
     ----------
@@ -40,8 +42,10 @@ class MeasuredRemainder:
     nothing. notes : why, once.
     """
 
-    def __init__(self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors):
+    def __init__(self, tangents: Tangents, parts: Parts, size: int, step_errors: StepErrors, drift: JointDrift):
         self._tangents, self._parts, self._size, self._step_errors = tangents, parts, size, step_errors
+        self._drift, self._predicted = drift, np.zeros(1)
+        self._most = np.zeros((2, len(parts) + 1))  # sizes so far of what is predicted, and of the motion
         self._roots, self._of_body = _mass_roots(parts, size)
         self._shadow: Shadow | None = None
         self._mbs, self._is_compared = None, True  # while rows are evaluated: the mbs, whether it is as it was
@@ -67,6 +71,7 @@ class MeasuredRemainder:
         self._of_vectors.go_on(before._of_vectors)
         self._of_steps.go_on(before._of_steps)
         self._jumps.go_on(before._jumps)
+        self._most, self._predicted = before._most, before._predicted[-1:]
         self._failure, self._constraints = before._failure, before._constraints
         self._try(self._make, mbs)
         self._open()
@@ -88,9 +93,19 @@ class MeasuredRemainder:
     @property
     def left(self) -> list[np.ndarray] | None:
         """What the prediction may lack where that may be more than LINEARISED of it; None: unknown, or less."""
-        if self.found is None or not np.any(SAMPLED * self._of_vectors.shares > LINEARISED):
+        return self.lacks if np.any(SAMPLED * self._of_vectors.shares > LINEARISED) else None
+
+    @property
+    def lacks(self) -> list[np.ndarray] | None:
+        """What the prediction may lack, sum of the sizes of these (3, S, k); None: it is not known.
+
+        What joints drift by is predicted but for its own size at most, and a share of what the simulation's drift by:
+        that of the prediction in the motion. Linear equations leave out some, and how joints turn what has drifted.
+        """
+        if self.found is None:
             return None
-        return self.found.left()
+        drift = [LOOKED * self._drift.added, np.minimum(1.0, SAMPLED * self._predicted)[:, None] * self._drift.own]
+        return self.found.left() + [x for x in drift if x.any()]
 
     def share(self, i: int) -> float | None:
         """Size of what is left out of the deformation of body i over that of the prediction; None: not known."""
@@ -99,7 +114,7 @@ class MeasuredRemainder:
     @contextmanager
     def following(self, mbs: Any, rows: Sequence[np.ndarray], forces: np.ndarray) -> Iterator[None]:
         """Go through steps to rows t (S,), q, q_t, q_tt (S, n), under forces (S, k) on vectors."""
-        self._forces = forces
+        self._forces, self._predicted = forces, np.zeros(len(forces))
         self._mbs, self._is_compared = mbs, False
         rows = self._wide(rows)
         read = np.array([reading.t for reading in self._tangents.readings])
@@ -130,12 +145,15 @@ class MeasuredRemainder:
         if newest is not None:
             x, force, values = newest
             none = np.zeros((len(steps), self._constraints))
-            drift = None if values is None else (0 * force, values)
+            drift = None if values is None else (0 * force, values + self._drift.values)
             if self._of_steps.adds or not self._failure:
                 work[self._of_steps] = self._of_steps.columns(steps, part, -x, (-force - self._forces[part], none))
         of_vectors = self._of_vectors
         if self._parts and (of_vectors.adds or not self._failure):
             work[of_vectors] = of_vectors.columns(steps, part, e, drift)
+            sizes = np.maximum.accumulate(np.hstack([self._most[:, None], of_vectors.beside]), axis=1)[:, 1:]
+            self._most, (predicted, motion) = sizes[:, -1], sizes
+            self._predicted[part] = np.max(predicted / np.maximum(motion, np.finfo(float).tiny), axis=1)
         march_together(steps, work)
         return of_vectors.added
 

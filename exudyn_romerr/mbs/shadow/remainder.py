@@ -63,7 +63,7 @@ class Remainder:
     Attributes
     ----------
     adds : whether r is added to the prediction. added : to e, e', e'' (3, S, k) of the last steps, or None.
-    multipliers (S, c) : that go with it.
+    multipliers (S, c) : that go with it. beside : sizes of the prediction and of the motion there (S, quantities).
     """
 
     def __init__(self, size: int, quantities: int, sizes: Sizes, at_once: bool = False):
@@ -138,7 +138,7 @@ class Remainder:
 
         own : loads (S, k) and values of constraints (S, c) that belong to the prediction; None: none.
         """
-        self._beside = [self._sizes(e), self._motion[part]]
+        self.beside = [self._sizes(e), self._motion[part]]
         rows, sizes = [x[part] for x in self._rows], self._sizes_of_loads(steps)
         self._looks = Looks(rows, e, own, self._known, self._residuals, sizes, self._loads)
         self._looks.ended, self._is_close = self._ended, False
@@ -149,7 +149,7 @@ class Remainder:
 
     def take(self, found: np.ndarray, multipliers: np.ndarray) -> Columns | None:
         """Take e, e', e'', a (S, 4, k, 2) of these and multipliers (S, c, 2), or return what to march instead."""
-        sizes = np.array([self._sizes(found[:, :3, :, 0].swapaxes(0, 1)), *self._beside])
+        sizes = np.array([self._sizes(found[:, :3, :, 0].swapaxes(0, 1)), *self.beside])
         largest = np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
         self._paid = self._matters(largest, PAYS)
         if self._paid and not (self._is_close or self._looks.ended):
@@ -179,7 +179,7 @@ class Remainder:
         restless = (self._count + np.arange(count) < DENSE) | self._restless[part]
         looked = self._due[part] | (restless & (np.arange(count) % CLOSE == 0))
         if not self._at_once:
-            looked |= self._grown(*self._beside)
+            looked |= self._grown(*self.beside)
         looked[-1] |= restless[-1]
         is_calm = self._count and not self._matters(self._largest, CALM)
         every, last = EVERY * (FARTHER if is_calm else 1), -1 - self._since
@@ -188,7 +188,7 @@ class Remainder:
             last = place
         self._looks.at(looked)
         if restless.any():
-            self._looks.confirm(restless, SLIGHT * np.maximum(self._largest[1], self._beside[0].max(axis=0)))
+            self._looks.confirm(restless, SLIGHT * np.maximum(self._largest[1], self.beside[0].max(axis=0)))
 
     def _look_closely(self) -> None:
         """Look at all of the steps; or at those that tell the rest, but for what Newton leaves in single ones."""

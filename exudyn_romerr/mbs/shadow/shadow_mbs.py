@@ -1,8 +1,7 @@
 """Shadow: an mbs of our own beside that of a run, whose flexible bodies have their auxiliary vectors as modes.
 
-Made of what GetNode, GetObject, GetMarker and GetLoad give of the mbs, so that Exudyn's own equations can be asked in
-states for which the mbs of the run has no coordinates. (Exudyn's GetDictionary refuses objects with user functions.)
-The run's mbs is read and set back, nothing else.
+A copy of the mbs (copied_mbs.py), so that Exudyn's own equations can be asked in states for which the mbs of the run
+has no coordinates. The run's mbs is read and set back, nothing else.
 """
 
 from __future__ import annotations
@@ -17,12 +16,13 @@ import numpy as np
 from ...errors import RunError
 from ..access.equations import Equations
 from ..access.state_guard import current_state, set_state, state_kept
+from ..derivatives.copied_mbs import copy_items
 from ..mechanism.stored_residuals import GONE, HOLDS, MEMORY, user_functions
 from ..memory.user_memory import memory_kept
 from .wider_object import object_terms
 
 if TYPE_CHECKING:
-    from ..access.linearisation import Tangents
+    from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
 
     Parts = Sequence[tuple[EnrichedBody, slice]]
@@ -55,7 +55,8 @@ class Shadow:
         try:
             self._container = exu.SystemContainer()  # goes when nobody holds it, and what is in it
             self._mbs = self._container.AddSystem()
-            _copy(mbs, self._mbs, [body for body, _ in parts])
+            wider = {b.flex.number: object_terms(b) for b, _ in parts}
+            copy_items(mbs, self._mbs, wider)
             self._mbs.Assemble()
             self._equations = Equations(self._mbs, tangents.equations.threads)
             self._places = _places(mbs, self._mbs, parts)
@@ -123,37 +124,6 @@ class Shadow:
             off = np.abs(one - other).max(initial=0.0) / max(np.abs(one).max(initial=0.0), np.finfo(float).tiny)
             if not off <= AGREES:
                 raise RunError(OTHER.format(name, off))
-
-
-def _copy(mbs: Any, shadow: Any, bodies: Sequence[EnrichedBody]) -> None:
-    """Add all items of the mbs to another one, but for sensors; bodies have vectors behind their modes there.
-
-    User functions find the variables that they know.
-    """
-    shadow.variables, shadow.sys = mbs.variables, mbs.sys
-    system, wider = mbs.systemData, {body.flex.number: body for body in bodies}
-    nodes = {int(mbs.GetObject(number)["nodeNumbers"][1]): body for number, body in wider.items()}
-    for i in range(system.NumberOfNodes()):
-        node = _bare(mbs.GetNode(i))
-        if i in nodes:
-            node["numberOfODE2Coordinates"] = nodes[i].shapes.shape[1]
-            for name in ("referenceCoordinates", "initialCoordinates", "initialCoordinates_t"):
-                node[name] = np.append(node[name], np.zeros(nodes[i].m))
-        shadow.AddNode(node)
-    for i in range(system.NumberOfObjects()):
-        item = _bare(mbs.GetObject(i))
-        if i in wider:
-            item |= object_terms(wider[i].flex, wider[i].shapes, wider[i].damping)
-        shadow.AddObject(item)
-    for i in range(system.NumberOfMarkers()):
-        shadow.AddMarker(_bare(mbs.GetMarker(i)))
-    for i in range(system.NumberOfLoads()):
-        shadow.AddLoad(_bare(mbs.GetLoad(i)))
-
-
-def _bare(item: dict[str, Any]) -> dict[str, Any]:
-    """Return an item without its name and what is drawn."""
-    return {key: value for key, value in item.items() if not (key.startswith("V") or key == "name")}
 
 
 def _places(mbs: Any, shadow: Any, parts: Parts) -> np.ndarray:

@@ -8,27 +8,23 @@ import exudyn as exu
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from ..mechanism.enriched_body import EnrichedBody
 
 CROSS = np.zeros((3, 3, 3))  # (a x b)_c = CROSS_cij a_i b_j
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
 
 
-def object_terms(flex: Any, U: np.ndarray, damping: Callable) -> dict[str, Any]:
-    """Return what an ObjectFFRFreducedOrder has of modes U (N, k), as ObjectFFRFreducedOrderInterface makes it.
+def object_terms(body: EnrichedBody) -> dict[str, Any]:
+    """Return what an ObjectFFRFreducedOrder has of a body's modes and vectors.
 
-    flex : FloatingBody, with M = m (x) I, so that all follows from the sums of u_i (m u)_j over the nodes. damping :
-    EnrichedBody.damping.
+    As ObjectFFRFreducedOrderInterface makes it, with M = m (x) I, so that all follows from the sums of u_i (m u)_j
+    over the nodes.
     """
-    MU, k, nodes = flex.mass @ U, U.shape[1], len(flex.positions)
-    M, K = U.T @ MU, U.T @ (flex.stiffness @ U)
-    U_, MU = (X.reshape(nodes, 3, k) for X in (U, MU))
-    of_U = np.einsum("aik,ajl->ijkl", U_, MU, optimize=True)
-    of_x = np.einsum("ai,ajl->ijl", flex.positions, MU)
-    pull = MU.sum(axis=0)
+    U, (of_U, of_x, pull, M, K) = body.shapes, body.sums
+    k = U.shape[1]
     twice = np.einsum("cd,iikl->kcld", np.eye(3), of_U) - of_U.transpose(2, 1, 3, 0)
     once = np.einsum("cd,iil->cld", np.eye(3), of_x) - of_x.transpose(1, 2, 0)
-    matrices = {"mass": M, "stiffness": K, "damping": damping(U, U, M, K)}
+    matrices = {"mass": M, "stiffness": K, "damping": body.damping(U, U, M, K)}
     return {
         **{f"{name}MatrixReduced": exu.MatrixContainer(matrix) for name, matrix in matrices.items()},
         "modeBasis": U,

@@ -66,6 +66,7 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
         plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
         nodes=_at_nodes(arrays),
         made=meta.get("made", {}),
+        planned_end=meta.get("planned_end"),
         origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
         remainder=meta.get("remainder", {}),

@@ -64,6 +64,7 @@ def _meta(report: ReportData) -> dict:
         "stopped": [out.stopped for out in report.outputs.values()],
         "beside_steps": [out.beside_steps for out in report.outputs.values()],
         "made": report.made,
+        "planned_end": report.planned_end,
         "scope": report.scope,
         "scope_reason": report.scope_reason,
         "reasons": report.reasons,

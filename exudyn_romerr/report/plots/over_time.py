@@ -85,7 +85,9 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         _estimate(ax, report, out, row)
     if out.error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
-        log_line(ax, t, np.abs(out.error[:, row]), label="|true error|", **style)
+        error, rounding = np.abs(out.error[:, row]), np.finfo(float).eps * np.max(np.abs(out.value[:, row]))
+        hidden = (error > 0) & (error < rounding)  # of a first instant, say, which would set the axis: 1e-25 m
+        log_line(ax, t, np.where(hidden, np.nan, error), label="|true error|", **style)
     if at_round_off(out)[row]:
         label = "rounding of the input: nothing below is known"
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}

@@ -441,7 +441,10 @@ def test_objects_of_a_script_are_no_memory():
         warnings.simplefilter("always")
         assert load_functions.controllers(scene.mbs, load_functions.loads_with_functions(scene.mbs)) == {}
     assert not said  # Exudyn says it once in a process, so:
-    assert Frozen.of(scene, set()).held[id(scene.SC)] is scene.SC
+    found = Frozen.of(scene, set())
+    assert found.held[id(scene.SC)] is scene.SC
+    assert found.held[id(scene.fem)] is scene.fem  # megabytes, otherwise, whenever a load is tried
+    assert not found.arrays
     assert scene.mbs.sys["scene"] is scene
 
 

@@ -10,7 +10,7 @@ import pytest
 from exudyn import itemInterface
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.monitoring import step_hook as hook_module
 from models import chain, estimate_scenes
 from models.make_chain_truth import TRUTH, full_run

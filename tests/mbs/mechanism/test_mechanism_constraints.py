@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks import sweep_mechanisms
 from benchmarks.mechanism_builder import built
 from benchmarks.random_mechanisms import MATERIALS, Bar, Link, Load, Mechanism, Shape
-from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 
 FORCE = np.array([0.0, 250.0, 150.0])  # N: the interface turns by 7 mrad
 STEPS = 40
@@ -48,7 +48,7 @@ def test_rows_of_constraints_are_the_derivative_of_their_residual():
 
     scene.mbs.SetPostStepUserFunction(hook)
     scene.mbs.SolveDynamic(scene.settings)
-    reading, wanted = tangents.readings[-1], np.transpose(found["wanted"])[tangents._rows]
+    reading, wanted = tangents.readings[-1], np.transpose(found["wanted"])[tangents.independent]
     assert np.abs(reading.C - wanted).max() < DIFFERENCED
     modal = slice(7, None)
     assert np.abs(reading.G - wanted)[:, modal].max() > 1e-3 * np.abs(wanted[:, modal]).max()

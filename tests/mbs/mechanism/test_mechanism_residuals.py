@@ -6,6 +6,7 @@ from unittest import mock
 import numpy as np
 
 import exudyn_romerr as romerr
+from exudyn_romerr.basis.shape_sums import ShapeSums
 from exudyn_romerr.mbs.floating.frame_node import FrameNode
 from exudyn_romerr.mbs.mechanism.mechanism_residuals import MechanismResiduals, NetInertia
 from exudyn_romerr.model.floating_frame import skew
@@ -22,7 +23,8 @@ def frame_node():
 
 def net_inertia(node, mass, positions, shapes):
     flex, sampler = SimpleNamespace(mass=mass, positions=positions), SimpleNamespace(frame=node)
-    return NetInertia(SimpleNamespace(flex=flex, sampler=sampler, shapes=shapes))
+    sums = ShapeSums.of(mass, mass, positions, shapes)  # no stiffness is asked for
+    return NetInertia(SimpleNamespace(flex=flex, sampler=sampler, sums=sums))
 
 
 def states(rng, shapes):

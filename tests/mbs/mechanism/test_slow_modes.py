@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
+import exudyn_romerr as romerr
 from exudyn_romerr.online.coupled_runs import shared_energy
+from exudyn_romerr.residual import slow_modes
 from exudyn_romerr.residual.slow_modes import SlowModes
+from models import floating
 from tests.basis.test_enrichment import KINDS, lattice
 from tests.mbs.mechanism.test_mechanism_energy import STEPS, Scenario, violations
 
@@ -124,3 +127,22 @@ def test_turning_is_about_axes_that_the_joint_leaves_free():
     assert not of_hinge.cover(beside)
     assert not of_slider.cover(along)
     assert of_slider.cover(at_rest)
+
+
+def test_full_size_work_is_done_before_the_solve(monkeypatch):
+    """And once: joints leave what they leave, solves begin again."""
+    made, original = [], slow_modes.SlowShapes.__init__
+
+    def counted(self, problem):
+        made.append(problem)
+        original(self, problem)
+
+    monkeypatch.setattr(slow_modes.SlowShapes, "__init__", counted)
+    scene = floating.pendulum(0, damping=(0.0, 1e-4), h=1e-3, t_end=5e-3, assemble=True)
+    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))
+    _ = monitor.plan
+    assert len(made) == 1
+    for _ in range(2):
+        scene.solve()
+        assert shared_energy(monitor.runs[-1].companion, "reduction").slow is not None
+    assert len(made) == 1

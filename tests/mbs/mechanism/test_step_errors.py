@@ -9,8 +9,8 @@ from exudyn import itemInterface
 from exudyn.utilities import InertiaCuboid
 
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
-from exudyn_romerr.mbs.access.linearisation import Tangents
 from exudyn_romerr.mbs.access.mbs_items import scheme_of
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.mechanism import step_errors, stored_residuals
 from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors

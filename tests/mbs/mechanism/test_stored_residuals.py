@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.estimates.local_errors import defects, filled, missed, seldom, standing_out
-from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.mechanism import stored_residuals as module
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
 from tests.mbs.mechanism.test_step_errors import joined, pendulum, sampled

@@ -12,7 +12,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.estimators.coupled_energy import LINEARISED
-from exudyn_romerr.mbs.access.linearisation import Tangents
+from exudyn_romerr.mbs.derivatives.reader import TangentReader
 from exudyn_romerr.mbs.monitoring import floating_adapter as moving
 from exudyn_romerr.mbs.monitoring import step_hook as hook
 from exudyn_romerr.online.run import Run
@@ -380,7 +380,7 @@ def test_ctrl_c_while_a_tangent_is_read(monkeypatch, ctrl_c, reading):
     monitors = watch(scene)
     solve(scene)
     wanted = [monitor.report() for monitor in monitors]
-    interrupting(monkeypatch, ctrl_c, Tangents, "_forces", reading)
+    interrupting(monkeypatch, ctrl_c, TangentReader, "_forces", reading)
     with pytest.raises(exu.ModelError):
         solve(scene)
     for monitor in monitors:

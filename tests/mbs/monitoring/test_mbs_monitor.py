@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import weakref
+from unittest import mock
 
 import exudyn as exu
 import numpy as np
@@ -17,6 +18,8 @@ from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.online.run import BLOCK, Run
 from exudyn_romerr.online.static_run import StaticRun
+from exudyn_romerr.online.tolerance_check import FEWEST, MOST
+from exudyn_romerr.report.formats.load import load_report
 from tests.helpers.mbs_scenes import (
     INPUTS,
     SOLVERS,
@@ -259,19 +262,61 @@ def best(monitor, name="tip"):
     return monitor.report().output(name).bound["best"][:, 0]
 
 
-def test_tolerance_stops_at_the_first_step_above_it():
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+def test_tolerance_stops_at_the_step_above_it_or_soon_after(share):
+    """Some steps are made before they are compared; the one where it was exceeded is told."""
     mbs, _, free = scene()
     solve(mbs, steps=200, end=0.4)
     bound, t = best(free), free.report().t
-    limit = 0.5 * bound.max()
+    limit = share * bound.max()
     mbs, _, monitor = scene(tolerance=limit)
     solve(mbs, steps=200, end=0.4)
-    report = monitor.report()
+    report, first = monitor.report(), int(np.argmax(bound > limit))
     assert mbs.sys["dynamicSolver"].output.simulationStoppedByUserFunction
-    assert report.t[-1] == t[np.argmax(bound > limit)]
+    assert first < len(report.t) <= 1 + first + FEWEST
     np.testing.assert_allclose(best(monitor), bound[: len(report.t)], rtol=1e-9)
-    assert f"stopped at t = {report.t[-1]:g}: tolerance on 'tip' exceeded" in monitor.runs[0].messages[0]
-    assert f"stopped at t = {report.t[-1]:g}" in str(report)
+    said = f"stopped at t = {report.t[-1]:g}: tolerance on 'tip' exceeded"
+    said += "" if first == len(report.t) - 1 else f" at t = {t[first]:g}"
+    assert f"{said}, {bound[first]:.3g} > {limit:g}" in monitor.runs[0].messages[0]
+    assert said in str(report)
+
+
+def test_tolerance_takes_few_blocks_where_the_bound_is_far_below():
+    mbs, _, monitor = scene(tolerance=1e9)
+    with mock.patch.object(Run, "advance", autospec=True, side_effect=Run.advance) as advance:
+        solve(mbs, steps=4 * MOST, end=0.4)
+    assert len(monitor.report().t) == 1 + 4 * MOST
+    assert advance.call_count <= 5 + np.log2(MOST)
+
+
+def test_tolerance_exceeded_when_the_run_is_over_has_not_stopped_it():
+    mbs, _, free = scene()
+    solve(mbs)
+    largest = best(free)
+    assert np.argmax(largest) == len(largest) - 1  # the bound rises until the end
+    mbs, _, monitor = scene(tolerance=float(np.mean(largest[-2:])))
+    assert solve(mbs)
+    report = monitor.report()
+    assert len(report.t) == len(largest)
+    assert [message.partition(":")[0] for message in report.messages] == ["the run ended at t = 0.1"]
+    assert report.output("tip").stopped is report.planned_end is None
+    assert report.assess("tip", 1e9).answer == "proven"
+
+
+def test_a_run_that_ends_early_says_so_where_it_is_assessed(tmp_path):
+    """Of the user's function, in a file too; where it was to go is known again when it goes on."""
+    mbs, _, monitor = scene(hook=Recorder(result=False, stop_at=0.05))
+    solve(mbs)
+    monitor.report().save(tmp_path / "run.npz")
+    for report in (monitor.report(), load_report(tmp_path / "run.npz")):
+        assert report.planned_end == 0.1
+        found = report.assess("tip", 1e9)
+        assert found.answer == "unknown"
+        assert "the run ends at t = 0.05 s and was to go to 0.1 s; until then its error is at most" in found.text
+    mbs, _, monitor = scene()
+    solve(mbs)
+    assert monitor.report().planned_end is None
+    assert monitor.report().assess("tip", 1e9).answer == "proven"
 
 
 def test_tolerance_that_holds_changes_nothing():

@@ -1,6 +1,7 @@
 """The shadow mbs, and what linear equations leave out by it, against simulations with the vectors as modes."""
 
 from functools import cache
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -9,6 +10,7 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 
 import exudyn_romerr as romerr
 from exudyn_romerr import RunError
+from exudyn_romerr.basis.shape_sums import ShapeSums
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from exudyn_romerr.mbs.shadow import remainder
 from exudyn_romerr.mbs.shadow.measured_remainder import LEFT_OUT
@@ -134,7 +136,11 @@ def test_terms_of_modes_are_those_that_exudyn_makes():
     fem.modeBasis = {"matrix": U, "type": "any"}
     cms = ObjectFFRFreducedOrderInterface(fem, roundMassMatrix=0, roundStiffnessMatrix=0)
     items = {"oFFRFreducedOrder": 0, "nGenericODE2": 0, "nRigidBody": 0}
-    found = object_terms(romerr.floating_body(fem, items), U, lambda X, Y, M, K: RAYLEIGH[0] * M + RAYLEIGH[1] * K)
+    flex = romerr.floating_body(fem, items)
+    sums = ShapeSums.of(flex.mass, flex.stiffness, flex.positions, U)
+    found = object_terms(
+        SimpleNamespace(shapes=U, sums=sums, damping=lambda X, Y, M, K: RAYLEIGH[0] * M + RAYLEIGH[1] * K)
+    )
     names = [name for name in found if name.startswith("m") and hasattr(cms, name)]
     assert len(names) == 9 - 1
     for name in names:

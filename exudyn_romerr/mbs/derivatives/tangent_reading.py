@@ -10,15 +10,16 @@ import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError
-from .dependence import Dependence, Quaternion
+from .dependence import QUATERNIONS, Dependence, Quaternion
+from .frame_inertia import FrameInertia
 
-QUATERNIONS = "RigidBodyEP"
 PARAMETERS = (QUATERNIONS, "RigidBodyRxyz")  # node types whose rotations are coordinates like others
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
 REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
 LIGHT = 1e12  # beside the heaviest and stiffest coordinate: what has neither mass nor stiffness
 SOFT = 1e-12  # of what single coordinates feel: less is rounding
 TINY = np.finfo(float).tiny
+Parts = Sequence[tuple[Dependence, np.ndarray]]  # how M and G^T change, see Dependence.forward
 
 
 @dataclass(frozen=True)
@@ -28,8 +29,9 @@ class Reading:
     K holds loads too, and how inertia and the forces of constraints change with the coordinates. Constraints have
     forces G^T l; C is the derivative of what they keep zero, C_t its rate. Exudyn's G is not C: where an interface
     turns with the deformation, its rows of rotations are off by as much as it has turned.
-    masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. own : hash of what Exudyn
-    gives by itself. motions (n, f) : as motions_of gives them, dt the time since the reading before, if there is one.
+    masses, springs (n,) : diagonals of M and K, those of rotations the lightest axis and 0. seen : hash of what the
+    mbs of the run showed near this state. motions (n, f) : as motions_of gives them, dt the time since the reading
+    before, if there is one.
     change : of G and K since then, over CHANGE.
     """
 
@@ -43,7 +45,7 @@ class Reading:
     C_t: np.ndarray
     masses: np.ndarray
     springs: np.ndarray
-    own: int
+    seen: int = 0
     motions: np.ndarray | None = None
     change: float = 0.0
 
@@ -68,16 +70,22 @@ class Carried:
     turning: np.ndarray
 
 
-def carried_of(t: float, G: np.ndarray, *parts: tuple[Dependence, np.ndarray]) -> Carried:
-    """Put together how M and G^T change: where, and by how much."""
-    n = G.shape[1]
-    (_, by_M), (forces, by_G) = parts
-    at, entries = np.unique(np.concatenate([part.j * n + part.i for part, _ in parts]), return_inverse=True)
-    by = np.zeros((len(at), by_M.shape[1] + by_G.shape[1]), np.float32)
-    by[entries[: len(by_M)], : by_M.shape[1]] = by_M
-    by[entries[len(by_M) :], by_M.shape[1] :] = by_G
-    turning = np.sqrt(np.bincount(forces.j, (by_G**2).sum(axis=1), n)) / max(np.linalg.norm(G), TINY)
-    return Carried(t, G, *np.divmod(at, n), by, turning)
+def carried_of(reading: Reading, parts: Parts, inertias: Sequence[FrameInertia]) -> Carried:
+    """Put together how M and G^T change: where, and by how much; inertias : what is not in the parts."""
+    (mass, by_M), (forces, by_G) = parts
+    n, c = reading.G.shape[1], by_G.shape[1]
+    found = [(mass.j, mass.i, by_M, np.arange(n)), (forces.j, forces.i, by_G, np.arange(n, n + c))]
+    for one in inertias:
+        changes = one.mass_changes(reading.state[0][one.columns])
+        j, i = np.nonzero(changes.any(axis=2))
+        found.append((one.columns[j], one.columns[i], changes[j, i], one.columns))
+    at, entries = np.unique(np.concatenate([j * n + i for j, i, *_ in found]), return_inverse=True)
+    by, first = np.zeros((len(at), n + c), np.float32), 0
+    for j, _, values, columns in found:
+        by[entries[first : first + len(j), None], columns] = values
+        first += len(j)
+    turning = np.sqrt(np.bincount(forces.j, (by_G**2).sum(axis=1), n)) / max(np.linalg.norm(reading.G), TINY)
+    return Carried(reading.t, reading.G, *np.divmod(at, n), by, turning)
 
 
 def quaternions_of(mbs: Any) -> list[Quaternion]:

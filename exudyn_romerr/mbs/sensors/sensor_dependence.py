@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..access.state_guard import set_state, state_kept
-from ..access.tangent_reading import INCREMENTS, rotations_of
+from ..derivatives.tangent_reading import INCREMENTS, rotations_of
 from .sensor_record import Sensor
 
 AWAY = 0.05  # of coordinates and rates: where dependences are looked for, so that nothing vanishes by chance

@@ -1,0 +1,1 @@
+"""Tangents of a mechanism: derivatives of its equations, read beside a run."""

@@ -1,0 +1,195 @@
+"""FrameInertia: inertia forces of an ObjectFFRFreducedOrder and their derivatives in closed form.
+
+Acceleration of a node in the frame: a = b + al~ p + w~ w~ p + 2 w~ u' + u'', p = x + u, b = A^T r''; m a works on
+velocities of nodes, A^T r' + w~ p + u' with w = G theta'. All follows from sums over the nodes that Exudyn keeps with
+its modes: see object_terms in shadow/wider_object.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...model.floating_frame import skew
+from .dependence import QUATERNIONS
+from .light_mesh import FFRF
+
+MANY = 25  # coordinates of a body: differences of its forces cost as much as closed forms
+UNIT = np.eye(3)
+AXES = skew(UNIT)  # e_i~
+
+
+def rates_of(p: np.ndarray) -> np.ndarray:
+    """G (3, 4) of Euler parameters or their rates: w = G(p) p' in body axes; it is linear in p."""
+    return 2 * np.column_stack([-p[1:], p[0] * UNIT - skew(p[1:])])
+
+
+def axes_of(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A (3, 3) and its derivatives (4, 3, 3) by Euler parameters, as the node has them, also off unit norm."""
+    s, v = p[0], p[1:]
+    A = (1 - 2 * v @ v) * UNIT + 2 * np.outer(v, v) + 2 * s * skew(v)
+    by_v = -4 * v[:, None, None] * UNIT + 2 * (UNIT[:, :, None] * v + v[:, None] * UNIT[:, None, :]) + 2 * s * AXES
+    return A, np.concatenate([2 * skew(v)[None], by_v])
+
+
+TURNS = np.array([rates_of(p) for p in np.eye(4)])  # derivatives of G
+
+
+class FrameInertia:
+    """Of coordinates q (k,) of a body: three of its place, four Euler parameters, n of its modes.
+
+    Attributes
+    ----------
+    number : of the body. columns : where its coordinates are among those of the mbs.
+    """
+
+    def __init__(self, item: dict[str, Any], node: dict[str, Any], number: int, columns: Sequence[int]):
+        """Item and node as GetObject and GetNode give them."""
+        self.number, self.columns = number, np.array(columns)
+        self._reference = np.array(node["referenceCoordinates"], float)
+        self.M, self.K, self.D = (_dense(item[f"{name}MatrixReduced"]) for name in ("mass", "stiffness", "damping"))
+        n = len(self.M)
+        self._mass, self._centre, self._inertia = (np.array(item[x]) for x in ("mass", "centerOfMass", "inertia"))
+        self._pull = np.array(item["mPhitTPsi"])
+        # sums of m u_k x u_l (n, 3, n), m x x u_l (3, n), m u~_k^T u~_l (n, n, 3, 3), m x~^T u~_l (n, 3, 3)
+        self._cross = -np.reshape(item["mPsiTildePsi"], (n, 3, n))
+        self._moments = -np.array(item["mXRefTildePsi"])
+        self._twice = np.reshape(item["mPsiTildePsiTilde"], (n, 3, n, 3)).swapaxes(1, 2).reshape(n, 9 * n)
+        self._once = np.reshape(item["mXRefTildePsiTilde"], (3, n, 3)).swapaxes(0, 1).reshape(9 * n)
+
+    @classmethod
+    def all_of(cls, mbs: Any) -> Iterator[FrameInertia]:
+        """Make them of the bodies of an mbs with many modes; of fewer, Exudyn's own differences cost no more.
+
+        Not where forces are those of a user, or rotations no Euler parameters.
+        """
+        for number in range(mbs.systemData.NumberOfObjects()):
+            if len(mbs.systemData.GetObjectLTGODE2(number)) < MANY:
+                continue
+            item = mbs.GetObject(number)
+            if item["objectType"] != FFRF or item["forceUserFunction"] or item["massMatrixUserFunction"]:
+                continue
+            node = mbs.GetNode(int(item["nodeNumbers"][0]))
+            if node["nodeType"] == QUATERNIONS and item["computeFFRFterms"]:
+                yield cls(item, node, number, mbs.systemData.GetObjectLTGODE2(number))
+
+    def force(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> np.ndarray:
+        """All forces of inertia, stiffness and damping (k,): M q'' and the left-hand side of the body."""
+        x = self._here(q)
+        place, turn, modes = self._loads(x, Moving.of(x, q_t, q_tt))
+        return np.concatenate([self._mass * q_tt[:3] + x.A @ place, x.G.T @ turn, modes])
+
+    def mass(self, q: np.ndarray) -> np.ndarray:
+        """M (k, k)."""
+        x = self._here(q)
+        k = 7 + len(x.u)
+        M = np.zeros((k, k))
+        M[:3, :3], M[:3, 3:7], M[:3, 7:] = self._mass * UNIT, -x.A @ skew(x.chi) @ x.G, x.A @ self._pull
+        M[3:7, 3:7], M[3:7, 7:], M[7:, 7:] = x.G.T @ x.theta @ x.G, x.G.T @ x.gamma, self.M
+        M[3:, :3], M[7:, 3:7] = M[:3, 3:].T, M[3:7, 7:].T
+        return M
+
+    def mass_changes(self, q: np.ndarray) -> np.ndarray:
+        """Derivatives (k, k, k) of M by the coordinates; the first index is theirs."""
+        x = self._here(q)
+        n, k, chi = len(x.u), 7 + len(x.u), skew(x.chi)
+        dM = np.zeros((k, k, k))
+        dM[3:7, :3, 3:7] = -(x.by_p @ chi @ x.G + x.A @ chi @ TURNS)
+        dM[3:7, :3, 7:] = x.by_p @ self._pull
+        of_turns = TURNS.swapaxes(1, 2) @ x.theta @ x.G
+        dM[3:7, 3:7, 3:7] = of_turns + of_turns.swapaxes(1, 2)
+        dM[3:7, 3:7, 7:] = TURNS.swapaxes(1, 2) @ x.gamma
+        dM[7:, :3, 3:7] = -x.A @ skew(self._pull.T) @ x.G
+        of_modes = x.G.T @ x.H @ x.G
+        dM[7:, 3:7, 3:7] = of_modes + of_modes.swapaxes(1, 2)
+        dM[7:, 3:7, 7:] = (x.G.T @ self._cross.swapaxes(0, 1).reshape(3, n * n)).reshape(4, n, n).swapaxes(0, 1)
+        dM[:, 3:7, :3], dM[:, 7:, :3] = dM[:, :3, 3:7].swapaxes(1, 2), dM[:, :3, 7:].swapaxes(1, 2)
+        dM[:, 7:, 3:7] = dM[:, 3:7, 7:].swapaxes(1, 2)
+        return dM
+
+    def tangent(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives K, D (k, k) of `force` by coordinates and rates."""
+        x = self._here(q)
+        y = Moving.of(x, q_t, q_tt)
+        place, turn, _ = self._loads(x, y)
+        n, w, W, chi = len(x.u), y.w, skew(y.w), skew(x.chi)
+        both = x.H + x.H.swapaxes(1, 2)
+        moving = np.tensordot(y.u_t, x.H, axes=1)
+        by_w = (
+            -skew(W @ x.chi) - W @ chi - 2 * skew(self._pull @ y.u_t),
+            W @ x.theta - skew(x.theta @ w) + 2 * moving,
+            2 * np.tensordot(y.u_t, self._cross, axes=1).T - both @ w,
+        )
+        by_w = np.vstack([x.A @ by_w[0], x.G.T @ by_w[1], by_w[2]])
+        by_al = np.vstack([-x.A @ chi, x.G.T @ x.theta, x.gamma.T])
+        by_b = np.vstack([x.G.T @ chi, self._pull.T])
+        K, D = np.zeros((2, 7 + n, 7 + n))
+        D[:, 3:7] = by_w @ x.G
+        D[:3, 7:], D[3:7, 7:] = 2 * x.A @ W @ self._pull, 2 * x.G.T @ (x.H @ w).T
+        D[7:, 7:] = self.D + 2 * (self._cross.swapaxes(1, 2) @ w).T
+        K[:, 3:7] = by_w @ (TURNS @ q_t[3:7]).T + by_al @ (TURNS @ q_tt[3:7]).T
+        K[3:, 3:7] += by_b @ (q_tt[:3] @ x.by_p).T
+        K[:3, 3:7] += (x.by_p @ place).T
+        K[3:7, 3:7] += (TURNS.swapaxes(1, 2) @ turn).T
+        S, twice = skew(y.al) + W @ W, self._twice.reshape(n, n, 9)
+        K[:3, 7:] = x.A @ S @ self._pull
+        moved = 2 * np.tensordot(y.u_t, twice, axes=(0, 1)).reshape(n, 3, 3)
+        of_turn = both @ y.al + (both @ w) @ W.T + moved @ w + y.u_tt @ self._cross.swapaxes(1, 2)
+        K[3:7, 7:] = x.G.T @ (of_turn.T - skew(y.b) @ self._pull)
+        K[7:, 7:] = self.K + (self._cross.swapaxes(1, 2) @ y.al - twice @ np.outer(w, w).ravel()).T
+        return K, D
+
+    def _loads(self, x: Here, y: Moving) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Forces on place, turn and modes, in body axes; without m r''."""
+        W, w = skew(y.w), y.w
+        place = (skew(y.al) + W @ W) @ x.chi + self._pull @ y.u_tt + 2 * W @ (self._pull @ y.u_t)
+        turn = skew(x.chi) @ y.b + x.theta @ y.al + W @ (x.theta @ w) + x.gamma @ y.u_tt
+        turn += 2 * np.tensordot(y.u_t, x.H, axes=1) @ w
+        modes = self._pull.T @ y.b + x.gamma.T @ y.al - x.H @ w @ w + 2 * w @ np.tensordot(y.u_t, self._cross, axes=1)
+        return place, turn, modes + self.M @ y.u_tt + self.D @ y.u_t + self.K @ x.u
+
+    def _here(self, q: np.ndarray) -> Here:
+        p, u, n = self._reference[3:] + q[3:7], q[7:], len(self.M)
+        H = (self._once + u @ self._twice).reshape(n, 3, 3)
+        first = np.tensordot(u, self._once.reshape(n, 3, 3), axes=1)
+        theta = self._inertia + first + np.tensordot(u, H, axes=1).T
+        gamma = self._moments + np.tensordot(u, self._cross, axes=1)
+        return Here(*axes_of(p), rates_of(p), u, self._mass * self._centre + self._pull @ u, gamma, H, theta)
+
+
+class Here(NamedTuple):
+    """Where a body is, and its sums there.
+
+    A, by_p : axes (3, 3) and their derivatives (4, 3, 3). G (3, 4). u (n,) : modal coordinates. chi (3,) : m p.
+    gamma (3, n) : m p x u_l. H (n, 3, 3) : m p~^T u~_l. theta (3, 3) : m p~^T p~.
+    """
+
+    A: np.ndarray
+    by_p: np.ndarray
+    G: np.ndarray
+    u: np.ndarray
+    chi: np.ndarray
+    gamma: np.ndarray
+    H: np.ndarray
+    theta: np.ndarray
+
+
+class Moving(NamedTuple):
+    """How it moves: b = A^T r'', w, al (3,) in body axes, rates of modal coordinates u_t, u_tt (n,)."""
+
+    b: np.ndarray
+    w: np.ndarray
+    al: np.ndarray
+    u_t: np.ndarray
+    u_tt: np.ndarray
+
+    @classmethod
+    def of(cls, x: Here, q_t: np.ndarray, q_tt: np.ndarray) -> Moving:
+        """Make it of rates (k,)."""
+        return cls(q_tt[:3] @ x.A, x.G @ q_t[3:7], x.G @ q_tt[3:7], q_t[7:], q_tt[7:])
+
+
+def _dense(matrix: Any) -> np.ndarray:
+    return np.array(matrix.Convert2DenseMatrix())

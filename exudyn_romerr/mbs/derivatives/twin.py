@@ -1,0 +1,112 @@
+"""Twin: copies of the mbs of a run with light meshes, where its equations are the same and cost less."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import exudyn as exu
+import numpy as np
+
+from ..access.equations import Equations
+from ..access.state_guard import current_state, set_state, state_set
+from .copied_mbs import copy_items, may_be_lighter
+from .frame_inertia import FrameInertia
+
+MOVED = 1e-4  # of coordinates and rates: where both are compared, so that nothing vanishes by chance
+# of an entry, and of the largest one: sums of nodes in another order; measured 3e-16 of the largest
+AGREES, ROUNDING = 1e-9, 1e-13
+
+
+class Place(NamedTuple):
+    """Where equations are asked: of an mbs, or of a copy, in the current state.
+
+    inertias : of bodies that have neither mass nor stiffness in this mbs. container : goes with it.
+    """
+
+    equations: Equations
+    mbs: Any
+    inertias: tuple[FrameInertia, ...] = ()
+    container: Any = None
+
+    @classmethod
+    def copied(cls, mbs: Any, threads: int, inertias: tuple[FrameInertia, ...] = ()) -> Place:
+        """Copy an mbs, but for the inertia of some bodies."""
+        container = exu.SystemContainer()
+        copy = container.AddSystem()
+        copy_items(mbs, copy, hollow=[one.number for one in inertias])
+        copy.Assemble()
+        return cls(Equations(copy, threads), copy, inertias, container)
+
+    def mass(self) -> np.ndarray:
+        """M (n, n)."""
+        M, q = self.equations.mass(self.mbs), self.mbs.systemData.GetODE2Coordinates()
+        for one in self.inertias:
+            M[np.ix_(one.columns, one.columns)] += one.mass(q[one.columns])
+        return M
+
+    def forces(self) -> np.ndarray:
+        """Return f (n,), without those of constraints."""
+        system, f = self.mbs.systemData, self.equations.forces(self.mbs)
+        q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
+        for one in self.inertias:
+            f[one.columns] -= one.force(*(x[one.columns] for x in (q, q_t, 0 * q)))
+        return f
+
+    def residual(self) -> np.ndarray:
+        """M q'' + G^T l - f (n,)."""
+        found, (*state, _) = self.equations.residual(self.mbs), current_state(self.mbs.systemData)
+        for one in self.inertias:
+            found[one.columns] += one.force(*(x[one.columns] for x in state))
+        return found
+
+    def look(self, t: float, state: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """M, forces, G and what constraints keep zero, near a state."""
+        q, q_t, *others = state
+        by = MOVED * (1 + np.sin(np.arange(len(q))))
+        near = [x + by * np.abs(x).max(initial=1.0) for x in (q, q_t)]
+        with state_set(self.mbs.systemData, t, (*near, *others)):
+            G, drift = self.equations.constraints(self.mbs).copy(), self.equations.drift(self.mbs)
+            return [self.mass().copy(), self.forces(), G, drift]
+
+    def shows(self, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]) -> bool:
+        """Whether it shows near a state what another mbs shows there."""
+        try:
+            return all(map(_near, seen, self.look(t, state)))
+        except Exception:  # of a user function that finds something missing
+            return False
+
+    def at(self, t: float, state: Sequence[np.ndarray]) -> Place:
+        """Set time, q, q_t, q_tt and multipliers."""
+        set_state(self.mbs.systemData, t, state)
+        return self
+
+
+class Twin(NamedTuple):
+    """Copies of an mbs: a light one to ask for forces, one to ask for derivatives, where many modes cost much.
+
+    Both are the mbs as it was when they were made.
+    """
+
+    light: Place
+    hollow: Place
+
+    @classmethod
+    def of(cls, mbs: Any, threads: int, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]) -> Twin | None:
+        """Make it of an mbs whose states tell all its coordinates; None: none is needed, or none can be had."""
+        if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
+            return None
+        inertias = tuple(FrameInertia.all_of(mbs))
+        if not (inertias or may_be_lighter(mbs)):
+            return None
+        try:
+            light = Place.copied(mbs, threads)
+            twin = cls(light, Place.copied(mbs, threads, inertias) if inertias else light)
+        except Exception:  # of Exudyn, for an item that cannot be copied
+            return None
+        return twin if all(place.shows(t, state, seen) for place in {id(x): x for x in twin}.values()) else None
+
+
+def _near(one: np.ndarray, other: np.ndarray) -> bool:
+    size = np.abs(one)
+    return bool(np.all(np.abs(one - other) <= AGREES * size + ROUNDING * size.max(initial=0.0)))
