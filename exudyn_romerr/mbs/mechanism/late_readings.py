@@ -19,7 +19,7 @@ from .extended_tangents import ExtendedTangents
 OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
 APART = 32  # steps between those that are tried, at most
-SOME = 16  # of the rows between two readings
+SOME = 16  # of the rows between two readings, or every 16th if there are more
 LIGHT = 0.5  # of the smallest mass at two readings: less between them, and the march through the spline may explode
 SEED = 15
 
@@ -181,7 +181,7 @@ class LateReadings:
         off : by single coordinates; the row where that is largest is tried, and some of all.
         """
         carried, motions = self._tangents.carried_near(self._t[interval.middle]), interval.last.motions
-        rows = np.unique([off.argmax(), *np.linspace(0, len(off) - 1, SOME).astype(int)])
+        rows = np.unique([off.argmax(), *np.linspace(0, len(off) - 1, max(SOME, len(off) // SOME)).astype(int)])
         K = np.zeros((len(rows), len(motions), len(motions)))
         K[:, carried.i, carried.j] = self._moving[interval.rows][rows] @ carried.by.T
         found = np.zeros(len(off))
