@@ -61,7 +61,7 @@ class EnrichedBody:
     that fewer would have been. deformations : what bounds rows of modes, vectors and the rest. columns, frame, modal
     : coordinates in the mbs, of its frame, its modes. offline, sampler : of the body on modes and vectors.
     midpoint_residual : as asked for. note : line for the plan. flex, shapes (N, n + m) : the body as it is in the
-    mbs, its modes and vectors. sums : of these. damping : X^T D Y, see there.
+    mbs, its modes and vectors. sums : of these. damping : X^T D Y.
     """
 
     def __init__(

@@ -128,7 +128,8 @@ class StoredResiduals:
         t, *states = rows
         times = t[:-1] + share * np.diff(t)
         inside = [in_the_middle(t, x, share)[steps] for x in states]
-        found = [self._residual(mbs, now, state) for now, *state in zip(times[steps], *inside, strict=True)]
+        at = self._tangents.light(mbs)
+        found = [at.at(now, state).residual() for now, *state in zip(times[steps], *inside, strict=True)]
         return np.reshape(found, (len(steps), self._tangents.size))
 
     def _residual(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:

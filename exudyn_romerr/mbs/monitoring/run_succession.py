@@ -31,6 +31,7 @@ class Succession:
     def __init__(self) -> None:
         self.runs: list[Run | StaticRun] = []
         self.last: tuple | None = None
+        self._begins = True  # whether the last run has gone on from no other
         self._source: Offline | None = None  # what the last run was read as; its own may be one from a static run
 
     def add(self, run: Run | StaticRun, source: Offline, first: tuple) -> None:
@@ -41,8 +42,16 @@ class Succession:
     def before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, bool]:
         """Return the run in whose last state another one starts, and whether the mbs was changed since.
 
-        None if there is none, or the mbs was changed; also a static one, if no initial state was given.
+        None if there is none, or the mbs was changed; also a static one, if no initial state was given. A solve that
+        failed in its first step has left nothing to go on from.
         """
+        before, changed = self._before(offline, t, q, q_t)
+        if before is not None and self._begins and not before.is_static and len(before.times) == 1:
+            before = None
+        self._begins = before is None
+        return before, changed
+
+    def _before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, bool]:
         if not self.runs:
             return None, False
         before, (t_last, q_last, q_t_last, _) = self.runs[-1], self.last
