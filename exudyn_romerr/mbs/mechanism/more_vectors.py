@@ -36,7 +36,7 @@ FAR, FAR_IN_SHORT_RUNS, LONG = 3.0, 10.0, 256
 PAYS = 1.3  # times smaller, of one of the bounds that asked for it; or fewer vectors are kept
 WORSE = 1.1  # times larger, of any bound: they are kept as well
 KEPT = 1024  # rows of a run, the most that are gone through once more
-OF_TANGENTS = 1_000_000  # numbers of M of all these, 8 MB; with vectors they may be 20 times as many
+OF_TANGENTS, WITH_VECTORS = 1_000_000, 20_000_000  # numbers of M in all their tangents, of six such arrays: 1 GB
 SAME_TIME, TINY = 1e-9, np.finfo(float).tiny  # of a time: solvers add up their steps
 
 
@@ -109,21 +109,22 @@ class MoreVectors:
 
     def open(self, rows: Rows) -> None:
         """The runs have opened with the first of the rows; those that go on from others have the vectors of these."""
+        self._forget()
         goes_on = any(watch.opening.before is not None for watch in self._watches)
         large = any(watch.subject.enriched.most > LARGE for watch in self._watches)
         is_fixed = goes_on or large or not self._larger(MORE[-1])
         self._first = None if is_fixed else tuple(x[:1].copy() for x in rows)
         self._openings = [watch.opening for watch in self._watches]
-        self._forget()
 
     def _forget(self) -> None:
         self._readings: dict[float, Reading] = {}
-        self._rows: list[Rows] = []
-        self._taken = 0
-        self._samples: list[list[tuple]] = [[] for _ in self._watches]
+        self._rows, self._taken, self._samples = [], 0, [[] for _ in self._watches]
 
     def _larger(self, count: int) -> list[Subject]:
-        """Bodies that can have more vectors, if so many are wanted."""
+        """Bodies that can have so many vectors, and have fewer; none if tangents with these would be too large."""
+        size = self._tangents.size + 1.5 * count * len(self._watches)  # half as many more where interfaces are rigid
+        if len(self._readings) * size**2 > WITH_VECTORS:
+            return []
         subjects = [watch.subject for watch in self._watches if watch.subject.more is not None]
         return [subject for subject in subjects if subject.enriched.asked < min(count, subject.enriched.most)]
 
@@ -139,8 +140,9 @@ class MoreVectors:
             kept.append(watch.rows)
         reaction.advance(rows, mbs)
         is_last = self._taken >= KEPT or len(self._readings) * self._tangents.size**2 > OF_TANGENTS
-        if is_last or self._planned <= self._taken or self._exceeds(len(rows[0])):
-            reaction = self._chosen(reaction, mbs)
+        stops = self._exceeds(len(rows[0]))
+        if is_last or stops or self._planned <= self._taken:
+            reaction = self._chosen(reaction, FAR if stops or self._planned >= LONG else FAR_IN_SHORT_RUNS, mbs)
         if is_last:
             self._first = None
             self._forget()
@@ -159,8 +161,7 @@ class MoreVectors:
         best = ((w.tolerance, w.run.best_of_last(count)) for w in self._watches if w.tolerance)
         return any(np.any(found[name] > limit) for limits, found in best for name, limit in limits.items())
 
-    def _chosen(self, reaction: Reaction, mbs: Any) -> Reaction:
-        factor = FAR if self._planned >= LONG else FAR_IN_SHORT_RUNS
+    def _chosen(self, reaction: Reaction, factor: float, mbs: Any) -> Reaction:
         begin = kept = self._result(reaction, factor)
         told = []
         for count in MORE:
@@ -175,10 +176,9 @@ class MoreVectors:
                 break
             gain, name = max((kept.bounds[key] / max(tried.bounds[key], TINY), key[1]) for key in kept.far)
             pays = gain >= PAYS and all(tried.bounds[key] <= WORSE * x for key, x in kept.bounds.items())
-            told.append(
-                f"{count} make that of {name!r} {digits(gain, 2)} times smaller{'' if pays else ': not taken'}"
-            )
+            told.append(f"{count} make that of {name!r} {digits(gain, 2)} times smaller")
             if not pays:
+                told[-1] += ": not taken"
                 self._put_back(kept)
                 break
             kept = tried

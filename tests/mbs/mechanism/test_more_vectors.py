@@ -116,8 +116,9 @@ def test_a_run_goes_on_with_the_vectors_that_were_taken(asking, bar):
         assert_same(one, other)
 
 
-def test_a_tolerance_is_not_what_stops_a_run_where_more_vectors_keep_it(bar, asking):
-    """The bound with 26 vectors exceeds it early; with 60 it never does."""
+def test_a_tolerance_is_not_what_stops_a_run_where_more_vectors_keep_it(bar, monkeypatch):
+    """The bound with 26 vectors exceeds it early; with 60 it never does. A short run asks as early as a long one."""
+    monkeypatch.setattr(more_vectors, "FAR", 1.5)
     few, many = report(bar(), auxiliary_modes=FIRST), report(bar(), **MANY)
     limit = (np.max(few.output("tip local").bound["best"]) + np.max(many.output("tip local").bound["best"])) / 2
     assert len(report(bar(), auxiliary_modes=FIRST, tolerance=limit).t) < STEPS
@@ -166,3 +167,10 @@ def test_the_blocks_that_follow_go_on_with_what_the_first_ones_took(bar, asking,
         bounds = [np.max(out.bound["best"][: i + 1]) for out in (many, auto)]
         assert abs(bounds[1] / bounds[0] - 1) < BLOCKS
         np.testing.assert_allclose(auto.estimate[i], many.estimate[i], atol=BLOCKS * np.abs(many.estimate).max())
+
+
+def test_tangents_that_would_be_too_large_leave_it_as_it_is(asking, bar, monkeypatch):
+    monkeypatch.setattr(more_vectors, "WITH_VECTORS", 1000)
+    auto = report(bar())
+    assert_same(auto, report(bar(), auxiliary_modes=FIRST))
+    assert told(auto) == []
