@@ -64,14 +64,17 @@ class Twin(Place):
     """A copy of an mbs. None of `of`: none is needed, or none can be had."""
 
     @classmethod
-    def of(cls, mbs: Any, threads: int) -> Twin | None:
-        """Make it of an mbs whose meshes can be lighter, and whose states tell all its coordinates."""
+    def of(cls, mbs: Any, threads: int, whole: bool = False) -> Twin | None:
+        """Make it of an mbs whose meshes can be lighter, and whose states tell all its coordinates.
+
+        whole : whether bodies keep their masses, which cost less than inertias where nothing is differentiated.
+        """
         if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
             return None
         container = exu.SystemContainer()
         copy = container.AddSystem()
         try:
-            inertias = tuple(FrameInertia.all_of(mbs))
+            inertias = () if whole else tuple(FrameInertia.all_of(mbs))
             if not (copy_items(mbs, copy, hollow=[one.number for one in inertias]) or inertias):
                 return None
             copy.Assemble()
