@@ -79,7 +79,7 @@ class StoredResiduals:
         return (None, None) if self.failure else found
 
     def _cheapest(self, mbs: Any, rows: Sequence[np.ndarray]) -> Place:
-        """The twin, if it shows what the mbs shows at another time than the run is at, within a step; else the mbs."""
+        """The twin, if it shows what the mbs shows at another time than the run is at, in a step; else the mbs."""
         if self._twin is None and not self._has_none:
             self._twin = Twin.of(mbs, self._tangents.equations.threads, whole=True)
         t, *states = (x[-NODES:] for x in rows)
