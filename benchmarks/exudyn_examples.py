@@ -171,8 +171,9 @@ def example_rows(name: str, root: Path, folder: Path, pairs: int) -> list[list[s
     """Return the rows of one example: with our lines, then against truths."""
     example = EXAMPLES[name]
     try:
-        found = [made for case in run_cases(name, example, root, folder, pairs) for made in rows(case)]
-        return found + [made for truth in run_truths(name, example, root, folder) for made in compared(truth)]
+        cases = run_cases(name, example, root, folder, pairs)
+        found = [made for case in cases for made in rows(case)]
+        return found + [made for truth in run_truths(name, example, root, folder, cases) for made in compared(truth)]
     except (RuntimeError, subprocess.TimeoutExpired) as error:
         return [row({"example": name}, scope=f"not run: {error}")]  # the others still can be
 

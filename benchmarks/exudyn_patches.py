@@ -99,37 +99,29 @@ FREE = f"{IMPORT}; fem.modeBasis = dict(matrix=romerr.modal_basis({BODY}, {{}}).
 SETUP = "# # Setup flexible body in exudyn\n"
 LEFT = "nodesLeftPlane", "weightsLeftPlane"
 DENSE = ("excludeRigidBodyModes = 6, useSparseSolver = True", "excludeRigidBodyModes = 6, useSparseSolver = False")
-COURSE = at_node("nMid", "mid") + ", " + at_node("nTip", "tip")
+BOTH_VIEWS = "sensor, frame"  # in one run
+TIP = "sensTipDispl, " + at_node("nTip")
+ROTOR = "sDisp, " + all_at_node("nMid")
+IN_COURSE = at_node("nMid", "mid") + ", " + at_node("nTip", "tip")
+IN_THE_FRAME = {  # for short_runs.py
+    "NGsolveCraigBampton": ours(at_node("nTip")),
+    "CMSexampleCourse": ours(IN_COURSE, "femInterface"),
+}
+COURSE = "sMidDispl, sTipDispl, " + IN_COURSE
 REDUCED = "cms = ObjectFFRFreducedOrderInterface(fem)"
 MESHES = "['C3D4','C3D10','C3D8','C3D20','C3D20R']"
-MANY = "auxiliary_modes=130"
 # both rotors: a body that is not attached would leave frozen inputs
 BOTH = ours(at_node("nMid", "rotor 1")) + "\n" + ours(at_node("nMid", "rotor 2"), items="objFFRF2", i="2")
 
 EXAMPLES = {
     "NGsolveCraigBampton": Example(
         "Examples/NGsolveCraigBampton.py",
-        {"sensor": ours("sensTipDispl"), "frame": ours(at_node("nTip"))},
+        {BOTH_VIEWS: ours(TIP)},
+        shorter=(("tEnd = 4", "tEnd = 1"),),
         note="gravity acts at once and nothing is damped: what the steps do not resolve rings for ever",
         truth=(
-            Truth(
-                "RBE2, 60 modes",
-                ours("sensTipDispl", **RIGID),
-                ((" 8\n\n# #coarse1", " 60\n\n# #coarse1"),),
-                (("tEnd = 4", "tEnd = 1"),),
-            ),
-            Truth(
-                "RBE2, 60 modes",
-                ours(at_node("nTip"), **RIGID),
-                ((" 8\n\n# #coarse1", " 60\n\n# #coarse1"),),
-                (("tEnd = 4", "tEnd = 1"),),
-            ),
-            Truth(
-                "free, 80 modes",
-                ours(at_node("nTip")),
-                (("#alternatives:", FREE.format(*LEFT, 80)),),
-                (("tEnd = 4", "tEnd = 1"),),
-            ),
+            Truth("RBE2, 60 modes", ours(TIP, **RIGID), ((" 8\n\n# #coarse1", " 60\n\n# #coarse1"),)),
+            Truth("free, 80 modes", ours(TIP), (("#alternatives:", FREE.format(*LEFT, 80)),)),
         ),
     ),
     "NGsolveCreateFFRFreducedOrder": Example(
@@ -140,12 +132,13 @@ EXAMPLES = {
     ),
     "CMSexampleCourse": Example(
         "Examples/CMSexampleCourse.py",
-        {"sensor": ours("sMidDispl, sTipDispl", "femInterface"), "frame": ours(COURSE, "femInterface")},
+        {BOTH_VIEWS: ours(COURSE, "femInterface")},
+        shorter=(("tEnd = 2", "tEnd = 0.3"),),
         note="gravity acts at once and nothing is damped: what the steps do not resolve rings for ever",
         truth=(
             Truth(
                 "free, 80 modes",
-                ours(COURSE + ", sMidDispl, sTipDispl", "femInterface"),
+                ours(COURSE, "femInterface"),
                 (
                     (
                         SETUP,
@@ -156,7 +149,6 @@ EXAMPLES = {
                         + "\n",
                     ),
                 ),
-                (("tEnd = 2", "tEnd = 0.3"),),
             ),
         ),
     ),
@@ -195,23 +187,13 @@ EXAMPLES = {
     ),
     "objectFFRFreducedOrderTest": Example(
         "TestModels/objectFFRFreducedOrderTest.py",
-        {"sensor": ours("sDisp"), "frame": ours(at_node("nMid"))},
-        note="8 free eigenmodes, stiff supports, sudden unbalance at 50 turns/s: more vectors sharpen the bound",
-        truth=tuple(
-            Truth(f"all 339 modes{text}", lines, (("nModes = 8", "nModes = 339"), DENSE))
-            for lines, text in (
-                (ours("sDisp"), ""),
-                (ours(all_at_node("nMid")), ""),
-                (
-                    ours(all_at_node("nMid")).replace("outputs=", "auxiliary_modes=130, outputs="),
-                    "; auxiliary_modes=130",
-                ),
-            )
-        ),
+        {BOTH_VIEWS: ours(ROTOR)},
+        note="8 free eigenmodes, stiff supports, sudden unbalance at 50 turns/s",
+        truth=(Truth("all 339 modes", ours(ROTOR), (("nModes = 8", "nModes = 339"), DENSE)),),
     ),
     "perfObjectFFRFreducedOrder": Example(
         "TestModels/perfObjectFFRFreducedOrder.py",
-        {"sensor": ours("sDisp"), "frame": ours(at_node("nMid"))},
+        {BOTH_VIEWS: ours(ROTOR)},
         shorter=(("tEnd = 2", "tEnd = 0.2"),),
     ),
     "objectFFRFreducedOrderAccelerations": Example(
@@ -252,12 +234,12 @@ EXAMPLES = {
     ),
     "NGsolveCMStest": Example(
         "TestModels/NGsolveCMStest.py",
-        {"sensor": ours("sensTipDispl"), "frame": ours(at_node("nTip"))},
+        {BOTH_VIEWS: ours("sensTipDispl, " + all_at_node("nTip"))},
         note="rubber (1 MPa) under sudden gravity, no damping, 4 modes, a mesh made to be coarse",
         truth=(
             Truth(
                 "free, all modes",
-                ours(all_at_node("nTip")),
+                ours("sensTipDispl, " + all_at_node("nTip")),
                 (
                     (
                         REDUCED,

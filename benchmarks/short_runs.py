@@ -27,7 +27,7 @@ import exudyn as exu
 import numpy as np
 
 from benchmarks import pairs
-from benchmarks.exudyn_patches import EXAMPLES, edited
+from benchmarks.exudyn_patches import EXAMPLES, IN_THE_FRAME, edited
 from models import mechanisms
 
 END = 0.1  # s
@@ -89,7 +89,7 @@ def example(name: str, checkout: Path) -> Solve:
     def attach() -> Any:
         import exudyn_romerr as romerr
 
-        exec(of.lines["frame"], names | {"romerr": romerr}, names)
+        exec(IN_THE_FRAME[name], names | {"romerr": romerr}, names)
         return names["monitor"]
 
     steps = found["options"]["simulationSettings"].timeIntegration.numberOfSteps

@@ -106,7 +106,7 @@ class ModeChoice:
         if self.failed is not None:
             lines.append(f"  not tried further, for a run failed: {self.failed}")
         if self.step_error is not None:
-            errors = ", ".join(f"{name} {digits(x)}" for name, x in self.step_error.items())
+            errors = ", ".join(f"{name} {digits(x)} {self.chosen.units[name]}" for name, x in self.step_error.items())
             cure = "; too long" if self.limit == STEP else ""
             lines.append(f"  error of the time steps, estimated from a run with half of them: {errors}{cure}")
         elif not self.chosen.covers_steps:
@@ -122,10 +122,11 @@ class ModeChoice:
         for run in self.tried:
             if (run.modes, run.kind) == (modes, self.kind):
                 return f"{name}: error within the tolerance: {run.assessment.answer}, was tried"
-        worst = ", ".join(f"{output} <= {digits(x)}" for output, x in self.chosen.expected(modes).items())
+        expected, units = self.chosen.expected(modes), self.chosen.units
+        worst = ", ".join(f"{output} <= {digits(x)} {units[output]}" for output, x in expected.items())
         decides = "estimates" if self.chosen.by == ESTIMATE else "bounds"
-        place = "within the tolerance, too, but it was not tried" if self.chosen.would_meet(modes) else "above it"
-        return f"{name}: {decides} {place}, by a forecast: {worst}"
+        place = "within the tolerance, too" if self.chosen.would_meet(modes) else "above it"
+        return f"{name}: not tried; its {decides} would be {place}, by a forecast: {worst}"
 
 
 def smallest_basis(runs: Iterable[TriedRun]) -> TriedRun | None:

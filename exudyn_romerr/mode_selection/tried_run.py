@@ -52,6 +52,11 @@ class TriedRun:
         return {name: float(np.max(outputs[name].bound["best"])) for name in self.tolerance}
 
     @property
+    def units(self) -> dict[str, str]:
+        """Unit of every output."""
+        return {name: out.unit for name, out in outputs_of(self.reports).items()}
+
+    @property
     def decisive(self) -> dict[str, float]:
         """What decides: the largest bound of every output, or the largest sum of |estimate| and half width."""
         return self.expected(self.modes)
@@ -143,9 +148,8 @@ class TriedRun:
         return min(drops, key=lambda modes: max(self.expected(modes).values()))
 
     def __str__(self) -> str:
-        units = {name: out.unit for name, out in outputs_of(self.reports).items()}
-        allowed = {name: f"(allowed {digits(x)} {units[name]})" for name, x in self.tolerance.items()}
-        said = [f"{name}{self._said_of(name, units[name])} {limit}" for name, limit in allowed.items()]
+        allowed = {name: f"(allowed {digits(x)} {self.units[name]})" for name, x in self.tolerance.items()}
+        said = [f"{name}{self._said_of(name, self.units[name])} {limit}" for name, limit in allowed.items()]
         found = self.assessment
         made_by = (
             f", {found.todo.partition(':')[0]}" if found.answer in TOO_LARGE else ""

@@ -111,3 +111,9 @@ def numbers(item: dict, key: str) -> set[int]:
     """Return the item numbers under a key, which may hold one or a list."""
     value = item.get(key, [])
     return {int(number) for number in (value if isinstance(value, list | tuple) else [value])}
+
+
+def node_coordinates(mbs: Any, node: int) -> range:
+    """Return the numbers of a node's coordinates in the mbs."""
+    first = mbs.GetNodeODE2Index(node)
+    return range(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))

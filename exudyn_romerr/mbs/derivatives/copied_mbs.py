@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from .light_mesh import FFRF, lightened
+from .light_mesh import FFRF, TRIANGLE, lightened
 
 
 def copy_items(
     mbs: Any, to: Any, wider: Mapping[int, dict[str, Any]] | None = None, hollow: Collection[int] = ()
-) -> bool:
-    """Add all items of an mbs to another one, but for sensors; return whether meshes are lighter: see there.
+) -> None:
+    """Add all items of an mbs to another one, but for sensors; meshes are light, see there.
 
     wider : what bodies with more modes have, by number; further coordinates of their nodes are zero. hollow : numbers
     of bodies that have neither mass nor stiffness there. User functions find the variables that they know.
@@ -25,11 +25,9 @@ def copy_items(
     system, wider = mbs.systemData, wider or {}
     objects = [_bare(mbs.GetObject(i)) | wider.get(i, {}) for i in range(system.NumberOfObjects())]
     markers = [_bare(mbs.GetMarker(i)) for i in range(system.NumberOfMarkers())]
-    lighter = False
     for i, item in enumerate(objects):
         if item["objectType"] == FFRF:
             light = lightened(item, [one for one in markers if int(one.get("bodyNumber", -1)) == i])
-            lighter = lighter or bool(light)
             objects[i] = item | light | ({"computeFFRFterms": False} if i in hollow else {})
     counts = {int(objects[i]["nodeNumbers"][1]): np.shape(objects[i]["modeBasis"])[1] for i in wider}
     for i in range(system.NumberOfNodes()):
@@ -46,7 +44,12 @@ def copy_items(
         to.AddMarker(item)
     for i in range(system.NumberOfLoads()):
         to.AddLoad(_bare(mbs.GetLoad(i)))
-    return lighter
+
+
+def may_be_lighter(mbs: Any) -> bool:
+    """Whether there are markers of more nodes than they need."""
+    markers = map(mbs.GetMarker, range(mbs.systemData.NumberOfMarkers()))
+    return any(len(marker.get("meshNodeNumbers", ())) > len(TRIANGLE) for marker in markers)
 
 
 def _bare(item: dict[str, Any]) -> dict[str, Any]:

@@ -28,8 +28,9 @@ from .twin import Place, Twin
 CHANGE = 0.6  # of G and K from one tangent to the next: more, and they are taken more often
 # steps between tangents, also where nothing changes; they double from 1 on (from 8 on, what rings after a sudden
 # start was predicted 5 to 20 times worse)
-LONGEST = 256
+LONGEST = 1024
 SMALL = 0.4  # of CHANGE: less, and less often
+CALM = 0.01  # of CHANGE: less, and much less often
 TURNED = 0.2  # share of G: more, and how it changes with the coordinates is another one
 KEPT = 3  # readings of the block before: a spline through them goes on smoothly
 
@@ -57,7 +58,8 @@ class Tangents:
         change = self.readings[self.add(self._read(mbs, t))].change
         if len(self.readings) > 1:
             self._stride = max(self._stride // 2, 1) if change > 1 else self._stride
-            self._stride = min(2 * self._stride, LONGEST) if change < SMALL else self._stride
+            faster = 4 if change < CALM else 2
+            self._stride = min(faster * self._stride, LONGEST) if change < SMALL else self._stride
         return self._stride
 
     def read_stored(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> None:
@@ -93,7 +95,7 @@ class Tangents:
 
     def differences(self, mbs: Any, t: float, state: Sequence[np.ndarray], dq: np.ndarray) -> np.ndarray:
         """K dq in a state, of an mbs that reads the same: all forces at both sides of it, over twice the distance."""
-        at, step, (q, *others) = self._twin or Place(self.equations, mbs), DIFFERENCE / np.abs(dq).max(), state
+        at, step, (q, *others) = self.light(mbs), DIFFERENCE / np.abs(dq).max(), state
 
         def force(moved: np.ndarray) -> np.ndarray:
             set_state(at.mbs.systemData, t, (moved, *others))
@@ -101,6 +103,10 @@ class Tangents:
 
         with state_kept(at.mbs.systemData):
             return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
+
+    def light(self, mbs: Any) -> Place:
+        """Where the equations of an mbs that reads the same cost least."""
+        return Place(self.equations, mbs) if self._twin is None else self._twin.light
 
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
         """What independent constraints keep zero (S, c), in rows of t, q, q_t, q_tt, multipliers."""
@@ -138,10 +144,10 @@ class Tangents:
     def _beside(self, mbs: Any, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]) -> Place:
         """The twin in this state, if it shows what the mbs has shown; else the mbs from now on."""
         if not self.readings:
-            self._twin = Twin.of(mbs, self.equations.threads)
-        if self._twin is not None and not self._twin.shows(t, state, seen):
+            self._twin = Twin.of(mbs, self.equations.threads, t, state, seen)
+        elif self._twin is not None and not self._twin.light.shows(t, state, seen):
             self._twin = None
-        return Place(self.equations, mbs) if self._twin is None else self._twin.at(t, state)
+        return Place(self.equations, mbs) if self._twin is None else self._twin.hollow.at(t, state)
 
     def _check_loads(self, mbs: Any) -> None:
         try:

@@ -1,4 +1,4 @@
-"""Twin: a copy of the mbs of a run with light meshes, where its equations are the same and cost less."""
+"""Twin: copies of the mbs of a run with light meshes, where its equations are the same and cost less."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..access.equations import Equations
 from ..access.state_guard import current_state, set_state, state_set
-from .copied_mbs import copy_items
+from .copied_mbs import copy_items, may_be_lighter
 from .frame_inertia import FrameInertia
 
 MOVED = 1e-4  # of coordinates and rates: where both are compared, so that nothing vanishes by chance
@@ -19,14 +19,24 @@ AGREES, ROUNDING = 1e-9, 1e-13
 
 
 class Place(NamedTuple):
-    """Where equations are asked: of an mbs, or of its twin, in the current state.
+    """Where equations are asked: of an mbs, or of a copy, in the current state.
 
-    inertias : of bodies that have neither mass nor stiffness in this mbs.
+    inertias : of bodies that have neither mass nor stiffness in this mbs. container : goes with it.
     """
 
     equations: Equations
     mbs: Any
     inertias: tuple[FrameInertia, ...] = ()
+    container: Any = None
+
+    @classmethod
+    def copied(cls, mbs: Any, threads: int, inertias: tuple[FrameInertia, ...] = ()) -> Place:
+        """Copy an mbs, but for the inertia of some bodies."""
+        container = exu.SystemContainer()
+        copy = container.AddSystem()
+        copy_items(mbs, copy, hollow=[one.number for one in inertias])
+        copy.Assemble()
+        return cls(Equations(copy, threads), copy, inertias, container)
 
     def mass(self) -> np.ndarray:
         """M (n, n)."""
@@ -59,42 +69,42 @@ class Place(NamedTuple):
             G, drift = self.equations.constraints(self.mbs).copy(), self.equations.drift(self.mbs)
             return [self.mass().copy(), self.forces(), G, drift]
 
-
-class Twin(Place):
-    """A copy of an mbs. None of `of`: none is needed, or none can be had."""
-
-    @classmethod
-    def of(cls, mbs: Any, threads: int, whole: bool = False) -> Twin | None:
-        """Make it of an mbs whose meshes can be lighter, and whose states tell all its coordinates.
-
-        whole : whether bodies keep their masses, which cost less than inertias where nothing is differentiated.
-        """
-        if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
-            return None
-        container = exu.SystemContainer()
-        copy = container.AddSystem()
-        try:
-            inertias = () if whole else tuple(FrameInertia.all_of(mbs))
-            if not (copy_items(mbs, copy, hollow=[one.number for one in inertias]) or inertias):
-                return None
-            copy.Assemble()
-            twin = cls(Equations(copy, threads), copy, inertias)
-        except Exception:  # of Exudyn, for an item that cannot be copied
-            return None
-        twin.container = container  # it goes with it, and what is in it
-        return twin
-
     def shows(self, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]) -> bool:
-        """Whether it shows near a state what the mbs shows there."""
+        """Whether it shows near a state what another mbs shows there."""
         try:
             return all(map(_near, seen, self.look(t, state)))
         except Exception:  # of a user function that finds something missing
             return False
 
-    def at(self, t: float, state: Sequence[np.ndarray]) -> Twin:
+    def at(self, t: float, state: Sequence[np.ndarray]) -> Place:
         """Set time, q, q_t, q_tt and multipliers."""
         set_state(self.mbs.systemData, t, state)
         return self
+
+
+class Twin(NamedTuple):
+    """Copies of an mbs: a light one to ask for forces, one to ask for derivatives, where many modes cost much.
+
+    Both are the mbs as it was when they were made.
+    """
+
+    light: Place
+    hollow: Place
+
+    @classmethod
+    def of(cls, mbs: Any, threads: int, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]) -> Twin | None:
+        """Make it of an mbs whose states tell all its coordinates; None: none is needed, or none can be had."""
+        if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
+            return None
+        inertias = tuple(FrameInertia.all_of(mbs))
+        if not (inertias or may_be_lighter(mbs)):
+            return None
+        try:
+            light = Place.copied(mbs, threads)
+            twin = cls(light, Place.copied(mbs, threads, inertias) if inertias else light)
+        except Exception:  # of Exudyn, for an item that cannot be copied
+            return None
+        return twin if all(place.shows(t, state, seen) for place in {id(x): x for x in twin}.values()) else None
 
 
 def _near(one: np.ndarray, other: np.ndarray) -> bool:

@@ -25,6 +25,7 @@ from ...residual.residual import ResidualMap
 from ..access.reduced_damping import damping_products
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
+from .more_vectors import first_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,10 +39,6 @@ if TYPE_CHECKING:
     from ..floating.frame_support import Support
 
 DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
-# vectors a body: 20 static responses (those to the inertia of 14 modes and of the frame are 26, of unequal weight),
-# and a round of responses to their own inertia; 14 more where a third of all deform rigid interfaces; 34 more where
-# nothing is damped, and what rings stays: NGsolveCraigBampton's bound is 2.05 times the error with 40, 1.4 with 60
-AUTO, STIFF, UNDAMPED = 26, 40, 60
 
 
 class Couplings(NamedTuple):
@@ -59,11 +56,12 @@ class EnrichedBody:
 
     Attributes
     ----------
-    m : number of vectors. keeps : (m,) bool, vectors that leave the interfaces rigid that the modes make rigid: all,
-    if these make none rigid. first : (m,) bool, those that fewer vectors would have been. deformations : what bounds
-    rows of modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, of its frame, its modes.
-    offline, sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan.
-    flex, shapes (N, n + m) : the body as it is in the mbs, its modes and vectors. sums : of these. damping : X^T D Y.
+    m : number of vectors. asked, most : how many were to be made, and how many there can be. keeps : (m,) bool, those
+    that leave the interfaces rigid that the modes make rigid: all, if these make none rigid. first : (m,) bool, those
+    that fewer would have been. deformations : what bounds rows of modes, vectors and the rest. columns, frame, modal
+    : coordinates in the mbs, of its frame, its modes. offline, sampler : of the body on modes and vectors.
+    midpoint_residual : as asked for. note : line for the plan. flex, shapes (N, n + m) : the body as it is in the
+    mbs, its modes and vectors. sums : of these. damping : X^T D Y.
     """
 
     def __init__(
@@ -95,10 +93,10 @@ class EnrichedBody:
             )
         )
         V_y, asked = Z.coordinates("V", V), options.auxiliary_modes
+        self.most = len(V_y)
         if asked == "auto":
-            count = AUTO if scene.stiff is None and any(model.rayleigh) else STIFF
-            asked = min(count if model.D.any() else UNDAMPED, len(V_y))
-        asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
+            asked = first_count(self.most, model.D.any(), scene.stiff is None and any(model.rayleigh))
+        asked = self.asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
             of = V_y, loads, wrenches, asked, None if rigid is None else scene.stiff.Z
             make = partial(Enrichment, body, V_y, inertia, loads, wrenches, asked, rigid)
@@ -108,7 +106,8 @@ class EnrichedBody:
         del rigid
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
-        self.note = f"estimator 'auxiliary': {self.m} vectors up to {highest:.4g} rad/s, reacting with the mechanism"
+        count = f"{self.m} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}"
+        self.note = f"estimator 'auxiliary': {count} up to {highest:.4g} rad/s, reacting with the mechanism"
         self.damping = partial(damping_products, body)
         self.flex, self.shapes = flex, np.hstack([V, P])
         self._couple(flex, V.shape[1])
@@ -147,9 +146,10 @@ class EnrichedBody:
         )
         self.sampler, self._rest_rows = Sampler.of(self._frame, actions, terms, self.offline), self._rests()
 
-    def use(self, actions: Actions) -> None:
-        """Take loads whose functions of time may be other ones than before."""
+    def use(self, actions: Actions) -> EnrichedBody:
+        """Take loads whose functions of time may be other ones than before; return itself."""
         self._actions, self.sampler = actions, replace(self.sampler, actions=actions)
+        return self
 
     def rest(self, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Inputs (p,) beside which modes and vectors q (n + m,) rest, from those of the modes alone."""

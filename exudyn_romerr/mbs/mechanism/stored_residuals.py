@@ -12,7 +12,7 @@ from ...estimates.local_errors import NODES, filled, in_the_middle, seldom, stan
 from ..access.load_functions import load_functions, loads_with_functions
 from ..access.state_guard import set_state, state_kept
 from ..derivatives.linearisation import Tangents
-from ..derivatives.twin import Place, Twin
+from ..derivatives.twin import Place
 from ..memory.user_memory import memory_kept
 
 BALANCED = 1e-3  # of the largest force: what may be left at a sample, where Newton's iterations have ended
@@ -36,7 +36,8 @@ class StoredResiduals:
 
     Attributes
     ----------
-    failure : why there are no residuals between samples; empty if there are.
+    failure : why there are no residuals between samples; empty if there are. in_a_copy : whether a light copy of the
+    mbs may be asked, if there is one.
     """
 
     def __init__(self, tangents: Tangents, mbs: Any):
@@ -44,14 +45,8 @@ class StoredResiduals:
         self._loads = loads_with_functions(mbs)
         # functions of loads are looked at by themselves; what others do between samples shows in residuals only
         self._all = len(self._functions) > sum(len(load_functions(mbs.GetLoad(i))) for i in self._loads)
-        self.failure = ""
+        self.failure, self.in_a_copy = "", True
         self._place: Place | None = None  # where residuals are asked for, in a block
-        self._twin, self._has_none = None, False
-
-    @property
-    def has_twin(self) -> bool:
-        """Whether a copy of the mbs that costs less is looked at."""
-        return self._twin is not None
 
     def between(
         self, mbs: Any, rows: Sequence[np.ndarray], first: int, dv: np.ndarray
@@ -79,15 +74,13 @@ class StoredResiduals:
         return (None, None) if self.failure else found
 
     def _cheapest(self, mbs: Any, rows: Sequence[np.ndarray]) -> Place:
-        """The twin, if it shows what the mbs shows at another time than the run is at, in a step; else the mbs."""
-        if self._twin is None and not self._has_none:
-            self._twin = Twin.of(mbs, self._tangents.equations.threads, whole=True)
+        """The light copy if it shows what the mbs shows at another time than the run is at, in a step; or the mbs."""
         t, *states = (x[-NODES:] for x in rows)
         now, state = (t[-2] + t[-1]) / 2, [in_the_middle(t, x)[-1] for x in states]
-        own = Place(self._tangents.equations, mbs)
-        if self._twin is None or not self._twin.shows(now, state, own.look(now, state)):
-            self._twin, self._has_none = None, True
-        return self._twin or own
+        own, light = Place(self._tangents.equations, mbs), self._tangents.light(mbs)
+        if light.mbs is not mbs and self.in_a_copy:
+            self.in_a_copy = light.shows(now, state, own.look(now, state))
+        return light if self.in_a_copy else own
 
     def _between(self, mbs: Any, rows: Sequence, first: int, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The middle of the steps; where that matters, their quarters too.
@@ -146,7 +139,8 @@ class StoredResiduals:
         t, *states = rows
         times = t[:-1] + share * np.diff(t)
         inside = [in_the_middle(t, x, share)[steps] for x in states]
-        found = [self._residual(mbs, now, state) for now, *state in zip(times[steps], *inside, strict=True)]
+        at = self._place or Place(self._tangents.equations, mbs)
+        found = [at.at(now, state).residual() for now, *state in zip(times[steps], *inside, strict=True)]
         return np.reshape(found, (len(steps), self._tangents.size))
 
     def _residual(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:

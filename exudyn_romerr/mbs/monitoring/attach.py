@@ -11,7 +11,7 @@ from ...offline.options import BoundOptions
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
 from ..floating.scope_decision import ASKABLE
-from ..mechanism.other_sensors import OtherSensors
+from ..sensors.other_sensors import OtherSensors
 from .body_monitor import Watch
 from .monitor import MechanismMonitor, Monitor
 from .requests import checked_tolerance, make_subject, shares
@@ -70,8 +70,9 @@ def attach(
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
-        vectors made for the body ("auto": 26; 40 without Rayleigh damping, or if modes make interfaces rigid; 60
-        if nothing is damped), and bounds are of the reduction error, whatever time says.
+        vectors made for the body ("auto": 26, or 40 if damping is not Rayleigh's or modes make interfaces rigid;
+        then 60 and 130, where bounds in the first steps ask for it and it pays: a message of the run says so), and
+        bounds are of the reduction error, whatever time says.
     midpoint_residual : bool
         Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
         samples: Exudyn's equations are evaluated in the middle of steps, of all where what they leave is rough.

@@ -204,8 +204,8 @@ class Watch:
             self.note(f"{until}: the steps up to t = {t:g} could not be evaluated, {text}")
 
     def _look(self, t: np.ndarray, *states: np.ndarray) -> None:
-        finite = np.logical_and.reduce([np.isfinite(state).all(axis=1) for state in states])
-        if not finite.all():
+        if not all(np.isfinite(state).all() for state in states):
+            finite = np.logical_and.reduce([np.isfinite(state).all(axis=1) for state in states])
             self._diverge(t[np.argmin(finite)])
             t, *states = (rows[: np.argmin(finite)] for rows in (t, *states))
         if not t.size:

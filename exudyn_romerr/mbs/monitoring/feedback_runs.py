@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from ...trajectory.samples import Extension
     from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
-    from ..mechanism.other_sensors import OtherSensors
     from ..mechanism.step_errors import StepErrors
+    from ..sensors.other_sensors import OtherSensors
     from .body_monitor import Watch
 
 STREAM = "reduction"  # of a mechanism's bounds, which are those at samples
@@ -38,9 +39,7 @@ NO_POSITIONS = "positions in global axes have an estimate only: {}"
 class Reaction:
     """The linearised mechanism with the vectors of its bodies behind its own coordinates (theory.md 7).
 
-    Attributes
-    ----------
-    size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are among these.
+    size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are. said : notes.
     """
 
     def __init__(
@@ -53,8 +52,8 @@ class Reaction:
         sensors: Sequence[OtherSensors] = (),
     ):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
-        self._first_steps = first_steps
-        self._step_errors, self._sensors = step_errors, sensors
+        self._first_steps, self._step_errors, self._sensors = first_steps, step_errors, sensors
+        self.said: list[str] = []
         self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
@@ -132,8 +131,8 @@ class Reaction:
             else:
                 self._positions.start(t, extended, readings, g, self._energy_at_rest(openings))
             self._keep_left(self._positions.opened(first[1], g))
-        for sensors in self._sensors:
-            sensors.open([watch.run for watch in self._watches], goes_on)
+        for one in self._sensors:
+            one.open([watch.run for watch in self._watches], goes_on)
         self._feedback.multipliers = self._feedback.multipliers[-1:]
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
         if self._tangents.redundant:
@@ -154,8 +153,8 @@ class Reaction:
             self._drift.begin(len(rows[0]))
             e, speed = self._feedback.advance(rows[0], forces, extended.t, extended.__getitem__, others, late)
         steps.finish()
-        for notes in (steps.notes, self._remainder.notes):
-            self._say(notes)
+        self._say(steps.notes)
+        self._say(self._remainder.notes)
         runs, extensions = [watch.run.companion for watch in self._watches], []
         self._fixed.check(self._tangents.readings, runs)
         for i, (watch, run, (body, own)) in enumerate(zip(self._watches, runs, self.parts, strict=True)):
@@ -221,9 +220,9 @@ class Reaction:
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies."""
-        for note in notes:
-            for watch in self._watches:
-                watch.note(note)
+        self.said += notes
+        for note, watch in product(notes, self._watches):
+            watch.note(note)
         notes.clear()
 
     def _forces(self, samples: Sequence[tuple], count: int) -> np.ndarray:

@@ -6,6 +6,7 @@ The frame's inertia terms, the loads and the wrenches of joints are inputs of a 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from ...offline.prepare import prepare
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
 from ...residual.problem import Deferred
 from ...trajectory.input_signal import SampledSignal
-from ..access.mbs_items import load_factor
+from ..access.mbs_items import load_factor, node_coordinates
 from ..access.reduced_damping import damping_text, require_modal_damping
 from ..floating.driven_frame import PrescribedMotion
 from ..floating.floating_body import read_object
@@ -31,7 +32,7 @@ from ..floating.sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 from ..mechanism.enriched_body import EnrichedBody
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from ...model.body import ElasticBody
     from ...model.outputs import Output
@@ -61,8 +62,8 @@ class MovingSubject:
             import scipy.interpolate  # noqa: F401
         self._use(options.outputs or ())
         self.enriched: EnrichedBody | None = None
-        self.columns = np.zeros(0, dtype=int)
-        self._motion = PrescribedMotion()
+        self.more: Callable[[int], EnrichedBody] | None = None  # of "auto": with so many vectors, or all
+        self.columns, self._motion = np.zeros(0, dtype=int), PrescribedMotion()
         self._signature: tuple = ()
         self._body: ElasticBody | None = None
 
@@ -77,7 +78,7 @@ class MovingSubject:
         idle = actions.drop_idle(body)
         support = read_support(mbs, model, idle)
         support = support if static else self._motion.taken(mbs, model, support, body, self._wanted)
-        columns = np.concatenate([_coordinates(mbs, node) for node in model.nodes])
+        columns = np.concatenate([node_coordinates(mbs, node) for node in model.nodes])
         scope = self._find_scope(mbs, model, actions, support, static, attached, others)
         signature = (model.V.tobytes(), id(body), support, scope, *actions.signature())
         if signature != self._signature:
@@ -116,19 +117,25 @@ class MovingSubject:
 
     def _enriched_scene(self, scene: Scene, scope: Found, body, model, actions, support, columns, terms) -> Scene:
         """Make the body with vectors if the mechanism answers its errors; return the scene, which says so."""
-        self.enriched = None
+        self.enriched = self.more = None
         if not (scene.feedback or scope.answers):
             return scene
         kept = (self._flex, body, model, actions, support, replace(scene, scope=COUPLED, feedback=True))
+        make = partial(EnrichedBody, *kept, columns, terms)
         try:
-            self.enriched = EnrichedBody(*kept, columns, terms, self._options)
+            self.enriched = make(self._options)
         except Exception as error:
             if scene.feedback:
                 raise
             return replace(scene, left_out=(*scene.left_out, (BY_MECHANISM, str(error))))
+        self.more = partial(self._with_vectors, make) if self._options.auxiliary_modes == "auto" else None
         computed = (*scene.computed, self.enriched.note, TANGENT, ESTIMATE)
         left_out = scene.left_out if self._options.midpoint_residual else (*scene.left_out, BETWEEN)
         return replace(scene, computed=computed, left_out=left_out)
+
+    def _with_vectors(self, make: Callable, count: int) -> EnrichedBody:
+        found = make(replace(self._options, auxiliary_modes=min(count, self.enriched.most)))
+        return found.use(self._sampler.actions)
 
     def _find_scope(self, mbs: Any, *scene: Any) -> Found:
         """Return the scope; where no outputs were asked for, take those that the sensors show."""
@@ -241,8 +248,3 @@ class MovingSubject:
             ),
             left_out=tuple(left_out),
         )
-
-
-def _coordinates(mbs: Any, node: int) -> np.ndarray:
-    first = mbs.GetNodeODE2Index(node)
-    return np.arange(first, first + len(mbs.GetNode(node)["referenceCoordinates"]))

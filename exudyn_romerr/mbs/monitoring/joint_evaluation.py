@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,10 +15,11 @@ from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
 from ..access.mbs_items import scheme_of
 from ..derivatives.linearisation import Tangents
 from ..mechanism.late_readings import LateReadings
+from ..mechanism.more_vectors import MoreVectors
 from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
 from .feedback_runs import Reaction
-from .run_succession import check_extensions, check_openings, fall_back
+from .run_succession import check_extensions, check_openings, end_with, fall_back, require_vectors
 
 if TYPE_CHECKING:
     from .body_monitor import Watch
@@ -154,16 +156,18 @@ class Mechanism:
             raise AssumptionError("the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False")
         settings = mbs.sys["simulationSettings"]
         self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
-        residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
-        scheme = TRAPEZOIDAL if holds_rates else of_solver
+        make = partial(self._reaction_of, TRAPEZOIDAL if holds_rates else of_solver, holds_rates)
+        self._reaction = make(mbs, True)
+        self._more = MoreVectors(self._coupled, self.tangents, make, bool(self._sensors))
+
+    def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, with_sensors: bool) -> Reaction:
+        residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         steps = Feedback(scheme), FirstSteps(scheme), self.tangents, StepErrors(self.tangents, residuals, holds_rates)
-        self._reaction = Reaction(self._partners, *steps, self._sensors)
+        return Reaction(self._partners, *steps, self._sensors if with_sensors else ())
 
     def _prepare_estimates(self, mbs: Any) -> None:
-        without = [watch for watch in self._watches if watch.error or (watch.is_frozen and watch.enriched is None)]
-        if without:
-            raise AssumptionError(f"it needs all bodies, and has no vectors of object {without[0].item}")
+        require_vectors(self._watches)
         self._prepare_reaction(mbs)
 
     def _join_openings(self) -> None:
@@ -184,7 +188,9 @@ class Mechanism:
         if self._reaction is not None and self._opens:
             if not self.tangents.readings:
                 raise RunError("the solve was interrupted before anything was bounded; solve again")
-            self._reaction.open(self._with_multipliers(rows), self._before, self._at_hand[0])
+            rows = self._with_multipliers(rows)
+            self._reaction.open(rows, self._before, self._at_hand[0])
+            self._more.open(rows)
             self._before = None
 
     def _join_extensions(self) -> None:
@@ -195,8 +201,8 @@ class Mechanism:
     def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
         first = int(self._opens)
         if self._reaction is not None and all(watch.extension is not None for watch in self._partners):
-            rows = self._with_multipliers(rows)
-            self._reaction.advance(tuple(x[first:].copy() for x in rows), self._at_hand[0])
+            rows = tuple(x[first:].copy() for x in self._with_multipliers(rows))
+            self._reaction = self._more.advance(self._reaction, rows, self._at_hand[0])
 
     def _with_multipliers(self, rows: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """The rows, which may be the first of those at hand."""
@@ -220,7 +226,7 @@ class Mechanism:
         elif self._reaction is not None:
             self._estimate(self._checked, work, rows, *check)
 
-    def _checked(self, work: Callable, rows: tuple[np.ndarray, ...], check: Callable, known: Any) -> None:
+    def _checked(self, work: Callable, rows: tuple, check: Callable, known: Any) -> None:
         check(self._partners, known)
         work(rows)
 
@@ -241,10 +247,4 @@ class Mechanism:
 
     def _check_others(self, watches: Sequence[Watch]) -> None:
         """Where one body has no bound, coupled bounds of the others have none either."""
-        failed = [watch for watch in watches if watch.error is not None]
-        for watch in self._coupled if failed else ():
-            if watch.error is None:
-                reason = f"{type(failed[0].error).__name__}: {failed[0].error}"
-                watch.error = RunError(
-                    f"coupled bounds need all bodies of the mechanism, and object {failed[0].item} has none: {reason}"
-                )
+        end_with([watch for watch in watches if watch.error is not None], self._coupled)

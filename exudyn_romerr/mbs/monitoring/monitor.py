@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport
     from ..access.linear_adapter import LinearSubject
-    from ..mechanism.other_sensors import OtherSensors
+    from ..sensors.other_sensors import OtherSensors
     from .body_monitor import Watch
     from .floating_adapter import MovingSubject
     from .step_hook import StepHook

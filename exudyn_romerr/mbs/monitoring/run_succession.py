@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import RunError
+from ...errors import AssumptionError, RunError
 from ...estimates.kept_estimate import KeptEstimate
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ class Succession:
     def __init__(self) -> None:
         self.runs: list[Run | StaticRun] = []
         self.last: tuple | None = None
+        self._begins = True  # whether the last run has gone on from no other
         self._source: Offline | None = None  # what the last run was read as; its own may be one from a static run
 
     def add(self, run: Run | StaticRun, source: Offline, first: tuple) -> None:
@@ -41,8 +42,16 @@ class Succession:
     def before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, bool]:
         """Return the run in whose last state another one starts, and whether the mbs was changed since.
 
-        None if there is none, or the mbs was changed; also a static one, if no initial state was given.
+        None if there is none, or the mbs was changed; also a static one, if no initial state was given. A solve that
+        failed in its first step has left nothing to go on from.
         """
+        before, changed = self._before(offline, t, q, q_t)
+        if before is not None and self._begins and not before.is_static and len(before.times) == 1:
+            before = None
+        self._begins = before is None
+        return before, changed
+
+    def _before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, bool]:
         if not self.runs:
             return None, False
         before, (t_last, q_last, q_t_last, _) = self.runs[-1], self.last
@@ -90,3 +99,20 @@ def fall_back(watches: Sequence[Any], error: Exception) -> bool:
         run.messages.append(ENDED.format(error))
         run.estimate, run.companion = KeptEstimate(), None
     return bool(runs)
+
+
+def require_vectors(watches: Sequence[Any]) -> None:
+    """Raise AssumptionError unless all bodies can have estimates together."""
+    without = [watch for watch in watches if watch.error or (watch.is_frozen and watch.enriched is None)]
+    if without:
+        raise AssumptionError(f"it needs all bodies, and has no vectors of object {without[0].item}")
+
+
+def end_with(failed: Sequence[Any], watches: Sequence[Any]) -> None:
+    """End coupled bounds where watches have failed: they need all bodies."""
+    for watch in watches if failed else ():
+        if watch.error is None:
+            reason = f"{type(failed[0].error).__name__}: {failed[0].error}"
+            watch.error = RunError(
+                f"coupled bounds need all bodies of the mechanism, and object {failed[0].item} has none: {reason}"
+            )

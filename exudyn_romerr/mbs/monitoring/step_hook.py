@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from ...offline.prepared import Offline
-    from ..mechanism.other_sensors import OtherSensors
+    from ..sensors.other_sensors import OtherSensors
     from .body_monitor import Watch
 
 LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step

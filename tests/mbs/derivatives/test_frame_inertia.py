@@ -11,7 +11,7 @@ from exudyn_romerr.mbs.access.state_guard import current_state, set_state
 from exudyn_romerr.mbs.derivatives import frame_inertia
 from exudyn_romerr.mbs.derivatives.frame_inertia import FrameInertia
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
-from exudyn_romerr.mbs.derivatives.twin import Place, Twin
+from exudyn_romerr.mbs.derivatives.twin import Place
 from models import mechanisms
 
 ROUNDING = 1e-13  # of the largest entry of a part: sums in another order; measured 2e-15
@@ -89,7 +89,7 @@ def test_tangents_by_closed_forms_are_those_by_differences():
         with mock.patch.object(frame_inertia, "MANY", many):
             tangents = Tangents(scene.mbs)
             tangents.read(scene.mbs, 0.05)
-        assert len(tangents._twin.inertias) == (2 if many == 0 else 0)
+        assert len(tangents._twin.hollow.inertias) == (2 if many == 0 else 0)
         readings.append((tangents.readings[0], tangents.carried[0]))
     (found, changes), (wanted, wanted_changes) = readings
     motions = np.linalg.svd(wanted.G)[2][len(wanted.G) :].T * wanted.scale(1e-3)[:, None]
@@ -112,7 +112,7 @@ def test_tangents_by_closed_forms_are_those_by_differences():
 def test_a_hollow_twin_is_the_same_mechanism():
     scene = mechanisms.double_pendulum(3, assemble=True)
     with mock.patch.object(frame_inertia, "MANY", 0):
-        twin = Twin.of(scene.mbs, 1)
+        twin = Place.copied(scene.mbs, 1, tuple(FrameInertia.all_of(scene.mbs)))
     own = Place(Equations(scene.mbs, 1), scene.mbs)
     assert len(twin.inertias) == 2
     state = current_state(scene.mbs.systemData)

@@ -29,7 +29,7 @@ def running(scene, at):
     def hook(mbs, t):
         if t >= at and not found:
             tangents.read(mbs, t)
-            equations, beside = tangents._twin or (tangents.equations, mbs)
+            equations, beside, *_ = tangents.light(mbs)
             exudyns = equations.jacobian(beside, -1.0, 0.0, 1)  # of the state that was read
             found.extend([tangents, exudyns, *differences(mbs, tangents)])
         return True
@@ -93,7 +93,7 @@ def test_tangents_are_read_where_forces_change_though_nothing_turns():
     scene.mbs.SolveDynamic(scene.settings)
     by_constraints = [np.linalg.norm(b.G - a.G) / np.linalg.norm(b.G) for a, b in pairwise(tangents.readings)]
     assert max(by_constraints) < tangent.CHANGE
-    assert max(strides) < 2 ** (len(strides) - 1)
+    assert max(strides) < 64  # after three readings where all is calm
     assert strides[-1] <= 32
 
 

@@ -7,7 +7,7 @@ from exudyn import itemInterface
 from exudyn_romerr.mbs.access.equations import Equations
 from exudyn_romerr.mbs.derivatives.light_mesh import lightened
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
-from exudyn_romerr.mbs.derivatives.twin import Place, Twin
+from exudyn_romerr.mbs.derivatives.twin import Place
 from models import mechanisms, wishbone
 from models.floating import interface
 
@@ -46,7 +46,7 @@ def test_three_nodes_a_marker_are_the_same_equations(make):
     scene = make()
     scene.mbs.Assemble()
     own = Place(Equations(scene.mbs, 1), scene.mbs)
-    twin = Twin.of(scene.mbs, 1)
+    twin = Place.copied(scene.mbs, 1)
     rng, n = np.random.default_rng(2), own.equations.size
     multipliers = scene.mbs.systemData.GetAECoordinates()
     for _ in range(3):

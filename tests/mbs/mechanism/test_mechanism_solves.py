@@ -258,3 +258,21 @@ def test_threads_of_the_run_stay(capfd):
         found.append([threads[0], threads[-1], scene.mbs.systemData.GetODE2Coordinates().tolist()])
     assert found[0] == found[1]
     assert "TaskManager" not in capfd.readouterr().out
+
+
+def test_after_a_solve_that_failed_in_its_first_step():
+    """As if there had been none: with numerical damping, what the first steps after a start do is in the bound."""
+    found = []
+    for fails in (False, True):
+        scene = built(replace(drawn(37), steps=10))
+        monitor = romerr.attach(scene.mbs, scene.flexible(), outputs=list(scene.sensors[0].values()))
+        if fails:
+            newton = scene.settings.timeIntegration.newton
+            newton.maxIterations, before = 1, newton.maxIterations
+            with pytest.raises(exu.SolverError):
+                scene.solve()
+            newton.maxIterations = before
+        scene.solve()
+        report = monitor.report()
+        found.append([*report.messages, *(x.tobytes() for x in report.output("tip 1").bound.values())])
+    assert found[0] == found[1]

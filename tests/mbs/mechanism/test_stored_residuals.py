@@ -139,7 +139,8 @@ def test_bodies_with_meshes_are_looked_at_in_a_lighter_copy_that_shows_the_same(
     residuals, dv = StoredResiduals(tangents, mbs), defects(*rows[:4])[1]
     r, _ = residuals.between(mbs, rows, 0, dv)
     assert residuals.failure == ""
-    assert residuals.has_twin == (not of_run)
+    assert residuals.in_a_copy == (not of_run)
+    assert tangents.light(mbs).mbs is not mbs
     t, *states = rows
     inside = [in_the_middle(t, x) for x in states]
     for i in range(steps):

@@ -1,6 +1,7 @@
 """choose_modes: forecasts against runs, chosen bases against the truth, and what is said where none is enough."""
 
 import re
+from dataclasses import replace
 from functools import partial
 
 import exudyn as exu
@@ -204,6 +205,10 @@ def test_estimate_may_decide_and_met_stays_with_the_bound(monkeypatch):
     assert re.search(r"; error within the tolerance: unlikely, \d+ % of it from the basis$", first)
     assert second.endswith("; error within the tolerance: likely")
     assert "\n  n = 4: error within the tolerance: unlikely, was tried" in str(choice)
+    choice = replace(choice, tried=choice.tried[1:])
+    assert re.search(
+        r"\n  n = 4: not tried; its estimates would be above it, by a forecast: tip <= .* m, mid <= .* m", str(choice)
+    )
 
 
 def test_what_decides_has_two_names():

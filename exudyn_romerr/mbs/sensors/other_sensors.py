@@ -13,10 +13,10 @@ from ...estimates.kept_estimate import REMAINDER
 from ...estimates.time_step_error import PROVISIONAL
 from ..access.state_guard import set_state, state_kept
 from ..floating.sensor_outputs import is_on
+from ..mechanism.stored_residuals import HOLDS, MEMORY, user_functions
 from ..memory.user_memory import memory_kept
 from .sensor_dependence import read_sensor, sensor_or_reason
 from .sensor_record import Sensor, SensorRecord
-from .stored_residuals import HOLDS, MEMORY, user_functions
 
 if TYPE_CHECKING:
     from ...estimates.time_step_error import TimeStep
@@ -87,6 +87,8 @@ class OtherSensors:
     def open(self, runs: Sequence[Run], goes_on: bool) -> None:
         """Runs of the bodies open; goes_on: half widths begin with those that the runs before ended with."""
         before, self._last = self.records[-1:], []
+        if before and before[0].runs == tuple(runs):  # once more, with other vectors
+            self.records.pop()
         self.records.append(SensorRecord(runs, self.sensors, self.left_out))
         if goes_on and before and before[0].sensors == self.records[-1].sensors:
             self.records[-1].estimate.go_on(before[0].estimate)
