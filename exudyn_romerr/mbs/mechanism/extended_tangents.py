@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .enriched_body import EnrichedBody
 
 TINY = np.finfo(float).tiny
+MASSLESS = 1e-12  # of the largest mass: a parameter of a rotation may have none
 LEFT = 1e-8  # of constraints: what Newton's tolerance leaves of none
 
 
@@ -74,7 +75,8 @@ class ExtendedTangents:
     def lightness(self, j: int) -> float:
         """Return the smallest mass that constraints admit half way to the next reading, over that at both of them."""
         ends = self[j], self[j + 1]
-        dt, scale = ends[1].t - ends[0].t, 1 / np.sqrt(np.max([np.diag(tangent.M) for tangent in ends], axis=0))
+        dt, masses = ends[1].t - ends[0].t, np.max([np.diag(tangent.M) for tangent in ends], axis=0)
+        scale = 1 / np.sqrt(np.maximum(masses, MASSLESS * masses.max()))
         between = (sum(getattr(x, name) for x in ends) / 2 for name in "MC")
         slopes = (dt / 8 * (getattr(ends[0].rate, name) - getattr(ends[1].rate, name)) for name in "MC")
         middle = (x + dx for x, dx in zip(between, slopes, strict=True))
