@@ -149,6 +149,7 @@ def test_factors_are_those_of_other_modes_of_the_same_fem(fem):
 
 def test_work_goes_with_the_fem():
     fem = floating.load_fem("bar")
+    fem.stiffnessMatrix = 1.0625 * fem.stiffnessMatrix  # no other test has this one, which would keep its body
     floating.reduce(fem, 2)
     scene, monitor = falling(fem)
     _ = monitor.plan
