@@ -9,6 +9,7 @@ import numpy as np
 
 from ..estimates.overshoot import Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
+from .run_messages import BEGUN_ANEW
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,15 +23,9 @@ UNKNOWN_SCHEME = (
     "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that they "
     "do not resolve, is not in the bound; call SolveDynamic without storeSolver=False"
 )
-BEGUN_ANEW = (
-    "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
-    "that ring and that they do not resolve, is not in the bound, which is not certified; a spectral radius of 1 "
-    "leaves them as they are"
-)
 
-GREW = 2.0 * (
-    1 + 1e-6
-)  # from one step to the next: Exudyn's adaptive steps grow by 2 at most unless they are told else
+# from one step to the next: Exudyn's adaptive steps grow by 2 at most unless they are told else
+GREW = 2.0 * (1 + 1e-6)
 TOO_FAST = (
     "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
     "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"
