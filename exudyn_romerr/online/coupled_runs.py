@@ -26,8 +26,8 @@ UNKNOWN_SCHEME = (
     "do not resolve, is not in the bound; call SolveDynamic without storeSolver=False"
 )
 
-# from one step to the next, with rounding: Exudyn's adaptive steps grow by 2 at most unless they are told else
-GREW = 2.000002
+# from one step to the next: Exudyn's adaptive steps grow by 2 at most unless they are told else
+GREW = 2.0 * (1 + 1e-6)
 TOO_FAST = (
     "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
     "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"

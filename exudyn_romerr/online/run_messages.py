@@ -12,6 +12,11 @@ if TYPE_CHECKING:
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
 TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
+BEGUN_ANEW = (
+    "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
+    "that ring and that they do not resolve, is not in the bound, which is not certified; a spectral radius of 1 "
+    "leaves them as they are"
+)
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
 MOTION_JUMPS = (
     "loads or accelerations of the prescribed motion change within single steps: up to {:.1e} of the largest is not "

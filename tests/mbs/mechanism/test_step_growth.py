@@ -13,6 +13,7 @@ from benchmarks.random_mechanisms import drawn
 from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.online import coupled_runs
 from exudyn_romerr.online.coupled_runs import FirstSteps
+from exudyn_romerr.report.scope import NOT_CERTIFIED
 
 LONG = 41
 
@@ -63,3 +64,18 @@ def test_report_says_so(monkeypatch):
             assert out.name == "global" or np.isfinite(out.bound["best"][:2]).all()
             assert np.isfinite([out.estimate, out.uncertainty]).all()
     assert "not bounded at 39 instants" in text
+
+
+@pytest.mark.parametrize(("rho", "certified"), [(0.6, False), (1.0, True)])
+def test_a_solve_that_goes_on_is_certified_without_numerical_damping(rho, certified):
+    """What the solver makes of the accelerations that it begins anew with is in no bound."""
+    scene = built(replace(drawn(22), steps=5, rho=rho))
+    monitor = romerr.attach(scene.mbs, scene.flexible(), outputs=list(scene.sensors[0].values()))
+    scene.mbs.Assemble()
+    one = scene.settings.timeIntegration
+    scene.mbs.SolveDynamic(scene.settings, updateInitialValues=True)
+    one.startTime, one.endTime = one.endTime, 2 * one.endTime
+    scene.mbs.SolveDynamic(scene.settings)
+    first, second = (monitor.report(i) for i in (0, 1))
+    assert not first.scope_reason.endswith(NOT_CERTIFIED)
+    assert second.scope_reason.endswith(NOT_CERTIFIED) != certified
