@@ -164,7 +164,6 @@ def test_bases_of_logarithms_stay_what_they_are():
     assert base == 10.0
 
 
-@pytest.mark.xfail(strict=True, reason="single numbers are taken for constants where the few values compared agree")
 def test_a_value_at_the_first_of_many_times_is_no_constant():
     """Of two loads, as tests/helpers/total_truth.Signal gives them: a pulse between the times that are compared."""
 
