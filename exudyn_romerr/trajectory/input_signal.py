@@ -23,9 +23,15 @@ class _MixedError(Exception):
 
 
 class _Times(np.ndarray):
-    """Many times, for functions of one time: where a condition is the same at all of them, it may be asked for."""
+    """Many times, for functions of one time: where a condition is the same at all of them, it may be asked for.
+
+    asked : whether one was since this was set to False.
+    """
+
+    asked = False
 
     def __bool__(self) -> bool:
+        _Times.asked = True
         holds = self.view(np.ndarray)
         if holds.any() and not holds.all():
             raise _MixedError
@@ -81,8 +87,11 @@ def _of_part(f: Callable, t: np.ndarray, p: int) -> np.ndarray:
     """Return f at times t (T,), (T, p): few are called one by one."""
     if len(t) <= FEW:
         return np.array([f(x) for x in t.tolist()], dtype=float).reshape(len(t), p)
+    _Times.asked = False
     found = f(t.copy().view(_Times))
     parts = [found] if p == 1 and np.shape(found) in ((), t.shape) else found
+    if not _Times.asked and not any(map(np.ndim, parts)):
+        raise ValueError("single numbers may be those of the first of many times")
     return np.stack([np.broadcast_to(np.asarray(x, dtype=float), t.shape) for x in parts], axis=1)
 
 

@@ -162,3 +162,14 @@ def test_bases_of_logarithms_stay_what_they_are():
     base = np.array(10.0)
     InputSignal(lambda t: math.sin(t) * math.log(5.0, base), 1)(FINE)
     assert base == 10.0
+
+
+def test_a_value_at_the_first_of_many_times_is_no_constant():
+    """Of two loads, as tests/helpers/total_truth.Signal gives them: a pulse between the times that are compared."""
+
+    def pulse(t):
+        times = np.atleast_1d(np.asarray(t))
+        values = np.where((times > 1.001) & (times < 1.004), 1e3, 0.0)
+        return [values[0], 0.0]
+
+    assert InputSignal(pulse, 2)(FINE)[:, 0].max() == 1e3
