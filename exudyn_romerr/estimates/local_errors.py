@@ -8,18 +8,19 @@ derivatives of q and v. For a step of size h from sample 0 to 1, a_m in its midd
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+
 import numpy as np
 
 NODES = 4  # samples that a cubic goes through
 SAME_STEP = 1e-6  # of a step size: times of samples are rounded
-# between steps that are looked at while all goes smoothly: odd, so that what changes its sign from step to step shows
-GAPS = (3, 5)
+# between steps that are looked at first: odd, so that what changes its sign from step to step shows; the narrow ones
+# where few steps follow, for a cubic goes through four
+GAPS, NARROW = (15, 17), (7, 9)
 # times what is at the steps looked at around it: these do not tell of it. Second differences of what is there at one
 # step only are twice those beside it
 STANDS_OUT = 1.5
-# of what a cubic through the two on either side misses at one that was looked at: what those through that one, too,
-# miss around it, is 0.19 of it where the fourth derivative is constant, 0.41 at the ends
-BETWEEN = 0.5
 
 
 def in_the_middle(t: np.ndarray, x: np.ndarray, share: float = 0.5) -> np.ndarray:
@@ -70,7 +71,7 @@ def shared(h: np.ndarray, d: np.ndarray) -> np.ndarray:
 def seldom(count: int) -> np.ndarray:
     """Return which of so many steps are looked at where residuals are smooth, (count,): the last ones, too."""
     looked = np.zeros(count, dtype=bool)
-    at = np.append(0, np.cumsum(np.resize(GAPS, count)))
+    at = np.append(0, np.cumsum(np.resize(GAPS if count > NODES * sum(GAPS) else NARROW, count)))
     looked[at[at < count]] = looked[-1:] = True
     return looked
 
@@ -81,18 +82,33 @@ def standing_out(sizes: np.ndarray, looked: np.ndarray, least: float | np.ndarra
     return np.any(sizes > STANDS_OUT * np.maximum(sizes[before], sizes[after]) + least, axis=1)
 
 
-def missed(t: np.ndarray, x: np.ndarray, looked: np.ndarray) -> np.ndarray:
-    """Return how much cubics through x (S, n) at steps looked at, five at least, may miss at the others around, (S,).
+def told(
+    t: np.ndarray,
+    x: np.ndarray,
+    looked: np.ndarray,
+    look: Callable[[np.ndarray], np.ndarray],
+    sizes: np.ndarray,
+    least: float,
+) -> np.ndarray:
+    """Look between steps that are looked at until cubics tell the rest; return what they have missed (S,), in sizes.
 
-    As those looked at show, that the cubics through their neighbours miss.
+    x (S, n) and looked (S,), which are gone on with, at times t (S,), the ends by themselves; look : numbers of steps
+    -> x there; sizes (S, n) : of 1. In the middle of a gap x is looked at in any case: where the cubic through the
+    others is off by more than the least, both halves are gaps.
     """
-    at, (before, after) = np.flatnonzero(looked), _around(looked)
-    inner = np.arange(2, len(at) - 2)
-    cubic = _through(t[at], x[at], inner[:, None] + np.array([-2, -1, 1, 2]), t[at[inner]])
-    off = np.pad(np.abs(x[at[inner]] - cubic).max(axis=1, initial=0.0), 2, mode="edge")
-    of_all = np.zeros(len(t))
-    of_all[at] = BETWEEN * off
-    return np.maximum(of_all[before], of_all[after])
+    off, inner = np.zeros(len(t)), slice(1, -1)
+    gaps = list(pairwise(np.flatnonzero(looked)))
+    while gaps := [(a, b) for a, b in gaps if b - a > 1]:
+        ends = np.array(gaps)
+        # an odd number of steps from the first: what alternates from step to step is the same at even ones
+        middle = ends[:, 0] + (np.diff(ends)[:, 0] // 2 | 1)
+        cubic = filled(t[inner], x[inner], looked[inner])[middle - 1]
+        x[middle], looked[middle] = look(middle), True
+        off[middle] = (sizes[middle] * np.abs(x[middle] - cubic)).max(axis=1, initial=0.0)
+        bent = off[middle] > least
+        halves = zip(ends[bent, 0], middle[bent], ends[bent, 1], strict=True)
+        gaps = [gap for a, m, b in halves for gap in ((a, m), (m, b))]
+    return off
 
 
 def filled(t: np.ndarray, x: np.ndarray, looked: np.ndarray) -> np.ndarray:

@@ -80,10 +80,13 @@ class MechanismEnergy:
 
     def variations(self, block: Block) -> np.ndarray:
         """Return what R of this body varies by (S, d + 1): the pieces of its polygon, and what that does not hold."""
+        return np.column_stack([block.pieces(self.norm), self.missed(block)])
+
+    def missed(self, block: Block) -> np.ndarray:
+        """Return what the polygon of R does not hold (S,) of its variation."""
         missed = block.unresolved_variation @ block.input_norms(self.norm)
         missed = missed if block.cut is None else missed + block.cut.variation
-        missed = missed if block.turn is None else missed + block.h * block.turn.missed
-        return np.column_stack([block.pieces(self.norm), missed])
+        return missed if block.turn is None else missed + block.h * block.turn.missed
 
     def roughness(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
         """Return int |R|^2/(2 beta) over segments (S,), R linear in each, and |R| where they begin and end (S, 2)."""
@@ -96,13 +99,14 @@ class MechanismEnergy:
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.g, self.rough = start.joint or self.energies_at(start)
-        g, rough, cut = np.array([[self.g], [self.rough], [start.cut]])
-        return self._bounds(start.z[None], g, rough, cut, np.zeros((1, 2)))
+        known = (start.z, self.g, self.rough, start.cut)  # without an initial error e and e' are zero, whatever R is
+        z, g, rough, cut = (0 * x for x in known) if start.y0 is None else known
+        return self._bounds(z[None], *np.array([[g], [rough], [cut]]), np.zeros((1, 2)))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        g, rough, self._peak = joint_growth([self], [block]) if block.joint is None else block.joint
-        self.g, self.rough = float(g[-1]), float(rough[-1])
+        g, rough, self._peak, *own = joint_growth([self], [block]) if block.joint is None else block.joint
+        self.g, self.rough = (float(x[-1]) for x in own or (g, rough))
         more = np.zeros((len(g), 2)) if block.overshoot is None else block.overshoot
         return self._bounds(block.c[:, -1], g, rough, cut_size(block), more)
 
@@ -142,9 +146,8 @@ class CorrectedEnergy(MechanismEnergy):
 
     def __init__(self, problem: Problem, unknown: int = 0):
         super().__init__(problem, unknown)
-        self.value_rows = problem.rows.C @ problem.V
-        self.root = np.linalg.qr(problem.body.mass_factor.half_multiply(problem.V), mode="r")
-        body, x = problem.body, problem.body.positions.ravel()
+        self.value_rows, body, x = problem.rows.C @ problem.V, problem.body, problem.body.positions.ravel()
+        self.root = np.linalg.qr(body.mass_factor.half_multiply(problem.V), mode="r")
         self.arm, self.mass = float(np.sqrt(x @ (body.mass @ x))), body.total_mass
         self._force, self.slow = 0.0, None  # of second order, at the end of the last block; SlowModes, where known
         self.slow_modes = SlowModesOf(problem)
@@ -167,15 +170,13 @@ class CorrectedEnergy(MechanismEnergy):
     def _with_slow_modes(self, found: Bounds, block: Block) -> Bounds:
         z, g, _, cut, _ = self._given
         w = self._added.veer.w if self._added.veer else 0 * g
-        missed, less = cut + super().variations(block)[:, -1], times(g, self.factors) + times(cut, self.static_cut)
+        missed, less = cut + super().missed(block), times(g, self.factors) + times(cut, self.static_cut)
         less -= np.minimum(self.slow.advance((block.h, z, w), self.impulses(block), missed, (self._peak, g)), less)
         return replace(found, outputs=found.outputs - less, correction_bound=found.correction_bound - less)
 
-    def variations(self, block: Block) -> np.ndarray:
-        """Return what R of this body varies by (S, d + 1), with the impulses that the linearised equations lack."""
-        pieces = super().variations(block)
-        pieces[:, -1] += self.impulses(block)
-        return pieces
+    def missed(self, block: Block) -> np.ndarray:
+        """Return the same (S,), with the impulses that the linearised equations lack."""
+        return super().missed(block) + self.impulses(block)
 
     def impulses(self, block: Block) -> np.ndarray:
         """Integrals (S,) of forces of second order over the segments of the next block, |.|_{M^-1}."""
@@ -191,8 +192,7 @@ class CorrectedEnergy(MechanismEnergy):
         return bound if known is None else np.where(np.isnan(known), bound, known)
 
     def _nothing(self, count: int) -> Added:
-        none = np.zeros((count, self.value_rows.shape[1]))
-        return Added(none, none, np.zeros(count))
+        return Added(*np.zeros((2, count, self.value_rows.shape[1])), np.zeros(count))
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""

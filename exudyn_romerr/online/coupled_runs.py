@@ -9,6 +9,8 @@ import numpy as np
 
 from ..estimates.overshoot import Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
+from ..residual.felt_residuals import FeltResiduals
+from .run_messages import BEGUN_ANEW
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,20 +18,16 @@ if TYPE_CHECKING:
     from ..estimates.march import Scheme
     from ..residual.free_mass import AtStart
     from ..trajectory.samples import Extension
+    from ..trajectory.segments import Block
     from .run import Opening, Run
 
 UNKNOWN_SCHEME = (
     "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that they "
     "do not resolve, is not in the bound; call SolveDynamic without storeSolver=False"
 )
-BEGUN_ANEW = (
-    "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
-    "that ring and that they do not resolve, is not in the bound; a spectral radius of 1 leaves them as they are"
-)
 
-GREW = 2.0 * (
-    1 + 1e-6
-)  # from one step to the next: Exudyn's adaptive steps grow by 2 at most unless they are told else
+# from one step to the next, with rounding: Exudyn's adaptive steps grow by 2 at most unless they are told else
+GREW = 2.000002
 TOO_FAST = (
     "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
     "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"
@@ -54,17 +52,21 @@ def joined_openings(runs: Sequence[Run], openings: Sequence[Opening]) -> list[Op
 class FirstSteps:
     """What the integrator may add to |e|_M and |e'|_M of the bodies of a mechanism (estimates/overshoot.py).
 
-    scheme : of the solver; None: unknown.
+    scheme : of the solver; None: unknown. share : of a residual at a step's begin in what the step feels of it, None:
+    not known.
     """
 
-    def __init__(self, scheme: Scheme | None):
-        self._scheme, self._push = scheme, 0.0
+    def __init__(self, scheme: Scheme | None, share: float | None = None):
+        self._scheme, self._push, self._share = scheme, 0.0, share
+        self._felt: dict[str, FeltResiduals] = {}
         self._times, self._is_lost = np.zeros(0), False  # the last two
         self._overshoot: Overshoot | None = None
         self._positions = np.zeros(0)
 
     def open(self, runs: Sequence[Run], openings: Sequence[Opening]) -> str:
         """Begin; return what is not known, if anything."""
+        if any(opening.start is None for opening in openings):
+            self._share = None
         self._times = openings[0].first.t
         if self._scheme is None:
             return UNKNOWN_SCHEME
@@ -76,6 +78,13 @@ class FirstSteps:
         self._push = float(np.linalg.norm([_push(at, opening) for at, opening in zip(starts, openings, strict=True)]))
         self._overshoot = Overshoot(self._scheme, openings[0].start.t, [at.damping for at in starts])
         return ""
+
+    def felt(self, stream: str, energies: Sequence[MechanismEnergy]) -> FeltResiduals | None:
+        """Return what goes on with the energy of a stream by averages, from where it begins; None: nothing does."""
+        if self._share is not None and stream not in self._felt:
+            norms, betas = zip(*((energy.norm, energy.beta) for energy in energies), strict=True)
+            self._felt[stream] = FeltResiduals(self._share, norms, betas, (energies[0].g, energies[0].rough))
+        return self._felt.get(stream)
 
     def advance(self, t: np.ndarray) -> np.ndarray:
         """Return it (S, 2) at the next samples t (S,)."""
@@ -111,15 +120,38 @@ def _push(at: AtStart, opening: Opening) -> float:
     return at.push(at.coordinates(first.q[0], first.q_t[0], first.q_tt[0], opening.inputs))
 
 
-def join_extensions(runs: Sequence[Run], extensions: Sequence[Extension], first_steps: FirstSteps) -> list[str]:
-    """Tell every block what energy all bodies have together at the ends of its segments; return notes."""
+def join_extensions(
+    runs: Sequence[Run], extensions: Sequence[Extension], first_steps: FirstSteps, turned: np.ndarray | float = 0.0
+) -> list[str]:
+    """Tell every block what energy all bodies have together at the ends of its segments; return notes.
+
+    turned (S,) : angles by which frames and joints turn in the steps.
+    """
     overshoot, (is_lost, notes) = (of(extensions[0].new.t) for of in (first_steps.advance, first_steps.lost))
     for stream in extensions[0].segments:
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]
-        joint = tuple(np.where(is_lost, np.inf, x) for x in joint_growth(energies, blocks))
+        joint, felt = joint_growth(energies, blocks), first_steps.felt(stream, energies)
+        joint = joint if felt is None else _sharpened(joint, felt, energies, blocks, turned)
+        joint = tuple(np.where(is_lost, np.inf, x) for x in joint)
         for block in blocks:
             block.joint, block.overshoot = joint, overshoot
     for run in runs:
         run.messages += notes
     return notes
+
+
+def _sharpened(
+    joint: tuple[np.ndarray, ...],
+    felt: FeltResiduals,
+    energies: Sequence[MechanismEnergy],
+    blocks: Sequence[Block],
+    turned: np.ndarray,
+) -> tuple[np.ndarray, ...]:
+    """Return g, rough and the largest g of joint_growth, or by what is felt; with what two go on."""
+    own, own_rough, peak = joint
+    missed = np.linalg.norm([energy.missed(block) for energy, block in zip(energies, blocks, strict=True)], axis=0)
+    before = felt.latest
+    g, rough = felt.advance(blocks[0].h, [block.chain for block in blocks], missed, turned)
+    peak = np.minimum(peak, np.maximum(g, np.append(before, g[:-1])))
+    return np.minimum(own, g), np.minimum(own_rough, rough), peak, own, own_rough

@@ -8,8 +8,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..linalg.symmetric_factor import SubspaceFactor
+from ..model.shared_body import made_once
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ..model.admissible_space import Space
     from ..model.body import ElasticBody
     from .problem import Problem
@@ -50,15 +53,16 @@ def with_rigid_interfaces(body: ElasticBody, stiff: Space) -> SubspaceFactor:
 
 
 def rigid_response(
-    body: ElasticBody, stiff: Space, C: np.ndarray, factor: SubspaceFactor | None = None
+    body: ElasticBody, stiff: Space, C: np.ndarray, factor: Callable[[], SubspaceFactor] | None = None
 ) -> np.ndarray:
     """Return S (S^T K S)^-1 S^T C^T (n_free, R); the last one of every space is kept.
 
-    factor : with_rigid_interfaces, if it is there.
+    factor : returns with_rigid_interfaces, if it is needed elsewhere, too.
     """
     kept = _RESPONSES.get(stiff)
     if kept is None or kept[0] is not body or not np.array_equal(kept[1], C):
-        response = (factor or with_rigid_interfaces(body, stiff)).solve(C.T)
+        make = factor or (lambda: with_rigid_interfaces(body, stiff))
+        response = made_once(body, "rigid interfaces", (stiff.Z, C), lambda: make().solve(C.T))
         kept = _RESPONSES[stiff] = body, C, response
     return kept[2]
 

@@ -57,6 +57,11 @@ def scheme_of(mbs: Any) -> Scheme | None:
     return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
 
 
+def share_of(mbs: Any) -> float | None:
+    """Return alpha_f of the solver that has just begun: of the forces at a step's begin; None if it has no such."""
+    return getattr(mbs.sys.get("dynamicSolver"), "alphaF", None)
+
+
 def load_factor(mbs: Any) -> Callable[[float], float]:
     """Return what the running static solver scales constant loads with at t, its default: linear in time."""
     times = mbs.sys["staticSolver"].it

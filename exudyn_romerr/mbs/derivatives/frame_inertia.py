@@ -49,8 +49,10 @@ class FrameInertia:
         """Item and node as GetObject and GetNode give them."""
         self.number, self.columns = number, np.array(columns)
         self._reference = np.array(node["referenceCoordinates"], float)
-        self.M, self.K, self.D = (_dense(item[f"{name}MatrixReduced"]) for name in ("mass", "stiffness", "damping"))
-        n = len(self.M)
+        n = len(columns) - 7
+        self.M, self.K, self.D = (
+            _dense(item[f"{name}MatrixReduced"], n) for name in ("mass", "stiffness", "damping")
+        )
         self._mass, self._centre, self._inertia = (np.array(item[x]) for x in ("mass", "centerOfMass", "inertia"))
         self._pull = np.array(item["mPhitTPsi"])
         # sums of m u_k x u_l (n, 3, n), m x x u_l (3, n), m u~_k^T u~_l (n, n, 3, 3), m x~^T u~_l (n, 3, 3)
@@ -191,5 +193,7 @@ class Moving(NamedTuple):
         return cls(q_tt[:3] @ x.A, x.G @ q_t[3:7], x.G @ q_tt[3:7], q_t[7:], q_tt[7:])
 
 
-def _dense(matrix: Any) -> np.ndarray:
-    return np.array(matrix.Convert2DenseMatrix())
+def _dense(matrix: Any, n: int) -> np.ndarray:
+    """Return a matrix (n, n) of Exudyn, where an empty one is zero."""
+    found = np.array(matrix.Convert2DenseMatrix())
+    return found if found.size else np.zeros((n, n))

@@ -96,10 +96,10 @@ class Twin(NamedTuple):
         """Make it of an mbs whose states tell all its coordinates; None: none is needed, or none can be had."""
         if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
             return None
-        inertias = tuple(FrameInertia.all_of(mbs))
-        if not (inertias or may_be_lighter(mbs)):
-            return None
         try:
+            inertias = tuple(FrameInertia.all_of(mbs))
+            if not (inertias or may_be_lighter(mbs)):
+                return None
             light = Place.copied(mbs, threads)
             twin = cls(light, Place.copied(mbs, threads, inertias) if inertias else light)
         except Exception:  # of Exudyn, for an item that cannot be copied

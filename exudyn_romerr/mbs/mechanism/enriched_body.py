@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -80,16 +80,16 @@ class EnrichedBody:
         self._frame, self.frame_size = model.frame, model.frame.size
         self.columns, (self.frame, self.modal) = columns, np.split(columns, [model.frame.size])
         body.modes(1)  # first, and the next: they take factorisations beside those that are kept
-        rigid = None if scene.stiff is None else with_rigid_interfaces(body, scene.stiff)
-        if rigid is not None:
+        rigid = cache(lambda: None if scene.stiff is None else with_rigid_interfaces(body, scene.stiff))
+        if scene.stiff is not None:
             rigid_response(body, scene.stiff, stacked_rows(options.outputs, body)[0], rigid)
         V, Z = model.V, body.space
         inertia, loads, wrenches = (
             Z.loads(part)
             for part in (
                 unit_inertia(flex.mass, flex.positions),
-                _side_by_side([load.columns for load in actions.loads], body.N),
-                _side_by_side([place.columns for place in actions.wrenches], body.N),
+                np.hstack([*(load.columns for load in actions.loads), np.zeros((body.N, 0))]),
+                np.hstack([*(place.columns for place in actions.wrenches), np.zeros((body.N, 0))]),
             )
         )
         V_y, asked = Z.coordinates("V", V), options.auxiliary_modes
@@ -98,9 +98,12 @@ class EnrichedBody:
             asked = first_count(self.most, model.D.any(), scene.stiff is None and any(model.rayleigh))
         asked = self.asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
-            of = V_y, loads, wrenches, asked, None if rigid is None else scene.stiff.Z
-            make = partial(Enrichment, body, V_y, inertia, loads, wrenches, asked, rigid)
-            found = made_once(body, "vectors", of, make)
+            found = made_once(
+                body,
+                "vectors",
+                (V_y, loads, wrenches, asked, scene.stiff and scene.stiff.Z),
+                lambda: Enrichment(body, V_y, inertia, loads, wrenches, asked, rigid()),  # noqa: F821
+            )
         except AssumptionError as error:
             raise AssumptionError(f"{', '.join(place.name for place in actions.wrenches)}: {error}") from error
         del rigid
@@ -244,7 +247,3 @@ class EnrichedBody:
         found = (inputs @ self._forcing[:, self._layout.input_slot].T).reshape(len(t), 2, 2, size, self.m)
         D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * DIFFERENCE), 1, 0)
         return D, K
-
-
-def _side_by_side(parts: list[np.ndarray], N: int) -> np.ndarray:
-    return np.hstack([*parts, np.zeros((N, 0))])

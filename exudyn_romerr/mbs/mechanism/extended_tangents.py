@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import null_space
 
 from ...estimates.march import Tangent
 from ...online.coupled_runs import shared_energy
@@ -16,9 +17,11 @@ if TYPE_CHECKING:
 
     from ...model.floating_frame import FrameMotion
     from ...online.run import Opening, Run
+    from ...trajectory.samples import Extension
     from ..derivatives.linearisation import Reading
     from .enriched_body import EnrichedBody
 
+TINY = np.finfo(float).tiny
 LEFT = 1e-8  # of constraints: what Newton's tolerance leaves of none
 
 
@@ -53,6 +56,31 @@ class ExtendedTangents:
             self._made[j] = replace(self._tangent(j, 0), rate=self._tangent(j, 1))
         return self._made[j]
 
+    def turned(self, t: np.ndarray, extensions: Sequence[Extension]) -> np.ndarray:
+        """Return angles (S,) by which constraints and frames of bodies turn in the steps to t at most.
+
+        A reading is good for the steps around it.
+        """
+        h = next(iter(extensions[0].segments.values()))[0].h
+        rates = [
+            (np.linalg.norm(C_t, axis=1) / np.maximum(np.linalg.norm(C, axis=1), TINY)).max(initial=0.0)
+            for C, C_t in self._turning
+        ]
+        after = np.clip(np.searchsorted(self.t, t), 0, len(rates) - 1)
+        rates = np.maximum(np.array(rates)[after], np.array(rates)[np.maximum(after - 1, 0)])
+        frames = [block.added.veer.w for e in extensions for block, _ in e.segments.values()]
+        return 2 * h * np.maximum(rates, np.max(frames, axis=0))
+
+    def lightness(self, j: int) -> float:
+        """Return the smallest mass that constraints admit half way to the next reading, over that at both of them."""
+        ends = self[j], self[j + 1]
+        dt, scale = ends[1].t - ends[0].t, 1 / np.sqrt(np.max([np.diag(tangent.M) for tangent in ends], axis=0))
+        between = (sum(getattr(x, name) for x in ends) / 2 for name in "MC")
+        slopes = (dt / 8 * (getattr(ends[0].rate, name) - getattr(ends[1].rate, name)) for name in "MC")
+        middle = (x + dx for x, dx in zip(between, slopes, strict=True))
+        known = min(_lightest(tangent.M, tangent.C, scale) for tangent in ends)
+        return _lightest(*middle, scale) / known
+
     def _tangent(self, j: int, order: int) -> Tangent:
         """The tangent, or its rate."""
         n, turning, whole = self._size, self._turning[j][order], (self._whole, self._rates)[order][j]
@@ -72,6 +100,12 @@ class ExtendedTangents:
         G = np.zeros((len(reading.G), self._size))
         G[:, :n] = reading.G
         return np.vstack([M, D, K, G])
+
+
+def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> float:
+    """Smallest mass of what constraints admit, coordinates scaled."""
+    free = scale[:, None] * null_space(C * scale)
+    return float(np.linalg.eigvalsh(free.T @ M @ free)[0])
 
 
 class FixedFreedoms:

@@ -14,11 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..derivatives.linearisation import Reading, Tangents
+from .extended_tangents import ExtendedTangents
 
 OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
 APART = 32  # steps between those that are tried, at most
-SOME = 16  # of the rows between two readings
+SOME = 16  # of the rows between two readings, or every 16th if there are more
+LIGHT = 0.5  # of the smallest mass at two readings: less between them, and the march through the spline may explode
 SEED = 15
 
 
@@ -46,14 +48,24 @@ class _Interval(NamedTuple):
 class LateReadings:
     """Of stored rows t (S,) and states q, q_t, q_tt, multipliers (S, ...).
 
+    enriched : has `parts`, bodies and where their auxiliary vectors are among `size` coordinates; None: there are no
+    vectors.
+
     Attributes
     ----------
     failure : why a tangent could not be read; readings end before. note : why tangents were left as they are.
     """
 
-    def __init__(self, tangents: Tangents, mbs: Any, t: np.ndarray, states: Sequence[np.ndarray]):
+    def __init__(
+        self,
+        tangents: Tangents,
+        mbs: Any,
+        t: np.ndarray,
+        states: Sequence[np.ndarray],
+        enriched: Any = None,
+    ):
         self._tangents, self._mbs, self._t, self._states = tangents, mbs, t, states
-        self._tried: set[float] = set()
+        self._enriched, self._tried = enriched, set[float]()
         self._can_read: bool | None = None
         self.failure: Exception | None = None
         self.note = ""
@@ -63,7 +75,7 @@ class LateReadings:
         if self._tangents.readings[-1].t < self._t[-1]:
             self._read([len(self._t) - 1])
         while self._interpolate() and any(
-            self._read(list(find())) for find in (self._changing, self._missed, self._untrue)
+            self._read(list(find())) for find in (self._changing, self._missed, self._untrue, self._light)
         ):
             pass
 
@@ -169,7 +181,7 @@ class LateReadings:
         off : by single coordinates; the row where that is largest is tried, and some of all.
         """
         carried, motions = self._tangents.carried_near(self._t[interval.middle]), interval.last.motions
-        rows = np.unique([off.argmax(), *np.linspace(0, len(off) - 1, SOME).astype(int)])
+        rows = np.unique([off.argmax(), *np.linspace(0, len(off) - 1, max(SOME, len(off) // SOME)).astype(int)])
         K = np.zeros((len(rows), len(motions), len(motions)))
         K[:, carried.i, carried.j] = self._moving[interval.rows][rows] @ carried.by.T
         found = np.zeros(len(off))
@@ -186,6 +198,14 @@ class LateReadings:
             self._tried.update(self._t[row] for row in off if off[row] <= OFF)
             if off and max(off.values()) > OFF:
                 yield max(off, key=off.get)
+
+    def _light(self) -> Iterator[int]:
+        """Middles of long intervals where the spline's mass is none: that of stiff motions is in no scale."""
+        long = [i for i in self._intervals() if i.count > APART and self._enriched is not None]
+        if not long:
+            return
+        tangents = ExtendedTangents(self._tangents.readings, self._enriched.size, self._enriched.parts)
+        yield from (i.middle for i in long if tangents.lightness(i.j) < LIGHT)
 
     def _to_try(self, interval: _Interval) -> list[int]:
         """Rows of an interval that were not tried, and may be."""

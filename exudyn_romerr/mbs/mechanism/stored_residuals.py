@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.local_errors import filled, in_the_middle, missed, seldom, standing_out
+from ...estimates.local_errors import NODES, filled, in_the_middle, seldom, standing_out, told
 from ..access.load_functions import load_functions, loads_with_functions
 from ..access.state_guard import set_state, state_kept
 from ..derivatives.linearisation import Tangents
+from ..derivatives.twin import Place
 from ..memory.user_memory import memory_kept
 
 BALANCED = 1e-3  # of the largest force: what may be left at a sample, where Newton's iterations have ended
@@ -35,7 +36,8 @@ class StoredResiduals:
 
     Attributes
     ----------
-    failure : why there are no residuals between samples; empty if there are.
+    failure : why there are no residuals between samples; empty if there are. in_a_copy : whether a light copy of the
+    mbs may be asked, if there is one.
     """
 
     def __init__(self, tangents: Tangents, mbs: Any):
@@ -43,7 +45,8 @@ class StoredResiduals:
         self._loads = loads_with_functions(mbs)
         # functions of loads are looked at by themselves; what others do between samples shows in residuals only
         self._all = len(self._functions) > sum(len(load_functions(mbs.GetLoad(i))) for i in self._loads)
-        self.failure = ""
+        self.failure, self.in_a_copy = "", True
+        self._place: Place | None = None  # where residuals are asked for, in a block
 
     def between(
         self, mbs: Any, rows: Sequence[np.ndarray], first: int, dv: np.ndarray
@@ -61,11 +64,23 @@ class StoredResiduals:
                 if memory.lost:
                     raise RunError(HOLDS.format(memory.lost))
                 self._check(mbs, rows, dv)
+                self._place = self._cheapest(mbs, rows)
                 found = self._between(mbs, rows, first, dv)
                 self.failure = MEMORY if memory.changed else ""
         except Exception as error:  # of a user function, or of a state that cannot be
             self.failure = FAILED.format(error)
+        finally:
+            self._place = None
         return (None, None) if self.failure else found
+
+    def _cheapest(self, mbs: Any, rows: Sequence[np.ndarray]) -> Place:
+        """The light copy if it shows what the mbs shows at another time than the run is at, in a step; or the mbs."""
+        t, *states = (x[-NODES:] for x in rows)
+        now, state = (t[-2] + t[-1]) / 2, [in_the_middle(t, x)[-1] for x in states]
+        own, light = Place(self._tangents.equations, mbs), self._tangents.light(mbs)
+        if light.mbs is not mbs and self.in_a_copy:
+            self.in_a_copy = light.shows(now, state, own.look(now, state))
+        return light if self.in_a_copy else own
 
     def _between(self, mbs: Any, rows: Sequence, first: int, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The middle of the steps; where that matters, their quarters too.
@@ -77,19 +92,15 @@ class StoredResiduals:
         looked = self._looked(mbs, t, np.abs(dv[first:]) * light / known)
         moves, t = np.diff(t)[:, None] / (light * known), (t[:-1] + t[1:]) / 2  # residuals, in sizes of local errors
         r = np.zeros((len(t), len(light)))
-        r[looked] = self._at(mbs, rows, MIDDLE, first + np.flatnonzero(looked))
+        look = lambda share, steps: self._at(mbs, rows, share, first + steps)  # noqa: E731
+        r[looked] = look(MIDDLE, np.flatnonzero(looked))
         closer = looked.copy()
         if not looked.all():
-            off = np.zeros(len(t))
-            off[INNER] = missed(t[INNER], (moves * r)[INNER], looked[INNER])
-            more = ~looked & (off > OFF)
-            r[more] = self._at(mbs, rows, MIDDLE, first + np.flatnonzero(more))
-            looked |= more
-            closer |= more & (off > MATTERS)
+            closer |= told(t, r, looked, lambda steps: look(MIDDLE, steps), moves, OFF) > MATTERS
             r[INNER] = filled(t[INNER], r[INNER], looked[INNER])
         uncertain, matter = np.zeros_like(r), np.flatnonzero(closer & (moves * np.abs(r) > MATTERS).any(axis=1))
         if matter.size:
-            quarter, last = (self._at(mbs, rows, share, first + matter) for share in QUARTERS)
+            quarter, last = (look(share, matter) for share in QUARTERS)
             uncertain[matter] = np.tensordot(CLOSER, [quarter, r[matter], last], axes=1)
             uncertain[INNER] = filled(t[INNER], uncertain[INNER], closer[INNER])
         return r, uncertain
@@ -128,13 +139,14 @@ class StoredResiduals:
         t, *states = rows
         times = t[:-1] + share * np.diff(t)
         inside = [in_the_middle(t, x, share)[steps] for x in states]
-        at = self._tangents.light(mbs)
+        at = self._place or Place(self._tangents.equations, mbs)
         found = [at.at(now, state).residual() for now, *state in zip(times[steps], *inside, strict=True)]
         return np.reshape(found, (len(steps), self._tangents.size))
 
     def _residual(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
-        set_state(mbs.systemData, t, state)
-        return self._tangents.equations.residual(mbs)
+        at = self._place or Place(self._tangents.equations, mbs)
+        set_state(at.mbs.systemData, t, state)
+        return at.residual()
 
     def _check(self, mbs: Any, rows: Sequence[np.ndarray], dv: np.ndarray) -> None:
         """RunError if the equations of the run are not these: something acts on it that its state does not tell."""

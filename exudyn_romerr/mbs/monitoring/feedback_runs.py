@@ -167,7 +167,8 @@ class Reaction:
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
-            self._say(join_extensions(runs, extensions, self._first_steps))
+            turned = extended.turned(rows[0], extensions)
+            self._say(join_extensions(runs, extensions, self._first_steps, turned))
             self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)

@@ -12,7 +12,7 @@ from ...errors import AssumptionError, InputError, RunError
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
-from ..access.mbs_items import scheme_of
+from ..access.mbs_items import scheme_of, share_of
 from ..derivatives.linearisation import Tangents
 from ..mechanism.late_readings import LateReadings
 from ..mechanism.more_vectors import MoreVectors
@@ -93,7 +93,7 @@ class Mechanism:
         """Read the tangents that stored steps need: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
         if self.tangents is None or not self.tangents.readings or self._has_failed:
             return
-        late = LateReadings(self.tangents, mbs, t, states)
+        late = LateReadings(self.tangents, mbs, t, states, self._reaction)
         late.read()
         self._failure = late.failure
         for watch in self._partners if late.note else ():
@@ -151,8 +151,7 @@ class Mechanism:
             self._prepare_reaction(mbs)
 
     def _prepare_reaction(self, mbs: Any) -> None:
-        of_solver = scheme_of(mbs)
-        if of_solver is None:
+        if (of_solver := scheme_of(mbs)) is None:
             raise AssumptionError("the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False")
         settings = mbs.sys["simulationSettings"]
         self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
@@ -163,7 +162,8 @@ class Mechanism:
 
     def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, with_sensors: bool) -> Reaction:
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
-        steps = Feedback(scheme), FirstSteps(scheme), self.tangents, StepErrors(self.tangents, residuals, holds_rates)
+        first = FirstSteps(scheme, None if holds_rates else share_of(mbs))
+        steps = Feedback(scheme), first, self.tangents, StepErrors(self.tangents, residuals, holds_rates)
         return Reaction(self._partners, *steps, self._sensors if with_sensors else ())
 
     def _prepare_estimates(self, mbs: Any) -> None:

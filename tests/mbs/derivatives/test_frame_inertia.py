@@ -59,6 +59,20 @@ def test_forces_and_masses_are_exudyns(n, kind, unit):
     check(own.force(q[place], q_t[place], q_tt[place]), M @ q_tt[place] + left, ROUNDING)
 
 
+def test_bodies_without_damping_have_closed_forms():
+    """ObjectFFRFreducedOrder has no damping matrix then."""
+    scene = mechanisms.double_pendulum(2, damping=(0.0, 0.0), assemble=True)
+    mbs, number = scene.mbs, scene.bodies[0]["oFFRFreducedOrder"]
+    item = mbs.GetObject(number) | {"dampingMatrixReduced": exu.MatrixContainer()}
+    own = FrameInertia(
+        item, mbs.GetNode(int(item["nodeNumbers"][0])), number, mbs.systemData.GetObjectLTGODE2(number)
+    )
+    q, q_t = np.random.default_rng(1).normal(size=(2, len(own.columns)))
+    damped = body_of(scene, np.random.default_rng(2), False)[0]
+    assert not damped.D.any()
+    np.testing.assert_array_equal(own.force(q, q_t, q_t), damped.force(q, q_t, q_t))
+
+
 @pytest.mark.parametrize("unit", [True, False])
 def test_derivatives_are_those_of_the_forces(unit):
     """Without stiffness and damping, beside which nothing else would show."""

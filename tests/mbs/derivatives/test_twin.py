@@ -5,6 +5,7 @@ import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr.mbs.access.equations import Equations
+from exudyn_romerr.mbs.access.state_guard import state_set
 from exudyn_romerr.mbs.derivatives.light_mesh import lightened
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.derivatives.twin import Place
@@ -56,6 +57,9 @@ def test_three_nodes_a_marker_are_the_same_equations(make):
             assert np.abs(one - other).max() <= ROUNDING * np.abs(one).max()
             assert np.abs(one).max() > 0
         assert twin.shows(0.03, state, seen)
+        with state_set(scene.mbs.systemData, 0.03, state), state_set(twin.mbs.systemData, 0.03, state):
+            wanted, found = own.residual(), twin.residual()
+        assert np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max()
     for factors in ((0.0, -1.0, 0), (-1.0, 0.0, 1)):
         wanted, found = (place.equations.jacobian(place.mbs, *factors) for place in (own, twin))
         assert np.abs(found - wanted).max() <= DIFFERENCES * np.abs(wanted).max()
