@@ -1,7 +1,7 @@
 """What coupled bounds cost beside the quarter car of examples/wishbone_suspension.py: 14 modes, steps of 0.5 ms.
 
-Paired runs, CPU time: see pairs.py. Every run is the drive over the bump, the first one from the equilibrium on; where
-others begin is not the full body's, and "auto" would try more vectors for what that makes of bounds.
+Paired runs, CPU time: see pairs.py. Every run is the drive over the bump, the first one from the equilibrium on;
+where others begin is not the full body's, and "auto" would try more vectors for what that makes of bounds.
 
     python benchmarks/wishbone_cost.py [--end 0.2] [--pairs 7]
 """
