@@ -33,6 +33,7 @@ MORE = 60, 130  # that are tried in turn
 # NGsolveCraigBampton at 2.8 after 0.1 s, at 6.2 after 1 s; CMSexampleCourse at 7 and 5.7 after 0.1 and 0.3 s;
 # objectFFRFreducedOrderTest, 100 steps, at 55
 FAR, FAR_IN_SHORT_RUNS, LONG = 3.0, 10.0, 256
+SHORT = 50  # steps: nothing is tried in runs of fewer
 PAYS = 1.3  # times smaller, of one of the bounds that asked for it; or fewer vectors are kept
 WORSE = 1.1  # times larger, of any bound: they are kept as well
 KEPT = 1024  # rows of a run, the most that are gone through once more
@@ -141,7 +142,7 @@ class MoreVectors:
         reaction.advance(rows, mbs)
         is_last = self._taken >= KEPT or len(self._readings) * self._tangents.size**2 > OF_TANGENTS
         stops = self._exceeds(len(rows[0]))
-        if is_last or stops or self._planned <= self._taken:
+        if is_last or stops or SHORT <= self._planned <= self._taken:
             reaction = self._chosen(reaction, FAR if stops or self._planned >= LONG else FAR_IN_SHORT_RUNS, mbs)
         if is_last:
             self._first = None

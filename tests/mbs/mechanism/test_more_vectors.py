@@ -98,6 +98,11 @@ def test_what_fails_is_left(asking, bar, monkeypatch):
     assert told(auto)[0].endswith("60 could not be tried: no room")
 
 
+def test_nothing_is_tried_in_a_few_steps(asking, bar, monkeypatch):
+    monkeypatch.setattr(more_vectors, "SHORT", STEPS + 1)
+    assert_same(report(bar()), report(bar(), auxiliary_modes=FIRST))
+
+
 def test_a_run_goes_on_with_the_vectors_that_were_taken(asking, bar):
     """From one solve to the next; the second one chooses nothing."""
     found = []
@@ -106,7 +111,7 @@ def test_a_run_goes_on_with_the_vectors_that_were_taken(asking, bar):
         monitor = watched(scene, **options)
         scene.mbs.Assemble()
         integration = scene.settings.timeIntegration
-        for first, last in ((0, 40), (40, STEPS)):
+        for first, last in ((0, more_vectors.SHORT), (more_vectors.SHORT, STEPS)):
             integration.startTime, integration.endTime, integration.numberOfSteps = first * H, last * H, last - first
             scene.mbs.SolveDynamic(scene.settings, updateInitialValues=True)
         found.append([monitor.report(i) for i in range(2)])
