@@ -64,14 +64,14 @@ def assess(report: ReportData, name: str, tolerance: float, relative: bool = Fal
     out = report.output(name)
     limits = _limits(out, tolerance, relative)
     found = [_of_row(report, replace(out, tolerance=limit), row) for row, limit in enumerate(limits)]
-    worst = _worst(found, limits)
+    worst = _worst(out, found, limits)
     return _with_small_row(out, tolerance, found, found.index(worst)) if relative else worst
 
 
-def _worst(found: Sequence[Assessment], limits: Sequence[float]) -> Assessment:
-    """The worst answer; of rows that share it the first with the largest tolerance: of shares, that moves most."""
+def _worst(out: OutputData, found: Sequence[Assessment], limits: Sequence[float]) -> Assessment:
+    """The worst answer; of rows with it that of the largest tolerance (of shares, it moves most), of these bound."""
     ranks = [ANSWERS.index(assessment.answer) for assessment in found]
-    return found[np.lexsort((-np.array(limits), ranks))[0]]
+    return found[np.lexsort((-np.max(out.bound["best"], axis=0), -np.array(limits), ranks))[0]]
 
 
 def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], row: int) -> Assessment:
