@@ -27,11 +27,6 @@ UNCHECKED = (
     "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
     "noticed. No bound of this run is certified; add eigenmodes"
 )
-BEGUN_ANEW = (
-    "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
-    "that ring and that they do not resolve, is not in the bound, which is not certified; a spectral radius of 1 "
-    "leaves them as they are"
-)
 NO_OUTPUTS = (
     "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
     "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "

@@ -8,13 +8,16 @@ the tangent is read in the stored state, until they do not.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..derivatives.linearisation import Reading, Tangents
+from ..memory.user_memory import memory_kept
 from .extended_tangents import ExtendedTangents
+from .stored_residuals import user_functions
 
 OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
@@ -71,7 +74,13 @@ class LateReadings:
         self.note = ""
 
     def read(self) -> None:
-        """Read what is missing: at the last row, then where tangents change or what is interpolated is off."""
+        """Read what is missing; what user functions keep, which are called at stored times, is put back."""
+        functions = [] if self._mbs is None else user_functions(self._mbs)
+        with memory_kept(self._mbs, functions) if functions else nullcontext():
+            self._read_missing()
+
+    def _read_missing(self) -> None:
+        """At the last row, then where tangents change or what is interpolated is off."""
         if self._tangents.readings[-1].t < self._t[-1]:
             self._read([len(self._t) - 1])
         while self._interpolate() and any(
