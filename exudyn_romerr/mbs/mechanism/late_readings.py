@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...online.run_messages import CHANGED
 from ..derivatives.linearisation import Reading, Tangents
 from ..memory.user_memory import memory_kept
 from .extended_tangents import ExtendedTangents
-from .stored_residuals import user_functions
+from .stored_residuals import GONE, user_functions
 
 OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
@@ -133,7 +134,7 @@ class LateReadings:
             except Exception:  # another mbs than it was
                 self._can_read = False
             if not self._can_read:
-                self.note = NOTE.format(self._t[0], self._t[-1])
+                self.note = NOTE.format(self._t[0], self._t[-1], GONE if self._mbs is None else CHANGED)
         return self._can_read
 
     def _intervals(self) -> Iterator[_Interval]:
@@ -239,6 +240,6 @@ class LateReadings:
 
 
 NOTE = (
-    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile "
-    "(by a PostStep function, or after the solve), and they cannot be read in stored states"
+    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing, and cannot be read in stored "
+    "states: {}"
 )
