@@ -166,7 +166,8 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
         values = values_at_once(vector.at, times, 3) if len(times) > FEW else None
     if values is None or (memory is not None and memory.was_changed):
         with vector.kept() as memory:
-            values = np.array([vector.at(x) for x in times.tolist()], dtype=float).reshape(-1, 3)
+            # backwards: the run may be at the last time, where memory of the time would be what it was
+            values = np.array([vector.at(x) for x in times[::-1].tolist()], dtype=float).reshape(-1, 3)[::-1]
     if memory is not None and memory.was_changed:
         raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
     return values[again]

@@ -73,8 +73,10 @@ class DrivenFrame:
     def over(self, start: float, end: float, step: float) -> Panels:
         """Return the function as polynomials on [start, end]; AssumptionError if it remembers its calls."""
         shortest = step / PARTS  # that much before, too: there may be a kink at the start itself
+        begin = max(start - shortest, min(self.since, start))
         with memory_kept(self.mbs(), [self.function]) as memory:
-            found = resolved(self.values, max(start - shortest, min(self.since, start)), end, shortest)
+            found = resolved(self.values, begin, end, shortest)
+            self.offset(end - shortest)  # the run may be at the end, where memory of the time would be what it was
         if memory.was_changed:
             raise AssumptionError(f"{REMEMBERS}; pass scope='inputs frozen'")
         return found
