@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from ..trajectory.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from .run_record import RunRecord, SolverFacts
 
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
@@ -17,6 +19,10 @@ BEGUN_ANEW = (
     "that ring and that they do not resolve, is not in the bound, which is not certified; a spectral radius of 1 "
     "leaves them as they are"
 )
+CHANGED = (
+    "the mbs was changed meanwhile (by a PostStep function, or after the solve), so that coupled bounds are not "
+    "certified"
+)
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
 MOTION_JUMPS = (
     "loads or accelerations of the prescribed motion change within single steps: up to {:.1e} of the largest is not "
@@ -26,11 +32,6 @@ MOTION_JUMPS = (
 UNCHECKED = (
     "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
     "noticed. No bound of this run is certified; add eigenmodes"
-)
-BEGUN_ANEW = (
-    "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
-    "that ring and that they do not resolve, is not in the bound, which is not certified; a spectral radius of 1 "
-    "leaves them as they are"
 )
 NO_OUTPUTS = (
     "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
@@ -67,7 +68,13 @@ def is_balanced(run: RunRecord) -> bool:
 
 def is_certified(run: RunRecord) -> bool:
     """Whether the run is balanced and its bounds hold from the start of the solve on."""
-    return is_balanced(run) and not run.begins_late and BEGUN_ANEW not in run.messages
+    was_changed = run.offline.scene.coupled and bool(told_of_changes(run.messages))
+    return is_balanced(run) and not run.begins_late and BEGUN_ANEW not in run.messages and not was_changed
+
+
+def told_of_changes(messages: Iterable[str]) -> list[str]:
+    """Return those messages that say that the mbs was changed along the run."""
+    return [message for message in messages if CHANGED in message]
 
 
 def planned_end(run: RunRecord) -> float | None:

@@ -3,12 +3,13 @@
 import math
 import warnings
 from math import sin
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from exudyn_romerr.errors import InputError
-from exudyn_romerr.mbs.floating.actions import over_time
+from exudyn_romerr.errors import AssumptionError, InputError
+from exudyn_romerr.mbs.floating.actions import OfTime, over_time
 from exudyn_romerr.trajectory.input_signal import COMPARED, InputSignal
 
 T = np.linspace(0.0, 3.0, 1000)
@@ -65,7 +66,7 @@ def test_loads_of_floating_bodies_are_called_at_once():
     counted = Counted(lambda t: [0.0, 5.0 * np.sin(7.0 * t), 0.0])
     repeated = np.repeat(T, 4)
     expected = np.array([counted.function(t) for t in repeated.tolist()])
-    assert np.array_equal(over_time(counted, repeated), expected)
+    assert np.array_equal(over_time(OfTime(counted), repeated), expected)
     assert counted.calls <= 2 + len(T) // COMPARED + 1
 
 
@@ -105,7 +106,7 @@ def test_functions_with_math_are_called_at_once():
         return load(None, t, vector)
 
     expected = np.array([load(None, t, vector) for t in times.tolist()])
-    assert np.all(np.abs(over_time(f, times) - expected) <= LAST_DIGITS * np.abs(expected).max(axis=0))
+    assert np.all(np.abs(over_time(OfTime(f), times) - expected) <= LAST_DIGITS * np.abs(expected).max(axis=0))
     assert len(counted) < 150
     found = InputSignal(lambda t: math.sin(t), 1)(FINE)
     np.testing.assert_allclose(found[:, 0], np.sin(FINE), rtol=0, atol=LAST_DIGITS)
@@ -173,3 +174,27 @@ def test_a_value_at_the_first_of_many_times_is_no_constant():
         return [values[0], 0.0]
 
     assert InputSignal(pulse, 2)(FINE)[:, 0].max() == 1e3
+
+
+class Remembering:
+    """A load that takes what it is given for a time, and keeps something of it from a time on."""
+
+    def __init__(self, since):
+        self.since, self.last, self.integral = since, 0.0, 0.0
+
+    def __call__(self, mbs, t, vector):
+        if np.max(t) > self.since:
+            self.integral += 1e-3 * (t - self.last)
+            self.last = t
+        return [0.0, 0.0, 10.0 + self.integral]
+
+
+def test_what_loads_keep_is_put_back_after_arrays_and_is_refused():
+    """An integral over time takes arrays as if they were a time: none of them stays in it."""
+    f, mbs = Remembering(since=0.5), SimpleNamespace(variables={}, sys={})
+    vector = OfTime(lambda t: f(mbs, t, None), f, lambda: mbs)
+    early = np.linspace(0.0, 0.4, 9)
+    assert np.array_equal(over_time(vector, early), np.tile([0.0, 0.0, 10.0], (9, 1)))
+    with pytest.raises(AssumptionError, match="keeps something from call to call"):
+        over_time(vector, T)
+    assert (type(f.last), type(f.integral), f.last, f.integral) == (float, float, 0.0, 0.0)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import weakref
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...offline.prepare import prepare
+from ...trajectory.input_signal import InputSignal
+from ..memory.user_memory import memory_kept
 from .mbs_items import require_inputs_only
 
 if TYPE_CHECKING:
@@ -19,6 +23,18 @@ if TYPE_CHECKING:
     from .reduced_body import ReducedBody
 
 
+class KeptSignal(InputSignal):
+    """An input function that a run goes on with: what it keeps is put back after every call."""
+
+    def __init__(self, flex: ReducedBody):
+        super().__init__(flex.input_function, flex.model.G.shape[1])
+        self._mbs = weakref.ref(flex.mbs)
+
+    def kept(self) -> AbstractContextManager:
+        """Put back what the function keeps."""
+        return memory_kept(self._mbs(), [self._f])
+
+
 class LinearSubject:
     """Its offline work is done when it is attached; the mbs is read for what it must not contain.
 
@@ -30,7 +46,8 @@ class LinearSubject:
     def __init__(self, flex: ReducedBody, options: BoundOptions):
         self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
         self._model, self.body, self._basis = flex.model, flex.body, flex.basis  # not flex, which holds the mbs
-        self._options = replace(options, inputs=flex.inputs, input_function=flex.input_function)
+        self._signal = None if flex.input_function is None else KeptSignal(flex)
+        self._options = replace(options, inputs=flex.inputs, input_function=self._signal)
         self._offline = prepare(self.body, self._basis, self._options)
         self.columns, self.floor = slice(0, 0), 0.0
 
@@ -58,7 +75,8 @@ class LinearSubject:
     def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, **_: bool) -> tuple:
         """Return q, q_t, q_tt of a run's first sample, each (n,)."""
         # explicit solvers leave the initial accelerations unset until their first step is done
-        return q, q_t, self._model.acceleration(t, q, q_t)
+        with nullcontext() if self._signal is None else self._signal.kept():
+            return q, q_t, self._model.acceleration(t, q, q_t)
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt of accepted steps, each (S, n)."""

@@ -57,10 +57,11 @@ def _why_not_by_time_alone(mbs: Any, numbers: list[int], copies: Copies | None =
             for f in own:
                 with suppress(Exception):  # a table that ends here
                     f(mbs, t + LATER * max(abs(t), 1.0), load.get("loadVector", load.get("load")))
+        remembers = memory.changed  # before the next call, which may lead back: that of an integral over time does
         keep()
     first, *others = (np.hstack(rows) for rows in values)
     same = all(np.array_equal(first, row, equal_nan=True) for row in others)
-    return None if same and not memory.was_changed else ""
+    return None if same and not (remembers or memory.was_changed) else ""
 
 
 def remembering_joints(mbs: Any) -> list[str]:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import weakref
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...errors import AssumptionError
 from ...model.admissible_space import MeanMotion
 from ...model.floating_frame import left_jacobian
 from ...trajectory.input_signal import FEW, values_at_once
+from ..memory.user_memory import memory_kept
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,6 +21,10 @@ if TYPE_CHECKING:
     from ...model.body import ElasticBody
     from ...model.floating_frame import FrameMotion
 
+REMEMBERS = (
+    "the function of a load, called for t = {:g} to {:g} s away from the run, keeps something from call to call: its "
+    "values are not those of the run; make it a function of time alone"
+)
 NO_WORK = 1e-9  # of a column: what rounding leaves where the reference conditions hold a marker's motion at zero
 
 
@@ -50,12 +57,25 @@ class Place:
 
 
 @dataclass(frozen=True)
+class OfTime:
+    """A vector (3,) over time; function : the user's own behind it, if there is one, of an mbs, a weak reference."""
+
+    at: Callable[[float], Any]
+    function: Callable | None = None
+    mbs: Callable[[], Any] | None = None
+
+    def kept(self) -> AbstractContextManager:
+        """Put back what the user's function keeps: the run goes on with it."""
+        return nullcontext() if self.function is None else memory_kept(self.mbs(), [self.function])
+
+
+@dataclass(frozen=True)
 class Load:
     """A known force or torque (`torque`) over time, in global axes or in those of its marker (`body_fixed`)."""
 
     name: str
     place: Place
-    vector: Callable[[float], Any]
+    vector: OfTime
     torque: bool
     body_fixed: bool
 
@@ -86,13 +106,13 @@ class Load:
 class Actions:
     """All that acts on one floating body.
 
-    loads : known ones. wrenches : places where joints and connectors act. gravity : functions t -> (3,). places : all
+    loads : known ones. wrenches : places where joints and connectors act. gravity : accelerations. places : all
     markers on mesh nodes, by number. idle : names of those that act but do no work.
     """
 
     loads: list[Load] = field(default_factory=list)
     wrenches: list[Place] = field(default_factory=list)
-    gravity: list[Callable[[float], Any]] = field(default_factory=list)
+    gravity: list[OfTime] = field(default_factory=list)
     places: dict[int, Place] = field(default_factory=dict)
     idle: list[str] = field(default_factory=list)
 
@@ -113,6 +133,10 @@ class Actions:
         """Return the acceleration of gravity at times t (S,), in global axes: (S, 3)."""
         return sum((over_time(g, t) for g in self.gravity), np.zeros((len(t), 3)))
 
+    def sizes_of_gravity(self) -> np.ndarray:
+        """Return the sum (3,) of the sizes of all accelerations of gravity at the start."""
+        return sum((np.abs(over_time(g, np.zeros(1))[0]) for g in self.gravity), np.zeros(3))
+
     @property
     def free(self) -> list[str]:
         """Names of markers that nothing acts at."""
@@ -127,21 +151,34 @@ class Actions:
         return bool(self.gravity), *loads, *((place.name, place.columns.tobytes()) for place in self.wrenches)
 
 
-def over_time(vector: Callable[[float], Any], t: np.ndarray) -> np.ndarray:
-    """Return what a user's function gives at times t (S,), called once for times that repeat: (S, 3)."""
+def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
+    """Return a vector at times t (S,), a user's function called once for times that repeat: (S, 3).
+
+    What that keeps is put back after it was tried with many times, and after it was called with single ones.
+
+    Raises
+    ------
+    AssumptionError
+        It keeps something from call to call, which it did not when the solve began.
+    """
     times, again = np.unique(t, return_inverse=True)
-    values = values_at_once(vector, times, 3) if len(times) > FEW else None
-    if values is None:
-        values = np.array([vector(x) for x in times.tolist()], dtype=float).reshape(-1, 3)
+    with vector.kept() as memory:
+        values = values_at_once(vector.at, times, 3) if len(times) > FEW else None
+    if values is None or (memory is not None and memory.was_changed):
+        with vector.kept() as memory:
+            # backwards: the run may be at the last time, where memory of the time would be what it was
+            values = np.array([vector.at(x) for x in times[::-1].tolist()], dtype=float).reshape(-1, 3)[::-1]
+    if memory is not None and memory.was_changed:
+        raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
     return values[again]
 
 
-def load_vector(mbs: Any, load: dict, load_factor: Callable | None) -> Callable[[float], Any]:
+def load_vector(mbs: Any, load: dict, load_factor: Callable | None) -> OfTime:
     """Return a load's vector as a function of time; a user function is called again, after the steps were made."""
     vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
     if not user:
-        return (lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t))
+        return OfTime((lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t)))
     f = user["function"]
-    f = f if callable(f) else f.Evaluate  # a symbolic function
+    own, f = (f, f) if callable(f) else (None, f.Evaluate)  # a symbolic function, which keeps nothing
     owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
-    return lambda t: f(owner(), t, vector)
+    return OfTime(lambda t: f(owner(), t, vector), own, owner)

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
+from ...errors import AssumptionError
 from ...model.floating_frame import FrameMotion
 from ...trajectory.driven_inputs import Inputs
 from ...trajectory.prescribed import Derivatives, Panels, has_kink, resolved
+from ..access.load_functions import LATER
 from ..memory.user_memory import memory_kept
 from .scope_decision import AUTO
 
@@ -40,10 +42,11 @@ class DrivenFrame:
     offset : function t -> (6,). Exudyn's GenericJoint with all axes locked: positions differ by f_0..2 in global
     axes, rotations by Q in those of marker 0. back : the body has marker 0, its r has -f_0..2 and its A has Q^T.
     short : a short time, to look at the beginning with. since : a time from which on the function may be called.
-    function : the user's own.
+    function : the user's own, of an mbs, a weak reference.
     """
 
     function: Callable
+    mbs: Callable[[], Any]
     offset: Callable[[float], Any]
     place: np.ndarray
     left: np.ndarray
@@ -68,9 +71,15 @@ class DrivenFrame:
         return Inputs(u, motion.rows(), off)
 
     def over(self, start: float, end: float, step: float) -> Panels:
-        """Return the function as polynomials on [start, end]."""
+        """Return the function as polynomials on [start, end]; AssumptionError if it remembers its calls."""
         shortest = step / PARTS  # that much before, too: there may be a kink at the start itself
-        return resolved(self.values, max(start - shortest, min(self.since, start)), end, shortest)
+        begin = max(start - shortest, min(self.since, start))
+        with memory_kept(self.mbs(), [self.function]) as memory:
+            found = resolved(self.values, begin, end, shortest)
+            self.offset(end - shortest)  # the run may be at the end, where memory of the time would be what it was
+        if memory.was_changed:
+            raise AssumptionError(f"{REMEMBERS}; pass scope='inputs frozen'")
+        return found
 
     def motion(self, d: Derivatives) -> FrameMotion:
         """Return the motion of the frame."""
@@ -142,7 +151,7 @@ def _read(mbs: Any, support: Support, now: FrameMotion, short: float, since: flo
     of_body, of_ground = axes if back else axes[::-1]
     A = now.A[0]
     arm, own = A.T @ (p_body - now.r[0]), A.T @ A_body @ of_body
-    return DrivenFrame(f, offset, p_ground, A_ground @ of_ground, own.T, arm, back, short, since)
+    return DrivenFrame(f, owner, offset, p_ground, A_ground @ of_ground, own.T, arm, back, short, since)
 
 
 def _starts_off(driven: DrivenFrame, now: FrameMotion, t: float, goes_on: bool) -> str:
@@ -168,9 +177,11 @@ def _tried(mbs: Any, driven: DrivenFrame, now: FrameMotion, t: float, goes_on: b
         with memory_kept(mbs, [driven.function]) as memory:
             if memory.lost:
                 return HOLDS.format(memory.lost)
-            values = [driven.offset(t), driven.offset(t)]
+            values = [driven.offset(x) for x in (t, t, t + LATER * max(abs(t), 1.0))]
+            if memory.changed:  # before the next call, which may lead back
+                return REMEMBERS
             reason = _starts_off(driven, now, t, goes_on)
-            values.append(driven.offset(t))  # after others
+            values[2] = driven.offset(t)  # after others
             remembers = memory.changed or not all(np.array_equal(values[0], x) for x in values)
     except Exception as error:  # whatever a user's function cannot do
         return f"the function cannot be called away from the run: {type(error).__name__}: {error}"

@@ -11,7 +11,7 @@ from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MeanMotion, mean_motion
 from ..access.load_functions import controllers, loads_with_functions
 from ..access.mbs_items import numbers
-from .actions import Actions, Load, Place, load_vector
+from .actions import Actions, Load, OfTime, Place, load_vector
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -137,7 +137,7 @@ def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions, load_factor: Cal
             actions.gravity.append(load_vector(mbs, load, load_factor))
 
 
-def _load(i: int, load: dict, place: Place, vector: Callable[[float], Any]) -> Load:
+def _load(i: int, load: dict, place: Place, vector: OfTime) -> Load:
     name = f"load {i} ({load['name']})"
     made = Load(name, place, vector, load["loadType"] == "TorqueVector", bool(load["bodyFixed"]))
     if made.follows and place.turns:

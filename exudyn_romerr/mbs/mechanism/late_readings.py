@@ -8,13 +8,17 @@ the tangent is read in the stored state, until they do not.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...online.run_messages import CHANGED
 from ..derivatives.linearisation import Reading, Tangents
+from ..memory.user_memory import memory_kept
 from .extended_tangents import ExtendedTangents
+from .stored_residuals import GONE, user_functions
 
 OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
 LONG = 4  # steps between readings, from which on one of them is tried
@@ -71,7 +75,13 @@ class LateReadings:
         self.note = ""
 
     def read(self) -> None:
-        """Read what is missing: at the last row, then where tangents change or what is interpolated is off."""
+        """Read what is missing; what user functions keep, which are called at stored times, is put back."""
+        functions = [] if self._mbs is None else user_functions(self._mbs)
+        with memory_kept(self._mbs, functions) if functions else nullcontext():
+            self._read_missing()
+
+    def _read_missing(self) -> None:
+        """At the last row, then where tangents change or what is interpolated is off."""
         if self._tangents.readings[-1].t < self._t[-1]:
             self._read([len(self._t) - 1])
         while self._interpolate() and any(
@@ -124,7 +134,7 @@ class LateReadings:
             except Exception:  # another mbs than it was
                 self._can_read = False
             if not self._can_read:
-                self.note = NOTE.format(self._t[0], self._t[-1])
+                self.note = NOTE.format(self._t[0], self._t[-1], GONE if self._mbs is None else CHANGED)
         return self._can_read
 
     def _intervals(self) -> Iterator[_Interval]:
@@ -230,6 +240,6 @@ class LateReadings:
 
 
 NOTE = (
-    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing: the mbs was changed meanwhile "
-    "(by a PostStep function, or after the solve), and they cannot be read in stored states"
+    "between t = {:g} and {:g} s the mechanism's tangents are those read in passing, and cannot be read in stored "
+    "states: {}"
 )

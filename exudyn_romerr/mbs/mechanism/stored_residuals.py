@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...estimates.local_errors import NODES, filled, in_the_middle, seldom, standing_out, told
+from ...online.run_messages import CHANGED
 from ..access.load_functions import load_functions, loads_with_functions
 from ..access.state_guard import set_state, state_kept
 from ..derivatives.linearisation import Tangents
@@ -21,6 +22,7 @@ BALANCED = 1e-3  # of the largest force: what may be left at a sample, where New
 MATTERS = 0.1
 SEEN = 1e-2  # of the local errors of all: those of single velocities below count as such
 OFF = 0.01  # of the same: by how much residuals may be off at steps that are not looked at
+TRIED = 8  # steps with the largest residuals in the middle: whether the equations hold where they end
 FEW = 32  # steps: all of them are looked at
 INNER = slice(1, -1)  # the others may be at the ends of a run, where cubics through samples are one-sided
 ROUGH = 1e-6  # of a load: less of its second differences is nothing
@@ -63,7 +65,7 @@ class StoredResiduals:
             with memory_kept(mbs, self._functions) as memory, state_kept(mbs.systemData):
                 if memory.lost:
                     raise RunError(HOLDS.format(memory.lost))
-                self._check(mbs, rows, dv)
+                self._check(mbs, rows, dv, len(rows[0]) - 1)
                 self._place = self._cheapest(mbs, rows)
                 found = self._between(mbs, rows, first, dv)
                 self.failure = MEMORY if memory.changed else ""
@@ -98,7 +100,10 @@ class StoredResiduals:
         if not looked.all():
             closer |= told(t, r, looked, lambda steps: look(MIDDLE, steps), moves, OFF) > MATTERS
             r[INNER] = filled(t[INNER], r[INNER], looked[INNER])
-        uncertain, matter = np.zeros_like(r), np.flatnonzero(closer & (moves * np.abs(r) > MATTERS).any(axis=1))
+        sizes = (moves * np.abs(r)).max(axis=1)
+        uncertain, matter = np.zeros_like(r), np.flatnonzero(closer & (sizes > MATTERS))
+        for step in matter[np.argsort(-sizes[matter])[:TRIED]]:  # where an mbs that was changed for a while shows
+            self._check(mbs, rows, dv, first + step + 1)
         if matter.size:
             quarter, last = (look(share, matter) for share in QUARTERS)
             uncertain[matter] = np.tensordot(CLOSER, [quarter, r[matter], last], axes=1)
@@ -148,14 +153,14 @@ class StoredResiduals:
         set_state(at.mbs.systemData, t, state)
         return at.residual()
 
-    def _check(self, mbs: Any, rows: Sequence[np.ndarray], dv: np.ndarray) -> None:
-        """RunError if the equations of the run are not these: something acts on it that its state does not tell."""
-        t, q, q_t, q_tt, multipliers = (x[-1] for x in rows)
+    def _check(self, mbs: Any, rows: Sequence[np.ndarray], dv: np.ndarray, i: int) -> None:
+        """RunError if the equations of sample i are not these: something acts on it that its state does not tell."""
+        t, q, q_t, q_tt, multipliers = (x[i] for x in rows)
         left = self._residual(mbs, t, (q, q_t, q_tt, multipliers))
         forces = self._residual(mbs, t, (q, q_t, 0 * q_tt, 0 * multipliers))
-        moved = (t - rows[0][-2]) * self._speed(left[None])[0]
+        moved = (t - rows[0][i - 1]) * self._speed(left[None])[0]
         if np.abs(left).max() > BALANCED * np.abs(forces).max() and moved > MATTERS * self._largest(dv):
-            raise RunError(f"at t = {t:g} s Exudyn's equations do not hold in the state of the sample")
+            raise RunError(f"at t = {t:g} s Exudyn's equations do not hold in the state of the sample: {CHANGED}")
 
 
 def user_functions(mbs: Any) -> list[Callable]:

@@ -36,7 +36,7 @@ class UserMemory:
         search = MemorySearch(functions, copies)
         for pair in RANDOM:
             search.add_variable(*pair)
-        for space in (mbs.variables, mbs.sys):
+        for space in () if mbs is None else (mbs.variables, mbs.sys):
             search.add_space(space)
         for function in functions:
             search.add_behind(function)
@@ -65,7 +65,10 @@ class UserMemory:
 
 @contextmanager
 def memory_kept(mbs: Any, functions: Sequence[Callable], copies: Copies | None = None) -> Iterator[UserMemory]:
-    """Give the memory of user functions, and put it back; copies: made before, for the same functions."""
+    """Give the memory of user functions, and put it back; copies: made before, for the same functions.
+
+    mbs : None if it is gone; what it held is, too.
+    """
     memory = UserMemory(mbs, functions, Copies() if copies is None else copies)
     try:
         yield memory

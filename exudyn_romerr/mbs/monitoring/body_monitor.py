@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import RunError
 from ...online.initial_condition import LOADS_JUMP, NO_ACCELERATIONS, loads_jump
 from ...online.run import Run
-from ...online.run_messages import stopped_or_ended
+from ...online.run_messages import stopped_or_ended, told_of_changes
 from ...online.run_record import UNKNOWN, SolverFacts
 from ...online.static_run import StaticRun
 from ...online.tolerance_check import ToleranceCheck
@@ -229,8 +229,8 @@ class Watch:
         else:
             offline = self._offline.from_static() if before.is_static else before.offline
         run = self._kind(offline, self._solver, self.tolerance)
-        if changed:
-            run.messages.append("the mbs was changed since the run before: its error so far is not carried over")
+        other = "the mbs was changed since the run before: its error so far is not carried over"
+        run.messages += [other] if changed else told_of_changes(() if before is None else before.messages)
         first = self.succession.first_sample(self.subject, before, t, *states)
         if first is None:
             self._late = True

@@ -160,7 +160,7 @@ class MovingSubject:
 
     def _weight(self, mbs: Any) -> float:
         """Largest entry of V^T M e_j times the size of gravity at the start: terms that may cancel in free fall."""
-        gravity = sum((np.abs(np.asarray(g(0.0), dtype=float)) for g in self._sampler.actions.gravity), np.zeros(3))
+        gravity = self._sampler.actions.sizes_of_gravity()
         return float(np.max(np.abs(self._model.V.T @ translations(self._flex.mass)) @ gravity, initial=0.0))
 
     def first(self, t: float, *states: np.ndarray, may_be_late: bool = False) -> tuple | None:

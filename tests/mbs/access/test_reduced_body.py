@@ -60,3 +60,24 @@ def test_other_estimators_hold(estimator):
     eta = closed_form(modes.omega, np.full(N, 0.03), FORCE * (modes.shapes.T @ INPUTS).ravel(), monitor.report().t)
     error = np.abs(eta @ modes.shapes[7] - out.value[:, 0])
     assert np.all(error <= out.bound[estimator][:, 0] + out.round_off[:, 0])
+
+
+@pytest.mark.parametrize("attached", [False, True])
+def test_what_an_input_function_keeps_is_as_the_run_leaves_it(attached):
+    """An integral over time takes arrays as if they were a time: none stays, and the run is the same."""
+    kept = {"t": 0.0, "integral": 0.0}
+
+    def force(t):
+        kept["integral"] += 2.0 * (t - kept["t"])
+        kept["t"] = t
+        return FORCE + 0.0 * kept["integral"]
+
+    mbs, body = new_mbs(), chain_body()
+    flex = romerr.add_reduced_body(mbs, body, romerr.modal_basis(body, 2), inputs=INPUTS, input_function=force)
+    monitor = romerr.attach(mbs, flex, outputs=[TIP]) if attached else None
+    mbs.Assemble()
+    mbs.SolveDynamic(settings(steps=40, end=END))
+    if monitor is not None:
+        assert np.all(np.isfinite(monitor.report().output("tip").bound["best"]))
+    assert [type(x) for x in kept.values()] == [float, float]
+    assert kept["t"] == pytest.approx(END, rel=1e-12)

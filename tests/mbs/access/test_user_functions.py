@@ -300,8 +300,21 @@ def cached_noise(scene):
     return lambda mbs, t, vector: [0.0, 10.0 + noise(t), 0.0]
 
 
+def integral_over_time(scene):
+    """Goes back exactly where it was when it is called at an earlier time; takes what it is given for a time."""
+    kept = {"t": 0.0, "integral": 0.0}
+
+    def force(mbs, t, vector):
+        kept["integral"] += 1e-3 * (t - kept["t"])
+        kept["t"] = t
+        return [0.0, 0.0, 10.0 + 1e5 * kept["integral"]]
+
+    return force
+
+
 LOADS = {
     "hidden": hidden,
+    "integral over time": integral_over_time,
     "mbs.variables": integral_of_the_mbs,
     "closure": integral_of_every_call,
     "object": lambda scene: Controller(scene).force,

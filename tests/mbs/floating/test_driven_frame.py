@@ -274,3 +274,28 @@ def test_a_velocity_that_jumps_where_polynomials_meet_is_seen(kink):
     if kink:
         assert off[np.argmin(np.abs(t - kink))] > 1 / 2.5e-4
     assert np.median(off) < 1e-6
+
+
+@pytest.mark.parametrize("since", [-1.0, END / 2], ids=["at once", "later"])
+def test_what_an_integral_over_time_keeps_is_as_the_run_leaves_it(since):
+    """It goes back exactly where it was at an earlier time; where it begins late, bounds end."""
+    motion, kept = offsets("shifts"), []
+
+    def keep(mbs, t, i, parameters):
+        if t > since:
+            kept[-1]["integral"] += t - kept[-1]["t"]
+            kept[-1]["t"] = t
+        return motion(t)[0].tolist()
+
+    for watched in (False, True):
+        kept.append({"t": 0.0, "integral": 0.0})
+        scene = driven_bar.driven(lambda t: motion(t)[0])
+        scene.mbs.SetObjectParameter(scene.mbs.systemData.NumberOfObjects() - 1, "offsetUserFunction", keep)
+        monitor = attached(scene) if watched else None
+        scene.solve()
+    assert kept[0] == kept[1]
+    if since < 0:
+        assert "remembers its calls" in monitor.report().scope_reason
+    else:
+        with pytest.raises(romerr.errors.AssumptionError, match="remembers its calls"):
+            monitor.report()

@@ -12,10 +12,13 @@ from exudyn import itemInterface
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.monitoring import step_hook as hook_module
-from models import chain, estimate_scenes
+from exudyn_romerr.online.run_messages import CHANGED
+from exudyn_romerr.report.scope import COUPLED, NOT_CERTIFIED
+from models import chain, estimate_scenes, mechanisms
 from models.make_chain_truth import TRUTH, full_run
 from tests.helpers import tolerances as tol
 
+STEP = 5e-4  # s
 MATTERS = 1e-5  # of the output: smaller errors are not asked to be bounded sharply
 SHARP = 3.0  # measured 2.7 at most; without readings where they are needed 1e99 and more
 FIRST = 0.02  # s of the stored truth that are computed again
@@ -180,7 +183,36 @@ def test_a_mechanism_changed_within_its_run_is_read_in_passing_only():
     scene.mbs.GetPostStepUserFunction()["function"].hook.user = heavier
     scene.solve()
     for monitor in monitors:
-        assert any("the mbs was changed meanwhile" in message for message in monitor.report().messages)
+        report = monitor.report()
+        assert any("the mbs was changed meanwhile" in message for message in report.messages)
+        assert report.scope_reason.endswith(NOT_CERTIFIED)
+
+
+@pytest.mark.parametrize("change", ["stiffness", "damping", "load"])
+def test_a_mechanism_changed_for_a_few_steps_between_readings_is_not_certified(change):
+    """The equations of the mbs, which is as it was before, do not hold in the states of those steps."""
+    scene = mechanisms.sprung_body(n=4, h=STEP, t_end=40 * STEP)
+    mbs, spring = scene.mbs, scene.objects["right spring"]
+    load = mbs.AddLoad(itemInterface.LoadForceVector(markerNumber=scene.markers["right 1"], loadVector=[0.0] * 3))
+    monitors = attached(scene)
+
+    def change_it(mbs, t):
+        within = changes and 0.745 < t / (40 * STEP) < 0.8
+        if change == "load":
+            mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 5e3 * within])
+        else:
+            before = {"stiffness": [2e5, 1e5, 1e5], "damping": [2e2] * 3}[change]
+            mbs.SetObjectParameter(spring, change, [20 * x if within else x for x in before])
+        return True
+
+    for changes in (True, False):
+        mbs.GetPostStepUserFunction()["function"].hook.user = change_it
+        scene.solve()
+        for monitor in monitors:
+            report = monitor.report()
+            assert set(report.scope.values()) == {COUPLED}
+            assert any(CHANGED in message for message in report.messages) == changes
+            assert report.scope_reason.endswith(NOT_CERTIFIED) == changes
 
 
 def test_the_mbs_may_be_changed_after_a_solve():
