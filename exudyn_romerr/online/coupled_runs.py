@@ -10,7 +10,7 @@ import numpy as np
 from ..estimates.overshoot import Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
 from ..residual.felt_residuals import FeltResiduals
-from .run_messages import BEGUN_ANEW
+from .run_messages import BEGUN_ANEW, ROUGH_RADIUS, STARTS_DAMPED, STARTS_ROUGHLY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,6 +28,8 @@ UNKNOWN_SCHEME = (
 
 # from one step to the next: Exudyn's adaptive steps grow by 2 at most unless they are told else
 GREW = 2.0 * (1 + 1e-6)
+NEGLIGIBLE = 1e-3  # of the energy's root, what the integrator makes of the start
+ROUNDING = 1e-8  # of the terms of R(0): so much may a static solve leave
 TOO_FAST = (
     "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
     "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"
@@ -53,11 +55,13 @@ class FirstSteps:
     """What the integrator may add to |e|_M and |e'|_M of the bodies of a mechanism (estimates/overshoot.py).
 
     scheme : of the solver; None: unknown. share : of a residual at a step's begin in what the step feels of it, None:
-    not known.
+    not known. damped : whether there are dampers beside those of the bodies. These may have any ratio in a mode, and
+    they join modes: what they carry on into slow ones is in no march of single modes, so it is not certified.
     """
 
-    def __init__(self, scheme: Scheme | None, share: float | None = None):
-        self._scheme, self._push, self._share = scheme, 0.0, share
+    def __init__(self, scheme: Scheme | None, share: float | None = None, damped: bool = False):
+        self._scheme, self._push, self._share, self._damped = scheme, 0.0, share, damped
+        self._doubts: list[str] = []
         self._felt: dict[str, FeltResiduals] = {}
         self._times, self._is_lost = np.zeros(0), False  # the last two
         self._overshoot: Overshoot | None = None
@@ -76,8 +80,20 @@ class FirstSteps:
             return BEGUN_ANEW
         starts = [shared_energy(run, "reduction").at_start for run in runs]
         self._push = float(np.linalg.norm([_push(at, opening) for at, opening in zip(starts, openings, strict=True)]))
-        self._overshoot = Overshoot(self._scheme, openings[0].start.t, [at.damping for at in starts])
+        is_rough = self._scheme.alpha_f < ROUGH_RADIUS / (1 + ROUGH_RADIUS)
+        doubts = [STARTS_DAMPED] * self._damped + [STARTS_ROUGHLY.format(ROUGH_RADIUS)] * is_rough
+        terms = sum(_terms(*pair) for pair in zip(starts, openings, strict=True)) if doubts and self._push else 0.0
+        self._doubts = doubts if self._push > ROUNDING * terms else []
+        dampings = [*(at.damping for at in starts), *[None][: len(self._doubts)]]
+        self._overshoot = Overshoot(self._scheme, openings[0].start.t, dampings)
         return ""
+
+    def doubts(self, overshoot: np.ndarray, g: np.ndarray) -> list[str]:
+        """Return once why the start is not certified, with what the first call of advance returned, and g (S,)."""
+        if not len(g):
+            return []
+        found, self._doubts = self._doubts, []
+        return found if overshoot[:, 1].max() > NEGLIGIBLE * g[-1] else []
 
     def felt(self, stream: str, energies: Sequence[MechanismEnergy]) -> FeltResiduals | None:
         """Return what goes on with the energy of a stream by averages, from where it begins; None: nothing does."""
@@ -114,10 +130,19 @@ class FirstSteps:
 
 def _push(at: AtStart, opening: Opening) -> float:
     """|R(0) + K e(0)|_{M^-1}, what accelerates a full body beside the reduced one where both start."""
+    return at.push(_start(at, opening))
+
+
+def _terms(at: AtStart, opening: Opening) -> float:
+    """Sizes of what that is a sum of."""
+    return at.terms(_start(at, opening))
+
+
+def _start(at: AtStart, opening: Opening) -> np.ndarray:
     first, start = opening.first, opening.start
     if start.y0 is not None:
-        return at.push(start.z + start.y0)
-    return at.push(at.coordinates(first.q[0], first.q_t[0], first.q_tt[0], opening.inputs))
+        return start.z + start.y0
+    return at.coordinates(first.q[0], first.q_t[0], first.q_tt[0], opening.inputs)
 
 
 def join_extensions(
@@ -132,6 +157,7 @@ def join_extensions(
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]
         joint, felt = joint_growth(energies, blocks), first_steps.felt(stream, energies)
+        notes = notes + first_steps.doubts(overshoot, joint[0])
         joint = joint if felt is None else _sharpened(joint, felt, energies, blocks, turned)
         joint = tuple(np.where(is_lost, np.inf, x) for x in joint)
         for block in blocks:

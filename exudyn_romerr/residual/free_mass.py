@@ -102,6 +102,11 @@ class AtStart:
         """Return |R|_{M^-1} of the residual R = L z."""
         return float(self._mass.norms(self._residual.of(z)[:, None])[0])
 
+    def terms(self, z: np.ndarray) -> float:
+        """Return the sum of |.|_{M^-1} of the terms of R, one for each entry of z: what R may be rounding of."""
+        terms = [self._residual.of(term) for term in np.diag(z)[z != 0]]
+        return float(self._mass.norms(np.stack(terms, axis=1)).sum()) if terms else 0.0
+
 
 def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
     """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""

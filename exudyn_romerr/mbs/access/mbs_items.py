@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ...errors import AssumptionError
 from ...estimates.march import Scheme
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+DAMPING = ("damping", "viscous", "friction", "jointdcontrol")  # in names of parameters
 BODIES = ("FFRFreducedOrder", "Ground", "PointGround")
 
 
@@ -95,6 +98,23 @@ def has_joints_only(mbs: Any) -> bool:
     items = (mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()))
     kinds = {item["objectType"] for item in items if item.get("activeConnector") is not False}
     return all(kind in BODIES or kind.startswith("Joint") for kind in kinds)
+
+
+def has_dampers(mbs: Any) -> bool:
+    """Whether there may be damping beside that of floating bodies: parameters of other objects that are not zero."""
+    items = (mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()))
+    return any(
+        any(name in key.lower() for name in DAMPING) and _is_given(value)
+        for item in items
+        if item["objectType"] not in BODIES
+        for key, value in item.items()
+    )
+
+
+def _is_given(value: Any) -> bool:
+    """Whether a parameter, a number, list or matrix of Exudyn, is not zero."""
+    value = value.Convert2DenseMatrix() if hasattr(value, "Convert2DenseMatrix") else value
+    return bool(np.any(np.asarray(value)))
 
 
 def _markers_on(mbs: Any, node: int, item: int) -> set[int]:

@@ -220,8 +220,8 @@ class Reaction:
             sensors.take(mbs, rows, moves, step, self._remainder.left)
 
     def _say(self, notes: list[str]) -> None:
-        """Say it once, in the reports of all bodies."""
-        self.said += notes
+        """Say it once, in the reports of all bodies; what the runs say without vectors is not said by these."""
+        self.said += [note for note in notes if any(note not in watch.run.messages for watch in self._watches)]
         for note, watch in product(notes, self._watches):
             watch.note(note)
         notes.clear()

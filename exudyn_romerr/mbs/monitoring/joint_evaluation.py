@@ -12,7 +12,7 @@ from ...errors import AssumptionError, InputError, RunError
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
-from ..access.mbs_items import scheme_of, share_of
+from ..access.mbs_items import has_dampers, scheme_of, share_of
 from ..derivatives.linearisation import Tangents
 from ..mechanism.late_readings import LateReadings
 from ..mechanism.more_vectors import MoreVectors
@@ -55,7 +55,7 @@ class Mechanism:
         """A solve begins, and the watches have read the mbs."""
         self._coupled = [watch for watch in self._watches if watch.is_coupled]
         self._check_others(self._watches)
-        self._first_steps = FirstSteps(scheme_of(mbs))
+        self._first_steps = FirstSteps(scheme_of(mbs), None, has_dampers(mbs))
         frozen = [watch for watch in self._watches if watch.is_frozen and watch.enriched is not None]
         self._partners = self._coupled or frozen
         if self._coupled:
@@ -162,7 +162,7 @@ class Mechanism:
 
     def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, with_sensors: bool) -> Reaction:
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
-        first = FirstSteps(scheme, None if holds_rates else share_of(mbs))
+        first = FirstSteps(scheme, None if holds_rates else share_of(mbs), has_dampers(mbs))
         steps = Feedback(scheme), first, self.tangents, StepErrors(self.tangents, residuals, holds_rates)
         return Reaction(self._partners, *steps, self._sensors if with_sensors else ())
 

@@ -1,0 +1,92 @@
+"""Sudden starts with numerical damping: dampers of joints, and first steps that are not linear."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from exudyn.itemInterface import ObjectConnectorCoordinateSpringDamper as CoordinateSpringDamper
+from exudyn.itemInterface import ObjectConnectorDistance as Distance
+
+import exudyn_romerr as romerr
+from benchmarks import sweep_mechanisms, sweep_mechanisms_table
+from benchmarks.mechanism_builder import built
+from benchmarks.random_mechanisms import drawn
+from exudyn_romerr.mbs.access.mbs_items import has_dampers
+from exudyn_romerr.report.scope import NOT_CERTIFIED
+
+
+def mechanism(seed, rho, kind="at once", steps=16):
+    """Two bars and one torque, in steps of 4 ms. 110: with damped hinges; 104: without any damping."""
+    one = drawn(seed)
+    modes, damping, omega = {110: ((1, 4), (2.0, 1e-5), 12.5), 104: ((4, 4), (0.0, 0.0), 150.0)}[seed]
+    bars = tuple(replace(bar, n=n, damping=damping) for bar, n in zip(one.bars[:2], modes, strict=True))
+    load = one.loads[0]
+    load = replace(load, shape=replace(load.shape, kind=kind, omega=omega, begin=0.0))
+    return replace(one, bars=bars, links=one.links[:2], loads=(load,), h=4e-3, steps=steps, rho=rho, vectors="auto")
+
+
+def reports(one):
+    scene = built(one)
+    parts = zip(scene.flexible(), scene.sensors, strict=True)
+    names = {"estimators": ("energy", "auxiliary"), "auxiliary_modes": one.vectors}
+    monitors = [romerr.attach(scene.mbs, flex, outputs=list(sensors.values()), **names) for flex, sensors in parts]
+    scene.solve()
+    return [monitor.report() for monitor in monitors]
+
+
+@pytest.mark.parametrize("rho", [0.9, 0.3, 0.0])
+def test_dampers_of_joints_are_in_the_bound(rho):
+    """Errors were up to 1.05, 16 and 121 times the bound, in steps 1 to 15."""
+    result = sweep_mechanisms.measured(mechanism(110, rho))
+    assert result["scopes"] == [sweep_mechanisms.COUPLED]
+    assert not sweep_mechanisms_table.violated(result)
+
+
+def test_a_first_step_that_is_not_linear_is_in_the_bound():
+    """Velocities of modes were off by 4.7 m/s beside 5e-7 m: of second order, 2.9 times the bound."""
+    result = sweep_mechanisms.measured(mechanism(104, 0.0, steps=5))
+    assert result["scopes"] == [sweep_mechanisms.COUPLED]
+    assert not sweep_mechanisms_table.violated(result)
+
+
+CASES = [  # seed, spectral radius, load, in the message if there is one
+    (110, 0.9, "at once", "there are dampers beside those of the bodies"),
+    (110, 0.9, "smooth", ""),
+    (110, 1.0, "at once", ""),
+    (104, 0.0, "at once", "a spectral radius below 0.2"),
+    (104, 0.0, "smooth", ""),
+    (104, 0.3, "at once", ""),
+]
+
+
+@pytest.mark.parametrize(("seed", "rho", "kind", "why"), CASES)
+def test_what_is_not_proved_is_not_certified(seed, rho, kind, why):
+    for report in reports(mechanism(seed, rho, kind, steps=4)):
+        said = [message for message in report.messages if "starts suddenly" in message]
+        assert len(said) == bool(why)
+        assert all(why in message and "a spectral radius of 1, or" in message for message in said)
+        assert report.scope_reason.endswith(NOT_CERTIFIED) == bool(why)
+        assert (NOT_CERTIFIED in str(report)) == bool(why)
+
+
+def holding(item):
+    """An mbs with one object."""
+    return SimpleNamespace(GetObject=lambda i: item, systemData=SimpleNamespace(NumberOfObjects=lambda: 1))
+
+
+@pytest.mark.parametrize(
+    ("given", "is_damped"),
+    [
+        (CoordinateSpringDamper(markerNumbers=[0, 0], stiffness=1.0, damping=2.0), True),
+        (CoordinateSpringDamper(markerNumbers=[0, 0], stiffness=1.0), False),
+        (Distance(markerNumbers=[0, 0], distance=1.0), False),
+    ],
+)
+def test_dampers_are_found(given, is_damped):
+    assert has_dampers(holding({**dict(given), "objectType": "Connector"})) == is_damped
+
+
+@pytest.mark.parametrize(("kind", "is_damped"), [("FFRFreducedOrder", False), ("GenericODE2", True)])
+def test_damping_of_floating_bodies_is_their_own(kind, is_damped):
+    assert has_dampers(holding({"objectType": kind, "dampingMatrix": np.eye(2)})) == is_damped
