@@ -177,13 +177,7 @@ class MoreVectors:
                 break
             gain, name = max((kept.bounds[key] / max(tried.bounds[key], TINY), key[1]) for key in kept.far)
             pays = gain >= PAYS and all(tried.bounds[key] <= WORSE * x for key, x in kept.bounds.items())
-            lower = (
-                f"{digits(gain, 2)} times smaller"
-                if gain >= PAYS
-                else "hardly smaller"
-                if gain >= 1
-                else "no smaller"
-            )
+            lower = f"{digits(gain, 2)} times smaller" if gain > 1 else "no smaller"
             told.append(f"{count} make that of {name!r} {lower}")
             if not pays:
                 told[-1] += ": not taken"
