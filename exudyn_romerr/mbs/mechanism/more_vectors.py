@@ -192,11 +192,9 @@ class MoreVectors:
     def _tell(self, begin: _Result, told: Sequence[str]) -> None:
         if not told:
             return
-        counts = " and ".join(dict.fromkeys(str(enriched.asked) for enriched, *_ in begin.left))
+        few = " and ".join(dict.fromkeys(str(enriched.asked) for enriched, *_ in begin.left))
         (_, name), times = max(begin.far.items(), key=lambda item: item[1])
-        far = (
-            f"with {counts} the bound of {name!r} is {digits(times, 2)} times the estimate after {self._taken} steps"
-        )
+        far = f"with {few} the bound of {name!r} is {digits(times, 2)} times the estimate after {self._taken} steps"
         for watch in self._watches:
             watch.run.messages.append(f"auxiliary vectors: {far}; {', '.join(told)}")
 
