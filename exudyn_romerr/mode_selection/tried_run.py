@@ -151,9 +151,8 @@ class TriedRun:
         allowed = {name: f"(allowed {digits(x)} {self.units[name]})" for name, x in self.tolerance.items()}
         said = [f"{name}{self._said_of(name, self.units[name])} {limit}" for name, limit in allowed.items()]
         found = self.assessment
-        made_by = (
-            f", {found.todo.partition(':')[0]}" if found.answer in TOO_LARGE else ""
-        )  # cures: of the search alone
+        # cures are those of the search
+        made_by = f", {found.todo.partition(':')[0]}" if found.answer in TOO_LARGE else ""
         return f"{self.basis}: {', '.join(said)}; error within the tolerance: {found.answer}{made_by}"
 
     def _said_of(self, name: str, unit: str) -> str:

@@ -60,7 +60,7 @@ class FirstSteps:
     """
 
     def __init__(self, scheme: Scheme | None, share: float | None = None, damped: bool = False):
-        self._scheme, self._push, self._share, self._damped = scheme, 0.0, share, damped
+        self._scheme, self._push, self._share, self.damped = scheme, 0.0, share, damped
         self._doubts: list[str] = []
         self._felt: dict[str, FeltResiduals] = {}
         self._times, self._is_lost = np.zeros(0), False  # the last two
@@ -81,7 +81,7 @@ class FirstSteps:
         starts = [shared_energy(run, "reduction").at_start for run in runs]
         self._push = float(np.linalg.norm([_push(at, opening) for at, opening in zip(starts, openings, strict=True)]))
         is_rough = self._scheme.alpha_f < ROUGH_RADIUS / (1 + ROUGH_RADIUS)
-        doubts = [STARTS_DAMPED] * self._damped + [STARTS_ROUGHLY.format(ROUGH_RADIUS)] * is_rough
+        doubts = [STARTS_DAMPED] * self.damped + [STARTS_ROUGHLY] * is_rough
         terms = sum(_terms(*pair) for pair in zip(starts, openings, strict=True)) if doubts and self._push else 0.0
         self._doubts = doubts if self._push > ROUNDING * terms else []
         dampings = [*(at.damping for at in starts), *[None][: len(self._doubts)]]

@@ -31,9 +31,9 @@ STARTS_DAMPED = (
     "nothing of it"
 )
 STARTS_ROUGHLY = (
-    "the run starts suddenly, by an integrator with a spectral radius below {}: velocities of modes that its first "
-    "step does not resolve may be too large for linear equations, and the bound is not certified; a spectral radius "
-    "of 1, or loads that begin smoothly, leave nothing of it"
+    f"the run starts suddenly, by an integrator with a spectral radius below {ROUGH_RADIUS}: velocities of modes "
+    "that its first step does not resolve may be too large for linear equations, and the bound is not certified; a "
+    "spectral radius of 1, or loads that begin smoothly, leave nothing of it"
 )
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
 MOTION_JUMPS = (
@@ -86,7 +86,7 @@ def is_certified(run: RunRecord) -> bool:
 
 def starts_uncertainly(run: RunRecord) -> bool:
     """Whether what the integrator makes of the start may not be in the bounds."""
-    known = BEGUN_ANEW, STARTS_DAMPED, STARTS_ROUGHLY.format(ROUGH_RADIUS)
+    known = BEGUN_ANEW, STARTS_DAMPED, STARTS_ROUGHLY
     return any(message in known for message in run.messages)
 
 

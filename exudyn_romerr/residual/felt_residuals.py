@@ -69,7 +69,7 @@ class FeltResiduals:
         for norm, beta, z, change, last in zip(self._norms, self._betas, chains, changes, before, strict=True):
             earlier, size, changed = np.vstack([last, change[:-1]]), norm(z), norm(change)
             beside.append(a * (changed + turned * size[1:]))
-            turns = a * (turned * (changed + norm(earlier)) + bends * size[1:])
+            turns = a * (turned * (changed + np.append(norm(last), changed[:-1])) + bends * size[1:])
             varied.append(norm((1 - a) * change + a * earlier) + turns)
             sizes.append(size[1:])
             if beta:

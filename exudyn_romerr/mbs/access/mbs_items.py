@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 DAMPING = ("damping", "viscous", "friction", "jointdcontrol")  # in names of parameters
-BODIES = ("FFRFreducedOrder", "Ground", "PointGround")
+FFRF, QUATERNIONS = "FFRFreducedOrder", "RigidBodyEP"  # types of floating bodies, of nodes with Euler parameters
+BODIES = (FFRF, "Ground", "PointGround")
 
 
 def running_static_solver(mbs: Any, known: Any) -> Any:
@@ -136,6 +137,12 @@ def numbers(item: dict, key: str) -> set[int]:
     """Return the item numbers under a key, which may hold one or a list."""
     value = item.get(key, [])
     return {int(number) for number in (value if isinstance(value, list | tuple) else [value])}
+
+
+def dense(matrix: Any, n: int) -> np.ndarray:
+    """Return a matrix (n, n) of Exudyn, where an empty one is zero."""
+    found = np.asarray(matrix.Convert2DenseMatrix(), dtype=float)
+    return found if found.size else np.zeros((n, n))
 
 
 def node_coordinates(mbs: Any, node: int) -> range:

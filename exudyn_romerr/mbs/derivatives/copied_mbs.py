@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .light_mesh import FFRF, TRIANGLE, lightened
+from ..access.mbs_items import FFRF
+from .light_mesh import TRIANGLE, lightened
 
 
 def copy_items(

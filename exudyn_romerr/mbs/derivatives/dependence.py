@@ -13,7 +13,6 @@ import numpy as np
 
 from ...trajectory.unit_sphere import bend
 
-QUATERNIONS = "RigidBodyEP"  # type of nodes with Euler parameters
 SHAKEN = 0.05  # of coordinates: out of positions that hide what depends on what
 STEP = 1e-3  # of coordinates: differences of fourth order, which leave 1e-13 of a quantity
 NEGLIGIBLE = 1e-9  # of a row, by a coordinate: less than rounding leaves of one-sided differences

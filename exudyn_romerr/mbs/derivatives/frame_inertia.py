@@ -13,28 +13,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...model.floating_frame import skew
-from .dependence import QUATERNIONS
-from .light_mesh import FFRF
+from ..access.euler_parameters import axes_of, rates_of
+from ..access.mbs_items import FFRF, QUATERNIONS, dense
 
 MANY = 25  # coordinates of a body: differences of its forces cost as much as closed forms
 UNIT = np.eye(3)
 AXES = skew(UNIT)  # e_i~
 
 
-def rates_of(p: np.ndarray) -> np.ndarray:
-    """G (3, 4) of Euler parameters or their rates: w = G(p) p' in body axes; it is linear in p."""
-    return 2 * np.column_stack([-p[1:], p[0] * UNIT - skew(p[1:])])
-
-
-def axes_of(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A (3, 3) and its derivatives (4, 3, 3) by Euler parameters, as the node has them, also off unit norm."""
+def turned_by(p: np.ndarray) -> np.ndarray:
+    """Return derivatives (4, 3, 3) of A by Euler parameters p (4,)."""
     s, v = p[0], p[1:]
-    A = (1 - 2 * v @ v) * UNIT + 2 * np.outer(v, v) + 2 * s * skew(v)
     by_v = -4 * v[:, None, None] * UNIT + 2 * (UNIT[:, :, None] * v + v[:, None] * UNIT[:, None, :]) + 2 * s * AXES
-    return A, np.concatenate([2 * skew(v)[None], by_v])
+    return np.concatenate([2 * skew(v)[None], by_v])
 
 
-TURNS = np.array([rates_of(p) for p in np.eye(4)])  # derivatives of G
+TURNS = rates_of(np.eye(4))  # derivatives of G
 
 
 class FrameInertia:
@@ -50,9 +44,7 @@ class FrameInertia:
         self.number, self.columns = number, np.array(columns)
         self._reference = np.array(node["referenceCoordinates"], float)
         n = len(columns) - 7
-        self.M, self.K, self.D = (
-            _dense(item[f"{name}MatrixReduced"], n) for name in ("mass", "stiffness", "damping")
-        )
+        self.M, self.K, self.D = (dense(item[f"{name}MatrixReduced"], n) for name in ("mass", "stiffness", "damping"))
         self._mass, self._centre, self._inertia = (np.array(item[x]) for x in ("mass", "centerOfMass", "inertia"))
         self._pull = np.array(item["mPhitTPsi"])
         # sums of m u_k x u_l (n, 3, n), m x x u_l (3, n), m u~_k^T u~_l (n, n, 3, 3), m x~^T u~_l (n, 3, 3)
@@ -158,7 +150,9 @@ class FrameInertia:
         first = np.tensordot(u, self._once.reshape(n, 3, 3), axes=1)
         theta = self._inertia + first + np.tensordot(u, H, axes=1).T
         gamma = self._moments + np.tensordot(u, self._cross, axes=1)
-        return Here(*axes_of(p), rates_of(p), u, self._mass * self._centre + self._pull @ u, gamma, H, theta)
+        return Here(
+            axes_of(p), turned_by(p), rates_of(p), u, self._mass * self._centre + self._pull @ u, gamma, H, theta
+        )
 
 
 class Here(NamedTuple):
@@ -191,9 +185,3 @@ class Moving(NamedTuple):
     def of(cls, x: Here, q_t: np.ndarray, q_tt: np.ndarray) -> Moving:
         """Make it of rates (k,)."""
         return cls(q_tt[:3] @ x.A, x.G @ q_t[3:7], x.G @ q_tt[3:7], q_t[7:], q_tt[7:])
-
-
-def _dense(matrix: Any, n: int) -> np.ndarray:
-    """Return a matrix (n, n) of Exudyn, where an empty one is zero."""
-    found = np.array(matrix.Convert2DenseMatrix())
-    return found if found.size else np.zeros((n, n))

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-FFRF = "FFRFreducedOrder"
+from ..access.mbs_items import FFRF
+
 RIGID, POSITION = "SuperElementRigid", "SuperElementPosition"
 WITHOUT_NODES = ("BodyMass", "ObjectODE2Coordinates")  # markers that no node moves
 # around their middle, of mean square distance 1

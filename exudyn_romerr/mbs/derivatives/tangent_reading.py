@@ -10,7 +10,8 @@ import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError
-from .dependence import QUATERNIONS, Dependence, Quaternion
+from ..access.mbs_items import QUATERNIONS, node_coordinates
+from .dependence import Dependence, Quaternion
 from .frame_inertia import FrameInertia
 
 PARAMETERS = (QUATERNIONS, "RigidBodyRxyz")  # node types whose rotations are coordinates like others
@@ -94,8 +95,7 @@ def quaternions_of(mbs: Any) -> list[Quaternion]:
     for node in range(mbs.systemData.NumberOfNodes()):
         item = mbs.GetNode(node)
         if item["nodeType"] == QUATERNIONS:
-            first = mbs.GetNodeODE2Index(node)
-            own = [*range(first + 3, first + 7)]
+            own = [*node_coordinates(mbs, node)[3:]]
             found.append(Quaternion(own, np.array(item["referenceCoordinates"][3:], float)))
     return found
 
@@ -106,8 +106,7 @@ def rotations_of(mbs: Any, types: Sequence[str]) -> list[list[int]]:
     for node in range(mbs.systemData.NumberOfNodes()):
         item = mbs.GetNode(node)
         if item["nodeType"] in types:
-            first = mbs.GetNodeODE2Index(node)
-            found.append([*range(first + 3, first + len(item["referenceCoordinates"]))])
+            found.append([*node_coordinates(mbs, node)[3:]])
     return found
 
 

@@ -14,6 +14,7 @@ from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MassOrthogonal, MeanMotion
 from ...model.floating_frame import require_isotropic_mass
 from ...model.matrix_input import checked_ratios
+from ..access.mbs_items import FFRF, dense
 from ..access.reduced_damping import rayleigh_factors
 from .frame_node import FrameNode
 
@@ -168,7 +169,7 @@ def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
     positions = np.asarray(item["referencePositions"]).reshape(-1, 3)
     if np.max(np.abs(positions - flex.positions)) > SAME_MATRICES * np.max(np.abs(flex.positions)):
         raise InputError("fem has other node positions than the body: items belong to another fem")
-    M, K, D = (_dense(item[f"{name}MatrixReduced"], V.shape[1]) for name in ("mass", "stiffness", "damping"))
+    M, K, D = (dense(item[f"{name}MatrixReduced"], V.shape[1]) for name in ("mass", "stiffness", "damping"))
     for name, full, reduced in (("mass", flex.mass, M), ("stiffness", flex.stiffness, K)):
         _check_reduction(name, V.T @ (full @ V), reduced)
     if item["massMatrixUserFunction"] or item["forceUserFunction"]:
@@ -187,7 +188,7 @@ def _object(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
     item = mbs.GetObject(flex.number)
     found = [int(number) for number in item.get("nodeNumbers", ())]
     wanted = [int(flex.items[key]) for key in ITEMS[:2]]
-    if item["objectType"] != "FFRFreducedOrder" or found != wanted:
+    if item["objectType"] != FFRF or found != wanted:
         raise InputError(
             f"object {flex.number} of items is a {item['objectType']} on nodes {found}; needed: an FFRFreducedOrder "
             f"on nodes {wanted}. Was the body deleted, or made in another mbs?"
@@ -198,11 +199,6 @@ def _object(mbs: Any, flex: FloatingBody) -> dict[str, Any]:
             "another fem"
         )
     return item
-
-
-def _dense(matrix: Any, n: int) -> np.ndarray:
-    dense = np.asarray(matrix.Convert2DenseMatrix(), dtype=float)
-    return dense if dense.size else np.zeros((n, n))
 
 
 def _check_reduction(name: str, expected: np.ndarray, found: np.ndarray) -> None:

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ...model.floating_frame import FrameMotion, skew
+from ...model.floating_frame import FrameMotion
 from ...trajectory.unit_sphere import bend
+from ..access.euler_parameters import axes_of, rates_of
+from ..access.mbs_items import QUATERNIONS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -67,17 +69,9 @@ class FrameNode:
 
 
 def _euler_parameters(p, p_t, p_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A = (1 - 2 v.v) I + 2 v v^T + 2 s v~, w = G p', al = G p'': as the node has them, also off unit norm."""
-    s, v, G = p[:, 0, None, None], p[:, 1:], _rates_of_euler_parameters(p)
-    diagonal = (1 - 2 * np.einsum("si,si->s", v, v))[:, None, None] * np.eye(3)
-    A = diagonal + 2 * v[:, :, None] * v[:, None, :] + 2 * s * skew(v)
-    return A, np.einsum("sij,sj->si", G, p_t), np.einsum("sij,sj->si", G, p_tt)
-
-
-def _rates_of_euler_parameters(p: np.ndarray) -> np.ndarray:
-    """G (S, 3, 4)."""
-    s, v = p[:, 0, None, None], p[:, 1:]
-    return np.concatenate([-2 * v[:, :, None], 2 * s * np.eye(3) - 2 * skew(v)], axis=2)
+    """A, w = G p', al = G p''."""
+    G = rates_of(p)
+    return axes_of(p), np.einsum("sij,sj->si", G, p_t), np.einsum("sij,sj->si", G, p_tt)
 
 
 def _rotation_vector(v, v_t, v_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -91,5 +85,5 @@ def _rates_of_rotation_vector(v: np.ndarray) -> np.ndarray:
     return np.broadcast_to(np.eye(3), (len(v), 3, 3))
 
 
-ROTATIONS = {"RigidBodyEP": _euler_parameters, "RigidBodyRotVecLG": _rotation_vector}
-RATES = {_euler_parameters: _rates_of_euler_parameters, _rotation_vector: _rates_of_rotation_vector}
+ROTATIONS = {QUATERNIONS: _euler_parameters, "RigidBodyRotVecLG": _rotation_vector}
+RATES = {_euler_parameters: rates_of, _rotation_vector: _rates_of_rotation_vector}

@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import AssumptionError
 from ...report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED
 from ..access.load_functions import controllers, loads_with_functions, remembering_joints
+from ..access.mbs_items import FFRF
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -160,7 +161,7 @@ def _refusals_of_bounds(mbs: Any, options: BoundOptions) -> Iterator[str]:
 
 
 def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
-    reduced = {i: item["name"] for i, item in enumerate(objects) if item["objectType"] == "FFRFreducedOrder"}
+    reduced = {i: item["name"] for i, item in enumerate(objects) if item["objectType"] == FFRF}
     missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
     if missing:
         named = ", ".join(missing)

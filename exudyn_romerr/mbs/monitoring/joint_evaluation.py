@@ -162,7 +162,7 @@ class Mechanism:
 
     def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, with_sensors: bool) -> Reaction:
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
-        first = FirstSteps(scheme, None if holds_rates else share_of(mbs), has_dampers(mbs))
+        first = FirstSteps(scheme, None if holds_rates else share_of(mbs), self._first_steps.damped)
         steps = Feedback(scheme), first, self.tangents, StepErrors(self.tangents, residuals, holds_rates)
         return Reaction(self._partners, *steps, self._sensors if with_sensors else ())
 
