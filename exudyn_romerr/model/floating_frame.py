@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from ..errors import AssumptionError
 
 ROWS = {"r": 3, "r_t": 3, "A": 9, "w": 3, "al": 3, "r_tt": 3}  # parts of a frame's row: how many numbers
-CUTS = tuple(np.cumsum([*ROWS.values()])[:-1].tolist())
+ENDS = np.cumsum([*ROWS.values()]).tolist()
 TOGETHER = 256  # samples whose products are made together: as many as stay in the cache
 RIGID_INERTIA = 12  # columns M e_j and M E_ij x; the 9 n columns M E_ij V follow
 ISOTROPY = 1e-9  # of the largest entry of M: solid elements meet it to rounding
@@ -44,7 +44,8 @@ class FrameMotion:
     @property
     def S(self) -> np.ndarray:
         """al~ + w~ w~, (S, 3, 3)."""
-        return skew(self.al) + skew(self.w) @ skew(self.w)
+        turning = skew(self.w)
+        return skew(self.al) + turning @ turning
 
     def rows(self) -> np.ndarray:
         """Return r, r_t, A, w, al, r_tt side by side, (S, 24), as samples carry them."""
@@ -64,7 +65,7 @@ class FrameRows(NamedTuple):
     @classmethod
     def of(cls, rows: np.ndarray) -> FrameRows:
         """Cut rows (S, 24) into r, r_t, A, w, al, r_tt."""
-        r, r_t, A, w, al, r_tt = np.split(rows, CUTS, axis=1)
+        r, r_t, A, w, al, r_tt = (rows[:, end - k : end] for end, k in zip(ENDS, ROWS.values(), strict=True))
         return cls(r, r_t, A.reshape(-1, 3, 3), w, al, r_tt)
 
 
