@@ -44,8 +44,7 @@ class FrameMotion:
     @property
     def S(self) -> np.ndarray:
         """al~ + w~ w~, (S, 3, 3)."""
-        turning = skew(self.w)
-        return skew(self.al) + turning @ turning
+        return skew(self.al) + (turning := skew(self.w)) @ turning
 
     def rows(self) -> np.ndarray:
         """Return r, r_t, A, w, al, r_tt side by side, (S, 24), as samples carry them."""
