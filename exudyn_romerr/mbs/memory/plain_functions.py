@@ -42,8 +42,12 @@ FUNCTIONS = {id(f) for f in (*BUILT_IN, *(f for known in KNOWN for f in known.va
 
 def keep_nothing(functions: Iterable[Callable]) -> bool:
     """Whether all of these functions only compute."""
+    return all(map(_keeps_nothing, functions))
+
+
+def _keeps_nothing(f: Callable) -> bool:
     seen: dict[int, Any] = {}
-    if not all(_only_computes(f, seen) for f in functions):
+    if not _only_computes(f, seen):
         return False
     adds = any(_code(value.__code__).adds for value in seen.values() if isinstance(value, FunctionType))
     return not (adds and any(isinstance(value, list) for value in seen.values()))  # += writes to lists
