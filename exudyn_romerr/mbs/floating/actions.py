@@ -58,11 +58,15 @@ class Place:
 
 @dataclass(frozen=True)
 class OfTime:
-    """A vector (3,) over time; function : the user's own behind it, if there is one, of an mbs, a weak reference."""
+    """A vector (3,) over time; function : the user's own behind it, if there is one, of an mbs, a weak reference.
+
+    name : of the load, in lines of the plan.
+    """
 
     at: Callable[[float], Any]
     function: Callable | None = None
     mbs: Callable[[], Any] | None = None
+    name: str = ""
 
     def kept(self) -> AbstractContextManager:
         """Put back what the user's function keeps: the run goes on with it."""
@@ -129,6 +133,11 @@ class Actions:
         self.loads = [load for load in self.loads if load.place.name not in still]
         return idle
 
+    def lines(self) -> tuple[str, ...]:
+        """Return lines of the plan: what is known, and where the balance tells what acts."""
+        known = (*(load.name for load in self.loads), *(f"gravity, {g.name}" for g in self.gravity))
+        return *(f"known: {name}" for name in known), *(f"wrench from V^T R = 0: {p.name}" for p in self.wrenches)
+
     def gravity_at(self, t: np.ndarray) -> np.ndarray:
         """Return the acceleration of gravity at times t (S,), in global axes: (S, 3)."""
         return sum((over_time(g, t) for g in self.gravity), np.zeros((len(t), 3)))
@@ -173,12 +182,12 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
     return values[again]
 
 
-def load_vector(mbs: Any, load: dict, load_factor: Callable | None) -> OfTime:
+def load_vector(mbs: Any, name: str, load: dict, load_factor: Callable | None) -> OfTime:
     """Return a load's vector as a function of time; a user function is called again, after the steps were made."""
     vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
     if not user:
-        return OfTime((lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t)))
+        return OfTime((lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t)), name=name)
     f = user["function"]
     own, f = (f, f) if callable(f) else (None, f.Evaluate)  # a symbolic function, which keeps nothing
     owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
-    return OfTime(lambda t: f(owner(), t, vector), own, owner)
+    return OfTime(lambda t: f(owner(), t, vector), own, owner, name)
