@@ -109,8 +109,8 @@ class EnrichedBody:
         del rigid
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
-        count = f"{self.m} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}"
-        self.note = f"estimator 'auxiliary': {count} up to {highest:.4g} rad/s, reacting with the mechanism"
+        count = f"{asked} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}{found.beside(asked)}"
+        self.note = f"estimator 'auxiliary': {count}, up to {highest:.4g} rad/s, reacting with the mechanism"
         self.damping = partial(damping_products, body)
         self.flex, self.shapes = flex, np.hstack([V, P])
         self._couple(flex, V.shape[1])
