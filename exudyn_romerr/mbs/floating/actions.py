@@ -63,13 +63,15 @@ class Place:
 class OfTime:
     """A vector (3,) over time; function : the user's own behind it, if there is one, of an mbs, a weak reference.
 
-    at : of a time, None: the vector is `given` all the time. given : (3,), what the function is given.
+    at : of a time, None: the vector is `given` all the time. given : (3,), what the function is given. name : of the
+    load, in lines of the plan.
     """
 
     at: Callable[[float], Any] | None
     function: Callable | None = None
     mbs: Callable[[], Any] | None = None
     given: tuple[float, ...] = ()
+    name: str = ""
 
     def kept(self) -> AbstractContextManager:
         """Put back what the user's function keeps: the run goes on with it."""
@@ -143,6 +145,11 @@ class Actions:
         self.loads = [load for load in self.loads if load.place.name not in still]
         return idle
 
+    def lines(self) -> tuple[str, ...]:
+        """Return lines of the plan: what is known, and where the balance tells what acts."""
+        known = (*(load.name for load in self.loads), *(f"gravity, {g.name}" for g in self.gravity))
+        return *(f"known: {name}" for name in known), *(f"wrench from V^T R = 0: {p.name}" for p in self.wrenches)
+
     def gravity_at(self, t: np.ndarray) -> np.ndarray:
         """Return the acceleration of gravity at times t (S,), in global axes: (S, 3)."""
         return sum((over_time(g, t) for g in self.gravity), np.zeros((len(t), 3)))
@@ -193,17 +200,15 @@ def _called(vector: OfTime, times: np.ndarray) -> np.ndarray:
     return values
 
 
-def load_vector(mbs: Any, load: dict, load_factor: Callable | None) -> OfTime:
+def load_vector(mbs: Any, name: str, load: dict, load_factor: Callable | None) -> OfTime:
     """Return a load's vector as a function of time; a user function is called again, after the steps were made."""
     vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
     if not user:
-        return (
-            OfTime(None, given=tuple(vector.tolist()))
-            if load_factor is None
-            else OfTime(lambda t: vector * load_factor(t))
-        )
+        if load_factor is None:
+            return OfTime(None, given=tuple(vector.tolist()), name=name)
+        return OfTime(lambda t: vector * load_factor(t), name=name)
     f, given = user["function"], tuple(vector.tolist())
     own, f = (f, f) if callable(f) else (None, f.Evaluate)  # a symbolic function, which keeps nothing
     owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
     # a list of its own, as Exudyn gives it: functions may write to it, and return it
-    return OfTime(lambda t: f(owner(), t, [*given]), own, owner, given)
+    return OfTime(lambda t: f(owner(), t, [*given]), own, owner, given, name)
