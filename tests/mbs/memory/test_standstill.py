@@ -149,7 +149,7 @@ def test_other_bit_generators_of_numpy_are_put_back():
 
 
 def test_constant_loads_are_not_called():
-    vector = actions.load_vector(None, {"loadVector": [1.0, 2.0, 3.0], "loadVectorUserFunction": 0}, None)
+    vector = actions.load_vector(None, "load", {"loadVector": [1.0, 2.0, 3.0], "loadVectorUserFunction": 0}, None)
     assert vector.at is None
     np.testing.assert_array_equal(actions.over_time(vector, np.zeros(4)), np.tile([1.0, 2.0, 3.0], (4, 1)))
 
