@@ -33,15 +33,21 @@ def bend(p: Sequence[np.ndarray], e: Sequence[np.ndarray]) -> np.ndarray:
 def _sinc(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """sin(x)/x - 1 at x^2 = s, and how it changes with s: once, twice."""
     small = s < SERIES
+    if small.all():
+        return _series(s)
     at = np.where(small, 1.0, s)
     x = np.sqrt(at)
     value = np.sin(x) / x
     once = (np.cos(x) - value) / (2 * at)
     twice = -(value / 2 + 3 * once) / (2 * at)
-    s = np.where(small, s, 0.0)
-    series = (
+    pairs = zip(_series(np.where(small, s, 0.0)), (value - 1, once, twice), strict=True)
+    return tuple(np.where(small, one, other) for one, other in pairs)
+
+
+def _series(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same where s is small."""
+    return (
         -s / 6 * (1 - s / 20 * (1 - s / 42 * (1 - s / 72))),
         -1 / 6 * (1 - s / 10 * (1 - s / 28 * (1 - s / 54))),
         1 / 60 * (1 - s / 14 * (1 - s / 36 * (1 - s / 66))),
     )
-    return tuple(np.where(small, one, other) for one, other in zip(series, (value - 1, once, twice), strict=True))

@@ -170,15 +170,13 @@ class LateReadings:
         What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
         twice, if that is less.
         """
-        from scipy.integrate import cumulative_trapezoid  # here, for it takes long to import
-
         carried, scale = self._tangents.carried_near(self._t[interval.middle]), interval.scale
         x = self._moving[interval.rows]
         both = scale[carried.i] * scale[carried.j]
         matters = both * (np.abs(carried.by) @ np.abs(x).max(axis=0)) > OFF
         changes = np.vstack([x[:1] * 0, x, x[:1] * 0]) @ carried.by[matters].T
-        t = np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]])
-        moved = cumulative_trapezoid(cumulative_trapezoid(changes, t, axis=0, initial=0), t, axis=0, initial=0)
+        h = np.diff(np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]]))[:, None]
+        moved = _integral(_integral(changes, h), h)
         light = 1 / np.sqrt(interval.last.masses)
         moved = np.abs(moved).max(axis=0, initial=0.0) * light[carried.i[matters]] * light[carried.j[matters]]
         found = np.abs(changes[1:-1]) * both[matters]
@@ -236,6 +234,11 @@ class LateReadings:
         carried = self._tangents.carried_near(t)
         np.subtract.at(off, carried.i, carried.by @ self._moving[row] * dq[carried.j])
         return off
+
+
+def _integral(x: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """Integral of rows x from 0 on, over steps h in time, by trapezoids."""
+    return np.concatenate([0 * x[:1], np.cumsum(h * (x[1:] + x[:-1]) / 2, axis=0)])
 
 
 NOTE = (
