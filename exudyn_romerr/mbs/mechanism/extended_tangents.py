@@ -11,6 +11,7 @@ import numpy as np
 from ...estimates.march import Tangent
 from ...online.coupled_runs import shared_energy
 from ..access.mbs_items import has_joints_only
+from ..derivatives.tangent_reading import admitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -135,7 +136,7 @@ def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Smallest masses of what constraints admit, coordinates scaled; of M (T, k, k), C (T, c, n), of the first n."""
     T, c, n = C.shape
     free = np.zeros((T, len(scale), len(scale) - c))
-    free[:, :n, : n - c] = np.linalg.svd(C * scale[:n])[2][:, c:].swapaxes(1, 2)
+    free[:, :n, : n - c] = admitted(C * scale[:n])
     free[:, n:, n - c :] = np.eye(len(scale) - n)
     free *= scale[:, None]
     return np.linalg.eigvalsh(free.swapaxes(1, 2) @ M @ free)[:, 0]

@@ -68,6 +68,7 @@ class LateReadings:
     ):
         self._tangents, self._mbs, self._t, self._states = tangents, mbs, t, states
         self._enriched, self._tried = enriched, set[float]()
+        self._rates = np.hstack(states[2:])  # and multipliers
         self._can_read: bool | None = None
         self.failure: Exception | None = None
         self.note = ""
@@ -97,7 +98,7 @@ class LateReadings:
         )
         self._spline = CubicSpline(times, np.eye(len(times))) if len(times) > 1 else None
         if self._spline is not None:
-            self._moving = np.hstack(self._states[2:]) - self._spline(self._t) @ np.array(at)
+            self._moving = self._rates - self._spline(self._t) @ np.array(at)
         return self._spline is not None
 
     def _read(self, rows: Sequence[int]) -> bool:
@@ -138,10 +139,12 @@ class LateReadings:
 
     def _intervals(self) -> Iterator[_Interval]:
         """Those with rows between their readings."""
-        for j, (first, last) in enumerate(pairwise(self._tangents.readings)):
-            start, stop = np.searchsorted(self._t, first.t, side="right"), np.searchsorted(self._t, last.t)
-            if start < stop:
-                yield _Interval(j, first, last, slice(int(start), int(stop)))
+        readings = self._tangents.readings
+        times = [reading.t for reading in readings]
+        after, before = (np.searchsorted(self._t, times, side).tolist() for side in ("right", "left"))
+        for j, ends in enumerate(pairwise(readings)):
+            if after[j] < before[j + 1]:
+                yield _Interval(j, *ends, slice(after[j], before[j + 1]))
 
     def _changing(self) -> Iterator[int]:
         return (interval.middle for interval in self._intervals() if interval.last.change > 1)
