@@ -22,10 +22,12 @@ if TYPE_CHECKING:
 
 # samples: two looks are no farther apart, so many times as far where r is smaller than so much of the prediction; one
 # is between two tangents, for where these are read they are exact; between looks the residual is taken for linear
-EVERY, FARTHER, CALM = 32, 2, 1e-3
+EVERY, CALM = 32, {1e-5: 8, 1e-4: 4, 1e-3: 2}
+STIRS = 4.0  # times the largest load so far: where looks are farther apart than twice, it is not as calm as it was
 # the same where all sets in, after a start or a jump: there samples in the middle are to confirm lines; of what rings
 # from step to step every fourth and eighth show nothing (1.6 times the bound with 8)
 CLOSE = 2
+TELL = 8  # likewise where all of r is added at once and no bound depends on it, if lines between them are confirmed
 SLIGHT = 1e-6  # of the prediction: what less moves within a step comes to 0.2 % of it at most in DENSE of them
 GROWS = 1.5  # times what it was: where the prediction has grown to, it is looked at, for r is of second order
 # of the prediction: steps in which r is larger are looked at as close as that needs, and r is added from there on
@@ -181,14 +183,20 @@ class Remainder:
         if not self._at_once:
             looked |= self._grown(*self.beside)
         looked[-1] |= restless[-1]
-        is_calm = self._count and not self._matters(self._largest, CALM)
-        every, last = EVERY * (FARTHER if is_calm else 1), -1 - self._since
-        for place in (*np.flatnonzero(looked), count):
-            looked[max(last + every, 0) : place : every] = True
-            last = place
-        self._looks.at(looked)
+        times = [times for share, times in CALM.items() if self._count and not self._matters(self._largest, share)]
+        self._looks.at(self._seldom(looked, EVERY * max(times, default=1)))
+        if len(times) > 1 and np.any(self._looks.largest > STIRS * self._loads):
+            self._looks.at(self._seldom(looked, EVERY))
         if restless.any():
             self._looks.confirm(restless, SLIGHT * np.maximum(self._largest[1], self.beside[0].max(axis=0)))
+
+    def _seldom(self, looked: np.ndarray, every: int) -> np.ndarray:
+        """Samples (S,) that are looked at, and some between, no farther than so many apart."""
+        found, last = looked.copy(), -1 - self._since
+        for place in (*np.flatnonzero(looked), len(looked)):
+            found[max(last + every, 0) : place : every] = True
+            last = place
+        return found
 
     def _look_closely(self) -> None:
         """Look at all of the steps; or at those that tell the rest, but for what Newton leaves in single ones."""
@@ -196,7 +204,7 @@ class Remainder:
         if not self._at_once:
             self._looks.at(whole)
             return
-        self._looks.at(np.arange(len(whole))[::-1] % CLOSE == 0)  # the last, too
+        self._looks.at(np.arange(len(whole))[::-1] % TELL == 0)  # the last, too
         self._looks.confirm(whole)
 
     def _grown(self, predicted: np.ndarray, motion: np.ndarray) -> np.ndarray:
