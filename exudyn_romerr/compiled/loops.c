@@ -4,6 +4,7 @@ Arrays come as buffers, so that building this needs nothing but Python. */
 
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
+#include <structmember.h>
 
 #ifdef __GNUC__ /* Clang, too */
 #define INLINE static inline __attribute__((always_inline))
@@ -25,6 +26,7 @@ typedef Py_ssize_t Size;
 #include "march.h"
 #include "oscillators.h"
 #include "products.h"
+#include "recorder.h"
 
 static int march_anywhere(const March *all) { return march(all); }
 static void oscillate_anywhere(const Oscillators *all) { oscillate(all); }
@@ -191,5 +193,7 @@ PyMODINIT_FUNC PyInit__loops(void)
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
         march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide;
 #endif
-    return PyModule_Create(&module);
+    PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
+    if (made && PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0) Py_CLEAR(made);
+    return made;
 }
