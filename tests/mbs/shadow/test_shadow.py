@@ -93,7 +93,7 @@ def compared(name, every):
     def make():
         return getattr(mechanisms, name)(4, t_end=SHORT[name])
 
-    with mock.patch.multiple(remainder, EVERY=every, CALM={}, PAYS=np.inf):
+    with mock.patch.multiple(remainder, EVERY=every, FARTHER=1, PAYS=np.inf):
         watched = Watched(make())
     places = watched.reaction._remainder._shadow._places
     true = with_vectors(make, watched.reaction.parts)[..., places] - watched.states - watched.predicted
