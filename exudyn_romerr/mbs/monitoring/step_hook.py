@@ -39,9 +39,8 @@ TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines
 class StepHook:
     """Dispatcher installed as PostStep function of an mbs, and found there by every further monitor.
 
-    Each call of `step` stores one accepted step. A full block, a new solve or a question (flush) hands the
-    rows to the watches. The user's function is called after the step was stored, and its return value is
-    passed on.
+    `step` stores one accepted step at each call. A full block, a new solve or a question (flush) hands rows to the
+    watches. The user's function is called after the step was stored, and its return value is passed on.
     """
 
     def __init__(self, mbs: Any, user: Callable | None):
@@ -51,8 +50,8 @@ class StepHook:
         self._mechanism = Mechanism([])
         self.step, self._drain, self._hurry = gatherer(mbs, self)
         self._occupant: Callable = self.step
-        self._static_solver: Any = None
-        self._verbose = False
+        self._static_solver, self._verbose = None, False
+        self._arrays: tuple = ()
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
         self.end = np.inf  # of the solve, if tangents are to be read in its last block
 
@@ -63,11 +62,10 @@ class StepHook:
         at_once = False
         with self._run_goes_on(), no_step_is_made():
             at_once = self._begin(mbs)
-        # glibc gives back to the system what blocks free, and asking for it again takes a third of their time; not so
-        # once it has seen a piece come and go that is as large; nothing is ever written into this one
+        # glibc gives back to the system what blocks free, and asking again takes a third of their time; not so once
+        # it has seen a piece come and go that is as large; nothing is ever written into this one
         np.empty(FREED)
-        system = mbs.systemData
-        return self._new_arrays(system.ODE2Size(), len(system.GetAECoordinates()), at_once)
+        return self._rows(mbs.systemData, at_once)
 
     def _begin(self, mbs: Any) -> bool:
         """Read the mbs; return whether each step is to be evaluated at once."""
@@ -86,9 +84,7 @@ class StepHook:
         self._mechanism.begin(mbs)
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
-        return (
-            static is not None
-        )  # load steps are few, and loads may be changed before the next solve asks for a block
+        return static is not None  # load steps are few, and loads may change before the next solve asks for a block
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
@@ -187,10 +183,14 @@ class StepHook:
         """Whether Exudyn calls this hook: directly, or through a function that did so in the last solve."""
         return slot_function(mbs) is self._occupant
 
-    def _new_arrays(self, size: int, multipliers: int, at_once: bool) -> tuple[np.ndarray, ...]:
-        width = max((watch.width for watch in self.watches), default=CACHED)
+    def _rows(self, system: Any, at_once: bool) -> tuple[np.ndarray, ...]:
+        size, width = system.ODE2Size(), max((watch.width for watch in self.watches), default=CACHED)
         rows = 1 if at_once else block_rows(size, self.has_tangents, width)
-        return np.empty(rows), *(np.empty((rows, width)) for width in (size, size, size, multipliers))
+        shapes = [(rows,), *((rows, n) for n in (size, size, size, len(system.GetAECoordinates())))]
+        # those of the solve before, which watches copy from: fresh memory costs half of what storing in it does
+        if self.has_tangents or [x.shape for x in self._arrays] != shapes:
+            self._arrays = tuple(map(np.empty, shapes))
+        return self._arrays
 
 
 def _frozen(watches: Sequence[Watch]) -> str:
