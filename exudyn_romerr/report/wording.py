@@ -109,6 +109,11 @@ def at_most(out: OutputData, bound: str, share: str = "") -> str:
     return f"{'bounded by' if out.uncertified else 'at most'} {bound}{notes and f' ({notes})'}"
 
 
+def check_name(check: str, doubts: Iterable[Doubt]) -> str:
+    """Return what a part of a half width is called: what bounds that are not certified leave is not proved."""
+    return f"{check} ({NOT_CERTIFIED})" if check == "proved" and doubts else check
+
+
 def not_certified(doubts: Iterable[Doubt]) -> str:
     """Return in words that bounds are not certified, and why; empty: they are."""
     causes = causes_of(doubts)
@@ -172,6 +177,13 @@ def scope_lines(report: ReportData) -> list[str]:
     lines += [f"full model: {model}"] if known else []
     lines += [f"{not_certified([doubt])}: {doubt.cure}" for doubt in report.uncertified]
     return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
+
+
+def reason_of(report: ReportData, e: str) -> str:
+    """Return what an estimator assumes, and why it has its scope; see BoundReport.reason."""
+    is_widest = report.scope[e] == widest_scope(report.scope)
+    why = report.scope_reason if is_widest else with_doubts("", report.uncertified)
+    return "; ".join(filter(None, [report.reasons[e], why]))
 
 
 def is_uncertified(report: ReportData) -> bool:

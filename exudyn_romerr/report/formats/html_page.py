@@ -15,6 +15,7 @@ from ..verdict import sentence
 from ..wording import (
     advises,
     best_estimator,
+    check_name,
     corrected_within,
     digits,
     instant,
@@ -185,7 +186,9 @@ def _output_row(report: ReportData, out: OutputData, row: int, name: str, estima
 
 def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> list[str]:
     parts, checks = (
-        "\n".join(f"{key} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items())
+        "\n".join(
+            f"{check_name(key, out.uncertified)} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items()
+        )
         for found in (out.estimate_parts, out.uncertainty_parts)
     )
     size, half = np.abs(out.estimate[:, row]), np.max(out.uncertainty[:, row])
