@@ -10,7 +10,7 @@ import numpy as np
 
 from ..estimate_wording import estimated_under, known, off_by
 from ..overview import overview
-from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, cures_of
+from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
 from ..verdict import sentence
 from ..wording import (
     advises,
@@ -114,7 +114,7 @@ def _verdicts(report: ReportData) -> Iterator[str]:
 
 def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
     best = best_estimator(out, row, report.scope)
-    certain = f", {not_certified(out.uncertified)}: {cures_of(out.uncertified)}" if out.uncertified else ""
+    certain = f", {not_certified(out.uncertified)}" if out.uncertified else ""
     if np.isfinite(np.max(out.bound["best"][:, row])):
         yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
     else:
