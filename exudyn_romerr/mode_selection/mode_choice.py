@@ -46,7 +46,7 @@ class ModeChoice:
 
     @property
     def met(self) -> bool:
-        """Whether the bounds of the chosen basis are within the tolerances."""
+        """Whether the bounds of the chosen basis are within the tolerances, certified or not (see uncertified)."""
         return self.chosen.met
 
     @property

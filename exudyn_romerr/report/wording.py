@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES, causes_of, with_doubts
+from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES, causes_of, remedies, with_doubts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -175,7 +175,7 @@ def scope_lines(report: ReportData) -> list[str]:
     reason = report.scope_reason.removesuffix(with_doubts("", report.uncertified)).removesuffix("; ")
     _, known, model = reason.partition(f"{FULL_MODEL}: ")
     lines += [f"full model: {model}"] if known else []
-    lines += [f"{not_certified([doubt])}: {doubt.cure}" for doubt in report.uncertified]
+    lines += [f"{NOT_CERTIFIED}: {remedy}" for remedy in remedies(report.uncertified)]
     return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..estimate_wording import estimated_under, known, off_by
 from ..overview import overview
-from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
+from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
 from ..verdict import sentence
 from ..wording import (
     advises,
@@ -138,7 +138,7 @@ def _scope(report: ReportData) -> Iterator[str]:
         yield paragraph(f"Why: {report.scope_reason}.")
     if report.uncertified:
         yield paragraph("No bound of this run is certified:")
-        yield items(f"{doubt.cause}: {doubt.cure}" for doubt in report.uncertified)
+        yield items(remedies(report.uncertified))
     has_estimates = any(out.estimate is not None for out in report.outputs.values())
     yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
