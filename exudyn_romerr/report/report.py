@@ -27,7 +27,7 @@ from .wording import (
     digits,
     estimator_lines,
     outside,
-    widest_scope,
+    reason_of,
 )
 
 SAMPLED = (
@@ -96,8 +96,7 @@ class BoundReport(ReportData):
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
         check_choice("estimator", e, self.reasons)
-        widest = self.scope[e] == widest_scope(self.scope)
-        return "; ".join(filter(None, [self.reasons[e], self.scope_reason if widest else ""]))
+        return reason_of(self, e)
 
     def compare(self, name: str, t: Any, y: Any) -> OutputReport:
         """Compare an output with a truth.
