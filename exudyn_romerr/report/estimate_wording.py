@@ -163,18 +163,18 @@ def covers_more(out: OutputData, time: str, scope: dict[str, str]) -> bool:
     return wider or estimated_kind(out, time) != error_kind(time)
 
 
-def about(out: OutputData, row: int, found: Known) -> str:
+def about(out: OutputData, found: Known) -> str:
     """Return in words how wrong a row of an output is, as far as its estimate can tell."""
     if found.is_at_round_off:
         return f"about {rounded_up(found.most, 1)} {out.unit} or less, at round-off"
-    of = np.max(np.abs(out.value[:, row]), initial=0.0)
     if found.is_resolved:
-        notes = "; ".join(filter(None, [_share(found.size, of), ", ".join(_parts(found))]))
+        notes = "; ".join(filter(None, [_share(found.size, found.value), ", ".join(_parts(found))]))
         return f"about {number(found)} {out.unit}{notes and f' ({notes})'}"
-    not_resolved = "" if is_enough(out, found) else f"not resolved: {found.first_cure}"
+    cure = "" if out.uncertified else f": {found.first_cure}"  # others help where that is
+    not_resolved = "" if is_enough(out, found) else f"not resolved{cure}"
     if not_resolved and found.tells_nothing:
         return f"not known ({not_resolved})"
-    notes = "; ".join(filter(None, [_share(found.most, of), not_resolved]))
+    notes = "; ".join(filter(None, [_share(found.most, found.value), not_resolved]))
     return f"about {digits(found.most, 2)} {out.unit} or less{notes and f' ({notes})'}"
 
 

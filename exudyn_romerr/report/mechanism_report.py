@@ -79,7 +79,9 @@ def joined(
     scope = _scope(bodies)
     stopped = next((out.stopped for body in bodies for out in body.outputs.values()), None)
     none = [_infinite(out, scope) for out in others]
-    others = [replace(o, bound=x, reduction_bound=x, stopped=stopped) for o, x in zip(others, none, strict=True)]
+    doubts = tuple({doubt.cause: doubt for body in reversed(bodies) for doubt in body.uncertified}.values())
+    common = {"stopped": stopped, "uncertified": doubts}
+    others = [replace(o, bound=x, reduction_bound=x, **common) for o, x in zip(others, none, strict=True)]
     places = [(f"bodies[{i}]", out) for i, body in enumerate(bodies) for out in body.outputs.values()]
     places += [("a sensor on no flexible body", out) for out in others]
     check_names([(where, out.name) for where, out in places])
@@ -102,6 +104,7 @@ def joined(
         planned_end=bodies[0].planned_end,
         remainder={e: max(b.remainder.get(e, 0.0) for b in bodies) for b in bodies for e in b.remainder},
         bodies=tuple(bodies),
+        uncertified=doubts,
     )
 
 

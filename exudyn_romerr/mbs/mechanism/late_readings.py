@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...online.run_messages import CHANGED
+from ...online.run_messages import CHANGED, changed
 from ..derivatives.linearisation import Reading, Tangents
 from ..memory.user_memory import memory_kept
 from .extended_tangents import ExtendedTangents
@@ -134,7 +134,8 @@ class LateReadings:
             except Exception:  # another mbs than it was
                 self._can_read = False
             if not self._can_read:
-                self.note = NOTE.format(self._t[0], self._t[-1], GONE if self._mbs is None else CHANGED)
+                note = NOTE.format(self._t[0], self._t[-1], GONE if self._mbs is None else CHANGED)
+                self.note = note if self._mbs is None else changed(note)
         return self._can_read
 
     def _intervals(self) -> Iterator[_Interval]:
