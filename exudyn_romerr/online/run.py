@@ -114,7 +114,7 @@ class Run:
                 stream.go_on(before._streams[name])
             self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
             self.balance.go_on(before.balance)
-            self.estimate.go_on(before.estimate)
+            self.estimate.go_on(before.estimate, before._recorded.shown)
         self._record(first, rounded, self.offline.driven_frame(first))
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
@@ -196,7 +196,7 @@ class Run:
             time="static" if self.is_static else self.offline.time,
             **self._recorded.read(self._settled),
             streams=self.streams(),
-            **self.estimate.record(self._settled),
+            **self.estimate.record(self._settled, self._recorded.shown),
             assumptions=self.assumptions(),
             nodes=self.node_fields,
             messages=tuple(self.messages),

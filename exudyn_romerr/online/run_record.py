@@ -163,3 +163,7 @@ class RecordedSamples:
         kept |= {"driven_frames": self._driven_frames, "static_errors": self._static_errors}
         kept["sizes"] = self._sizes
         return {name: rows.read()[index] for name, rows in kept.items()}
+
+    def shown(self) -> np.ndarray:
+        """Return all outputs (T, r) as they are shown."""
+        return self._offline.shown(self._values.read(), self._frames.read())

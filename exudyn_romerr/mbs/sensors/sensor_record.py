@@ -78,7 +78,7 @@ class SensorRecord:
         left_out, failure = list(self.left_out), self.failure or (ENDED if len(self.values) < count else "")
         if failure or not self.sensors:
             return [], left_out + [(sensor.name, failure) for sensor in self.sensors]
-        whole, at = self.estimate.read(slice(count)), self.values.read()[:count]
+        whole, at = self.estimate.read(slice(count), self.values.read), self.values.read()[:count]
         lost = [sensor for sensor in self.sensors if sensor.balanced and self.unbalanced]
         left_out += [(sensor.name, UNBALANCED.format(self.unbalanced)) for sensor in lost]
         known = [of for of in zip(self.sensors, self.parts, strict=True) if of[0] not in lost]
