@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from ..report.scope import Doubt
+from ..report.wording import NO_OUTPUTS
 from ..trajectory.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
@@ -59,11 +60,6 @@ UNCHECKED = Doubt(
     "noticed",
 )
 KNOW_LOADS = "make known all loads and the damping that act on the body, or take shorter steps"
-NO_OUTPUTS = (
-    "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
-    "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "
-    "velocity on mesh nodes to a body in a floating frame"
-)
 
 IN_GLOBAL_AXES = (
     "no bound of {} (inf): the motion of the frame is in it, whose error has {}; see the estimate. An output "
