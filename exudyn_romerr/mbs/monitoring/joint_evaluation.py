@@ -56,8 +56,7 @@ class Mechanism:
         self._coupled = [watch for watch in self._watches if watch.is_coupled]
         self._check_others(self._watches)
         self._first_steps = FirstSteps(scheme_of(mbs), None, has_dampers(mbs))
-        frozen = [watch for watch in self._watches if watch.is_frozen and watch.enriched is not None]
-        self._partners = self._coupled or frozen
+        self._partners = self._coupled or [w for w in self._watches if w.is_frozen and w.enriched is not None]
         if self._coupled:
             self._together(self._prepare, mbs)
         elif self._partners:
@@ -172,6 +171,8 @@ class Mechanism:
 
     def _join_openings(self) -> None:
         if self._opens:
+            for watch in self._coupled:
+                watch.run.partners = tuple(other.run for other in self._coupled if other is not watch)
             pairs = [(watch.run, watch.opening) for watch in self._coupled if watch.shares_energy]
             joined = joined_openings(*zip(*pairs, strict=True)) if pairs else []
             note = self._first_steps.open(*zip(*pairs, strict=True)) if pairs else ""
@@ -199,9 +200,8 @@ class Mechanism:
             join_extensions(*zip(*pairs, strict=True), self._first_steps)
 
     def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
-        first = int(self._opens)
         if self._reaction is not None and all(watch.extension is not None for watch in self._partners):
-            rows = tuple(x[first:].copy() for x in self._with_multipliers(rows))
+            rows = tuple(x[int(self._opens) :].copy() for x in self._with_multipliers(rows))
             self._reaction = self._more.advance(self._reaction, rows, self._at_hand[0])
 
     def _with_multipliers(self, rows: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:

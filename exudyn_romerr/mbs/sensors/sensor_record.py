@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from re import sub
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -45,6 +46,17 @@ class Sensor(NamedTuple):
     rows: int
     balanced: bool = False
 
+    @property
+    def of(self) -> str:
+        """What it shows, in words: "angular velocity"."""
+        shows = "" if self.shows is None else self.shows.name.removesuffix("Local")
+        return sub(r"(?<!^)([A-Z])", r" \1", shows).lower()
+
+    @property
+    def unit(self) -> str:
+        """The unit of that, as far as it is known."""
+        return "" if self.shows is None else UNITS.get(self.shows.name.removesuffix("Local"), "")
+
 
 class SensorRecord:
     """What sensors showed along one solve.
@@ -76,11 +88,10 @@ class SensorRecord:
     def _output(sensor: Sensor, part: slice, whole: Estimate, at: np.ndarray) -> OutputReport:
         estimate, value = whole.of_rows(part), at[:, part]
         causes = {cause: np.full(value.shape, np.inf if cause == "basis" else 0.0) for cause in estimate.parts}
-        shows = sensor.shows.name if sensor.shows is not None else ""
         return OutputReport(
             name=sensor.name,
-            unit=UNITS.get(shows.removesuffix("Local"), ""),
-            of=shows.lower(),
+            unit=sensor.unit,
+            of=sensor.of,
             value=value,
             round_off=np.finfo(float).eps * np.abs(value),
             bound={},
