@@ -82,12 +82,10 @@ class StepHook:
                 watch.begin(mbs, static is not None, self.attached, others)
         self._mbs = weakref.ref(mbs)
         self._mechanism = Mechanism(self.watches, self._mechanism, self.sensors)
-        self._mechanism.begin(mbs)
+        self._mechanism.begin(mbs, self.user is not None or self._occupant is not self.step)
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
-        return (
-            static is not None
-        )  # load steps are few, and loads may be changed before the next solve asks for a block
+        return static is not None  # load steps are few, and loads may be changed before the next solve asks for more
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
@@ -161,9 +159,11 @@ class StepHook:
         """Read the tangent now; return after how many steps it is to be read again."""
         return self._mechanism.read_tangent(mbs, t)
 
-    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
-        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
+    def call_user(self, mbs: Any, t: float, go_on: bool, *row: np.ndarray) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped; row: q, q_t."""
         result = self.user(mbs, t)
+        if self.has_tangents:
+            self._mechanism.equations.compare(mbs, t, *row)
         if not result:
             for watch in self.watches:
                 why = f"the PostStep function returned {result!r}; it must return True to go on"
