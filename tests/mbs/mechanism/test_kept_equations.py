@@ -1,6 +1,6 @@
-"""A mechanism that a PostStep function changes is not certified, for however few steps, and whatever else is asked for.
+"""A mechanism that a PostStep function changes is not certified, for however few steps.
 
-A changed mechanism is another one than bounds are made of: with velocities set anew they were up to 289 times too low.
+It is another one than bounds are made of: where velocities were set anew they were up to 289 times too low.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from exudyn_romerr.report.scope import COUPLED, NOT_CERTIFIED
 from models import mechanisms
 
 STEP, STEPS = 5e-4, 60  # s
-KICKED = range(8, 26)  # more steps than are looked at closer, whose residuals in the middle are larger than the pulse's
+KICKED = range(8, 26)  # more steps than are looked at closer, with larger residuals than the pulse has
 
 
 def kicks(t):
