@@ -4,6 +4,7 @@ Arrays come as buffers, so that building this needs nothing but Python. */
 
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
+#include <structmember.h>
 
 #ifdef __GNUC__ /* Clang, too */
 #define INLINE static inline __attribute__((always_inline))
@@ -24,15 +25,20 @@ typedef Py_ssize_t Size;
 
 #include "march.h"
 #include "oscillators.h"
+#include "products.h"
+#include "recorder.h"
 
 static int march_anywhere(const March *all) { return march(all); }
 static void oscillate_anywhere(const Oscillators *all) { oscillate(all); }
+static void multiply_anywhere(const Products *all) { multiply(all); }
 static int (*march_here)(const March *) = march_anywhere;
 static void (*oscillate_here)(const Oscillators *) = oscillate_anywhere;
+static void (*multiply_here)(const Products *) = multiply_anywhere;
 
 #ifdef WIDE
 WIDE static int march_wide(const March *all) { return march(all); }
 WIDE static void oscillate_wide(const Oscillators *all) { oscillate(all); }
+WIDE static void multiply_wide(const Products *all) { multiply(all); }
 #endif
 
 /* Buffers that are held until the march has ended. */
@@ -152,8 +158,31 @@ static PyObject *oscillated(PyObject *self, PyObject *arguments)
     return result;
 }
 
+#define PRODUCTS                                                                                                   \
+    "rows_times(S, k, m, rows, columns, y)\n\nWrite y (S, m), products of rows (S, k) with columns (m, k) of a "  \
+    "matrix, one behind the other."
+
+static PyObject *multiplied(PyObject *self, PyObject *arguments)
+{
+    Products all = {0};
+    PyObject *given[3], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnOOO", &all.S, &all.k, &all.m, given, given + 1, given + 2)) return NULL;
+    Py_buffer views[3];
+    Held held = {views, 0};
+    const Size size = sizeof(double);
+    if ((all.rows = numbers(given[0], &held, all.S * all.k, size, 0)) &&
+        (all.columns = numbers(given[1], &held, all.m * all.k, size, 0)) &&
+        (all.y = numbers(given[2], &held, all.S * all.m, size, PyBUF_WRITABLE))) {
+        multiply_here(&all);
+        result = Py_NewRef(Py_None);
+    }
+    while (held.count) PyBuffer_Release(views + --held.count);
+    return result;
+}
+
 static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"oscillators", oscillated, METH_VARARGS, OSCILLATORS},
+                                {"rows_times", multiplied, METH_VARARGS, PRODUCTS},
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
@@ -162,7 +191,9 @@ PyMODINIT_FUNC PyInit__loops(void)
 #ifdef WIDE
     __builtin_cpu_init();
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-        march_here = march_wide, oscillate_here = oscillate_wide;
+        march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide;
 #endif
-    return PyModule_Create(&module);
+    PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
+    if (made && PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0) Py_CLEAR(made);
+    return made;
 }

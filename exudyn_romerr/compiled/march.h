@@ -38,7 +38,7 @@ typedef struct {
 INLINE void block(const int rows, const int columns, Size m, const double *A, const double *x, Size next_x, double *y,
                   Size next_y)
 {
-    Lanes sums[4][TOGETHER], row[4], one;
+    Lanes sums[8][TOGETHER], row[8], one;
     double of[LANES];
     Size l = 0;
     memset(sums, 0, sizeof(sums));
@@ -76,15 +76,16 @@ INLINE void product(Size n, Size m, Size columns, const double *A, const double 
     for (; columns > 0; columns -= TOGETHER, x += TOGETHER * next_x, y += TOGETHER * next_y) {
         Size i = 0;
         if (columns >= TOGETHER) {
-            ROWS(2, TOGETHER);
+            ROWS(3, TOGETHER);
             ROWS(1, TOGETHER);
         } else if (columns == 3) {
-            ROWS(2, 3);
+            ROWS(3, 3);
             ROWS(1, 3);
         } else if (columns == 2) {
-            ROWS(4, 2);
+            ROWS(6, 2);
             ROWS(1, 2);
         } else {
+            ROWS(8, 1);
             ROWS(4, 1);
             ROWS(1, 1);
         }

@@ -10,23 +10,36 @@ import numpy as np
 from ..estimators.coupled_energy import LINEARISED
 from ..trajectory.growing_array import GrowingArray
 from .estimate import CAUSES, RESOLVED, Estimate
+from .time_step_error import PROVISIONAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from .time_step_error import TimeStep
 
-REMAINDER = "remainder"
+    Shown = Callable[[], np.ndarray]  # outputs (S, r) at all instants, as they are shown
+
+REMAINDER, RINGING = "remainder", "ringing"
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
+# what the error by time steps and its checks depend on samples after it for: what they say of these holds before them
+AHEAD = PROVISIONAL
+BY_STEPS = ("time step", "steps", "linearisation", "loads", RINGING)
+# An error of phase is 2 A at most, A what rings. Where steps do not resolve it, its estimate x grows like A phi and
+# the check like A phi^2 / 2, without end; but then x is 2 A or more, and off by 2 x at most. Before, in a mode that
+# does not ring yet where x looks, A shows in the output: its fourth differences are 16 A where its sign alternates
+# (wh, h omega: 5, 0.8 of that; 2, a quarter).
+PHASE_LOST, ALTERNATES, ORDER = 2.0, 4.0, 4
 
 
 class KeptEstimate:
     """Signed parts of the errors of all outputs as shown, and sizes of what checks them: (S, r) at every instant.
 
     The last instants may be handed over again, with better values. A half width is the largest size since the start:
-    a difference passes zero. In the first samples of a run differences say less than later: the largest of FIRST
-    samples counts from the start, and in a run of no more than FEW the check of steps is as large as what it checks.
+    a difference passes zero. That of time steps counts AHEAD instants before, for what begins suddenly is smeared
+    backwards. In the first samples of a run differences say less than later: the largest of FIRST samples counts from
+    the start, and in a run of no more than FEW the check of steps is as large as what it checks. Elsewhere it is no
+    larger than PHASE_LOST times that, and ALTERNATES times what rings from step to step in the outputs.
     Where a check has ended, nothing is known: its half width is inf from there on. What linear equations may have
     missed is handed over as "linearisation" of the error by time steps, as REMAINDER of what vectors predict. It is
     LINEARISED of the largest of each part beside the former; at least, beside the latter, for what time steps make of
@@ -49,9 +62,11 @@ class KeptEstimate:
         self.left = GrowingArray()
         self._before: dict[str, np.ndarray] = {}  # largest (r,) of a run that this one goes on from
 
-    def go_on(self, before: KeptEstimate) -> None:
-        """Begin with the half widths that another run ended with."""
-        self._before = {name: largest[-1] for name, largest in before._largest().items()}
+    def go_on(self, before: KeptEstimate, shown: Shown) -> None:
+        """Begin with the half widths that another run ended with; shown : its outputs."""
+        if before._parts:
+            largest = before._largest() | {RINGING: before._ringing(shown())}
+            self._before = {name: sizes[-1] for name, sizes in largest.items()}
 
     def put(self, parts: Mapping[str, np.ndarray], sizes: Mapping[str, np.ndarray], replaced: int = 0) -> None:
         """Add instants: parts by cause and sizes by check, (S, r) each, the first of them in place of the last."""
@@ -75,17 +90,17 @@ class KeptEstimate:
             sizes["loads"] = change(step.loads)
         self.put({"time step": (back - there) / 2 + more}, sizes, step.replaced)
 
-    def record(self, index: slice) -> dict[str, Any]:
-        """Return the fields `estimate`, `left` and `remainder` of a RunRecord."""
+    def record(self, index: slice, shown: Shown) -> dict[str, Any]:
+        """Return the fields `estimate`, `left` and `remainder` of a RunRecord; shown : outputs."""
         share = {} if self.remainder is None else {"auxiliary": self.remainder}
         left = self.left.read()
         if len(left) and self._parts:  # what these equations may have missed is in no bound of theirs
             count = max(len(left), *map(len, self._parts.values()))
             left = left + self._missed(self._largest(), count)[1][: len(left)]
-        return {"estimate": self.read(index), "left": left[index], "remainder": share}
+        return {"estimate": self.read(index, shown), "left": left[index], "remainder": share}
 
-    def read(self, index: slice) -> Estimate | None:
-        """Return the estimate at some of the instants; None if there is none."""
+    def read(self, index: slice, shown: Shown) -> Estimate | None:
+        """Return the estimate at some of the instants; None if there is none. shown : outputs."""
         if not self._parts:
             return None
         count, largest = max(map(len, self._parts.values())), self._largest()
@@ -93,8 +108,12 @@ class KeptEstimate:
         none = np.zeros_like(next(iter(parts.values())))
         checks = {check: _filled(largest[check], count, np.inf)[index] for check in self._sizes if check != REMAINDER}
         if "steps" in checks:
-            steps, checked = checks["steps"], _filled(largest["time step"], count, 0.0)[index]
-            is_rough = self._rings & (steps > RESOLVED * checked) | (count <= FEW and not self._before)
+            steps, checked = checks["steps"], _filled(largest["time step"], count, np.inf)[index]
+            is_short = count <= FEW and not self._before
+            if not is_short:
+                ringing = _filled(self._ringing(shown())[:count], count, np.inf)[index]
+                steps = np.minimum(steps, PHASE_LOST * checked + ALTERNATES * ringing)
+            is_rough = is_short | self._rings & (steps > RESOLVED * checked)
             checks["steps"] = np.where(is_rough, np.maximum(steps, checked), steps)
         checks["linearisation"] = checks.get("linearisation", 0.0) + sum(self._missed(largest, count))[index]
         return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, checks)
@@ -114,8 +133,22 @@ class KeptEstimate:
             sizes = np.abs(kept.read())
             if name in self._sizes and not self._before:
                 sizes[:FIRST] = np.max(sizes[:FIRST], axis=0, initial=0.0)
-            found[name] = np.maximum(np.maximum.accumulate(sizes, axis=0), self._before.get(name, 0.0))
+            found[name] = self._since_start(name, sizes)
         return found
+
+    def _since_start(self, name: str, sizes: np.ndarray) -> np.ndarray:
+        """Running maxima (S, r); what is checked of time steps AHEAD."""
+        found = np.maximum(np.maximum.accumulate(sizes, axis=0), self._before.get(name, 0.0))
+        if name in BY_STEPS and len(found):
+            found = found[np.minimum(np.arange(len(found)) + AHEAD, len(found) - 1)]
+        return found
+
+    def _ringing(self, shown: np.ndarray) -> np.ndarray:
+        """Amplitudes (S, r) of what changes its sign from step to step in outputs (S, r), since the start."""
+        if len(shown) <= ORDER:
+            return np.full(shown.shape, np.inf)
+        sizes = np.abs(np.diff(shown, ORDER, axis=0)) / 2**ORDER
+        return self._since_start(RINGING, np.concatenate([np.repeat(sizes[:1], ORDER, axis=0), sizes]))
 
 
 def _filled(rows: np.ndarray, count: int, value: float) -> np.ndarray:

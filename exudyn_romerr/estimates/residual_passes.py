@@ -20,15 +20,20 @@ if TYPE_CHECKING:
     from .march import Steps, Tangent
 
 PASSES = 2
-TOGETHER = 256  # rows, or as many as before, or all of a block: whether passes pay is asked of so many at once
+# rows, or as many as before, or all of a block: whether passes pay is asked of so many at once; of more far from it
+TOGETHER, SELDOM = 256, 1024
 KNOWN = 5  # samples that a spline begins with
 SMALLER = 0.3  # than what they correct: passes that are not do not converge, and are given up
 
 
 class Residuals(Protocol):
-    """Residuals of a mechanism along its run, of which some rows are known at a time."""
+    """Residuals of a mechanism along its run, of which some rows are known at a time.
+
+    is_far : whether passes were far from paying when that was asked last.
+    """
 
     rows: Sequence[np.ndarray]
+    is_far: bool
 
     def left(self, part: slice, e: np.ndarray) -> np.ndarray:
         """Return less the residual (S, k) of modes and vectors in rows of the run that e (3, S, k) corrects."""
@@ -108,7 +113,8 @@ class ResidualPasses:
         """Whether they do, when enough rows are known."""
         self._waiting.append(e.copy())
         count = sum(one.shape[1] for one in self._waiting)
-        if count < min(self._asked, TOGETHER) and part.stop < len(self.residuals.rows[0]):
+        enough = min(self._asked, SELDOM if self.residuals.is_far else TOGETHER)
+        if count < enough and part.stop < len(self.residuals.rows[0]):
             return False
         e, self._waiting, self._asked = np.concatenate(self._waiting, axis=1), [], self._asked + count
         return self.residuals.pay(slice(part.stop - count, part.stop), e)

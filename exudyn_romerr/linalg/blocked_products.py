@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
+from ..compiled.loops import loops
+
 # Multiplications of one product. BLAS libraries start threads above a few 1e5; for blocks of steps these cost more
 # than they give, and on cores that are shared with a simulation they wait for one another.
 ONE_THREAD = 250_000
@@ -21,6 +23,9 @@ def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     flat = rows.reshape(-1, k)
     count = max(1, ONE_THREAD // max(k * m, 1))
     result = np.empty((len(flat), m))
+    if loops is not None and len(flat) > count:
+        loops.rows_times(len(flat), k, m, *(np.ascontiguousarray(x, dtype=float) for x in (flat, matrix.T)), result)
+        return result.reshape(*rows.shape[:-1], m)
     for first in range(0, len(flat), count):
         np.matmul(flat[first : first + count], matrix, out=result[first : first + count])
     return result.reshape(*rows.shape[:-1], m)

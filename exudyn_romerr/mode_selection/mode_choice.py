@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..report.report import SAMPLED
-from ..report.wording import digits
+from ..report.scope import NOT_CERTIFIED
+from ..report.wording import digits, not_certified
 from .modal_forecast import ESTIMATE, TINY, fewest_modes
 from .tried_run import BASIS, INTERFACES, SLACK, STEP, TriedRun
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from ..report.report import BoundReport
+    from ..report.scope import Doubt
 
 SECOND_ORDER = 4 / 3  # error of a step over the difference to half the step
 CURES = {
@@ -46,6 +48,11 @@ class ModeChoice:
     def met(self) -> bool:
         """Whether the bounds of the chosen basis are within the tolerances."""
         return self.chosen.met
+
+    @property
+    def uncertified(self) -> tuple[Doubt, ...]:
+        """Why no bound of the chosen basis is certified, see BoundReport; `met` says nothing then that is proved."""
+        return self.chosen.uncertified
 
     @property
     def answer(self) -> str:
@@ -94,7 +101,8 @@ class ModeChoice:
         scopes = {scope for report in self.reports for scope in report.scope.values()}
         frozen = ", inputs frozen (the mechanism's answer is not covered)" if self.chosen.is_frozen else ""
         closest = "" if self.chosen.is_enough else "came closest, "
-        bounds = f"its bounds are {'' if self.met else 'not '}within the tolerance{frozen}"
+        doubts = not_certified(self.chosen.uncertified)
+        bounds = f"its bounds{doubts and f' ({doubts})'} are {'' if self.met else 'not '}within the tolerance{frozen}"
         answer = f"{closest}error within the tolerance: {self.answer}"
         lines = [f"{self.chosen.basis}: {answer}; {bounds}; their scope: {', '.join(sorted(scopes))}"]
         lines += [f"  run {i}: {run}" for i, run in enumerate(self.tried, start=1)]
@@ -124,7 +132,8 @@ class ModeChoice:
                 return f"{name}: error within the tolerance: {run.assessment.answer}, was tried"
         expected, units = self.chosen.expected(modes), self.chosen.units
         worst = ", ".join(f"{output} <= {digits(x)} {units[output]}" for output, x in expected.items())
-        decides = "estimates" if self.chosen.by == ESTIMATE else "bounds"
+        certain = f" ({NOT_CERTIFIED})" if self.chosen.uncertified else ""
+        decides = "estimates" if self.chosen.by == ESTIMATE else f"bounds{certain}"
         place = "within the tolerance, too" if self.chosen.would_meet(modes) else "above it"
         return f"{name}: not tried; its {decides} would be {place}, by a forecast: {worst}"
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..report.assessment import ANSWERS, TOO_LARGE
 from ..report.estimate_wording import covers_time, estimate_scope, known, parts_of
-from ..report.scope import FROZEN
+from ..report.scope import FROZEN, NOT_CERTIFIED
 from ..report.wording import digits, rounded_up, widest_scope
 from .modal_forecast import BOUND, ESTIMATE
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from ..report.assessment import Assessment
     from ..report.report import BoundReport, OutputReport
+    from ..report.scope import Doubt
     from .modal_forecast import Forecast
 
 BASIS, STEP, SLACK, INTERFACES = "basis", "step size", "slack", "interfaces"
@@ -65,6 +66,11 @@ class TriedRun:
     def met(self) -> bool:
         """Whether every bound is within its tolerance."""
         return all(x <= self.tolerance[name] for name, x in self.bound.items())
+
+    @property
+    def uncertified(self) -> tuple[Doubt, ...]:
+        """Why bounds of the run are not certified."""
+        return tuple(dict.fromkeys(doubt for report in self.reports for doubt in report.uncertified))
 
     @property
     def is_enough(self) -> bool:
@@ -156,7 +162,7 @@ class TriedRun:
         return f"{self.basis}: {', '.join(said)}; error within the tolerance: {found.answer}{made_by}"
 
     def _said_of(self, name: str, unit: str) -> str:
-        bound = f" <= {rounded_up(self.bound[name])} {unit}"
+        bound = f" <= {rounded_up(self.bound[name])} {unit}{f', {NOT_CERTIFIED},' if self.uncertified else ''}"
         return bound if self.by == BOUND else f" about {digits(self.decisive[name])} {unit} or less, bound{bound}"
 
 

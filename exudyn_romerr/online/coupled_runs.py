@@ -10,21 +10,17 @@ import numpy as np
 from ..estimates.overshoot import Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
 from ..residual.felt_residuals import FeltResiduals
-from .run_messages import BEGUN_ANEW, ROUGH_RADIUS, STARTS_DAMPED, STARTS_ROUGHLY
+from .run_messages import BEGUN_ANEW, ROUGH_RADIUS, STARTS_DAMPED, STARTS_ROUGHLY, UNKNOWN_SCHEME
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..estimates.march import Scheme
+    from ..report.scope import Doubt
     from ..residual.free_mass import AtStart
     from ..trajectory.samples import Extension
     from ..trajectory.segments import Block
     from .run import Opening, Run
-
-UNKNOWN_SCHEME = (
-    "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that they "
-    "do not resolve, is not in the bound; call SolveDynamic without storeSolver=False"
-)
 
 # from one step to the next: Exudyn's adaptive steps grow by 2 at most unless they are told else
 GREW = 2.0 * (1 + 1e-6)
@@ -61,7 +57,7 @@ class FirstSteps:
 
     def __init__(self, scheme: Scheme | None, share: float | None = None, damped: bool = False):
         self._scheme, self._push, self._share, self.damped = scheme, 0.0, share, damped
-        self._doubts: list[str] = []
+        self._doubts: list[Doubt] = []
         self._felt: dict[str, FeltResiduals] = {}
         self._times, self._is_lost = np.zeros(0), False  # the last two
         self._overshoot: Overshoot | None = None
@@ -88,7 +84,7 @@ class FirstSteps:
         self._overshoot = Overshoot(self._scheme, openings[0].start.t, dampings)
         return ""
 
-    def doubts(self, overshoot: np.ndarray, g: np.ndarray) -> list[str]:
+    def doubts(self, overshoot: np.ndarray, g: np.ndarray) -> list[Doubt]:
         """Return once why the start is not certified, with what the first call of advance returned, and g (S,)."""
         if not len(g):
             return []

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..report.scope import Doubt
 from ..trajectory.segments import Start
 
 if TYPE_CHECKING:
@@ -22,14 +23,19 @@ IN_THE_SPAN = (
 
 NO_ACCELERATIONS = (
     "the solver has no accelerations at its start: bounds begin at t = {:g} s, where the full body is taken to be as "
-    "the reduced one; what was wrong by then is in no bound and no estimate: no bound of this run is certified. "
-    "Implicit solvers compute accelerations with generalizedAlpha.computeInitialAccelerations"
+    "the reduced one; what was wrong by then is in no bound and no estimate"
 )
 LOADS_JUMP = (
     "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below the "
     "step size too, and no basis or bound follows that. Give user functions of loads the same value in both"
 )
 JUMP = 1e-6  # of the loads
+
+
+def begins_late(t: float) -> Doubt:
+    """Return why no bound is certified of a run whose bounds begin at t, after its start."""
+    cure = "take an implicit solver with generalizedAlpha.computeInitialAccelerations = True"
+    return Doubt("the solver has no accelerations at its start", cure, NO_ACCELERATIONS.format(t))
 
 
 def start_of(offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None) -> Start:

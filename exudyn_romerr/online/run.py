@@ -15,6 +15,7 @@ from ..trajectory.segments import Cut, turn_of
 from .bound_stream import Stream, best_outputs
 from .galerkin_defect import Defect
 from .initial_condition import IN_THE_SPAN, driven_start, start_of
+from .run_messages import doubts_of
 from .run_record import UNKNOWN, RecordedSamples, RunRecord, SolverFacts
 from .summary import assemble
 
@@ -46,13 +47,14 @@ class Run:
     """The bounds along one dynamic solve."""
 
     companion: Run | None = None  # of the trajectory with auxiliary vectors
+    partners: tuple[Run, ...] = ()  # of other bodies, whose energy is bounded together with that of this one
     is_static = begins_late = False  # late: errors before its first sample are in no bound
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
         self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
         self.messages: list[str] = []
         self.estimate = KeptEstimate()  # of the mechanism, if it answers what is wrong with this body
-        self._defect = Defect()
+        self.balance = Defect()
         self._recorded = RecordedSamples(offline, lambda: (run._total.bounds() for run in self._runs))
         self._last: Samples | None = None
         self._rest: np.ndarray | None = None  # where a frame at rest is
@@ -111,8 +113,8 @@ class Run:
             for name, stream in self._streams.items():
                 stream.go_on(before._streams[name])
             self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
-            self._defect.go_on(before._defect)
-            self.estimate.go_on(before.estimate)
+            self.balance.go_on(before.balance)
+            self.estimate.go_on(before.estimate, before._recorded.shown)
         self._record(first, rounded, self.offline.driven_frame(first))
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
@@ -163,7 +165,7 @@ class Run:
     @property
     def defect(self) -> float:
         """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
-        return self._defect.share(self.solver.floor)
+        return self.balance.share(self.solver.floor)
 
     @property
     def inputs(self) -> int:
@@ -179,11 +181,6 @@ class Run:
         """Let only the samples so far count: later ones may be bounded in part when something fails."""
         self._settled = slice(len(self._recorded.t))
 
-    @property
-    def time(self) -> str:
-        """What the bounds cover of time: "reconstructed", "sampled", or "static"."""
-        return self.offline.time
-
     def report(self) -> BoundReport:
         """Return what was bounded so far; RunError before the first sample."""
         if self._last is None:
@@ -196,16 +193,15 @@ class Run:
         return RunRecord(
             offline=self.offline,
             solver=self.solver,
-            time=self.time,
+            time="static" if self.is_static else self.offline.time,
             **self._recorded.read(self._settled),
             streams=self.streams(),
-            **self.estimate.record(self._settled),
+            **self.estimate.record(self._settled, self._recorded.shown),
             assumptions=self.assumptions(),
             nodes=self.node_fields,
             messages=tuple(self.messages),
+            doubts=doubts_of(self, self.partners),
             begins_late=self.begins_late,
-            defect=self.defect,
-            worst_mode=self._defect.worst_mode,
             tolerances=self.tolerances,
             rounding_share=None if quintic is None else quintic.rounding_share,
             largest_miss=None if quintic is None else quintic.largest_miss,
@@ -239,7 +235,7 @@ class Run:
             if jitter is not None:
                 self._rest = frame[0] if self._last is None else self._rest
                 z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
-            self._defect.measure(rows, z, self.offline.rounding.in_balance(states[0]))
+            self.balance.measure(rows, z, self.offline.rounding.in_balance(states[0]))
         self._inputs_given = u[-1:]  # as they are, also where they are packed below
         if self.offline.packing is not None:
             u, cut = self.offline.packing(u)

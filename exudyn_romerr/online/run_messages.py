@@ -1,50 +1,64 @@
-"""Messages at the head of a report: uncertified balance, early end, inputs that are not followed."""
+"""Messages at the head of a report: why it is not certified, early end, inputs that are not followed."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
+from ..report.scope import Doubt
 from ..trajectory.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from ..offline.prepared import Offline
+    from .galerkin_defect import Defect
     from .run_record import RunRecord, SolverFacts
 
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
 TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
 ROUGH_RADIUS = 0.2  # with 0 an error was 2.9 times its bound at the first instant, with 0.3 none was above
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
-BEGUN_ANEW = (
+RADIUS_OF_ONE = "set generalizedAlpha.spectralRadius = 1"
+BEGUN_ANEW = Doubt(
+    "a solve that goes on from another one, with a spectral radius below 1",
+    f"{RADIUS_OF_ONE}, or make one solve of both",
     "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
-    "that ring and that they do not resolve, is not in the bound, which is not certified; a spectral radius of 1 "
-    "leaves them as they are"
+    "that ring and that they do not resolve, is not in the bound",
 )
-CHANGED = (
-    "the mbs was changed meanwhile (by a PostStep function, or after the solve), so that coupled bounds are not "
-    "certified"
-)
-STARTS_DAMPED = (
+STARTS_DAMPED = Doubt(
+    "sudden start with dampers and a spectral radius below 1",
+    f"let loads begin smoothly, or {RADIUS_OF_ONE}",
     "the run starts suddenly, by an integrator with a spectral radius below 1, and there are dampers beside those of "
     "the bodies: what its first steps make of both, where they do not resolve modes, is in the bound as far as "
-    "examples tell, and the bound is not certified; a spectral radius of 1, or loads that begin smoothly, leave "
-    "nothing of it"
+    "examples tell, which is no proof",
 )
-STARTS_ROUGHLY = (
+STARTS_ROUGHLY = Doubt(
+    f"sudden start with a spectral radius below {ROUGH_RADIUS}",
+    f"let loads begin smoothly, or {RADIUS_OF_ONE}",
     f"the run starts suddenly, by an integrator with a spectral radius below {ROUGH_RADIUS}: velocities of modes "
-    "that its first step does not resolve may be too large for linear equations, and the bound is not certified; a "
-    "spectral radius of 1, or loads that begin smoothly, leave nothing of it"
+    "that its first step does not resolve may be too large for linear equations",
 )
+UNKNOWN_SCHEME = Doubt(
+    "the solver is not known",
+    "call SolveDynamic without storeSolver=False",
+    "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that they "
+    "do not resolve, is not in the bound",
+)
+CHANGED = "the mbs was changed meanwhile (by a PostStep function, or after the solve)"
+NO_CHANGES = "change no parameters before report() is asked, but let user functions depend on time"
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
 MOTION_JUMPS = (
     "loads or accelerations of the prescribed motion change within single steps: up to {:.1e} of the largest is not "
     "followed by the reconstruction (estimated, and added to the bounds): let the motion change more smoothly, or "
     "take smaller steps"
 )
-UNCHECKED = (
+UNCHECKED = Doubt(
+    "a load that is not known here would not be noticed",
+    "add eigenmodes",
     "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
-    "noticed. No bound of this run is certified; add eigenmodes"
+    "noticed",
 )
+KNOW_LOADS = "make known all loads and the damping that act on the body, or take shorter steps"
 NO_OUTPUTS = (
     "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
     "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "
@@ -62,9 +76,9 @@ def run_messages(run: RunRecord) -> list[str]:
     """Return the messages of a run, the gravest first."""
     return [
         *_first_only(run),
-        *_defect(run),
+        *[doubt for doubt in run.doubts if doubt not in run.messages],
         *_no_outputs(run),
-        *dict.fromkeys(run.messages),
+        *_noted(run),
         *_in_global_axes(run),
         *(run.offline.notes if run.time != "static" else ()),
         *_end(run),
@@ -73,26 +87,48 @@ def run_messages(run: RunRecord) -> list[str]:
     ]
 
 
-def is_balanced(run: RunRecord) -> bool:
+class Noted(Protocol):
+    """What a run under way has of what may speak against its bounds: see run.py."""
+
+    offline: Offline
+    solver: SolverFacts
+    messages: list[str]
+    balance: Defect
+    defect: float
+
+
+def is_balanced(run: Noted) -> bool:
     """Whether the Galerkin defect could be measured, and is what the solver's tolerance leaves."""
     return run.offline.scene.checked and run.defect <= _limit(run)
 
 
-def is_certified(run: RunRecord) -> bool:
-    """Whether the run is balanced and its bounds hold from the start of the solve on."""
-    was_changed = run.offline.scene.coupled and bool(told_of_changes(run.messages))
-    return is_balanced(run) and not run.begins_late and not starts_uncertainly(run) and not was_changed
+def changed(said: str) -> Doubt:
+    """Return the doubt of a mechanism that was changed along its run, with what is said of it."""
+    return Doubt("the mbs was changed along the run", NO_CHANGES, said)
 
 
-def starts_uncertainly(run: RunRecord) -> bool:
-    """Whether what the integrator makes of the start may not be in the bounds."""
-    known = BEGUN_ANEW, STARTS_DAMPED, STARTS_ROUGHLY
-    return any(message in known for message in run.messages)
+def doubts_of(run: Noted, partners: Iterable[Noted] = ()) -> tuple[Doubt, ...]:
+    """Return why no bound of the run is certified; empty: it is balanced, and they hold from its start on.
+
+    partners : runs of other bodies whose energy is bounded together with that of its own.
+    """
+    noted = [doubt for doubt in doubts_in(run.messages) if run.offline.scene.coupled or not _is_change(doubt)]
+    others = [_of_another(doubt) for partner in partners for doubt in _unbalanced(partner)]
+    return tuple(dict.fromkeys([*_unbalanced(run), *others, *noted]))
 
 
-def told_of_changes(messages: Iterable[str]) -> list[str]:
-    """Return those messages that say that the mbs was changed along the run."""
-    return [message for message in messages if CHANGED in message]
+def doubts_in(messages: Iterable[str]) -> list[Doubt]:
+    """Return those messages that say why no bound of a run, or of one that goes on from it, is certified."""
+    return [message for message in messages if isinstance(message, Doubt)]
+
+
+def _of_another(doubt: Doubt) -> Doubt:
+    return Doubt(doubt.cause, doubt.cure, f"another body: {doubt.said}")
+
+
+def _is_change(doubt: Doubt) -> bool:
+    """Whether it is one of coupled bounds alone: others follow from the samples of the run."""
+    return doubt.cure == NO_CHANGES
 
 
 def planned_end(run: RunRecord) -> float | None:
@@ -110,7 +146,7 @@ def stopped_or_ended(t: float, solver: SolverFacts) -> str:
     return "the run ended" if _ends_early(t, solver) is False else "stopped"
 
 
-def _limit(run: RunRecord) -> float:
+def _limit(run: Noted) -> float:
     return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
 
 
@@ -118,17 +154,24 @@ def _first_only(run: RunRecord) -> list[str]:
     return [] if run.time == "static" or len(run.t) > 1 else ["only the first instant was bounded"]
 
 
-def _defect(run: RunRecord) -> list[str]:
+def _noted(run: RunRecord) -> list[str]:
+    """What was noted along the run; of doubts that are none of its bounds, what is said but that."""
+    is_other = lambda note: isinstance(note, Doubt) and note not in run.doubts  # noqa: E731
+    return [note.said if is_other(note) else note for note in dict.fromkeys(run.messages)]
+
+
+def _unbalanced(run: Noted) -> list[Doubt]:
     if not run.offline.scene.checked:
         return [UNCHECKED]
     if is_balanced(run):
         return []
-    return [
-        f"Galerkin defect {run.defect:.1e} of the largest term, in mode {run.worst_mode} (expected below "
-        f"{_limit(run):.1e}): a load on the body is not known here, or depends on more than time, or damping "
-        "differs, or a step was too long to be solved well. No bound of this run is certified: it holds for the "
-        "loads known"
-    ]
+    found = f"Galerkin defect {run.defect:.1e}"
+    said = (
+        f"{found} of the largest term, in mode {run.balance.worst_mode} (expected below {_limit(run):.1e}): a load "
+        "on the body is not known here, or depends on more than time, or damping differs, or a step was too long to "
+        "be solved well; bounds hold for the loads known"
+    )
+    return [Doubt(f"the run is not balanced by what is known of it, {found}", KNOW_LOADS, said)]
 
 
 def _no_outputs(run: RunRecord) -> list[str]:

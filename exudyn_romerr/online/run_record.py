@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..estimates.estimate import Estimate
     from ..estimators.node_bounds import AtNodes
     from ..offline.prepared import Offline
+    from ..report.scope import Doubt
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
     from ..trajectory.samples import Samples
@@ -53,8 +54,8 @@ class RunRecord:
     estimate : of all outputs as shown, side by side, from the linearised mechanism; None: there is none.
     left (T, r) : bound of what that leaves of outputs in global axes, fewer rows where it ended early.
     streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
-    nodes : fields at every node, on demand. messages : what was noted along the run.
-    defect : Galerkin defect, the largest W^T R over its largest term; worst_mode : row of W^T R with it.
+    nodes : fields at every node, on demand. messages : what was noted along the run. doubts : why no bound is
+    certified.
     tolerances : output -> what its bound was asked to stay below, of those that were asked for.
     remainder : see BoundReport.
     rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
@@ -76,9 +77,8 @@ class RunRecord:
     assumptions: dict[str, str]
     nodes: Callable[[], NodeFields]
     messages: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
     begins_late: bool
-    defect: float
-    worst_mode: int
     tolerances: dict[str, float]
     remainder: dict[str, float]
     rounding_share: float | None
@@ -163,3 +163,7 @@ class RecordedSamples:
         kept |= {"driven_frames": self._driven_frames, "static_errors": self._static_errors}
         kept["sizes"] = self._sizes
         return {name: rows.read()[index] for name, rows in kept.items()}
+
+    def shown(self) -> np.ndarray:
+        """Return all outputs (T, r) as they are shown."""
+        return self._offline.shown(self._values.read(), self._frames.read())

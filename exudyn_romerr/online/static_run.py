@@ -23,7 +23,6 @@ class StaticRun(Run):
     t is the load factor. q_t and q_tt are ignored; dynamic estimators are left out.
     """
 
-    time = "static"
     is_static = True
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):

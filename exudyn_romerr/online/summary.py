@@ -11,10 +11,10 @@ from ..estimates.estimate import Estimate, estimated
 from ..estimators.coupled_energy import CorrectedEnergy
 from ..report.formats.provenance import made_here
 from ..report.report import BoundReport, OutputReport
-from ..report.scope import COUPLED, FROZEN, NOT_CERTIFIED
+from ..report.scope import COUPLED, FROZEN, with_doubts
 from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in, unbounded
-from .run_messages import is_certified, planned_end, run_messages, stopped_at
+from .run_messages import planned_end, run_messages, stopped_at
 
 if TYPE_CHECKING:
     from ..model.global_axes import View
@@ -34,7 +34,7 @@ def assemble(run: RunRecord) -> BoundReport:
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=_output_reports(run, is_requested=True),
         scope={name: scene.scope_of(name) for name in total},
-        scope_reason="; ".join(filter(None, [scene.reason, "" if is_certified(run) else NOT_CERTIFIED])),
+        scope_reason=with_doubts(scene.reason, run.doubts),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
         plan=offline.plan,
         messages=run_messages(run),
@@ -44,6 +44,7 @@ def assemble(run: RunRecord) -> BoundReport:
         remainder=run.remainder,
         made=made_here(),
         planned_end=planned_end(run),
+        uncertified=run.doubts,
     )
 
 
@@ -54,8 +55,7 @@ def internal_reports(run: RunRecord) -> dict[str, OutputReport]:
 
 def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputReport]:
     """Return the outputs that were asked for, or (is_requested=False) the internal ones beside them."""
-    offline, found = run.offline, {}
-    widest = offline.scene.widest(run.streams["total"])
+    offline, found, widest = run.offline, {}, run.offline.scene.widest(run.streams["total"])
     for i, (out, part, view) in enumerate(zip(offline.outputs, offline.slices, offline.views, strict=True)):
         if out.is_requested == is_requested:
             rows = _Seen(run.values[:, part], run.round_off[:, part], _rows_of(run.streams, part))
@@ -66,8 +66,7 @@ def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputRepor
                 share = known.estimate.interface_share(share)
             if view is not None and offline.scene.coupled:
                 seen = seen.of_a_moving_frame(offline.scene, _in_global_axes(run, i))
-            more = share, known, run.tolerances.get(out.name), run.beside_steps
-            found[out.name] = replace(_output_report(out, seen, widest, *more), stopped=stopped_at(run))
+            found[out.name] = _output_report(run, out, seen, widest, share, known)
     return found
 
 
@@ -158,13 +157,12 @@ def _turned(view: View, rows: _Seen, run: RunRecord) -> _Seen:
 
 
 def _output_report(
+    run: RunRecord,
     out: Output,
     seen: _Seen,
     widest: list[str],
     interfaces: np.ndarray | float,
     found: _Known,
-    tolerance: float | None,
-    beside_steps: tuple[str, ...],
 ) -> OutputReport:
     value, round_off, streams = seen
     bound, estimate = _with_best(streams["total"], widest), found.estimate
@@ -186,8 +184,10 @@ def _output_report(
         uncertainty_parts={} if estimate is None else estimate.half_widths,
         estimate_scope=found.scope,
         labels=out.labels,
-        tolerance=tolerance,
-        beside_steps=beside_steps,
+        tolerance=run.tolerances.get(out.name),
+        stopped=stopped_at(run),
+        beside_steps=run.beside_steps,
+        uncertified=run.doubts,
     )
 
 

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..report.wording import not_certified
+from .run_messages import doubts_of
+
 if TYPE_CHECKING:
     from .run import Run
 
@@ -35,7 +38,9 @@ class ToleranceCheck:
         self._compared, self._calls = self._compared + len(t), self._calls + 1
         best = run.best_of_last(len(t))
         shares = {name: np.max(best[name], axis=1, initial=0.0) / limit for name, limit in self._limits.items()}
-        found = [self._in_words(name, share, t) for name, share in shares.items() if not np.all(share <= 1)]
+        above = [(name, share) for name, share in shares.items() if not np.all(share <= 1)]
+        condition = not_certified(doubts_of(run, run.partners)) if above else ""
+        found = [f"{self._in_words(*one, t)}{condition and f' ({condition})'}" for one in above]
         self.room = 1 if found else self._next_room(shares)
         self._last = {name: share[-1] for name, share in shares.items()}
         return found

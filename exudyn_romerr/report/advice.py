@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .estimate_wording import covers_more, estimated_kind, estimated_under, is_enough, known, rest
+from .scope import cures_of
 from .wording import (
     CURES_OF_CAUSES,
     MORE_VECTORS,
@@ -16,6 +17,7 @@ from .wording import (
     digits,
     error_kind,
     instant,
+    not_certified,
     percent,
     permitted,
     rounded_up,
@@ -64,6 +66,8 @@ def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
 
 def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = None) -> str:
     """Return what makes most of the error and what to do, or "enough"; of all rows, or of one."""
+    if out.uncertified:
+        return f"{not_certified(out.uncertified)}: {cures_of(out.uncertified)}"
     if out.stopped is not None:
         return f"{stop(out, time)}: {cure_of_stop(out, row)}"
     verdict, found = judged(out, time, scope, row), known(out, row)

@@ -11,14 +11,13 @@ import numpy as np
 from ..errors import InputError
 from .advice import advice, cure_of_stop, largest_part, stop
 from .estimate_wording import about, estimate_scope, estimated_kind, is_enough, known
-from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED
+from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, causes_of, cures_of
 from .wording import (
     AS_IN_THIS_RUN,
     NOT_THE_MECHANISM,
     advises,
     digits,
     instant,
-    is_uncertified,
     rounded_down,
     rounded_up,
     widest_scope,
@@ -36,7 +35,7 @@ TOO_LARGE = ANSWERS[:2]
 MORE_MODES = "compare with a run of the mechanism with more modes"
 NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
 RUN_TO_END = "let it run to its end; the messages say what ended it, where that is known"
-UNCERTIFIED = "the balance of the run does not certify what is computed of it"
+UNCERTIFIED = "what is computed of this run is not certified ({})"
 
 
 @dataclass(frozen=True)
@@ -104,8 +103,8 @@ def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
 
 def _of_row(report: ReportData, out: OutputData, row: int) -> Assessment:
     """What is known of one row beside out.tolerance, of a run that ended early as far as it went."""
-    if is_uncertified(report):
-        return _made(out, row, "unknown", UNCERTIFIED, "see the messages")
+    if out.uncertified:
+        return _made(out, row, "unknown", UNCERTIFIED.format(causes_of(out.uncertified)), cures_of(out.uncertified))
     found = _of_instants(report, out, row)
     if found.answer in TOO_LARGE:
         return found

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
     import numpy as np
 
+    from .scope import Doubt
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -73,6 +75,7 @@ class OutputData:
     tolerance: float | None = None
     stopped: float | None = None
     beside_steps: tuple[str, ...] = ()
+    uncertified: tuple[Doubt, ...] = ()
 
     @property
     def row_names(self) -> list[str]:
@@ -102,6 +105,7 @@ class ReportData:
     made: dict[str, str] = field(default_factory=dict)
     planned_end: float | None = None
     origin: str = ""
+    uncertified: tuple[Doubt, ...] = ()
 
     @property
     def node_bound(self) -> dict[str, np.ndarray]:

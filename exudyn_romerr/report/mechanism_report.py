@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, Protocol
 
 import numpy as np
 
@@ -20,6 +20,14 @@ if TYPE_CHECKING:
 
 ASK_BODIES = "a mechanism has no {} of its own; ask report.bodies[...], a report for each body"
 NO_BOUND = "estimated only, no bound of it is known: {}"
+
+
+class Watched(Protocol):
+    """What is estimated of no flexible body."""
+
+    name: str
+    of: str
+    unit: str
 
 
 class OfBodies(dict):
@@ -71,7 +79,9 @@ def joined(
     scope = _scope(bodies)
     stopped = next((out.stopped for body in bodies for out in body.outputs.values()), None)
     none = [_infinite(out, scope) for out in others]
-    others = [replace(o, bound=x, reduction_bound=x, stopped=stopped) for o, x in zip(others, none, strict=True)]
+    doubts = tuple({doubt.cause: doubt for body in reversed(bodies) for doubt in body.uncertified}.values())
+    common = {"stopped": stopped, "uncertified": doubts}
+    others = [replace(o, bound=x, reduction_bound=x, **common) for o, x in zip(others, none, strict=True)]
     places = [(f"bodies[{i}]", out) for i, body in enumerate(bodies) for out in body.outputs.values()]
     places += [("a sensor on no flexible body", out) for out in others]
     check_names([(where, out.name) for where, out in places])
@@ -86,7 +96,7 @@ def joined(
         scope=scope,
         scope_reason="; ".join(_once(b.scope_reason for b in sorted(bodies, key=is_uncertified))),
         reasons={e: "; ".join(_once(b.reasons[e] for b in bodies if e in b.reasons)) for e in scope},
-        plan=joined_plan([body.plan for body in bodies], left_out),
+        plan=joined_plan([body.plan for body in bodies], others, left_out),
         messages=[*_numbered([body.messages for body in bodies]), *unbounded],
         time=times.pop() if len(times) == 1 else "sampled",
         total_mass=None,
@@ -94,6 +104,7 @@ def joined(
         planned_end=bodies[0].planned_end,
         remainder={e: max(b.remainder.get(e, 0.0) for b in bodies) for b in bodies for e in b.remainder},
         bodies=tuple(bodies),
+        uncertified=doubts,
     )
 
 
@@ -105,10 +116,14 @@ def check_names(places: Sequence[tuple[str, str]]) -> None:
             raise InputError(f"{name!r} is an output of {first} and of {second}: give them names of their own")
 
 
-def joined_plan(plans: Sequence[Plan], left_out: Sequence[tuple[str, str]]) -> Plan:
-    """Return the plans of all bodies as one, and sensors that are left out."""
-    without = [(f"bodies[{i}]: {what}", why) for i, plan in enumerate(plans) for what, why in plan.left_out]
-    return Plan(tuple(_numbered([plan.computed for plan in plans])), (*without, *left_out))
+def joined_plan(plans: Sequence[Plan], others: Sequence[Watched], left_out: Sequence[tuple[str, str]]) -> Plan:
+    """Return the plans of all bodies as one, with what is watched beside these, and sensors that are left out."""
+    computed = _numbered([plan.computed for plan in plans])
+    computed += [f"output {x.name!r}: {x.of}{x.unit and f' in {x.unit}'}, estimated, no bound" for x in others]
+    shared = [pair for pair in plans[0].left_out if all(pair in plan.left_out for plan in plans)]
+    pairs = ((i, *pair) for i, plan in enumerate(plans) for pair in plan.left_out if pair not in shared)
+    without = [(f"bodies[{i}]: {what}", why) for i, what, why in pairs]
+    return Plan(tuple(computed), (*shared, *without, *left_out))
 
 
 def _scope(bodies: Sequence[BoundReport]) -> dict[str, str]:

@@ -8,8 +8,8 @@ import numpy as np
 
 from .advice import by_bound, next_step
 from .estimate_wording import about_all, estimated_kind
-from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED
-from .wording import RINGS, advises, digits, error_kind, is_uncertified, percent, rounded_up, under, widest_scope
+from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
+from .wording import RINGS, advises, digits, error_kind, percent, rounded_up, under, widest_scope
 
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
@@ -31,24 +31,27 @@ def aligned(rows: list[tuple[str, ...]]) -> list[str]:
 
 def _heads(report: ReportData) -> list[str]:
     """Of estimates, if there are any, and bounds; what both are of is said once."""
-    kind = error_kind(report.time)
-    estimated = [estimated_kind(out, report.time) for out in report.outputs.values() if out.estimate is not None]
+    kind, outputs = error_kind(report.time), report.outputs.values()
+    bounded = "bound" if any(out.uncertified for out in outputs) else "at most"
+    estimated = [estimated_kind(out, report.time) for out in outputs if out.estimate is not None]
     if not estimated:
-        return [f"{kind} at most"]
+        return [f"{kind} {bounded}"]
     of = min(estimated, key=len)  # "error" if any estimate has the time steps in it
-    return [f"{of} about", "at most" if of == kind else f"{kind} at most"]
+    return [f"{of} about", bounded if of == kind else f"{kind} {bounded}"]
 
 
 def _line(report: ReportData, out: OutputData, columns: int) -> tuple[str, ...]:
     estimate = [about_all(out, report.scope)] if columns == 6 else []
-    scope = widest_scope(report.scope) + (f", {NOT_CERTIFIED}" if is_uncertified(report) else "")
-    step = _next_step(report, out) if advises(report) else "see the messages"
+    scope = widest_scope(report.scope) + (f", {NOT_CERTIFIED}" if out.uncertified else "")
+    step = _next_step(report, out) if out.uncertified or advises(report) else "see the messages"
     largest = np.max(np.abs(out.value))
     return (out.name, f"{digits(largest, 4)} {out.unit}", *estimate, _at_most(report, out, largest), scope, step)
 
 
 def _next_step(report: ReportData, out: OutputData) -> str:
     """What helps most: under the forces of a run whose other bodies' errors are not known, to know these."""
+    if out.uncertified:
+        return cures_of(out.uncertified)
     if UNATTACHED in report.scope_reason:
         return ATTACH_ALL
     return next_step(out, report.time, report.scope).removesuffix(RINGS)  # the advice below says it
@@ -56,11 +59,11 @@ def _next_step(report: ReportData, out: OutputData) -> str:
 
 def _at_most(report: ReportData, out: OutputData, largest: float) -> str:
     """The largest bound with what it holds under: nothing else is said "at most"."""
-    most = np.max(out.bound["best"])
+    most, condition = np.max(out.bound["best"]), under(report.scope, doubts=out.uncertified)
     if by_bound(out) == "round-off":
         floor = rounded_up(np.max(out.bound["best"] + out.round_off), 1)
-        return f"{floor} {out.unit}, at round-off{under(report.scope)}"
+        return f"{floor} {out.unit}, at round-off{condition}"
     if not np.isfinite(most):
         return "not bounded"
     share = (percent(most / largest) or "> 1000 %") if largest > 0 else ""
-    return f"{rounded_up(most)} {out.unit}{share and f' ({share})'}{under(report.scope)}"
+    return f"{rounded_up(most)} {out.unit}{share and f' ({share})'}{condition}"

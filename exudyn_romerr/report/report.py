@@ -18,6 +18,7 @@ from .estimate_wording import covers_time, off_by
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .overview import aligned, overview
+from .scope import NOT_CERTIFIED
 from .verdict import row_verdict
 from .wording import (
     advises,
@@ -55,7 +56,7 @@ class OutputReport(OutputData):
     max_t |error - estimate| / max_t |error| once a truth was compared. labels : names of the rows, or ().
     tolerance : what attach, or choose_modes, was asked to keep the bound below, None: nothing. stopped : instant at
     which such a tolerance, of this or another output, stopped the run before its end; None: none did. beside_steps :
-    what helps beside shorter steps where these do not resolve what starts at once.
+    what helps beside shorter steps where these do not resolve what starts at once. uncertified : see BoundReport.
     """
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
@@ -82,7 +83,8 @@ class BoundReport(ReportData):
     what linear equations leave out over that of the deformation that auxiliary vectors predict, as measured; empty
     where it was not. messages : what the reader must know first. made : when, by which script and versions the run
     was bounded. planned_end : where the solver was to go to, if the run ends before; None: it does not, or that is
-    not known. origin : the file it was saved to, or read from, last.
+    not known. origin : the file it was saved to, or read from, last. uncertified : why no bound of it is certified, a
+    message each, with .cause and .cure in few words; empty: nothing speaks against them but their scope.
     """
 
     outputs: dict[str, OutputReport]
@@ -180,7 +182,8 @@ class BoundReport(ReportData):
                 largest = np.max(np.abs(out.error))
                 ratios = ", ".join(f"{e} {digits(np.max(x))}" for e, x in out.effectivity.items() if e != "best")
                 off = "" if out.estimate is None else f"; {off_by(out)}"
-                lines.append(f"  true error up to {digits(largest)} {out.unit}; bound / error: {ratios}{off}")
+                bound = f"bound ({NOT_CERTIFIED})" if out.uncertified else "bound"
+                lines.append(f"  true error up to {digits(largest)} {out.unit}; {bound} / error: {ratios}{off}")
                 lines += [
                     f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row, self.time))
                 ]

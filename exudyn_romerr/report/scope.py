@@ -1,4 +1,4 @@
-"""Scopes of bounds: complete, coupled, inputs frozen; and Scene, what a scene adds to the body alone."""
+"""What bounds cover: scopes; Scene, what a scene adds to the body alone; Doubt, why no bound is certified."""
 
 from __future__ import annotations
 
@@ -22,7 +22,41 @@ FULL_MODEL = "Full model"  # begins the part of a scope's reason that names the 
 PAGE = "docs/reading_a_bound.md#scopes"
 ATTACH_ALL = "attach all flexible bodies"
 UNATTACHED = "flexible bodies of this mbs are not attached"  # in the reason of a scope that is no wider for that
-NOT_CERTIFIED = "not certified"  # ends the reason of a scope: loads may be missing
+NOT_CERTIFIED = "not certified"  # said with every bound of a run of which there is a Doubt
+
+
+class Doubt(str):
+    """Why no bound of a run is certified: a message; and in few words, for a sentence, its cause, and the cure."""
+
+    cause: str
+    cure: str
+    said: str
+
+    def __new__(cls, cause: str, cure: str, said: str = "") -> Doubt:
+        """Return the message; said : what it says of the cause, if that is more."""
+        made = super().__new__(cls, f"{said or cause}. No bound of this run is certified: {cure}")
+        made.cause, made.cure, made.said = cause, cure, said or cause
+        return made
+
+    def __getnewargs__(self) -> tuple[str, str, str]:
+        """How copies, those of pickle too, are made."""
+        return self.cause, self.cure, self.said
+
+
+def causes_of(doubts: Iterable[Doubt]) -> str:
+    """Return why bounds are not certified, in few words; empty: they are."""
+    return "; ".join(dict.fromkeys(doubt.cause for doubt in doubts))
+
+
+def cures_of(doubts: Iterable[Doubt]) -> str:
+    """Return what to do about it."""
+    return "; ".join(dict.fromkeys(doubt.cure for doubt in doubts))
+
+
+def with_doubts(reason: str, doubts: Iterable[Doubt]) -> str:
+    """Return the reason of a scope, and why nothing in it is certified."""
+    causes = causes_of(doubts)
+    return "; ".join(filter(None, [reason, causes and f"{causes}: {NOT_CERTIFIED}"]))
 
 
 @dataclass(frozen=True)

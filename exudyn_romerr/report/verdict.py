@@ -9,13 +9,14 @@ import numpy as np
 from ..estimates.estimate import RESOLVED
 from .advice import advice
 from .estimate_wording import about, estimate_scope, estimated_kind, known
-from .scope import COUPLED, FROZEN
+from .scope import COUPLED, FROZEN, cures_of
 from .wording import (
     AS_IN_THIS_RUN,
     MORE_VECTORS,
     NOT_LINEAR,
     NOT_THE_MECHANISM,
     STEPS,
+    at_most,
     at_round_off,
     best_estimator,
     digits,
@@ -40,7 +41,7 @@ def row_verdict(out: OutputData, row: int, time: str, scope: dict[str, str]) -> 
 
 def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
     """Return the verdict on one row of an output as a sentence that can stand alone, with advice or without."""
-    todo = advice(out, time, scope, row) if advised else ""
+    todo = advice(out, time, scope, row) if advised else cures_of(out.uncertified)
     size = f"{digits(largest(out.value, row), 4)} {out.unit}"
     return f"{out.row_names[row]} is up to {size}{_error(out, row, time, scope)}{todo and f'; {todo}'}."
 
@@ -82,11 +83,11 @@ def _bounded(out: OutputData, row: int, scope: dict[str, str], by: str, with_sha
     if at_round_off(out)[row]:
         floor = rounded_up(largest(out.bound["best"], row) + largest(out.round_off, row), 1)
         rounding = f"{by} and by rounding of the input" if by else ", rounding of the input included"
-        return f"at round-off: at most {floor} {out.unit}{rounding}"
+        return f"at round-off: {at_most(out, f'{floor} {out.unit}')}{rounding}"
     size, bound = largest(out.value, row), largest(out.bound["best"], row)
     share = percent(bound / size) if with_share and size > 0 else ""
     vain = f", not informative: more than the output itself{_why(out, row, scope)}" if bound > size > 0 else ""
-    return f"at most {rounded_up(bound)} {out.unit}{share and f' ({share})'}{vain}{by}"
+    return f"{at_most(out, f'{rounded_up(bound)} {out.unit}', share)}{vain}{by}"
 
 
 def _why(out: OutputData, row: int, scope: dict[str, str]) -> str:
@@ -111,5 +112,5 @@ def _where_finite(out: OutputData, row: int, scope: dict[str, str]) -> str:
     finite = bound[np.isfinite(bound)]
     if not finite.any():
         return ""
-    most = f"at most {rounded_up(finite.max())} {out.unit}"
+    most = at_most(out, f"{rounded_up(finite.max())} {out.unit}")
     return f" at {len(bound) - len(finite)} instants; at the others{under(scope)}{',' if under(scope) else ''} {most}"

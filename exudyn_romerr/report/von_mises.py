@@ -12,19 +12,22 @@ from ..model.solid_elements import STRAINS
 
 if TYPE_CHECKING:
     from .report import BoundReport
+    from .scope import Doubt
 
 
 @dataclass(frozen=True)
 class VonMises:
     """Von Mises stress along a run: |vM of the full model - value| <= bound, and <= corrected_bound of corrected.
 
-    All (T,); corrected and corrected_bound are None where the report has no corrected output.
+    All (T,); corrected and corrected_bound are None where the report has no corrected output. uncertified : why these
+    bounds are not certified, see BoundReport; empty: nothing speaks against them.
     """
 
     value: np.ndarray
     bound: np.ndarray
     corrected: np.ndarray | None
     corrected_bound: np.ndarray | None
+    uncertified: tuple[Doubt, ...] = ()
 
 
 def von_mises(report: BoundReport, name: str) -> VonMises:
@@ -61,11 +64,11 @@ def von_mises(report: BoundReport, name: str) -> VonMises:
         )
     value, bound = _size(out.value), _largest_size(out.bound["best"])
     if out.corrected is None:
-        return VonMises(value, bound, None, None)
+        return VonMises(value, bound, None, None, out.uncertified)
     corrected, left = _size(out.corrected), _largest_size(out.corrected_bound)
     if len(set(report.scope.values())) == 1:  # else the correction may say less than the best bound
         bound = np.minimum(bound, np.abs(corrected - value) + left)
-    return VonMises(value, bound, corrected, left)
+    return VonMises(value, bound, corrected, left, out.uncertified)
 
 
 def _size(stress: np.ndarray) -> np.ndarray:

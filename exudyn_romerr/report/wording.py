@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES
+from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES, causes_of, with_doubts
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from .data import OutputData, ReportData
+    from .scope import Doubt
 
 CURES_OF_CAUSES = {
     "basis": "basis: add modes",
@@ -94,9 +97,22 @@ def best_estimator(out: OutputData, row: int, scope: dict[str, str]) -> str:
     return min(widest(scope), key=lambda e: largest(out.bound[e], row))
 
 
-def under(scope: dict[str, str], e: str = "best") -> str:
-    """Return what must be said with a bound, in two words: nothing where the scope is complete."""
-    return SHORT.get(widest_scope(scope) if e == "best" else scope[e], "")
+def under(scope: dict[str, str], e: str = "best", doubts: Iterable[Doubt] = ()) -> str:
+    """Return what must be said with a bound, in few words: nothing where the scope is complete, without doubts."""
+    condition = SHORT.get(widest_scope(scope) if e == "best" else scope[e], "")
+    return f"{condition}, {NOT_CERTIFIED}" if doubts else condition
+
+
+def at_most(out: OutputData, bound: str, share: str = "") -> str:
+    """Return the largest bound of an output in words, with why it is not certified: "at most" is said if it is."""
+    notes = "; ".join(filter(None, [share, not_certified(out.uncertified)]))
+    return f"{'bounded by' if out.uncertified else 'at most'} {bound}{notes and f' ({notes})'}"
+
+
+def not_certified(doubts: Iterable[Doubt]) -> str:
+    """Return in words that bounds are not certified, and why; empty: they are."""
+    causes = causes_of(doubts)
+    return f"{NOT_CERTIFIED}: {causes}" if causes else ""
 
 
 def bound_column(scope: dict[str, str], e: str = "best") -> str:
@@ -115,11 +131,12 @@ def corrected_within(out: OutputData, bound: np.ndarray, scope: dict[str, str]) 
     if not np.isfinite(bound).all():
         return "how far the corrected output is from the full model is not known at all instants"
     left, widest = f"{rounded_up(np.max(bound))} {out.unit}", widest_scope(scope)
+    why = not_certified(out.uncertified) and f" ({not_certified(out.uncertified)})"
     if widest == FROZEN:
-        return f"{AS_IN_THIS_RUN} the corrected output is within {left} of the full body"
+        return f"{AS_IN_THIS_RUN} the corrected output is within {left} of the full body{why}"
     if widest == COUPLED:
-        return f"to first order the corrected output is within {left} of the full model with the same time steps"
-    return f"the corrected output is within {left} of the full model"
+        return f"to first order the corrected output is within {left} of the full model with the same time steps{why}"
+    return f"the corrected output is within {left} of the full model{why}"
 
 
 def error_kind(time: str) -> str:
@@ -139,7 +156,7 @@ def estimator_lines(report: ReportData) -> list[str]:
     if report.total_mass is None:
         what, unit = "error in the mass norm", ""
     return [
-        f"  {e:<13} scope {report.scope[e]}; {what}{under(report.scope, e)} <= "
+        f"  {e:<13} scope {report.scope[e]}; {what}{under(report.scope, e, report.uncertified)} <= "
         f"{rounded_up(np.max(bound) / divisor)}{unit}; {report.reasons[e]}"
         for e, bound in report.position_bound.items()
     ] + [f"  {line}" for line in scope_lines(report)]
@@ -150,14 +167,16 @@ def scope_lines(report: ReportData) -> list[str]:
     scope = widest_scope(report.scope)
     time = {"reconstructed": "" if scope == COUPLED else ", time steps too", "sampled": ", no time steps"}
     lines = [f"scope: {scope}: {COVERS[scope]}{time.get(report.time, '')}; {PAGE}"]
-    _, known, model = report.scope_reason.partition(f"{FULL_MODEL}: ")
+    reason = report.scope_reason.removesuffix(with_doubts("", report.uncertified)).removesuffix("; ")
+    _, known, model = reason.partition(f"{FULL_MODEL}: ")
     lines += [f"full model: {model}"] if known else []
+    lines += [f"{not_certified([doubt])}: {doubt.cure}" for doubt in report.uncertified]
     return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
 
 
 def is_uncertified(report: ReportData) -> bool:
-    """Return whether the balance of the run speaks against all of its bounds."""
-    return report.scope_reason.endswith(NOT_CERTIFIED)
+    """Return whether something speaks against all of its bounds."""
+    return bool(report.uncertified)
 
 
 def advises(report: ReportData) -> bool:
@@ -189,5 +208,7 @@ def outside(out: OutputData, row: int, time: str) -> str:
     allowed = out.bound["best"][:, row] + out.round_off[:, row]
     count = np.count_nonzero(np.abs(out.error[:, row]) > allowed)
     where = f"at {count} instants the true error of {out.row_names[row]} is above the bound"
+    if out.uncertified:
+        where += f" ({not_certified(out.uncertified)})"
     steps = "the time steps, which it leaves out, make that, " if time == "sampled" else ""
     return f"{where}: {steps}that truth is not the full model's, or the bound fails" if count else ""

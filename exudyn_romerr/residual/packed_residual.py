@@ -159,8 +159,9 @@ class PackedProblem(Problem):
         T = np.zeros((held.shape[1] + turning.shape[1], plain.k))
         T[: held.shape[1], ~minor] = np.vstack([in_modes, in_basis])
         T[:, minor] = np.vstack([columns.in_held, in_turning])
-        self.packing = Packing(T[:, states:], cut, lengths)
-        self.map = PackedMap(PackedCoordinates(replace(plain, p=0), T[:, :states]))
+        T_q, T_u = (np.ascontiguousarray(part) for part in np.split(T, [states], axis=1))  # or each product copies it
+        self.packing = Packing(T_u, cut, lengths)
+        self.map = PackedMap(PackedCoordinates(replace(plain, p=0), T_q))
         omega = np.full(len(T), self.body.modes(1).omega[0] if auxiliary is None else auxiliary.cut)
         omega[: modes.shape[1]] = [] if auxiliary is None else auxiliary.omega
         self.dual = PackedNorms(np.hstack([held, turning]), ScaledNorm(1 / omega))

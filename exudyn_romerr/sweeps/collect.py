@@ -118,7 +118,9 @@ def _largest_of(report: BoundReport, out: OutputReport, row: int) -> dict[str, A
     found = known(out, row)
     estimate = None if found is None else f"{digits(found.size)}{estimated_under(out, report.scope)}"
     half = None if found is None else rounded_up(found.half) if np.isfinite(found.half) else "not known"
-    bound = f"{rounded_up(bound)}{under(report.scope)}" if np.isfinite(bound) else "not bounded"
+    bound = (
+        f"{rounded_up(bound)}{under(report.scope, doubts=out.uncertified)}" if np.isfinite(bound) else "not bounded"
+    )
     return {"largest": size, "estimate": estimate, "half width": half, bound_column(report.scope): bound}
 
 

@@ -14,7 +14,8 @@ import exudyn_romerr as romerr
 from exudyn_romerr.compiled.loops import loops as installed
 from exudyn_romerr.estimates import march
 from exudyn_romerr.estimates.march import Columns, Scheme, Steps
-from exudyn_romerr.linalg import modal_oscillators
+from exudyn_romerr.linalg import blocked_products, modal_oscillators
+from exudyn_romerr.linalg.blocked_products import rows_times
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
 from models import floating
 from tests.helpers import tolerances as tol
@@ -164,3 +165,30 @@ def test_oscillators_refuse_other_shapes(compiled):
         wrong[i] = right[i][:-1]
         with pytest.raises(ValueError, match="in place of"):
             compiled.oscillators(5, 4, 3, *wrong)
+
+
+@pytest.mark.parametrize("m", [1, 3, 14])
+@pytest.mark.parametrize("k", [1, 4, 39])
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 8, 101])
+def test_products_find_the_same(count, k, m, compiled, monkeypatch):
+    """Of every remainder of what is multiplied at once; rows are a part of wider ones, matrices in any order."""
+    monkeypatch.setattr(blocked_products, "ONE_THREAD", 0)  # one row at a time is NumPy's
+    rng = np.random.default_rng([count, k, m])
+    rows, matrix = rng.standard_normal((count, 2, 2 * k))[..., :k], rng.standard_normal((m, k))
+    for columns in (matrix.T, matrix.T.copy()):
+        found = []
+        for one in (None, compiled):
+            monkeypatch.setattr(blocked_products, "loops", one)
+            found.append(rows_times(rows, columns))
+        assert off(*found) < SAME
+
+
+def test_products_refuse_other_shapes(compiled):
+    """Nothing is read or written beyond the end of an array."""
+    right = [np.zeros((7, 5)), np.zeros((3, 5)), np.zeros((7, 3))]
+    compiled.rows_times(7, 5, 3, *right)
+    for i in range(3):
+        wrong = [*right]
+        wrong[i] = right[i][:-1]
+        with pytest.raises(ValueError, match="in place of"):
+            compiled.rows_times(7, 5, 3, *wrong)

@@ -11,7 +11,7 @@ import exudyn_romerr as romerr
 from exudyn_romerr.report.advice import advice, next_step
 from exudyn_romerr.report.assessment import ANSWERS, TOO_LARGE, assess
 from exudyn_romerr.report.data import Plan, ReportData
-from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, UNATTACHED
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED, Doubt
 from exudyn_romerr.report.verdict import row_verdict
 from exudyn_romerr.report.wording import CURES_OF_CHECKS
 from models import estimate_truths
@@ -106,10 +106,15 @@ def test_texts(made, tolerance, time, said):
     assert said in assess(report(made, time), "tip z", tolerance).text
 
 
-def test_a_run_that_is_not_balanced_proves_nothing():
-    found = assess(report(PROVED, reason=f"loads may be missing: {NOT_CERTIFIED}"), "tip z", 5.0)
+def test_a_run_that_is_not_certified_proves_nothing():
+    """The answer names all causes, and what to do; not the balance of the run, unless that is it."""
+    (out, scope), causes = PROVED, (Doubt("loads may be missing", "tell them"), Doubt("it starts", "smoothly"))
+    found = assess(report((replace(out, uncertified=causes), scope)), "tip z", 5.0)
     assert found.answer == "unknown"
-    assert "balance of the run" in found.text
+    assert found.text == (
+        "tip z: unknown, what is computed of this run is not certified (loads may be missing; it starts): "
+        "tell them; smoothly."
+    )
 
 
 def two_rows(smaller):

@@ -13,7 +13,7 @@ from exudyn_romerr import Output, load_report
 from exudyn_romerr.report.formats import html_figures
 from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.overview import overview
-from exudyn_romerr.report.scope import NOT_CERTIFIED
+from exudyn_romerr.report.scope import NOT_CERTIFIED, Doubt, with_doubts
 from exudyn_romerr.report.verdict import sentence
 from exudyn_romerr.report.wording import rounded_up
 from tests.helpers.theorem import random_case
@@ -254,13 +254,19 @@ def test_names_and_messages_are_escaped(report):
 @pytest.mark.usefixtures("quick")
 def test_messages_scope_plan_and_what_was_left_out_are_there(report):
     report.messages = ["first message", "second message"]
-    report.scope_reason = f"loads follow; {NOT_CERTIFIED}"
+    report.uncertified = (Doubt("sudden start", "let loads begin smoothly"),)
+    report.scope_reason = with_doubts("loads follow", report.uncertified)
+    for out in report.outputs.values():
+        out.uncertified = report.uncertified
     found = read(report)
     assert found.targets == ["messages"]
     assert {"first message", "second message", *report.plan.computed} <= set(found.of("li"))
     assert all(what in found.words and why in found.words for what, why in report.plan.left_out)
-    assert f"Why: loads follow; {NOT_CERTIFIED}." in found.words
-    assert found.words.count(f"scope complete, {NOT_CERTIFIED}: see the messages.") == 3
+    assert f"Why: loads follow; sudden start: {NOT_CERTIFIED}." in found.words
+    assert found.words.count(f"scope complete, {NOT_CERTIFIED}: sudden start: let loads begin smoothly.") == 3
+    assert found.words.count(f"; {NOT_CERTIFIED}: sudden start)") == 3
+    assert "at most" not in found.words
+    assert "sudden start: let loads begin smoothly" in found.of("li")
     assert "% of it from" not in found.words  # advice on bounds that are not certified
     assert "The error of the time integration is not covered" in found.words
 

@@ -12,7 +12,7 @@ import pytest
 
 from exudyn_romerr import InputError, load_report
 from exudyn_romerr.report.data import NodeFields
-from exudyn_romerr.report.scope import FROZEN, NOT_CERTIFIED
+from exudyn_romerr.report.scope import FROZEN, Doubt
 from exudyn_romerr.report.wording import RINGS, rounded_up
 from tests.helpers import tolerances as tol
 from tests.helpers.theorem import random_case
@@ -110,8 +110,14 @@ def test_table_says_what_is_not_certified_at_round_off_or_not_bounded(report):
     largest = rounded_up(2 * y.bound["best"].max(), 1)
     assert y_line[2:] == [f"{largest} m, at round-off", "complete", "nothing to improve"]
     assert v_line[2:] == ["not bounded", "complete", "see the reasons"]
-    report.scope_reason = NOT_CERTIFIED
-    assert re.split(r"  +", str(report).splitlines()[2])[3:] == ["complete, not certified", "see the messages"]
+    y.uncertified = (Doubt("sudden start", "let loads begin smoothly"),)
+    head, y_line = (re.split(r"  +", line) for line in str(report).splitlines()[1:3])
+    assert head[2] == "reduction error bound"
+    assert y_line[2:] == [
+        f"{largest} m, at round-off, not certified",
+        "complete, not certified",
+        y.uncertified[0].cure,
+    ]
 
 
 def test_summary_of_one_output_has_no_table(report):
@@ -143,7 +149,7 @@ def test_report_comes_through_pickle(report):
 def test_advice_only_where_it_is_of_use(report, case):
     """Not of bounds that are not certified, and not of a single instant."""
     assert " % of it from the " in str(report)
-    report.scope_reason = NOT_CERTIFIED
+    report.uncertified = (Doubt("sudden start", "let loads begin smoothly"),)
     assert " % of it from the " not in str(report)
     first = case.report(stride=1000, estimators="fast")
     assert first.messages[0] == "only the first instant was bounded"

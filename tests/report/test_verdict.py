@@ -219,7 +219,11 @@ def test_scope_is_said_in_one_line_with_a_link(scope, time):
     """At most 100 characters as printed; what it says of time steps is what bounds cover; the truth is named."""
     of = {"energy": scope}
     report = SimpleNamespace(
-        scope=of, time=time, scope_reason=f"because. {FULL_MODEL}: all of the fem, interfaces free", remainder={}
+        scope=of,
+        time=time,
+        scope_reason=f"because. {FULL_MODEL}: all of the fem, interfaces free",
+        remainder={},
+        uncertified=(),
     )
     line, model = scope_lines(report)
     assert len(f"  {line}") <= 100

@@ -5,6 +5,7 @@ from __future__ import annotations
 import weakref
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from ...errors import AssumptionError
 from ...model.admissible_space import MeanMotion
 from ...model.floating_frame import left_jacobian
 from ...trajectory.input_signal import FEW, values_at_once
+from ...trajectory.time_table import TimeTable
+from ..memory.standstill import look_up, note
 from ..memory.user_memory import memory_kept
 
 if TYPE_CHECKING:
@@ -58,15 +61,28 @@ class Place:
 
 @dataclass(frozen=True)
 class OfTime:
-    """A vector (3,) over time; function : the user's own behind it, if there is one, of an mbs, a weak reference."""
+    """A vector (3,) over time; function : the user's own behind it, if there is one, of an mbs, a weak reference.
 
-    at: Callable[[float], Any]
+    at : of a time, None: the vector is `given` all the time. given : (3,), what the function is given. name : of the
+    load, in lines of the plan.
+    """
+
+    at: Callable[[float], Any] | None
     function: Callable | None = None
     mbs: Callable[[], Any] | None = None
+    given: tuple[float, ...] = ()
+    name: str = ""
 
     def kept(self) -> AbstractContextManager:
         """Put back what the user's function keeps: the run goes on with it."""
         return nullcontext() if self.function is None else memory_kept(self.mbs(), [self.function])
+
+    @property
+    def table(self) -> TimeTable:
+        """What it was at some times: while no step is made, one for all loads with the same function."""
+        key = (id(self),) if self.function is None else (id(self.function), self.given, id(self.mbs()))
+        found = look_up((OfTime, *key)) or note((OfTime, *key), (TimeTable(), self))
+        return found[0]
 
 
 @dataclass(frozen=True)
@@ -129,6 +145,11 @@ class Actions:
         self.loads = [load for load in self.loads if load.place.name not in still]
         return idle
 
+    def lines(self) -> tuple[str, ...]:
+        """Return lines of the plan: what is known, and where the balance tells what acts."""
+        known = (*(load.name for load in self.loads), *(f"gravity, {g.name}" for g in self.gravity))
+        return *(f"known: {name}" for name in known), *(f"wrench from V^T R = 0: {p.name}" for p in self.wrenches)
+
     def gravity_at(self, t: np.ndarray) -> np.ndarray:
         """Return the acceleration of gravity at times t (S,), in global axes: (S, 3)."""
         return sum((over_time(g, t) for g in self.gravity), np.zeros((len(t), 3)))
@@ -161,7 +182,13 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
     AssumptionError
         It keeps something from call to call, which it did not when the solve began.
     """
-    times, again = np.unique(t, return_inverse=True)
+    if vector.at is None:
+        return np.tile(vector.given, (len(t), 1))
+    return vector.table.at(t, partial(_called, vector))
+
+
+def _called(vector: OfTime, times: np.ndarray) -> np.ndarray:
+    """The same at ascending times (T,), (T, 3)."""
     with vector.kept() as memory:
         values = values_at_once(vector.at, times, 3) if len(times) > FEW else None
     if values is None or (memory is not None and memory.was_changed):
@@ -170,15 +197,18 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
             values = np.array([vector.at(x) for x in times[::-1].tolist()], dtype=float).reshape(-1, 3)[::-1]
     if memory is not None and memory.was_changed:
         raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
-    return values[again]
+    return values
 
 
-def load_vector(mbs: Any, load: dict, load_factor: Callable | None) -> OfTime:
+def load_vector(mbs: Any, name: str, load: dict, load_factor: Callable | None) -> OfTime:
     """Return a load's vector as a function of time; a user function is called again, after the steps were made."""
     vector, user = np.array(load["loadVector"], dtype=float), load["loadVectorUserFunction"]
     if not user:
-        return OfTime((lambda t: vector) if load_factor is None else (lambda t: vector * load_factor(t)))
-    f = user["function"]
+        if load_factor is None:
+            return OfTime(None, given=tuple(vector.tolist()), name=name)
+        return OfTime(lambda t: vector * load_factor(t), name=name)
+    f, given = user["function"], tuple(vector.tolist())
     own, f = (f, f) if callable(f) else (None, f.Evaluate)  # a symbolic function, which keeps nothing
     owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
-    return OfTime(lambda t: f(owner(), t, vector), own, owner)
+    # a list of its own, as Exudyn gives it: functions may write to it, and return it
+    return OfTime(lambda t: f(owner(), t, [*given]), own, owner, given, name)

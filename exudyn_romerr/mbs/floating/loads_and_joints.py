@@ -122,23 +122,22 @@ def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions, load_factor: Cal
     unknown = controllers(mbs, loads_with_functions(mbs))  # never called for other times than those of the solver
     for i in range(mbs.systemData.NumberOfLoads()):
         load = mbs.GetLoad(i)
-        number = int(load["markerNumber"])
+        number, name = int(load["markerNumber"]), f"load {i} ({load['name']})"
         if number in actions.places and i in unknown:
             place = actions.places[number]
             _join(actions.wrenches, place if load["loadType"] == "TorqueVector" else place.without_torques())
         elif number in actions.places:
-            actions.loads.append(_load(i, load, actions.places[number], load_vector(mbs, load, load_factor)))
+            actions.loads.append(_load(name, load, actions.places[number], load_vector(mbs, name, load, load_factor)))
         elif load["loadType"] == "MassProportional" and flex.number in numbers(mbs.GetMarker(number), "bodyNumber"):
             if i in unknown:
                 raise AssumptionError(
                     f"{unknown[i]}, gravity of object {flex.number}, depends on the motion or on earlier calls: what "
                     "it is between the solver's calls is not known; make it a function of time alone"
                 )
-            actions.gravity.append(load_vector(mbs, load, load_factor))
+            actions.gravity.append(load_vector(mbs, name, load, load_factor))
 
 
-def _load(i: int, load: dict, place: Place, vector: OfTime) -> Load:
-    name = f"load {i} ({load['name']})"
+def _load(name: str, load: dict, place: Place, vector: OfTime) -> Load:
     made = Load(name, place, vector, load["loadType"] == "TorqueVector", bool(load["bodyFixed"]))
     if made.follows and place.turns:
         raise AssumptionError(f"{name} turns with {place.name}, which has {place.turns}: leave that option as it is")

@@ -23,6 +23,9 @@ QUANTITIES = {
     exu.OutputVariableType.DisplacementLocal: ("displacement", "body"),
     exu.OutputVariableType.VelocityLocal: ("velocity", "body"),
 }
+OF_NO_STATE = ("Load", "UserFunction")  # types of sensors that nobody estimates
+ELSEWHERE = "attach(mbs, [flex]), with a list, estimates other sensors, those of joint forces too"
+IN_THE_FRAME = " in the frame"  # ends the name of what the body's frame sees
 KNOWN = ", ".join(quantity.name for quantity in QUANTITIES)
 NO_SENSOR = (
     f"no sensor of {KNOWN} on a mesh node of the body; add one, or pass "
@@ -48,7 +51,7 @@ class Measured:
     def in_the_frame(self) -> Measured:
         """Return the displacement or velocity of the same nodes in the body's frame."""
         of = "velocity" if self.of == "velocity" else "displacement"
-        return replace(self, name=f"{self.name} in the frame", of=of, frame="body")
+        return replace(self, name=f"{self.name}{IN_THE_FRAME}", of=of, frame="body")
 
     def output(self) -> Output:
         """Return the output that shows the same."""
@@ -83,11 +86,20 @@ def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
     return _measured(mbs, flex, number).output()
 
 
-def body_sensors(mbs: Any, flex: FloatingBody) -> BodySensors:
-    """Return what the sensors on the body measure that the mbs has now."""
+def framed_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
+    """Return the same as the body's frame sees it; raises as sensor_output."""
+    return _measured(mbs, flex, number).in_the_frame().output()
+
+
+def body_sensors(mbs: Any, flex: FloatingBody, alone: bool) -> BodySensors:
+    """Return what the sensors on the body measure that the mbs has now; alone: nobody estimates those on none."""
     measured, left_out = [], []
     for number in range(mbs.systemData.NumberOfSensors()):
-        if is_on(mbs, flex, mbs.GetSensor(number)):
+        sensor = mbs.GetSensor(number)
+        body = _body_of(mbs, sensor)
+        if body is None and alone and sensor["sensorType"] not in OF_NO_STATE:
+            left_out.append((f"sensor {sensor['name']!r}", f"on no flexible body: {ELSEWHERE}"))
+        elif body == flex.number:
             try:
                 measured.append(_measured(mbs, flex, number))
             except InputError as error:
@@ -111,13 +123,15 @@ def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
 
 def is_on(mbs: Any, flex: FloatingBody, sensor: dict) -> bool:
     """Whether it sees mesh nodes of the body."""
+    return _body_of(mbs, sensor) == flex.number
+
+
+def _body_of(mbs: Any, sensor: dict) -> int | None:
+    """The flexible body whose mesh nodes it sees; None: it sees none."""
     if sensor["sensorType"] == "Marker":
         sensor = mbs.GetMarker(int(sensor["markerNumber"]))
-        if sensor["markerType"] not in MESH_MARKERS:
-            return False
-    elif sensor["sensorType"] != "SuperElement":
-        return False
-    return int(sensor["bodyNumber"]) == flex.number
+        return int(sensor["bodyNumber"]) if sensor["markerType"] in MESH_MARKERS else None
+    return int(sensor["bodyNumber"]) if sensor["sensorType"] == "SuperElement" else None
 
 
 def _nodes(
@@ -128,7 +142,7 @@ def _nodes(
         on = f"object {sensor['bodyNumber']}" if "bodyNumber" in sensor else "something else"
         raise InputError(
             f"sensor {number} ({sensor['name']}), of type {sensor['sensorType']!r}, is on {on}; allowed: "
-            f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}"
+            f"SensorSuperElement and SensorMarker on mesh nodes of object {flex.number}; {ELSEWHERE}"
         )
     if sensor["sensorType"] == "SuperElement":
         return (int(sensor["meshNodeNumber"]),), None

@@ -109,8 +109,8 @@ class EnrichedBody:
         del rigid
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
-        count = f"{self.m} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}"
-        self.note = f"estimator 'auxiliary': {count} up to {highest:.4g} rad/s, reacting with the mechanism"
+        count = f"{asked} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}{found.beside(asked)}"
+        self.note = f"estimator 'auxiliary': {count}, up to {highest:.4g} rad/s, reacting with the mechanism"
         self.damping = partial(damping_products, body)
         self.flex, self.shapes = flex, np.hstack([V, P])
         self._couple(flex, V.shape[1])
@@ -203,9 +203,8 @@ class EnrichedBody:
         M, D, K = (self._columns(motion.A, rates, arms, turning) for turning in (np.eye(3)[None], w, S))
         D += np.vstack([np.zeros((size, self.m)), self.D_VP, self.D_PP])
         K += np.vstack([np.zeros((size, self.m)), self.K_VP, self.K_PP])
-        inputs = self._terms.values(self._actions, t, motion, *modal[:2])
+        inputs, D_rows, K_rows = self._by_the_frame(t, states)
         K[:, 3:size] += rates.swapaxes(1, 2) @ self._moved_arms(motion, inputs, S, arms, modal)
-        D_rows, K_rows = self._by_the_frame(t, states)
         D_rows = np.concatenate([D_rows, self.D_VP.T - contracted(w, self._of_V).swapaxes(1, 2)], axis=2)
         K_rows = np.concatenate(
             [K_rows, self.K_VP.T + contracted(S.swapaxes(1, 2), self._of_V).swapaxes(1, 2)], axis=2
@@ -235,15 +234,16 @@ class EnrichedBody:
             products -= moved[:, None] * inputs[:, None, first : first + 3, None]
         return moment_of(products)
 
-    def _by_the_frame(self, t: np.ndarray, states: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """D and K (T, m, size) of P by the frame's coordinates: how inertia forces and loads on P turn with it."""
-        size = self._frame.size
-        step = DIFFERENCE * np.eye(size, states[0].shape[1])
-        moved, still = np.concatenate([step, -step]), np.zeros((2 * size, states[0].shape[1]))
-        changes = np.concatenate([still, moved]), np.concatenate([moved, still]), np.concatenate([still, still])
-        q, q_t, q_tt = ((x[:, None] + dx).reshape(-1, x.shape[1]) for x, dx in zip(states, changes, strict=True))
+    def _by_the_frame(self, t: np.ndarray, states: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Inputs, and D and K (T, m, size) of P by the frame: how inertia forces and loads on P turn with it."""
+        size, by = self._frame.size, np.zeros((3, 4 * self._frame.size + 1, states[0].shape[1]))
+        step = DIFFERENCE * np.eye(size, by.shape[2])  # of rates, then of coordinates, both ways; at last none
+        by[1, : 2 * size] = by[0, 2 * size : -1] = np.concatenate([step, -step])
+        q, q_t, q_tt = ((x[:, None] + dx).reshape(-1, x.shape[1]) for x, dx in zip(states, by, strict=True))
         motion = self._frame.motion(*(x[:, :size] for x in (q, q_t, q_tt)))
-        inputs = self._terms.values(self._actions, np.repeat(t, 4 * size), motion, q[:, size:], q_t[:, size:])
-        found = (inputs @ self._forcing[:, self._layout.input_slot].T).reshape(len(t), 2, 2, size, self.m)
-        D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]).swapaxes(2, 3) / (2 * DIFFERENCE), 1, 0)
-        return D, K
+        inputs = self._terms.values(self._actions, np.repeat(t, by.shape[1]), motion, q[:, size:], q_t[:, size:])
+        inputs = inputs.reshape(len(t), by.shape[1], -1)
+        found = inputs[:, :-1] @ self._forcing[:, self._layout.input_slot].T
+        found = found.reshape(len(t), 2, 2, size, self.m).swapaxes(3, 4)
+        D, K = np.moveaxis((found[:, :, 1] - found[:, :, 0]) / (2 * DIFFERENCE), 1, 0)
+        return inputs[:, -1], D, K

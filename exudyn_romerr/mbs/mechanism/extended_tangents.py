@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
     from ...online.run import Opening, Run
     from ...trajectory.samples import Extension
-    from ..derivatives.linearisation import Reading
+    from ..derivatives.linearisation import Reading, Tangents
     from .enriched_body import EnrichedBody
 
 TINY = np.finfo(float).tiny
@@ -32,24 +33,45 @@ class ExtendedTangents:
     Made when asked for, two kept. t : their times, those of the readings.
     """
 
-    def __init__(self, readings: Sequence[Reading], size: int, parts: Sequence[tuple[EnrichedBody, slice]]):
-        """Size counts the coordinates of mechanism and vectors; parts: bodies, and where their vectors are."""
+    def __init__(
+        self,
+        readings: Sequence[Reading],
+        size: int,
+        parts: Sequence[tuple[EnrichedBody, slice]],
+        before: ExtendedTangents | None = None,
+    ):
+        """Size counts the coordinates of mechanism and vectors; parts: bodies, and where their vectors are.
+
+        before : of the same parts; what it has of readings is not made again.
+        """
         self._size = size
-        times = np.array([reading.t for reading in readings])
-        states = [np.array([reading.state[k] for reading in readings]) for k in range(3)]
-        coupled = [(body.couplings(times, [x[:, body.columns] for x in states]), body, own) for body, own in parts]
-        whole = np.array([self._extended(j, reading, coupled) for j, reading in enumerate(readings)])
-        self.t = times
-        self._whole, self._rates = whole, np.zeros_like(whole)
-        if len(times) > 1:
+        self.t = np.array([reading.t for reading in readings])
+        self._whole = np.zeros((len(readings), 3 * size + len(readings[0].G), size))
+        self._own = [reading.K for reading in readings]  # a reading is made anew where another one comes before it
+        made = {} if before is None else {id(K): row for K, row in zip(before._own, before._whole, strict=True)}
+        new = []
+        for j, K in enumerate(self._own):
+            if id(K) in made:
+                self._whole[j] = made[id(K)]
+            else:
+                new.append(j)
+        if new:
+            self._extend(new, [readings[j] for j in new], parts)
+        # rates of the motion itself: where pieces of splines meet, C would have a kink
+        is_moving = len(readings) > 1
+        self._turning = [(reading.C, reading.C_t if is_moving else 0 * reading.C) for reading in readings]
+        self._made: dict[int, Tangent] = {}
+
+    @cached_property
+    def _rates(self) -> np.ndarray:
+        rates = np.zeros_like(self._whole)
+        if len(self.t) > 1:
             from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
 
-            varies = (whole != whole[0]).any(axis=0)  # of two bodies much is zero, and stays so
-            slopes = CubicSpline(times, np.eye(len(times)))(times, 1)  # of values at these times
-            self._rates[:, varies] = slopes @ (whole[:, varies] - whole[0, varies])
-        # rates of the motion itself: where pieces of splines meet, C would have a kink
-        self._turning = [(reading.C, reading.C_t if len(times) > 1 else 0 * reading.C) for reading in readings]
-        self._made: dict[int, Tangent] = {}
+            varies = (self._whole != self._whole[0]).any(axis=0)  # of two bodies much is zero, and stays so
+            slopes = CubicSpline(self.t, np.eye(len(self.t)))(self.t, 1)  # of values at these times
+            rates[:, varies] = slopes @ (self._whole[:, varies] - self._whole[0, varies])
+        return rates
 
     def __getitem__(self, j: int) -> Tangent:
         if j not in self._made:
@@ -89,25 +111,49 @@ class ExtendedTangents:
         C = np.hstack([turning, np.zeros((len(turning), n - turning.shape[1]))])
         return Tangent(self.t[j], *whole[: 3 * n].reshape(3, n, n), whole[3 * n :], C)
 
-    def _extended(self, j: int, reading: Reading, parts: Sequence[tuple]) -> np.ndarray:
-        """M, D, K and G of reading j with the vectors, one upon another."""
-        n = len(reading.M)
-        M, D, K = np.zeros((3, self._size, self._size))
-        M[:n, :n], D[:n, :n], K[:n, :n] = reading.M, reading.D, reading.K
-        for of, body, own in parts:
-            rows = np.concatenate([body.columns, np.arange(own.start, own.stop)])
-            M[rows, own], D[rows, own], K[rows, own] = of.M[j], of.D[j], of.K[j]
-            M[own, body.columns] = of.M[j][: len(body.columns)].T
-            D[own, body.columns], K[own, body.columns] = of.D_rows[j], of.K_rows[j]
-        G = np.zeros((len(reading.G), self._size))
-        G[:, :n] = reading.G
-        return np.vstack([M, D, K, G])
+    def _extend(self, new: Sequence[int], readings: Sequence[Reading], parts: Sequence[tuple]) -> None:
+        """Write M, D, K and G of new readings with the vectors, one upon another."""
+        n, size = len(readings[0].M), self._size
+        t, states = self.t[new], [np.array([reading.state[k] for reading in readings]) for k in range(3)]
+        coupled = [(body.couplings(t, [x[:, body.columns] for x in states]), body, own) for body, own in parts]
+        for i, (j, reading) in enumerate(zip(new, readings, strict=True)):
+            M, D, K = whole = self._whole[j, : 3 * size].reshape(3, size, size)
+            whole[:, :n, :n] = reading.M, reading.D, reading.K
+            for of, body, own in coupled:
+                rows = np.concatenate([body.columns, np.arange(own.start, own.stop)])
+                M[rows, own], D[rows, own], K[rows, own] = of.M[i], of.D[i], of.K[i]
+                M[own, body.columns] = of.M[i][: len(body.columns)].T
+                D[own, body.columns], K[own, body.columns] = of.D_rows[i], of.K_rows[i]
+            self._whole[j, 3 * size :, :n] = reading.G
 
 
 def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> float:
     """Smallest mass of what constraints admit, coordinates scaled."""
     free = scale[:, None] * null_space(C * scale)
     return float(np.linalg.eigvalsh(free.T @ M @ free)[0])
+
+
+class ExtendedReadings:
+    """Makes ExtendedTangents of readings; what it has made of one it does not make again."""
+
+    def __init__(self, tangents: Tangents, size: int, parts: Sequence[tuple[EnrichedBody, slice]]):
+        """Tangents hold readings; for the others see ExtendedTangents."""
+        self._tangents, self._of = tangents, (size, parts)
+        self._made: ExtendedTangents | None = None
+
+    def of(self, readings: Sequence[Reading]) -> ExtendedTangents:
+        """Make them of some readings."""
+        return ExtendedTangents(readings, *self._of, self._made)
+
+    def now(self) -> ExtendedTangents:
+        """Make them of all readings that are kept now, and keep them until the next call."""
+        self._made = self.of(self._tangents.readings)
+        return self._made
+
+    def forget(self) -> None:
+        """Keep the last readings only."""
+        self._tangents.forget()
+        self.now()
 
 
 class FixedFreedoms:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...online.run_messages import CHANGED
+from ...online.run_messages import CHANGED, changed
 from ..access.mbs_items import newton_tolerance
 from ..access.state_guard import state_kept
 from ..derivatives.linearisation import Tangents
@@ -43,7 +43,7 @@ class KeptEquations:
         if not self._has_moved:
             after = mbs.systemData.GetODE2Coordinates(), mbs.systemData.GetODE2Coordinates_t()
             self._has_moved = not ((after[0] == q).all() and (after[1] == q_t).all())
-            self._notes += [MOVED.format(t)] * self._has_moved
+            self._notes += [changed(MOVED.format(t))] * self._has_moved
 
     def broken(self, tangents: Tangents, mbs: Any, t: np.ndarray, *states: np.ndarray) -> list[str]:
         """Return once in words what was found, up to rows t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
@@ -52,7 +52,7 @@ class KeptEquations:
             self._until = float(t[-1])
             row = self._first(tangents, mbs, t, states, rows)
             self._has_broken = row is not None
-            self._notes += [] if row is None else [BROKEN.format(t[row])]
+            self._notes += [] if row is None else [changed(BROKEN.format(t[row]))]
         found, self._notes = self._notes, []
         return found
 

@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...online.run_messages import CHANGED
+from ...online.run_messages import CHANGED, changed
 from ..derivatives.linearisation import Reading, Tangents
 from ..memory.user_memory import memory_kept
-from .extended_tangents import ExtendedTangents
 from .stored_residuals import GONE, user_functions
 
 OFF = 0.003  # of K + M/dt^2 in motions that constraints admit, and of G: what an interpolated tangent may miss
@@ -52,8 +51,7 @@ class _Interval(NamedTuple):
 class LateReadings:
     """Of stored rows t (S,) and states q, q_t, q_tt, multipliers (S, ...).
 
-    enriched : has `parts`, bodies and where their auxiliary vectors are among `size` coordinates; None: there are no
-    vectors.
+    enriched : has `extended`, tangents with the auxiliary vectors of bodies; None: there are no vectors.
 
     Attributes
     ----------
@@ -134,7 +132,8 @@ class LateReadings:
             except Exception:  # another mbs than it was
                 self._can_read = False
             if not self._can_read:
-                self.note = NOTE.format(self._t[0], self._t[-1], GONE if self._mbs is None else CHANGED)
+                note = NOTE.format(self._t[0], self._t[-1], GONE if self._mbs is None else CHANGED)
+                self.note = note if self._mbs is None else changed(note)
         return self._can_read
 
     def _intervals(self) -> Iterator[_Interval]:
@@ -214,7 +213,7 @@ class LateReadings:
         long = [i for i in self._intervals() if i.count > APART and self._enriched is not None]
         if not long:
             return
-        tangents = ExtendedTangents(self._tangents.readings, self._enriched.size, self._enriched.parts)
+        tangents = self._enriched.extended.now()
         yield from (i.middle for i in long if tangents.lightness(i.j) < LIGHT)
 
     def _to_try(self, interval: _Interval) -> list[int]:

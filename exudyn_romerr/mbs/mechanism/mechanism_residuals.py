@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     from .enriched_body import EnrichedBody
 
-PROBED = 8  # of so many steps one is looked at, whether passes pay
+PROBED, SELDOM = 8, 4  # of so many steps one is looked at, whether passes pay; of so many times as many far from it
+FAR = 0.1  # of what pays: less is far from it
 PAYS = 0.5  # of what stays of R outside the span of modes and vectors
 MATTERS = 1e-3  # of the energy that vectors add: less is nothing beside the error
 EULER_PARAMETERS = 4  # other rotations are increments: sums of states are no states there
@@ -26,11 +27,12 @@ class MechanismResiduals:
 
     Attributes
     ----------
-    rows : t (S,), q, q_t, q_tt (S, coordinates of the mbs) of the run.
+    rows : t (S,), q, q_t, q_tt (S, coordinates of the mbs) of the run. is_far : whether passes were far from paying
+    when that was asked last.
     """
 
     def __init__(self, parts: Sequence[tuple[EnrichedBody, slice]]):
-        self._parts, self.rows = parts, ()
+        self._parts, self.rows, self.is_far = parts, (), False
         self._roots = [np.linalg.cholesky(_stiffness(body)) for body, _ in parts]
         self._nets: list[NetInertia] = []  # made when they are needed
         self._removed = self._stays = 0.0  # by passes, and with them, of what bounds add up
@@ -73,7 +75,8 @@ class MechanismResiduals:
         if not e[:2].any():  # linear equations leave nothing of where a run starts, and rounding is not asked
             return False
         squares, times = np.zeros((3, 1)), self.rows[0][part]
-        probed = slice((len(times) - 1) % PROBED, None, PROBED)  # the last one, too
+        every = PROBED * (SELDOM if self.is_far else 1)
+        probed = slice((len(times) - 1) % every, None, every)  # the last one, too
         (t, *states), e = (x[part][probed] for x in self.rows), e[:, probed]
         for (body, own), root in zip(self._parts, self._roots, strict=True):
             here, moved = (body.moved(own, states, x) for x in (0 * e, e))
@@ -81,7 +84,9 @@ class MechanismResiduals:
         inside, outside, force = np.sqrt(squares).max(axis=1, initial=0.0)
         self._removed += inside + np.ptp(times) * len(times) / max(len(times) - 1, 1) * force
         self._stays += outside
-        return self._removed > max(PAYS * self._stays, MATTERS * self.largest(e))
+        enough = max(PAYS * self._stays, MATTERS * self.largest(e))
+        self.is_far = self._removed < FAR * enough
+        return self._removed > enough
 
 
 def _sizes(body: EnrichedBody, root: np.ndarray, t: np.ndarray, here: Sequence, moved: Sequence) -> np.ndarray:

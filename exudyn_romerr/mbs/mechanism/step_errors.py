@@ -12,6 +12,7 @@ from ...estimates.columns import Columns
 from ...estimates.march import Steps
 from ...estimates.mechanism_feedback import GROWN
 from ...estimates.time_step_error import TimeStep, TimeStepError
+from ...online.run_messages import changed
 from ..derivatives.linearisation import Tangents
 from .kept_equations import KeptEquations
 from .stored_residuals import StoredResiduals
@@ -80,7 +81,8 @@ class StepErrors:
             return None, None
         found = self._residuals.between(mbs, error.rows, error.first, error.defects[1])
         if self._residuals.failure:
-            self.notes.append(LEFT_OUT.format(self._residuals.failure))
+            note = LEFT_OUT.format(self._residuals.failure)
+            self.notes.append(changed(note) if self._residuals.was_changed else note)
             self._residuals = None
         return found
 

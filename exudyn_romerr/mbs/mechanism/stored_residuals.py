@@ -39,7 +39,7 @@ class StoredResiduals:
     Attributes
     ----------
     failure : why there are no residuals between samples; empty if there are. in_a_copy : whether a light copy of the
-    mbs may be asked, if there is one.
+    mbs may be asked, if there is one. was_changed : whether that is why.
     """
 
     def __init__(self, tangents: Tangents, mbs: Any):
@@ -47,7 +47,7 @@ class StoredResiduals:
         self._loads = loads_with_functions(mbs)
         # functions of loads are looked at by themselves; what others do between samples shows in residuals only
         self._all = len(self._functions) > sum(len(load_functions(mbs.GetLoad(i))) for i in self._loads)
-        self.failure, self.in_a_copy = "", True
+        self.failure, self.in_a_copy, self.was_changed = "", True, False
         self._place: Place | None = None  # where residuals are asked for, in a block
 
     def between(
@@ -159,7 +159,10 @@ class StoredResiduals:
         left = self._residual(mbs, t, (q, q_t, q_tt, multipliers))
         forces = self._residual(mbs, t, (q, q_t, 0 * q_tt, 0 * multipliers))
         moved = (t - rows[0][i - 1]) * self._speed(left[None])[0]
-        if np.abs(left).max() > BALANCED * np.abs(forces).max() and moved > MATTERS * self._largest(dv):
+        self.was_changed = np.abs(left).max() > BALANCED * np.abs(forces).max() and moved > MATTERS * self._largest(
+            dv
+        )
+        if self.was_changed:
             raise RunError(f"at t = {t:g} s Exudyn's equations do not hold in the state of the sample: {CHANGED}")
 
 

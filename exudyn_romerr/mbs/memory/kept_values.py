@@ -6,7 +6,7 @@ import copyreg
 import io
 import pickle
 import sys
-from collections.abc import Callable, Iterator, MutableMapping, Sequence
+from collections.abc import Iterator, MutableMapping, Sequence
 from functools import lru_cache, partial
 from types import FunctionType, MemberDescriptorType, MethodType, ModuleType
 from typing import Any, NamedTuple
@@ -21,27 +21,6 @@ WRAPPERS = CACHED | partial | MethodType | staticmethod | classmethod | property
 NUMBERS = (type(None), bool, int, float, complex, str, bytes)
 PROTOCOL = 5  # contents of arrays may stay where they are
 STREAMS = ("__next__", "fileno")  # of generators and open files, of files and sockets
-
-
-class Variable(NamedTuple):
-    """A variable that a user function can change, and what it held. own : names of modules."""
-
-    read: Callable[[], Any]
-    write: Callable[[Any], None]
-    own: set[str]
-    frozen: Frozen
-
-    def has_changed(self) -> bool:
-        """Whether it holds something else now."""
-        return not self.frozen.is_as(Frozen.of(self.read(), self.own))
-
-    def before(self) -> Any:
-        """Return a copy of what it held."""
-        return self.frozen.thawed()
-
-    def stays(self, value: Any) -> bool:
-        """Whether an object is itself, no copy."""
-        return self.frozen.held.get(id(value)) is value
 
 
 class Copies:
@@ -81,7 +60,7 @@ class Frozen(NamedTuple):
         """Pickle a value, whatever a script may hold; arrays are where they were."""
         if type(value) in NUMBERS:
             return cls(pickle.dumps(value, PROTOCOL), (), {}, set())
-        if _stays(value, own):
+        if stays(value, own):
             return cls(b"%d" % id(value), (), {id(value): value}, set())
         file = io.BytesIO()
         pickler = _Pickler(file, own)
@@ -125,7 +104,7 @@ class _Pickler(pickle.Pickler):
         """Return how a value is pickled that is no number, text, or container of Python's own."""
         if value is _same or isinstance(value, np.generic | np.ndarray):  # of which there may be many
             return NotImplemented
-        found = None if _stays(value, self._own) else self._reduced(value)
+        found = None if stays(value, self._own) else self._reduced(value)
         if found is None:
             self.held[id(value)] = value
             found = _same, (id(value),)
@@ -161,8 +140,8 @@ def _same(number: int) -> Any:
     """Stands in pickled values for the object of a number."""
 
 
-def _stays(value: Any, own: set[str]) -> bool:
-    """Whether an object stays what it is: it is not pickled."""
+def stays(value: Any, own: set[str]) -> bool:
+    """Whether an object stays what it is: it is not pickled; what is behind it is other variables'."""
     kind = type(value)
     if isinstance(value, FunctionType | type | ModuleType | WRAPPERS):
         return True

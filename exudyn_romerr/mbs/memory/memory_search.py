@@ -8,7 +8,8 @@ from functools import partial
 from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
-from .kept_values import CACHED, WRAPPERS, Copies, Frozen, Variable, spaces_of
+from .kept_values import CACHED, WRAPPERS, Copies, Frozen, spaces_of
+from .variables import Generator, Variable, generators, is_constant
 
 SETS = re.compile(r"Set(\w+Parameter|(ODE1|ODE2|AE|Data)Coordinates(_t|_tt)?|SystemState|Time)$")  # of an mbs
 
@@ -24,7 +25,7 @@ class MemorySearch:
 
     def __init__(self, functions: Iterable[Callable], copies: Copies):
         self.spaces: list[tuple[MutableMapping, set]] = []
-        self.variables: list[Variable] = []
+        self.variables: list[Variable | Generator] = [*generators()]
         self.lost: set[str] = set()
         self._copies = copies
         self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
@@ -39,11 +40,17 @@ class MemorySearch:
 
     def add_variable(self, read: Callable[[], Any], write: Callable[[Any], None]) -> None:
         """Add a variable, and what is behind it."""
-        found = Frozen.of(read(), self._own)
-        self.lost |= found.lost
-        if found.kept is not None:
-            self.variables.append(Variable(read, write, self._own, found.copied(self._copies)))
-        for value in found.held.values():
+        value = read()
+        if is_constant(value, self._own):
+            self.variables.append(Variable(read, write, self._own, value, None))
+            held: Iterable[Any] = (value,)
+        else:
+            found = Frozen.of(value, self._own)
+            self.lost |= found.lost
+            if found.kept is not None:
+                self.variables.append(Variable(read, write, self._own, None, found.copied(self._copies)))
+            held = found.held.values()
+        for value in held:
             if self._is_own(value):
                 self.add_behind(value)
 

@@ -27,7 +27,7 @@ def attach(
     mbs: Any,
     flex: ReducedBody | FloatingBody | Sequence[ReducedBody | FloatingBody],
     *,
-    outputs: Sequence[Output | int | tuple] | None = None,
+    outputs: Sequence[Output | int | str | tuple] | None = None,
     initial: Any = None,
     jumps: Sequence[float] = (),
     tolerance: dict[str, float] | float | None = None,
@@ -50,10 +50,10 @@ def attach(
     mbs : exudyn MainSystem
     flex : ReducedBody or FloatingBody, or a list of them
         From add_reduced_body or floating_body. A list: one monitor and one report for the mechanism.
-    outputs : sequence of Output or sensor numbers, optional
+    outputs : sequence of Output or sensors, by number or name, optional
         Sensors on mesh nodes of a floating body; they give their output its name. Default: all of displacement,
         position or velocity that are there when a solve begins; in a mechanism, beside those in global axes, "NAME in
-        the frame" (velocities have a bound there only). Of a list of bodies: sensor numbers, which find their body,
+        the frame" (velocities have a bound there only). Of a list of bodies: sensors, which find their body,
         and (flex, Output); default: all of these, and all sensors on no flexible body that show motion or forces. The
         latter have an estimate and no bound; those of loads and user functions are left out, see the plan.
     initial : None, ((N,), (N,)) or "equilibrium"
@@ -70,9 +70,10 @@ def attach(
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
-        vectors made for the body ("auto": 26, or 40 if damping is not Rayleigh's or modes make interfaces rigid;
-        then 60 and 130, where bounds in the first steps ask for it and it pays: a message of the run says so), and
-        bounds are of the reduction error, whatever time says.
+        vectors made for the body ("auto": 26, or 40 of a damped one whose damping is not Rayleigh's or whose modes
+        make interfaces rigid, 60 of a large undamped one, and on top those that deform rigid interfaces; then 60 and
+        130, where bounds in the first steps ask for it and it pays: a message of the run says so), and bounds are of
+        the reduction error, whatever time says.
     midpoint_residual : bool
         Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
         samples: Exudyn's equations are evaluated in the middle of steps, of all where what they leave is rough.
@@ -117,7 +118,7 @@ def attach(
         raise InputError(f"midpoint_residual={midpoint_residual!r}; needed: True or False")
     if isinstance(flex, list | tuple):
         return _attach_all(mbs, flex, hook, options, scope)
-    subject = make_subject(mbs, flex, options, scope)
+    subject = make_subject(mbs, flex, options, scope, alone=True)
     watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in subject.outputs]))
     return Monitor(mbs, shared_hook(mbs, hook, watch), watch)
 
@@ -126,7 +127,7 @@ def _attach_all(mbs: Any, flexes: Sequence, hook: Callable | None, options: Boun
     """One monitor of several bodies; where InputError is raised none is attached."""
     asked, sensors = shares(mbs, flexes, options)
     subjects = [
-        make_subject(mbs, flex, replace(options, outputs=outputs, tolerance=tolerance or None), scope)
+        make_subject(mbs, flex, replace(options, outputs=outputs, tolerance=tolerance or None), scope, alone=False)
         for flex, (outputs, tolerance) in zip(flexes, asked, strict=True)
     ]
     watches = [Watch(subject, tolerance) for subject, (_, tolerance) in zip(subjects, asked, strict=True)]

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...online.initial_condition import LOADS_JUMP, NO_ACCELERATIONS, loads_jump
+from ...online.initial_condition import LOADS_JUMP, begins_late, loads_jump
 from ...online.run import Run
-from ...online.run_messages import stopped_or_ended, told_of_changes
+from ...online.run_messages import doubts_in, stopped_or_ended
 from ...online.run_record import UNKNOWN, SolverFacts
 from ...online.static_run import StaticRun
 from ...online.tolerance_check import ToleranceCheck
@@ -230,7 +230,7 @@ class Watch:
             offline = self._offline.from_static() if before.is_static else before.offline
         run = self._kind(offline, self._solver, self.tolerance)
         other = "the mbs was changed since the run before: its error so far is not carried over"
-        run.messages += [other] if changed else told_of_changes(() if before is None else before.messages)
+        run.messages += [other] if changed else doubts_in(() if before is None else before.messages)
         first = self.succession.first_sample(self.subject, before, t, *states)
         if first is None:
             self._late = True
@@ -239,7 +239,7 @@ class Watch:
         if before is not None and before.is_static and loads_jump(run.offline, self.opening.first, self.opening.rest):
             run.messages.append(LOADS_JUMP)
         if self._late and self._kind is Run:
-            run.messages.append(NO_ACCELERATIONS.format(t))
+            run.messages.append(begins_late(t))
         run.begins_late = self._kind is Run and (self._late or (before is not None and before.begins_late))
         self.run = run
 

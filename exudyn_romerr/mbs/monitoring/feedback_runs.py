@@ -15,7 +15,7 @@ from ...model.floating_frame import Veer
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
-from ..mechanism.extended_tangents import ExtendedTangents, FixedFreedoms
+from ..mechanism.extended_tangents import ExtendedReadings, ExtendedTangents, FixedFreedoms
 from ..mechanism.global_positions import GlobalPositions
 from ..mechanism.mechanism_residuals import MechanismResiduals
 from ..mechanism.output_estimates import OutputEstimates
@@ -39,7 +39,7 @@ NO_POSITIONS = "positions in global axes have an estimate only: {}"
 class Reaction:
     """The linearised mechanism with the vectors of its bodies behind its own coordinates (theory.md 7).
 
-    size : number of coordinates of mechanism and vectors. parts : bodies, and where their vectors are. said : notes.
+    size : coordinates of mechanism and vectors. parts : bodies, where these are. extended : tangents. said : notes.
     """
 
     def __init__(
@@ -53,13 +53,13 @@ class Reaction:
     ):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
         self._first_steps, self._step_errors, self._sensors = first_steps, step_errors, sensors
-        self.said: list[str] = []
-        self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
+        self.said, self._estimates = list[str](), [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
         for body in (watch.enriched for watch in watches):
             self.parts.append((body, slice(self.size, self.size + body.m)))
             self.size += body.m
+        self.extended = ExtendedReadings(tangents, self.size, self.parts)
         self._narrow = NarrowMarches(self._left_out())
         self._passes = ResidualPasses(MechanismResiduals(self.parts), self.size)
         self._drift, self._drifts = JointDrift(self.size, step_errors.drift), step_errors.holds_rates
@@ -86,7 +86,7 @@ class Reaction:
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
         t = float(first[0][0])
         readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
-        extended = ExtendedTangents(readings, self.size, self.parts)
+        extended = self.extended.of(readings)
         tangent, samples = extended[0], [watch.sampled(*first) for watch in self._watches]
         forces = self._forces(samples, 1)[0]
         if goes_on:
@@ -142,7 +142,7 @@ class Reaction:
 
     def advance(self, rows: tuple[np.ndarray, ...], mbs: Any) -> None:
         """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates), multipliers (S, ...)."""
-        extended, steps = ExtendedTangents(self._tangents.readings, self.size, self.parts), self._step_errors
+        extended, steps = self.extended.now(), self._step_errors
         steps.begin(mbs, rows)
         *rows, multipliers = rows
         forces = self._forces([watch.rows[1:] for watch in self._watches], len(rows[0]))
@@ -172,7 +172,7 @@ class Reaction:
             self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
-        self._tangents.forget()
+        self.extended.forget()
         self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
 
     def _energy_at_rest(self, openings: Sequence[Opening]) -> float | None:

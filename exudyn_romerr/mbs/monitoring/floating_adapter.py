@@ -51,10 +51,13 @@ BY_MECHANISM = "estimate by the linearised mechanism"
 
 
 class MovingSubject:
-    """Reads the mbs when a solve begins, and turns rows of its coordinates into samples of a run."""
+    """Reads the mbs when a solve begins, and turns rows of its coordinates into samples of a run.
 
-    def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str):
-        self.item, self._flex, self._options = flex.number, flex, options
+    alone : whether nobody else estimates the other sensors of the mbs.
+    """
+
+    def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool):
+        self.item, self._flex, self._options, self._alone = flex.number, flex, options, alone
         self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
         if scope != FROZEN:  # imported in the solve, when tangents are read, it takes as long as some runs
@@ -141,7 +144,7 @@ class MovingSubject:
         """Return the scope; where no outputs were asked for, take those that the sensors show."""
         if not self._by_sensors:
             return find_scope(mbs, self._wanted, *scene)
-        scope, sensors = find_scope(mbs, self._wanted, *scene), body_sensors(mbs, self._flex)
+        scope, sensors = find_scope(mbs, self._wanted, *scene), body_sensors(mbs, self._flex, self._alone)
         sensors = sensors if scope.name == COMPLETE else sensors.in_the_frame_too()
         if sensors != self._sensors:
             options, self._sensors = self._options_with(sensors), sensors
@@ -220,11 +223,9 @@ class MovingSubject:
         r, A = model.frame.reference_pose()
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
         left_out += [(f"wrench at {name}", "no load, joint or connector acts there") for name in actions.free]
-        if support.at_rest:
-            left_out.append(("terms of a turning frame", support.text))
+        left_out += [("terms of a turning frame", support.text)] if support.at_rest else []
         if self._by_sensors:
-            left_out += self._sensors.left_out
-            left_out += [] if self._sensors.measured else [("outputs", NO_SENSOR)]
+            left_out += [*self._sensors.left_out, *(() if self._sensors.measured else [("outputs", NO_SENSOR)])]
         return Scene(
             scope=scope.name,
             reason=f"{scope.reason}. {full}",
@@ -243,8 +244,7 @@ class MovingSubject:
                 f"floating body: held in its frame by {reference.source}",
                 damping_text(flex.modal_damping, model.rayleigh),
                 f"frame: {support.text}",
-                *(f"known: {load.name}" for load in actions.loads),
-                *(f"wrench from V^T R = 0: {place.name}" for place in actions.wrenches),
+                *actions.lines(),
             ),
             left_out=tuple(left_out),
         )

@@ -42,7 +42,6 @@ class Mechanism:
     """
 
     tangents: Tangents | None = None
-    equations: KeptEquations
 
     def __init__(self, watches: Sequence[Watch], before: Mechanism | None = None, sensors: Sequence = ()):
         self._watches, self._before, self._sensors = watches, before and before._reaction, sensors
@@ -174,6 +173,8 @@ class Mechanism:
 
     def _join_openings(self) -> None:
         if self._opens:
+            for watch in self._coupled:
+                watch.run.partners = tuple(other.run for other in self._coupled if other is not watch)
             pairs = [(watch.run, watch.opening) for watch in self._coupled if watch.shares_energy]
             joined = joined_openings(*zip(*pairs, strict=True)) if pairs else []
             note = self._first_steps.open(*zip(*pairs, strict=True)) if pairs else ""
@@ -201,9 +202,8 @@ class Mechanism:
             join_extensions(*zip(*pairs, strict=True), self._first_steps)
 
     def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
-        first = int(self._opens)
         if self._reaction is not None and all(watch.extension is not None for watch in self._partners):
-            rows = tuple(x[first:].copy() for x in self._with_multipliers(rows))
+            rows = tuple(x[int(self._opens) :].copy() for x in self._with_multipliers(rows))
             self._reaction = self._more.advance(self._reaction, rows, self._at_hand[0])
 
     def _with_multipliers(self, rows: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from exudyn.itemInterface import SensorUserFunction
 
+from ...online.run_messages import doubts_of
 from ...report.wording import rounded_up, under
 
 if TYPE_CHECKING:
@@ -36,9 +37,10 @@ def live_line(watches: Sequence[Watch], t: float) -> str:
 
 
 def condition_of(watch: Watch) -> str:
-    """Return what must be said with the bounds of a watch: nothing where their scope is complete."""
+    """Return what must be said with the bounds of a watch: nothing where their scope is complete, and certified."""
     run = watch.run
-    return under({name: run.offline.scene.scope_of(name) for name in run.assumptions()})
+    scope = {name: run.offline.scene.scope_of(name) for name in run.assumptions()}
+    return under(scope, doubts=doubts_of(run, run.partners))
 
 
 def sensor_of(look: Callable[[], None], watch: Watch, out: Output, options: dict[str, Any]) -> SensorUserFunction:

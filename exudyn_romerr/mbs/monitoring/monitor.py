@@ -153,7 +153,7 @@ class MechanismMonitor:
         """What is computed, what is left out and why, of all bodies and sensors; raises as Monitor.plan does."""
         plans = [body.plan for body in self.bodies]
         is_coupled = any(body.subject.enriched is not None for body in self.bodies)
-        return joined_plan(plans, self._sensors.find(self._mbs, is_coupled)[1])
+        return joined_plan(plans, *self._sensors.find(self._mbs, is_coupled))
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output of a body; see Monitor.bound_sensor."""

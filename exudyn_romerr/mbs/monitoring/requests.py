@@ -24,6 +24,7 @@ from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.reference_search import require_still_interface
 from ..floating.sensor_outputs import is_on, sensor_output
+from ..sensors.sensor_names import without_names
 from .floating_adapter import MovingSubject
 
 if TYPE_CHECKING:
@@ -33,11 +34,14 @@ UNNAMED = "there are no outputs, or they are not known before a solve begins; pa
 
 
 def make_subject(
-    mbs: Any, flex: ReducedBody | FloatingBody, options: BoundOptions, scope: str
+    mbs: Any, flex: ReducedBody | FloatingBody, options: BoundOptions, scope: str, alone: bool
 ) -> LinearSubject | MovingSubject:
-    """Return the body as a watch sees it; sensors among the outputs are replaced by outputs."""
+    """Return the body as a watch sees it; sensors among the outputs are replaced by outputs.
+
+    alone : whether its monitor is of no mechanism, which would have the sensors on no flexible body, too.
+    """
     if isinstance(flex, FloatingBody):
-        return _floating(mbs, flex, options, scope)
+        return _floating(mbs, flex, options, scope, alone)
     _check_body(mbs, flex)
     return _linear(flex, options)
 
@@ -72,8 +76,7 @@ def _check_once(flexes: Sequence) -> None:
 
 def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | None, Any, str]]:
     """Number of the body, None: none, output or sensor number, and its name, of every entry of outputs."""
-    _refuse_texts(mbs, outputs)
-    for out in outputs:
+    for out in without_names(mbs, flexes, outputs):
         if isinstance(out, Integral | exu.SensorIndex):
             number, count = int(out), mbs.systemData.NumberOfSensors()
             if not 0 <= number < count:
@@ -86,7 +89,7 @@ def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | N
             yield next(i for i, flex in enumerate(flexes) if flex is out[0]), out[1], out[1].name
         else:
             raise InputError(
-                f"an entry of outputs is a {type(out).__name__}; of several bodies: a sensor number, or "
+                f"an entry of outputs is a {type(out).__name__}; of several bodies: a sensor's number or name, or "
                 "(flex, output) with one of the bodies"
             )
 
@@ -103,14 +106,14 @@ def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:
     return LinearSubject(flex, replace(options, initial=initial))
 
 
-def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str) -> MovingSubject:
+def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool) -> MovingSubject:
     """Joints and loads may still be added: what is known now is checked now."""
     model = read_object(mbs, flex)
     if flex.interfaces == "rigid":
         require_still_interface(flex, model.V)
-    outputs = options.outputs
-    if isinstance(outputs, str | list | tuple):
-        _refuse_texts(mbs, outputs)
+    outputs = without_names(mbs, [flex], options.outputs)
+    if isinstance(outputs, list | tuple):
+        outputs = [out[1] if isinstance(out, tuple) and len(out) == 2 and out[0] is flex else out for out in outputs]
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
         outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
     outputs = outputs if outputs is None else checked_outputs(outputs)
@@ -122,7 +125,7 @@ def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str) -
     asked = options.estimators
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
-    return MovingSubject(flex, replace(options, outputs=outputs), scope)
+    return MovingSubject(flex, replace(options, outputs=outputs), scope, alone)
 
 
 class _Mesh:
@@ -140,18 +143,6 @@ def _check_rows(flex: FloatingBody, outputs: Sequence[Output]) -> None:
             out.resolve(mesh)
 
 
-def _refuse_texts(mbs: Any, outputs: Any) -> None:
-    where, needed = "an entry of outputs", "Output or a sensor number"
-    if isinstance(outputs, str):
-        where, needed = "outputs", "a list of Output or sensor numbers"
-    if any(isinstance(out, str) for out in outputs):
-        known = range(mbs.systemData.NumberOfSensors())
-        sensors = ", ".join(f"{number} {mbs.GetSensor(number)['name']!r}" for number in known)
-        raise InputError(
-            f"{where} is a str; needed: {needed}; the mbs has {f'sensors {sensors}' if sensors else 'no sensors'}"
-        )
-
-
 def _check_body(mbs: Any, flex: Any) -> None:
     if not isinstance(flex, ReducedBody):
         raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body or floating_body returned")
@@ -160,11 +151,14 @@ def _check_body(mbs: Any, flex: Any) -> None:
 
 
 def _refuse_sensors(outputs: Any) -> None:
-    for out in outputs if isinstance(outputs, list | tuple) else ():
-        if isinstance(out, Integral | exu.SensorIndex):
+    for out in [outputs] if isinstance(outputs, str) else outputs if isinstance(outputs, list | tuple) else ():
+        if isinstance(out, Integral | exu.SensorIndex | str):
+            found = repr(out) if isinstance(out, str) else f"sensor {int(out)}"
+            name = out if isinstance(out, str) else "tip"
             raise InputError(
-                f"outputs contains sensor {int(out)}; a sensor on NodeGenericODE2 shows reduced coordinates, "
-                "no output of the full model: pass Output or node_displacement(...) instead"
+                f"outputs contains {found}; a sensor on NodeGenericODE2 shows reduced coordinates, no output of the "
+                f"full model: pass romerr.Output({name!r}, rows) or romerr.node_displacement({name!r}, node=..., "
+                "component='z') instead"
             )
 
 

@@ -16,6 +16,7 @@ from ...online.run import BLOCK
 from ...report.scope import FROZEN
 from ..access.mbs_items import end_time, is_verbose, running_static_solver
 from ..mechanism.extended_tangents import FixedFreedoms
+from ..memory.standstill import no_step_is_made
 from .joint_evaluation import Mechanism
 from .live_output import live_line
 from .run_succession import SAME_TIME
@@ -60,7 +61,7 @@ class StepHook:
         self.flush()
         self._said.clear()
         at_once = False
-        with self._run_goes_on():
+        with self._run_goes_on(), no_step_is_made():
             at_once = self._begin(mbs)
         # glibc gives back to the system what blocks free, and asking for it again takes a third of their time; not so
         # once it has seen a piece come and go that is as large; nothing is ever written into this one
@@ -98,7 +99,7 @@ class StepHook:
 
     def flush(self) -> None:
         """Evaluate the rows stored so far."""
-        with _interrupt_deferred():
+        with _interrupt_deferred(), no_step_is_made():
             *rows, multipliers = self._drain() or ((),)
             if not rows:
                 return

@@ -1,4 +1,4 @@
-"""PostStep function that stores each accepted step: as little Python as possible."""
+"""PostStep function that stores each accepted step: as little Python as possible, none where loops are compiled."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import Any, Protocol
 
 import exudyn as exu
 import numpy as np
+
+from ...compiled.loops import loops
 
 START_OF_STEP = exu.ConfigurationType.StartOfStep
 
@@ -47,11 +49,8 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
     """
     system = mbs.systemData
     start_of_step = system.GetTime
-    read_q, read_q_t, read_q_tt = (
-        system.GetODE2Coordinates,
-        system.GetODE2Coordinates_t,
-        system.GetODE2Coordinates_tt,
-    )
+    readers = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
+    read_q, read_q_t, read_q_tt = readers
     read_multipliers = system.GetAECoordinates
     i = room = due = 0
     end = inf
@@ -94,5 +93,32 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
         nonlocal room
         room = i + 1
 
-    step.hook = hook
-    return step, drain, hurry
+    if loops is None:
+        step.hook = hook
+        return step, drain, hurry
+
+    def checked_step(mbs: Any, t: float) -> Any:
+        """Make the step in Python, and let rows be stored in C up to the next one that something is due at."""
+        stored()
+        go_on = step(mbs, t)
+        quiet = min(room, i + due if due else room) - 1
+        if hook.user is None and i < quiet and go_on:
+            recorder.go_on(i, quiet, end, times, q, q_t, q_tt, *([multipliers] if due else []))
+        return go_on
+
+    def stored() -> None:
+        nonlocal i, due
+        more = recorder.stop()
+        i, due = i + more, due and due - more
+
+    def drain_stored() -> tuple:
+        stored()
+        return drain()
+
+    def hurry_stored() -> None:
+        stored()
+        hurry()
+
+    recorder = loops.Recorder(checked_step, start_of_step, START_OF_STEP, *readers, read_multipliers)
+    recorder.hook = hook
+    return recorder, drain_stored, hurry_stored

@@ -91,7 +91,7 @@ class OtherSensors:
             self.records.pop()
         self.records.append(SensorRecord(runs, self.sensors, self.left_out))
         if goes_on and before and before[0].sensors == self.records[-1].sensors:
-            self.records[-1].estimate.go_on(before[0].estimate)
+            self.records[-1].estimate.go_on(before[0].estimate, before[0].values.read)
 
     def outputs(self, run: Any, count: int) -> tuple[list[OutputReport], list[tuple[str, str]]]:
         """Return what is known beside a run of a body, and (name, why) of what is not."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from re import sub
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -45,6 +46,17 @@ class Sensor(NamedTuple):
     rows: int
     balanced: bool = False
 
+    @property
+    def of(self) -> str:
+        """What it shows, in words: "angular velocity"."""
+        shows = "" if self.shows is None else self.shows.name.removesuffix("Local")
+        return sub(r"(?<!^)([A-Z])", r" \1", shows).lower()
+
+    @property
+    def unit(self) -> str:
+        """The unit of that, as far as it is known."""
+        return "" if self.shows is None else UNITS.get(self.shows.name.removesuffix("Local"), "")
+
 
 class SensorRecord:
     """What sensors showed along one solve.
@@ -66,7 +78,7 @@ class SensorRecord:
         left_out, failure = list(self.left_out), self.failure or (ENDED if len(self.values) < count else "")
         if failure or not self.sensors:
             return [], left_out + [(sensor.name, failure) for sensor in self.sensors]
-        whole, at = self.estimate.read(slice(count)), self.values.read()[:count]
+        whole, at = self.estimate.read(slice(count), self.values.read), self.values.read()[:count]
         lost = [sensor for sensor in self.sensors if sensor.balanced and self.unbalanced]
         left_out += [(sensor.name, UNBALANCED.format(self.unbalanced)) for sensor in lost]
         known = [of for of in zip(self.sensors, self.parts, strict=True) if of[0] not in lost]
@@ -76,11 +88,10 @@ class SensorRecord:
     def _output(sensor: Sensor, part: slice, whole: Estimate, at: np.ndarray) -> OutputReport:
         estimate, value = whole.of_rows(part), at[:, part]
         causes = {cause: np.full(value.shape, np.inf if cause == "basis" else 0.0) for cause in estimate.parts}
-        shows = sensor.shows.name if sensor.shows is not None else ""
         return OutputReport(
             name=sensor.name,
-            unit=UNITS.get(shows.removesuffix("Local"), ""),
-            of=shows.lower(),
+            unit=sensor.unit,
+            of=sensor.of,
             value=value,
             round_off=np.finfo(float).eps * np.abs(value),
             bound={},

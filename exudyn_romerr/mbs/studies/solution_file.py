@@ -84,7 +84,7 @@ def evaluate_file(
     )
     if not getattr(mbs, "systemIsConsistent", True):
         raise RunError("evaluate_file was called before mbs.Assemble(); call it first")
-    watch = Watch(make_subject(mbs, flex, options, OF_A_FILE), {})
+    watch = Watch(make_subject(mbs, flex, options, OF_A_FILE, alone=False), {})
     rows = read_solution(path, mbs.systemData.ODE2Size())
     watch.begin(mbs, static=False)
     alone = Mechanism([watch])

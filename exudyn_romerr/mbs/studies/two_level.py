@@ -13,13 +13,14 @@ from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
 from ...mode_selection.tried_run import outputs_of
 from ...report.estimate_wording import RESOLVED, estimated_kind
 from ...report.scope import COUPLED, FROZEN
-from ...report.wording import NOT_THE_MECHANISM, digits, error_kind, rounded_up, widest_scope
+from ...report.wording import NOT_THE_MECHANISM, at_most, digits, error_kind, rounded_up, widest_scope
 from .scene_run import build_trial, same_times
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ...report.report import BoundReport
+    from ...report.scope import Doubt
 
 NO_LIMIT = 1_000_000  # modes; the scene itself knows how many its body has
 
@@ -32,7 +33,7 @@ class LevelOutput:
     the difference plus the fine run's own bound. scope : of that. estimate : (T, r) of this run's error: the
     difference plus the fine run's own estimate; uncertainty : (T, r), that one's; None if the fine run has none. by :
     what is printed, "bound" or "estimate" beside it. kinds : what bound and estimate are of, "error" or "reduction
-    error".
+    error". uncertified : why the bound, the fine run's, is not certified, see BoundReport.
     """
 
     name: str
@@ -45,11 +46,13 @@ class LevelOutput:
     uncertainty: np.ndarray | None
     by: str
     kinds: tuple[str, str]
+    uncertified: tuple[Doubt, ...] = ()
 
     def __str__(self) -> str:
         largest, apart, bound = (np.max(np.abs(x)) for x in (self.value, self.difference, self.bound))
         text = f"{self.name}: up to {digits(largest, 4)} {self.unit}, {digits(apart)} {self.unit} from the finer run"
-        most = f"{', to first order,' if self.scope == COUPLED else ''} at most {rounded_up(bound)} {self.unit}"
+        said_of_bound = at_most(self, f"{rounded_up(bound)} {self.unit}")
+        most = f"{', to first order,' if self.scope == COUPLED else ''} {said_of_bound}"
         said = f"{self.kinds[0]}{most}"
         if self.by == ESTIMATE:
             said = f"{self.kinds[1]} {self._about()}, {said if len(set(self.kinds)) > 1 else most.lstrip(', ')}"
@@ -152,4 +155,5 @@ def _level(coarse: Any, fine: Any, scope: str, time: str, by: str) -> LevelOutpu
     bound = np.abs(difference) + fine.bound["best"]
     estimate = None if fine.estimate is None else difference + fine.estimate
     known = (coarse.name, coarse.unit, coarse.value, difference, bound, scope)
-    return LevelOutput(*known, estimate, fine.uncertainty, by, (error_kind(time), estimated_kind(fine, time)))
+    kinds = error_kind(time), estimated_kind(fine, time)
+    return LevelOutput(*known, estimate, fine.uncertainty, by, kinds, fine.uncertified)

@@ -38,7 +38,8 @@ def columns(report: ReportData) -> dict[str, np.ndarray]:
         estimate is known), "tip z round-off [m]", "tip z true error [m]" (if a truth was compared); then "position
         bound auxiliary" and "velocity bound auxiliary" of |e|_M and |e'|_M. Where the scope is not complete the names
         of bounds say so: "tip z bound, inputs frozen [m]", "tip z reduction error bound, to first order [m]" (without
-        the time steps, which estimates have in them); those of estimates only with inputs frozen.
+        the time steps, which estimates have in them); those of estimates only with inputs frozen. Bounds of a run
+        that is not certified: "tip z bound, not certified [m]".
 
     Notes
     -----
@@ -60,7 +61,7 @@ def largest(report: ReportData) -> dict[str, float]:
     for out in report.outputs.values():
         condition = estimated_under(out, report.scope)
         kinds = {"": out.value, f"estimate{condition}": out.estimate, f"uncertainty{condition}": out.uncertainty}
-        kinds[f"{bound_column(report.scope)}{under(report.scope)}"] = out.bound["best"]
+        kinds[f"{bound_column(report.scope)}{under(report.scope, doubts=out.uncertified)}"] = out.bound["best"]
         for row, name in enumerate(out.row_names):
             for what, x in kinds.items():
                 if x is not None:
@@ -89,16 +90,19 @@ def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
             for what, x in _series(out, report.scope):
                 yield " ".join(filter(None, [name, what, f"[{out.unit}]"])), x[:, row]
     for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
-        yield from ((f"{kind} bound {e}{under(report.scope, e)}", x) for e, x in bounds.items())
+        yield from ((f"{kind} bound {e}{under(report.scope, e, report.uncertified)}", x) for e, x in bounds.items())
 
 
 def _series(out: OutputData, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
     yield "", out.value
-    yield f"{bound_column(scope)}{under(scope)}", out.bound["best"]
-    yield from ((f"{bound_column(scope, e)} {e}{under(scope, e)}", x) for e, x in out.bound.items() if e != "best")
+    doubts = out.uncertified
+    holds_under = under(scope, doubts=doubts)
+    single = [(e, x) for e, x in out.bound.items() if e != "best"]
+    yield f"{bound_column(scope)}{holds_under}", out.bound["best"]
+    yield from ((f"{bound_column(scope, e)} {e}{under(scope, e, doubts)}", x) for e, x in single)
     if out.corrected is not None:
         yield "corrected", out.corrected
-        yield f"corrected bound{under(scope)}", out.corrected_bound
+        yield f"corrected bound{holds_under}", out.corrected_bound
     if out.estimate is not None:
         condition = estimated_under(out, scope)
         yield f"estimate{condition}", out.estimate

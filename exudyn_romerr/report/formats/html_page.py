@@ -10,7 +10,7 @@ import numpy as np
 
 from ..estimate_wording import estimated_under, known, off_by
 from ..overview import overview
-from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED
+from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, cures_of
 from ..verdict import sentence
 from ..wording import (
     advises,
@@ -18,7 +18,7 @@ from ..wording import (
     corrected_within,
     digits,
     instant,
-    is_uncertified,
+    not_certified,
     outside,
     rounded_up,
     under,
@@ -113,7 +113,7 @@ def _verdicts(report: ReportData) -> Iterator[str]:
 
 def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
     best = best_estimator(out, row, report.scope)
-    certain = f", {NOT_CERTIFIED}: see the messages" if is_uncertified(report) else ""
+    certain = f", {not_certified(out.uncertified)}: {cures_of(out.uncertified)}" if out.uncertified else ""
     if np.isfinite(np.max(out.bound["best"][:, row])):
         yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
     else:
@@ -124,7 +124,8 @@ def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
     if out.error is not None:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
         off = "" if out.estimate is None else f"; {off_by(out, row)}"
-        yield f"The true error is up to {digits(largest)} {out.unit}; bound / error: {digits(ratio)}{off}."
+        bound = f"bound ({NOT_CERTIFIED})" if out.uncertified else "bound"
+        yield f"The true error is up to {digits(largest)} {out.unit}; {bound} / error: {digits(ratio)}{off}."
         if words_of := outside(out, row, report.time):
             yield f"{words_of}."
 
@@ -134,6 +135,9 @@ def _scope(report: ReportData) -> Iterator[str]:
     yield table("", ("estimator", "scope", "which means", "assumptions"), rows)
     if report.scope_reason:
         yield paragraph(f"Why: {report.scope_reason}.")
+    if report.uncertified:
+        yield paragraph("No bound of this run is certified:")
+        yield items(f"{doubt.cause}: {doubt.cure}" for doubt in report.uncertified)
     has_estimates = any(out.estimate is not None for out in report.outputs.values())
     yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
@@ -144,8 +148,8 @@ def _tables(report: ReportData) -> Iterator[str]:
         head = (
             "output",
             "largest value",
-            *(f"bound '{e}'{under(report.scope, e)}" for e in estimators),
-            "corrected within",
+            *(f"bound '{e}'{under(report.scope, e, report.uncertified)}" for e in estimators),
+            f"corrected within{f', {NOT_CERTIFIED}' if report.uncertified else ''}",
             "round-off",
         )
         rows = [_output_row(report, out, row, name, estimators) for out, row, name in rows_of(report)]
@@ -158,7 +162,10 @@ def _tables(report: ReportData) -> Iterator[str]:
     what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
     norms = (report.position_bound, report.velocity_bound)
     rows = [
-        (f"'{e}'{under(report.scope, e)}", *(_largest(report, bound[e] / divisor) for bound in norms))
+        (
+            f"'{e}'{under(report.scope, e, report.uncertified)}",
+            *(_largest(report, bound[e] / divisor) for bound in norms),
+        )
         for e in report.position_bound
     ]
     head = ("estimator", "bound of the error of position", "of velocity")

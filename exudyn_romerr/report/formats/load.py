@@ -13,8 +13,10 @@ from ...errors import InputError
 from ..data import NodeFields, Plan
 from ..mechanism_report import MechanismReport, OfBodies
 from ..report import BoundReport, OutputReport
+from ..scope import NOT_CERTIFIED, Doubt
 from .npz_file import DICTS, FORMAT, NODE_DICTS, OPTIONAL
 
+OLDER = Doubt("the messages say why", "see the messages")  # of a run of an older version, which kept no more
 SWEPT = "; of a sweep, romerr collect FOLDER makes a table"
 
 
@@ -50,8 +52,10 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
     # what older files lack
     older = {"labels": (), "tolerances": None, "estimate_scopes": "", "stopped": None, "beside_steps": ()}
     more = zip(*(meta.get(key, [nothing] * count) for key, nothing in older.items()), strict=True)
+    doubts = _doubts(meta, "uncertified")
+    of_outputs = [_doubts(meta, "uncertified_outputs", i) for i in range(count)]
     outputs = [
-        _load_output(arrays, i, *names, *known)
+        _load_output(arrays, i, *names, *known, of_outputs[i])
         for i, (names, known) in enumerate(zip(meta["outputs"], more, strict=True))
     ]
     computed, left_out = meta["plan"]
@@ -70,7 +74,18 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
         origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
         remainder=meta.get("remainder", {}),
+        uncertified=doubts,
     )
+
+
+def _doubts(meta: dict, key: str, *place: int) -> tuple[Doubt, ...]:
+    """Why nothing of a report, or of an output, is certified."""
+    if key not in meta:
+        return (OLDER,) if meta["scope_reason"].endswith(NOT_CERTIFIED) else ()
+    found = meta[key]
+    for i in place:
+        found = found[i]
+    return tuple(Doubt(*parts) for parts in found)
 
 
 def _at_nodes(arrays: dict) -> NodeFields | None:
@@ -98,12 +113,13 @@ def _load_output(
     scope: str,
     stopped: float | None,
     beside_steps: list,
+    doubts: tuple[Doubt, ...],
 ) -> OutputReport:
     dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
     optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
     plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
     known = {"labels": tuple(labels), "tolerance": tolerance, "estimate_scope": scope, "stopped": stopped}
-    known["beside_steps"] = tuple(beside_steps)
+    known |= {"beside_steps": tuple(beside_steps), "uncertified": doubts}
     return OutputReport(name, unit, of, **plain, **dicts, **optional, **known)
 
 

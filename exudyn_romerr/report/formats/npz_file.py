@@ -12,8 +12,10 @@ from .atomic_write import write_whole
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Iterable
 
     from ..data import ReportData
+    from ..scope import Doubt
 
 # fields of an output that are dicts of arrays, and fields that may be None
 DICTS = ("bound", "reduction_bound", "causes", "effectivity", "estimate_parts", "uncertainty_parts")
@@ -54,6 +56,10 @@ def _at_nodes(nodes: NodeFields) -> dict[str, np.ndarray]:
     return arrays if nodes.positions is None else {**arrays, "nodes/positions": nodes.positions}
 
 
+def _plain(doubts: Iterable[Doubt]) -> list[tuple[str, str, str]]:
+    return [doubt.__getnewargs__() for doubt in doubts]
+
+
 def _meta(report: ReportData) -> dict:
     return {
         "format": FORMAT,
@@ -63,6 +69,8 @@ def _meta(report: ReportData) -> dict:
         "tolerances": [out.tolerance for out in report.outputs.values()],
         "stopped": [out.stopped for out in report.outputs.values()],
         "beside_steps": [out.beside_steps for out in report.outputs.values()],
+        "uncertified": _plain(report.uncertified),
+        "uncertified_outputs": [_plain(out.uncertified) for out in report.outputs.values()],
         "made": report.made,
         "planned_end": report.planned_end,
         "scope": report.scope,

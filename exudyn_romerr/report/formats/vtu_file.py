@@ -49,8 +49,8 @@ def write_vtu(report: ReportData, path: str | os.PathLike, mesh: Any = None, est
 
     "displacement" (nodes, 3) of the reduced model, in the body's frame; "error bound" (nodes,), of the length of its
     error; "error estimate" (nodes, 3), u_full - u_reduced, signed, if the estimator knows it: displacement + estimate
-    is the best guess of the full model's. Where the scope is not complete the names say so: "error bound, inputs
-    frozen". Field data: "TimeValue".
+    is the best guess of the full model's. Where the scope is not complete, or bounds are not certified, the names say
+    so: "error bound, inputs frozen", "error bound, not certified". Field data: "TimeValue".
 
     Parameters
     ----------
@@ -88,7 +88,8 @@ def write_vtu(report: ReportData, path: str | os.PathLike, mesh: Any = None, est
 
 def _file(report: ReportData, nodes: NodeFields, e: str, cells: list[tuple[str, np.ndarray]]) -> Iterator[str]:
     condition = under(report.scope, e)
-    fields = {"displacement": nodes.displacement[e], f"error bound{condition}": nodes.bound[e]}
+    bound = f"error bound{under(report.scope, e, report.uncertified)}"
+    fields = {"displacement": nodes.displacement[e], bound: nodes.bound[e]}
     if e in nodes.estimate:
         fields[f"error estimate{condition}"] = nodes.estimate[e]
     count = sum(len(elements) for _, elements in cells)

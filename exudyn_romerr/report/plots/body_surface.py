@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from itertools import combinations
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...checks import check_array, check_choice, check_nodes
 from ...errors import InputError
-from ..wording import error_kind, instant, rounded_up, sharpest_at_nodes, under
+from ..scope import NOT_CERTIFIED
+from ..wording import error_kind, instant, not_certified, rounded_up, sharpest_at_nodes, under
 from .style import COLOURS, THIN, WIDE, picture
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 SHOWN = 0.05  # of the body's size: how large the largest displacement is drawn
 TICKS = 5  # along the longest edge
 LABELPAD = 8  # points, from the ticks
+TITLE = 80  # letters in a line of a title
 ZOOM = 1.05  # matplotlib leaves room around the box: parts are not clipped where they need it
 THINNEST = 0.05  # of the longest edge: how thin the box around a flat or straight body may be
 TETRAHEDRA = (4, 10)  # nodes
@@ -81,7 +84,8 @@ def draw_body(
     parts = _coloured(ax, moved, cells, bound[cells].max(axis=1))
     _frame(ax, moved, unit)
     bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
-    bar.set_label(f"bound of the {error_kind(report.time)}\nby '{e}'{under(report.scope, e)} / {unit}")
+    bound_of = f"bound{f' ({NOT_CERTIFIED})' if report.uncertified else ''} of the {error_kind(report.time)}"
+    bar.set_label(f"{bound_of}\nby '{e}'{under(report.scope, e)} / {unit}")
     bar.formatter.set_powerlimits((-3, 4))
     ax.set_title(_title(report, bound, at, scale, f"{unit}{under(report.scope, e)}"))
 
@@ -180,5 +184,7 @@ def _title(report: ReportData, bound: np.ndarray, at: int, scale: float | None, 
     worst = int(np.argmax(bound))
     drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
     infinite = ", orange: infinite" if np.isinf(bound).any() else ""
-    most = f"{error_kind(report.time)} at node {worst}: at most {rounded_up(bound[worst])} {unit}"
-    return f"{most[0].upper()}{most[1:]}\n{when}, {drawn}{infinite}"
+    is_at_most = "bounded by" if report.uncertified else "at most"
+    most = f"{error_kind(report.time)} at node {worst}: {is_at_most} {rounded_up(bound[worst])} {unit}"
+    why = fill(not_certified(report.uncertified), TITLE)
+    return f"{most[0].upper()}{most[1:]}{why and f'{chr(10)}({why})'}\n{when}, {drawn}{infinite}"

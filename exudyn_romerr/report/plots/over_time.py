@@ -8,6 +8,7 @@ import numpy as np
 
 from ...checks import check_count
 from ..estimate_wording import estimated_kind, estimated_under, known
+from ..scope import NOT_CERTIFIED
 from ..wording import at_round_off, error_kind, rounded_up, under
 from .style import (
     CAUSE_STYLES,
@@ -52,7 +53,8 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
     if is_bounded := bool(np.isfinite(bound).any()) or not _is_estimated(out):
-        label = f"value ± bound{_of_what(report, out)}{under(report.scope)}, {at_most(bound, out.unit)}"
+        label = f"value ± bound{_of_what(report, out)}{under(report.scope, doubts=out.uncertified)}, "
+        label += at_most(bound, out.unit, "up to" if out.uncertified else "at most")
         _band(ax, t, value, bound, COLOURS["fast"], label)
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
     if (best := _corrected(report, out, row)) is not None:
@@ -65,7 +67,7 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label=name_of_line)
     if out.error is not None:
         ax.plot(t, value + out.error[:, row], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
-    shown = f"{error_kind(report.time)} bound" if is_bounded else "estimate; no bound"
+    shown = f"{error_kind(report.time)} bound{_doubt(out)}" if is_bounded else "estimate; no bound"
     title = f"{out.row_names[row]}: reduced model with its {shown}"
     ax.set(xlabel=_time(report), ylabel=f"{out.row_names[row]} / {out.unit}", title=title)
     finish(ax)
@@ -79,7 +81,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     out, t = _row_of(report, name, row), report.t
     for place, e in enumerate(e for e in out.bound if e != "best"):
         style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
-        label = f"bound '{e}'{_of_what(report, out)}{under(report.scope, e)}"
+        label = f"bound '{e}'{_of_what(report, out)}{under(report.scope, e, out.uncertified)}"
         log_line(ax, t, out.bound[e][:, row], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
     if out.estimate is not None:
         _estimate(ax, report, out, row)
@@ -92,7 +94,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         label = "rounding of the input: nothing below is known"
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
-    title = f"{out.row_names[row]}: bounds{'' if out.estimate is None else ' and estimate'} of its error"
+    title = f"{out.row_names[row]}: bounds{_doubt(out)}{'' if out.estimate is None else ' and estimate'} of its error"
     ylabel = f"{estimated_kind(out, report.time)} of {out.row_names[row]} / {out.unit}"
     ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)
     finish(ax)
@@ -125,7 +127,8 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=_worst(report, out, row, worst)
     )
     kind = error_kind(report.time)
-    title, ylabel = f"{out.row_names[row]}: where its {kind} bound comes from", f"share of the\n{kind} bound / %"
+    title = f"{out.row_names[row]}: where its {kind} bound{_doubt(out)} comes from"
+    ylabel = f"share of the\n{kind} bound / %"
     ax.set(xlabel=_time(report), ylabel=ylabel, ylim=(0, 100), title=title)
     ax.margins(x=0.01)
     finish(ax)
@@ -142,7 +145,8 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
         return None
     bound = out.corrected_bound[:, row]
     by = "auxiliary" if "auxiliary" in report.scope else "best"  # coupled, "energy" knows a correction too
-    label = f"corrected ± its bound{under(report.scope, by)}, {at_most(bound, out.unit)}"
+    most = at_most(bound, out.unit, "up to" if out.uncertified else "at most")
+    label = f"corrected ± its bound{under(report.scope, by, out.uncertified)}, {most}"
     return out.corrected[:, row], bound, label, "corrected output"
 
 
@@ -181,6 +185,11 @@ def _not_resolved(out: OutputData, row: int) -> str:
     return " (not resolved)" if found is not None and found.tells_nothing else ""
 
 
+def _doubt(out: OutputData) -> str:
+    """What a title says of bounds beside what they are of."""
+    return f" ({NOT_CERTIFIED})" if out.uncertified else ""
+
+
 def _of_what(report: ReportData, out: OutputData) -> str:
     """What a bound bounds, where the estimate beside it is of more."""
     kind = error_kind(report.time)
@@ -202,7 +211,7 @@ def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour:
 
 
 def at_most(bound: np.ndarray, unit: str, words: str = "at most") -> str:
-    """Return the largest bound in words; half widths of estimates are "up to"."""
+    """Return the largest bound in words; half widths of estimates, and bounds not certified, are "up to"."""
     finite = bound[np.isfinite(bound)]
     largest = f"{words} {rounded_up(np.max(finite), 2)} {unit}" if finite.size else "nowhere finite"
     return largest if finite.size in (0, bound.size) else f"{largest} where finite"

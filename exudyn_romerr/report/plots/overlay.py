@@ -54,7 +54,8 @@ def add_bands(plotted: Any, report: BoundReport, name: str, components: int | Se
     for row in _checked(components, len(out.row_names)):
         value, bound, shown = out.value[:, row], out.bound["best"][:, row], out.row_names[row]
         line = _line_of(ax, report.t, value, shown)
-        label = f"{shown} ± {at_most(bound, out.unit)}{under(report.scope)}"
+        most = at_most(bound, out.unit, "bound up to" if out.uncertified else "at most")
+        label = f"{shown} ± {most}{under(report.scope, doubts=out.uncertified)}"
         key = f"band of {shown} around line {ax.get_lines().index(line)}"
         for older in [x for x in ax.collections if x.get_gid() == key]:
             older.remove()

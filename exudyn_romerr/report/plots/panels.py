@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError
-from ..wording import at_round_off
+from ..wording import at_round_off, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
 from .style import SIZE, new_figure, of_one_size, save
 
@@ -45,7 +45,8 @@ def plot_report(report: ReportData, path: str | os.PathLike | None = None, outpu
     """
     rows, left_out = _chosen(report, list(report.outputs) if outputs is None else outputs)
     draws = (draw_signal, draw_bounds) if len(rows) <= DETAILED else (draw_signal,)
-    figure, panels = _panels(len(rows), len(draws), left_out and _note(left_out, "smaller bounds or estimates"))
+    notes = _notes(report, rows, left_out and _note(left_out, "smaller bounds or estimates"))
+    figure, panels = _panels(len(rows), len(draws), notes)
     for (name, i), axes in zip(rows, panels, strict=True):
         for ax in axes[:-1]:
             ax.sharex(axes[-1])
@@ -63,7 +64,8 @@ def plot_report(report: ReportData, path: str | os.PathLike | None = None, outpu
 def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw draw_causes' picture in a panel for each output that has a bound, or of `outputs`; else as plot_report."""
     rows, left_out = _chosen(report, (_bounded(report) or list(report.outputs)) if outputs is None else outputs)
-    figure, panels = _panels(len(rows), 1, left_out and _note(left_out, "smaller bounds"))
+    notes = _notes(report, rows, left_out and _note(left_out, "smaller bounds"))
+    figure, panels = _panels(len(rows), 1, notes)
     for (name, i), (ax,) in zip(rows, panels, strict=True):
         draw_causes(ax, report, name, i)
         _wrap(ax, len(rows))
@@ -104,7 +106,7 @@ def _for_its_size(out: OutputData, row: int) -> tuple[bool, float]:
     return not at_round_off(out)[row], error / largest if largest > 0 else error
 
 
-def _panels(count: int, high: int, note: str | list[str]) -> tuple[Any, Iterable[list[Any]]]:
+def _panels(count: int, high: int, note: str) -> tuple[Any, Iterable[list[Any]]]:
     """Return a figure of at most one screen, and of every panel its axes, one below the other."""
     columns = min(COLUMNS, count)
     bands = -(-count // columns)
@@ -123,6 +125,12 @@ def _panels(count: int, high: int, note: str | list[str]) -> tuple[Any, Iterable
 def _wrap(ax: Any, count: int) -> None:
     """Break a title that is longer than its panel is wide."""
     ax.set_title(fill(ax.get_title(), TITLE if count > 1 else 2 * TITLE))
+
+
+def _notes(report: ReportData, rows: list[tuple[str, int]], left_out: str | list[str]) -> str:
+    """What is said above all panels: why bounds that are drawn are not certified, what is not drawn."""
+    doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.output(name).uncertified)
+    return "\n".join(filter(None, [doubts and fill(f"Bounds are {not_certified(doubts)}", LINE), left_out or ""]))
 
 
 def _note(left_out: list[str], smaller: str) -> str:

@@ -412,11 +412,15 @@ OUTPUTS = {
         InputError,
         "outputs is a Output; needed: a list",
     ),
-    "a text": (lambda: watched(bar(), outputs=["tip"]), InputError, "an entry of outputs is a str; needed: Output"),
-    "a name of a sensor": (
-        lambda: beside_a_sensor("tip"),
+    "a name of a node set": (
+        lambda: watched(bar(), outputs=["tip"]),
         InputError,
-        "outputs is a str; needed: a list of Output or sensor numbers; the mbs has sensors 0 'sensor0'",
+        "no sensor is called so; the mbs has no sensors yet, add them before attach; 'tip' is a node set of the fem",
+    ),
+    "no name of a sensor": (
+        lambda: beside_a_sensor("end"),
+        InputError,
+        r"names 'end', .*; the mbs has sensors 0 'sensor0'; without a sensor pass romerr.node_displacement\('end'",
     ),
     "a name twice": (lambda: watched(bar(), outputs=[TIP, TIP]), InputError, "is used more than once"),
     "an estimator": (lambda: watched(bar(), estimators="fats"), InputError, "estimators='fats' is unknown; allowed"),

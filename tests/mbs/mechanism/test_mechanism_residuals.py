@@ -8,7 +8,8 @@ import numpy as np
 import exudyn_romerr as romerr
 from exudyn_romerr.basis.shape_sums import ShapeSums
 from exudyn_romerr.mbs.floating.frame_node import FrameNode
-from exudyn_romerr.mbs.mechanism.mechanism_residuals import MechanismResiduals, NetInertia
+from exudyn_romerr.mbs.mechanism import mechanism_residuals
+from exudyn_romerr.mbs.mechanism.mechanism_residuals import PROBED, SELDOM, MechanismResiduals, NetInertia
 from exudyn_romerr.model.floating_frame import skew
 from models import estimate_scenes, estimate_truths, floating
 
@@ -94,6 +95,36 @@ def bound_of_the_tip(undamped_bar, is_passed):
         with mock.patch.object(MechanismResiduals, "pay", return_value=False):
             scene.solve()
     return monitor.report().output("tip")
+
+
+def test_whether_passes_pay_is_asked_of_fewer_rows_where_they_are_far_from_it(monkeypatch):
+    """The last row is always one of them; of more again as soon as that is not so."""
+    inside, asked = np.ones(128), []
+
+    def sizes(body, root, t, here, moved):
+        asked.append(t)
+        return np.array([inside[t], np.ones(len(t)), 0.0 * t])
+
+    monkeypatch.setattr(mechanism_residuals, "_stiffness", lambda body: np.eye(1))
+    monkeypatch.setattr(mechanism_residuals, "_sizes", sizes)
+    monkeypatch.setattr(MechanismResiduals, "largest", lambda self, e: 1.0)
+    residuals, part, e = (
+        MechanismResiduals([(mock.Mock(moved=lambda *_: None), slice(1))]),
+        slice(128),
+        np.ones((3, 128, 1)),
+    )
+    residuals.rows = (np.arange(128),)
+    inside[:] = 1e-3
+    assert not residuals.pay(part, e)
+    assert residuals.is_far
+    assert not residuals.pay(part, e)
+    inside[-1] = 0.8
+    assert not residuals.pay(part, e)
+    assert not residuals.is_far
+    inside[-1] = 2.0
+    assert residuals.pay(part, e)
+    assert [len(t) for t in asked] == [128 // PROBED, *[128 // (PROBED * SELDOM)] * 2, 128 // PROBED]
+    assert all(t[-1] == 127 for t in asked)
 
 
 def test_passes_make_bounds_of_an_undamped_bar_sharp(monkeypatch):

@@ -292,8 +292,8 @@ def test_equal_names_are_refused_with_both_places():
     ("outputs", "said"),
     [
         ([99], "outputs contains sensor 99; the mbs has"),
-        ([romerr.node_displacement("tip", node=0)], "of several bodies: a sensor number, or"),
-        (["tip"], "an entry of outputs is a str"),
+        ([romerr.node_displacement("tip", node=0)], "of several bodies: a sensor's number or name, or"),
+        (["tip"], "outputs names 'tip', and no sensor is called so; the mbs has sensors 0 '"),
     ],
 )
 def test_wrong_outputs_leave_nothing_attached(outputs, said):

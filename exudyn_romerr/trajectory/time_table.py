@@ -1,0 +1,31 @@
+"""TimeTable: values of a function of time that are asked for again and again, at the same times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+
+class TimeTable:
+    """Keeps values at the times that were asked for."""
+
+    def __init__(self) -> None:
+        self._t, self._values = np.empty(0), np.empty(0)
+
+    def at(self, t: np.ndarray, f: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Return values (S, p) at times t (S,); f: at ascending times (T,), none of them twice, (T, p)."""
+        ascending = bool((t[1:] > t[:-1]).all())
+        times, again = (t, slice(None)) if ascending else np.unique(t, return_inverse=True)
+        if not self._t.size:
+            self._t, self._values = times.copy(), f(times)
+            return self._values[again]
+        at = np.minimum(np.searchsorted(self._t, times), len(self._t) - 1)
+        missing = times[self._t[at] != times]
+        if missing.size:
+            values = f(missing)  # first: it may fail
+            self._t = np.concatenate([self._t, missing])
+            order = np.argsort(self._t)
+            self._t, self._values = self._t[order], np.concatenate([self._values, values])[order]
+            at = np.searchsorted(self._t, times)
+        return self._values[at][again]
