@@ -42,8 +42,8 @@ STARTS_HELD_BACK = Doubt(
     "sudden start with Rayleigh's alpha and a small spectral radius",
     f"let loads begin smoothly, or {RADIUS_OF_ONE}",
     "the run starts suddenly, by an integrator with a small spectral radius, and Rayleigh's alpha damps motion "
-    "relative to the frames: what its first steps make of both, where they do not resolve modes, is in the bound as far as "
-    "examples tell, which is no proof",
+    "relative to the frames: what its first steps make of both, where they do not resolve modes, is in the bound as "
+    "far as examples tell, which is no proof",
 )
 UNKNOWN_SCHEME = Doubt(
     "the solver is not known",
