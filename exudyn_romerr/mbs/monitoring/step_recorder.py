@@ -77,7 +77,7 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
                 room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
         go_on = True
         if i == room:
-            room = min(hook.goes_on(), len(times))
+            room = int(min(hook.goes_on(), len(times)))
             go_on = room > 0
         elif t >= end:
             hook.flush()  # while the mbs is what it was
