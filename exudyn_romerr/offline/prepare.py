@@ -93,7 +93,6 @@ def prepare(
         samples_precision=samples_precision,
         measure=lambda z: _sharpest_norm(problem, names, scene, with_modes)(z),
         omega_1=float(body.modes(1).omega[0]),
-        is_undamped=body.rayleigh == (0.0, 0.0),
         jumps=_checked_jumps(options.jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,

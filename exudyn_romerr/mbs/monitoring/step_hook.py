@@ -44,13 +44,12 @@ class StepHook:
     """
 
     def __init__(self, mbs: Any, user: Callable | None):
-        self.user = user
+        self.user, self._verbose, self._static_solver = user, False, None
         self.watches: list[Watch] = []
         self.sensors: list[OtherSensors] = []  # on no flexible body
         self._mechanism = Mechanism([])
         self.step, self._drain, self._hurry = gatherer(mbs, self)
         self._occupant: Callable = self.step
-        self._static_solver, self._verbose = None, False
         self._arrays: tuple = ()
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
         self.end = np.inf  # of the solve, if tangents are to be read in its last block
@@ -62,8 +61,8 @@ class StepHook:
         at_once = False
         with self._run_goes_on(), no_step_is_made():
             at_once = self._begin(mbs)
-        # glibc gives back to the system what blocks free, and asking again takes a third of their time; not so once
-        # it has seen a piece come and go that is as large; nothing is ever written into this one
+        # glibc gives back what blocks free, and asking again takes a third of their time; not so once it has seen a
+        # piece come and go that is as large; nothing is ever written into this one
         np.empty(FREED)
         return self._rows(mbs.systemData, at_once)
 
@@ -81,7 +80,7 @@ class StepHook:
                 watch.begin(mbs, static is not None, self.attached, others)
         self._mbs = weakref.ref(mbs)
         self._mechanism = Mechanism(self.watches, self._mechanism, self.sensors)
-        self._mechanism.begin(mbs)
+        self._mechanism.begin(mbs, self.user is not None or self._occupant is not self.step)
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
         return static is not None  # load steps are few, and loads may change before the next solve asks for a block
@@ -158,13 +157,14 @@ class StepHook:
         """Read the tangent now; return after how many steps it is to be read again."""
         return self._mechanism.read_tangent(mbs, t)
 
-    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
-        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
+    def call_user(self, mbs: Any, t: float, go_on: bool, *row: np.ndarray) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped; row: q, q_t."""
         result = self.user(mbs, t)
-        if not result:
-            for watch in self.watches:
-                why = f"the PostStep function returned {result!r}; it must return True to go on"
-                watch.note(f"stopped at t = {t:g}: {why}")
+        if self.has_tangents:
+            self._mechanism.equations.compare(mbs, t, *row)
+        for watch in () if result else self.watches:
+            why = f"the PostStep function returned {result!r}; it must return True to go on"
+            watch.note(f"stopped at t = {t:g}: {why}")
         return result if go_on else False
 
     def check(self, watch: Watch, user: Callable | None) -> None:
