@@ -14,6 +14,7 @@ from .wording import ENOUGH, RINGS, advises, digits, error_kind, percent, permit
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
 
+NO_BOUND = "not bounded"
 NAMES = 8  # of outputs that share a next step: more are counted
 
 
@@ -32,7 +33,7 @@ def short_table(report: ReportData) -> list[tuple[str, ...]]:
     conditions = {estimated_under(out, report.scope) for out in outputs}
     conditions |= {under(report.scope, doubts=out.uncertified) for out in outputs}
     for column in columns[2:]:
-        said = [cell for cell in column[1:] if cell not in ("not bounded", "not known")]
+        said = [cell for cell in column[1:] if cell != "not known" and not cell.startswith(NO_BOUND)]
         common = max(
             (end for end in conditions if said and all(cell.endswith(end) for cell in said)), key=len, default=""
         )
@@ -116,6 +117,7 @@ def _at_most(report: ReportData, out: OutputData, largest: float) -> str:
         floor = rounded_up(np.max(out.bound["best"] + out.round_off), 1)
         return f"{floor} {out.unit}, at round-off{condition}"
     if not np.isfinite(most):
-        return "not bounded"
+        lost = np.count_nonzero(np.isinf(out.bound["best"]).any(axis=1))
+        return NO_BOUND if lost == len(report.t) else f"{NO_BOUND} at {lost} instants"
     share = (percent(most / largest) or "> 1000 %") if largest > 0 else ""
     return f"{rounded_up(most)} {out.unit}{share and f' ({share})'}{condition}"

@@ -133,7 +133,9 @@ def test_table_says_what_is_not_certified_at_round_off_or_not_bounded(report):
     _, y_line, v_line = overview(report)
     largest = rounded_up(2 * y.bound["best"].max(), 1)
     assert y_line[2:] == (f"{largest} m, at round-off", "complete", "nothing to improve")
-    assert v_line[2:] == ("not bounded", "complete", "see the reasons")
+    assert v_line[2:] == ("not bounded at 1 instants", "complete", "see the reasons")
+    v.bound["best"][:] = np.inf
+    assert overview(report)[2][2] == "not bounded"
     y.uncertified = (Doubt("sudden start", "let loads begin smoothly"),)
     head, y_line, _ = overview(report)
     assert head[2] == "reduction error bound"
