@@ -6,10 +6,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .advice import advice, by_bound, next_step
+from .advice import advice, by_bound, judged, next_step
 from .estimate_wording import about_all, estimated_kind, estimated_under
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
-from .wording import ENOUGH, RINGS, advises, digits, error_kind, percent, permitted, rounded_up, under, widest_scope
+from .wording import (
+    CURES_OF_CAUSES,
+    ENOUGH,
+    RINGS,
+    advises,
+    digits,
+    error_kind,
+    percent,
+    permitted,
+    rounded_up,
+    under,
+    widest_scope,
+)
 
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
@@ -90,7 +102,11 @@ def _what_to_do(report: ReportData, out: OutputData) -> str:
     if "enough" in step:
         of_its_size = f"{100 * ENOUGH:g} % of the largest value"
         return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}"
-    return f"{step}{RINGS}" if next_step(out, report.time, report.scope) == f"{step}{RINGS}" else step
+    if step not in next_step(out, report.time, report.scope):  # of the run, not of this output
+        return step
+    cause = judged(out, report.time, report.scope)
+    because = f", for {cause!r} makes most of the error" if cause in CURES_OF_CAUSES else ""
+    return f"{next_step(out, report.time, report.scope)}{because}"
 
 
 def _listed(names: list[str]) -> str:

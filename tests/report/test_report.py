@@ -104,7 +104,7 @@ def test_summary_of_several_outputs_says_each_thing_once(report):
     _, head, y, v, todo, more, *rest = str(report).splitlines()
     assert re.split(r"  +", head) == ["output", "largest value", "reduction error at most, inputs frozen"]
     assert [re.split(r"  +", line)[0] for line in (y, v)] == ["y", "v"]
-    assert todo == "next step: start from equilibrium, or add modes"
+    assert todo == "next step: start from equilibrium, or add modes, for 'initial' makes most of the error"
     assert more.endswith("print(report.details)")
     assert rest[0].endswith("the mechanism's answer is not covered and may be many times larger")
     assert not any("up to" in line for line in rest)
@@ -113,7 +113,7 @@ def test_summary_of_several_outputs_says_each_thing_once(report):
     assert len(rows) == sum(out.value.shape[1] for out in report.outputs.values())
     report.output("v").tolerance = 1e6
     assert str(report).splitlines()[4:6] == [
-        "next step, y: start from equilibrium, or add modes",
+        "next step, y: start from equilibrium, or add modes, for 'initial' makes most of the error",
         "next step, v: enough, inputs frozen: within the tolerance of 1e+06 m",
     ]
 

@@ -12,7 +12,7 @@ from ..wording import rounded_up
 # changes by; half widths, which are no promise, up to three times of all that
 OF_BOUND, OF_HALF_WIDTH = 10.0, 3.0
 MARGIN = 0.1  # of what is shown, on both sides
-USELESS = 10.0  # times output, estimate and error: a larger bound tells nothing of either
+USELESS = 1e3  # times output, estimate and error: three decades are read with ease, a larger bound tells nothing
 DEEP = 1e-4  # of the lowest curve's largest value: what is lower, at first instants say, is not worth an axis
 Band = tuple[np.ndarray, np.ndarray]
 
