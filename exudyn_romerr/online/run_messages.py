@@ -39,6 +39,13 @@ STARTS_ROUGHLY = Doubt(
     f"the run starts suddenly, by an integrator with a spectral radius below {ROUGH_RADIUS}: velocities of modes "
     "that its first step does not resolve may be too large for linear equations",
 )
+STARTS_HELD_BACK = Doubt(
+    "sudden start with Rayleigh's alpha and a small spectral radius",
+    f"let loads begin smoothly, or {RADIUS_OF_ONE}",
+    "the run starts suddenly, by an integrator with a small spectral radius, and Rayleigh's alpha damps motion "
+    "relative to the frames: what its first steps make of both, where they do not resolve modes, is in the bound as "
+    "far as examples tell, which is no proof",
+)
 UNKNOWN_SCHEME = Doubt(
     "the solver is not known",
     "call SolveDynamic without storeSolver=False",

@@ -18,7 +18,7 @@ from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
 from .verdict import row_verdict
-from .wording import at_round_off, estimator_lines, widest_scope
+from .wording import at_round_off, estimator_lines, reason_of
 
 
 @dataclass
@@ -81,8 +81,7 @@ class BoundReport(ReportData):
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
         check_choice("estimator", e, self.reasons)
-        widest = self.scope[e] == widest_scope(self.scope)
-        return "; ".join(filter(None, [self.reasons[e], self.scope_reason if widest else ""]))
+        return reason_of(self, e)
 
     def compare(self, name: str, t: Any, y: Any) -> OutputReport:
         """Compare an output with a truth.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES, causes_of, with_doubts
+from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES, causes_of, remedies, with_doubts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -119,6 +119,11 @@ def at_most(out: OutputData, bound: str, share: str = "") -> str:
     return f"{'bounded by' if out.uncertified else 'at most'} {bound}{notes and f' ({notes})'}"
 
 
+def check_name(check: str, doubts: Iterable[Doubt]) -> str:
+    """Return what a part of a half width is called: what bounds that are not certified leave is not proved."""
+    return f"{check} ({NOT_CERTIFIED})" if check == "proved" and doubts else check
+
+
 def not_certified(doubts: Iterable[Doubt]) -> str:
     """Return in words that bounds are not certified, and why; empty: they are."""
     causes = causes_of(doubts)
@@ -180,8 +185,15 @@ def scope_lines(report: ReportData) -> list[str]:
     reason = report.scope_reason.removesuffix(with_doubts("", report.uncertified)).removesuffix("; ")
     _, known, model = reason.partition(f"{FULL_MODEL}: ")
     lines += [f"full model: {model}"] if known else []
-    lines += [f"{not_certified([doubt])}: {doubt.cure}" for doubt in report.uncertified]
+    lines += [f"{NOT_CERTIFIED}: {remedy}" for remedy in remedies(report.uncertified)]
     return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
+
+
+def reason_of(report: ReportData, e: str) -> str:
+    """Return what an estimator assumes, and why it has its scope; see BoundReport.reason."""
+    is_widest = report.scope[e] == widest_scope(report.scope)
+    why = report.scope_reason if is_widest else with_doubts("", report.uncertified)
+    return "; ".join(filter(None, [report.reasons[e], why]))
 
 
 def is_uncertified(report: ReportData) -> bool:

@@ -112,11 +112,11 @@ def assessed(report, folder):
     return "\n".join(str(report.assess(name, 1e9)) for name in report.outputs)
 
 
-def chosen(report, folder):
+def chosen(report, folder, allowed=2.0):
     out = report.output("y")
     size = float(np.max(out.bound["best"]))
     forecast = Forecast((0, 1), np.full((1, 1), size), np.zeros((1, 1)), np.zeros((2, 1, 1)))
-    run = TriedRun((0, 1), None, {"y": 2 * size}, (report,), {"y": forecast}, False)
+    run = TriedRun((0, 1), None, {"y": allowed * size}, (report,), {"y": forecast}, False)
     return str(ModeChoice(run, (run,), None, None))
 
 
@@ -162,6 +162,15 @@ def test_messages_are_made_of_doubts(cause):
     assert len(doubt.cause) < 80  # it stands in the sentence of every row
 
 
+def test_one_cause_that_shows_often_is_told_once(plain):
+    """As a mbs that was changed shows in every block of steps: a message each, one line in what bounds cover."""
+    often = [run_messages.changed(f"parameters at t = {t} s") for t in range(3)]
+    text = str(doubted(plain, *often))
+    assert text.count("No bound of this run is certified") == 3
+    assert sum(line.startswith(f"  {NOT_CERTIFIED}: ") for line in text.splitlines()) == 1
+    assert f"({NOT_CERTIFIED}: {often[0].cause})" in text
+
+
 def test_table_of_outputs_has_the_cure(plain):
     report = doubted(plain, DOUBTS["mbs changed"], scope=COUPLED)
     head, *lines = overview(report)
@@ -173,14 +182,18 @@ def test_table_of_outputs_has_the_cure(plain):
     assert todo == f"next step: {DOUBTS['mbs changed'].cure}"
 
 
+def is_claimed(column):
+    return "bound" in column or "proved" in column
+
+
 @pytest.mark.parametrize("scope", SCOPES)
 def test_columns_say_so(plain, scope, tmp_path):
     """CSV, pandas, and the tables of sweeps: names of bounds, and of nothing else."""
     report = doubted(plain, DOUBTS["goes on"], scope=scope)
     report.to_csv(tmp_path / "run.csv")
     with open(tmp_path / "run.csv", encoding="utf-8") as file:
-        assert file.readline().count(NOT_CERTIFIED) == sum("bound" in name for name in report.to_dict())
-    assert all(("bound" in name) == (NOT_CERTIFIED in name) for name in report.to_dict())
+        assert file.readline().count(NOT_CERTIFIED) == sum(map(is_claimed, report.to_dict()))
+    assert all(is_claimed(name) == (NOT_CERTIFIED in name) for name in report.to_dict())
     assert not any(NOT_CERTIFIED in name for name in doubted(plain, scope=scope).to_dict())
 
 
@@ -360,3 +373,4 @@ def test_choices_of_modes_say_so(plain, tmp_path):
     assert f"its bounds (not certified: {DOUBTS['goes on'].cause}) are within the tolerance" in said
     assert re.search(r" <= \S+ m, not certified, \(allowed", said)
     assert NOT_CERTIFIED not in chosen(doubted(plain), tmp_path)
+    assert DOUBTS["goes on"].cure in chosen(report, tmp_path, allowed=0.5)
