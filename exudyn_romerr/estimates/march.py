@@ -132,15 +132,6 @@ class Steps:
         """The same for longer."""
         return Steps(self.scheme, self.h, *([X.copy() for X in of] for of in self._matrices), self.once)
 
-    def speed(self, e_t: np.ndarray) -> np.ndarray:
-        """Mass norm (S,) of velocities (S, k) at the samples."""
-        _, k = e_t.shape
-        mass, damping = self.scheme.mass_and_damping(self.h)
-        less = np.concatenate([e_t, damping[:, None] * e_t], axis=1)  # K and D, from A to mass M
-        momentum = np.matmul(np.asarray(self.whole)[:, :k, :k], e_t[..., None])[..., 0]
-        momentum -= np.matmul(np.asarray(self.moved)[:, :k], less[..., None])[..., 0]
-        return np.sqrt(np.maximum(np.einsum("sk,sk->s", e_t, momentum) / mass, 0.0))
-
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """What forces (k, columns) accelerate (k, columns), where the steps begin."""
         k, Q, whole = len(force), self.moved[0], self.whole[0].copy()

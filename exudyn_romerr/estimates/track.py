@@ -67,7 +67,7 @@ class Track:
             if a in borders:
                 ends = tangent(max(int(after[a]) - 1, 0)), tangent(int(after[a]))
                 self._begin(*ends, float(h[a]), counts[a])
-            self._make(slice(a - done, b - done), _share(t[a:b], *ends))
+            self._make(slice(a - done, b - done), share(t[a:b], *ends))
             if b == S or b - done == self._room:
                 made = (of[: b - done] for of in (*self._matrices, self._inverses, self._once))
                 yield slice(done, b), Steps(self.scheme, h[done:b], *made)
@@ -176,7 +176,7 @@ class Track:
         return inverse
 
 
-def _share(t: np.ndarray, first: Tangent, last: Tangent) -> np.ndarray:
+def share(t: np.ndarray, first: Tangent, last: Tangent) -> np.ndarray:
     """Where times are between two tangents, 0..1; the last one is held."""
     return 0.0 * t if first is last else np.clip((t - first.t) / (last.t - first.t), 0.0, 1.0)
 

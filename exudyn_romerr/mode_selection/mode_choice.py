@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..report.report import SAMPLED
 from ..report.scope import NOT_CERTIFIED, cures_of
-from ..report.wording import digits, not_certified
+from ..report.wording import SAMPLED, digits, not_certified
 from .modal_forecast import ESTIMATE, TINY, fewest_modes
 from .tried_run import BASIS, INTERFACES, SLACK, STEP, TriedRun
 

@@ -15,6 +15,7 @@ from .wording import (
     MORE_VECTORS,
     NOT_LINEAR,
     NOT_THE_MECHANISM,
+    SMOOTHLY,
     STEPS,
     at_most,
     at_round_off,
@@ -103,7 +104,7 @@ def _why(out: OutputData, row: int, scope: dict[str, str]) -> str:
         return f", for the error itself {is_about} {f'{share} of it' if share else 'larger'}: {STEPS[cause]}"
     if not found.is_resolved and found.check == "linearisation":
         return f", {NOT_LINEAR}: {STEPS[cause]}"
-    return f", for auxiliary vectors leave much: {MORE_VECTORS}"
+    return f", for auxiliary vectors leave much: {SMOOTHLY if found.rings else MORE_VECTORS}"
 
 
 def _where_finite(out: OutputData, row: int, scope: dict[str, str]) -> str:

@@ -35,21 +35,30 @@ STEPS = {  # in two words, for a table
 }
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"
 NOT_LINEAR = "for the error is too large to be linear"
-RINGS = ", for what starts at once rings in modes that the steps do not resolve"
+RINGS = ", for what starts at once rings in modes that neither steps nor vectors resolve"
 MUCH_SHORTER = "take a twentieth of the step or less"
-SMOOTHLY, DAMPED = "let loads begin smoothly", "give the body damping"  # what helps beside shorter steps
+SMOOTHLY = "let loads begin smoothly"  # 100 to 6000 times; shorter steps, damping, vectors 0.1 to 6 (test_cures.py)
 CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
     "steps": "halve the step",
     "vectors": MORE_VECTORS,
-    "linearisation": f"more modes or shorter steps, {NOT_LINEAR}",
+    "linearisation": f"more modes and shorter steps, {NOT_LINEAR}",
     "loads": "smoother loads",
-    "proved": MORE_VECTORS,
+    "proved": "add modes",  # what is left is of modes above all that "auto" follows: more vectors bring nothing
 }
 LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
 NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be many times larger"
 REMAINDER = "linear equations leave out about {} % of the deformation that {!r} predicts, as measured"
+NO_OUTPUTS = (
+    "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
+    "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "
+    "velocity on mesh nodes to a body in a floating frame"
+)
+SAMPLED = (
+    "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
+    "does between the samples"
+)
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 

@@ -1,4 +1,4 @@
-"""Functions of one time that use Python's `math` as functions of many: with NumPy's functions in its place.
+"""Functions of one time that use Python's `math`, min, max or float as functions of many: with others in their place.
 
 A copy of the function runs, which sees copies of the names that it uses: what it was given stays as it is.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial, reduce
 from types import CellType, CodeType, FunctionType, SimpleNamespace
 from typing import Any
 
@@ -37,11 +38,35 @@ OF_MATH = SimpleNamespace(
 )
 
 
+def _chosen(replaces: Callable, x: Any, y: Any) -> Any:
+    """Return y where it replaces x, as min and max do."""
+    found = np.where(replaces(y, x), y, x)
+    return found.view(next(type(z) for z in (x, y) if np.ndim(z)))
+
+
+def _of_arrays(given: Callable, replaces: Callable, *values: Any, **options: Any) -> Any:
+    """Return Python's min or max, `given`, of several numbers or arrays, time by time."""
+    if options or len(values) < 2 or not any(map(np.ndim, values)):
+        return given(*values, **options)
+    return reduce(partial(_chosen, replaces), values)
+
+
+def _float(*values: Any) -> Any:
+    """Return what float does, of arrays too: not the same one, as of a number."""
+    if len(values) == 1 and np.ndim(values[0]):
+        return np.array(values[0], dtype=float, subok=True)
+    return float(*values)
+
+
+OF_PYTHON = {min: partial(_of_arrays, min, np.less), max: partial(_of_arrays, max, np.greater), float: _float}
+_OTHERS = _NUMPYS | {id(f) for f in OF_PYTHON.values()}
+
+
 def with_arrays(f: Callable) -> Callable | None:
-    """Return a copy of a Python function, and of those that it calls, for arrays; None if none of them uses math."""
+    """Return a copy of a Python function, and of those that it calls, for arrays; None if nothing in them differs."""
     made: dict[int, Any] = {}
     copied = _copied(f, made)
-    return copied if any(value is OF_MATH or id(value) in _NUMPYS for value in made.values()) else None
+    return copied if any(value is OF_MATH or id(value) in _OTHERS for value in made.values()) else None
 
 
 def _copied(value: Any, made: dict[int, Any]) -> Any:
@@ -65,8 +90,12 @@ def _copy(f: FunctionType, made: dict[int, Any]) -> None:
     copied = FunctionType(f.__code__, names, f.__name__, f.__defaults__, cells)
     copied.__kwdefaults__ = f.__kwdefaults__
     made[id(f)] = copied  # first: it may call itself
-    for name in {"__builtins__", *_names(f.__code__)} & f.__globals__.keys():
+    used = {"__builtins__", *_names(f.__code__)}
+    for name in used & f.__globals__.keys():
         names[name] = _copied(f.__globals__[name], made)
+    for of_python, of_arrays in OF_PYTHON.items():
+        if of_python.__name__ in used - f.__globals__.keys():
+            names[of_python.__name__] = made[id(of_python)] = of_arrays
     for mine, its in zip(cells, f.__closure__ or (), strict=True):
         with suppress(ValueError):  # it is empty
             mine.cell_contents = _copied(its.cell_contents, made)

@@ -20,6 +20,8 @@ def bend(p: Sequence[np.ndarray], e: Sequence[np.ndarray]) -> np.ndarray:
     """
     p, p_t, p_tt = p
     e, e_t, e_tt = e
+    if not e.any() and not e_t.any():
+        return np.zeros((3, *p.shape))
     s, s_t = np.sum(e * e, axis=1)[:, None], 2 * np.sum(e * e_t, axis=1)[:, None]
     s_tt = 2 * np.sum(e_t * e_t + e * e_tt, axis=1)[:, None]
     cos, (sinc, of_s, of_ss) = -2 * np.sin(np.sqrt(s) / 2) ** 2, _sinc(s)  # less 1, both
@@ -33,15 +35,21 @@ def bend(p: Sequence[np.ndarray], e: Sequence[np.ndarray]) -> np.ndarray:
 def _sinc(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """sin(x)/x - 1 at x^2 = s, and how it changes with s: once, twice."""
     small = s < SERIES
+    if small.all():
+        return _series(s)
     at = np.where(small, 1.0, s)
     x = np.sqrt(at)
     value = np.sin(x) / x
     once = (np.cos(x) - value) / (2 * at)
     twice = -(value / 2 + 3 * once) / (2 * at)
-    s = np.where(small, s, 0.0)
-    series = (
+    pairs = zip(_series(np.where(small, s, 0.0)), (value - 1, once, twice), strict=True)
+    return tuple(np.where(small, one, other) for one, other in pairs)
+
+
+def _series(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same where s is small."""
+    return (
         -s / 6 * (1 - s / 20 * (1 - s / 42 * (1 - s / 72))),
         -1 / 6 * (1 - s / 10 * (1 - s / 28 * (1 - s / 54))),
         1 / 60 * (1 - s / 14 * (1 - s / 36 * (1 - s / 66))),
     )
-    return tuple(np.where(small, one, other) for one, other in zip(series, (value - 1, once, twice), strict=True))

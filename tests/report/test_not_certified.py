@@ -23,6 +23,7 @@ from exudyn_romerr.online.tolerance_check import ToleranceCheck
 from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.mechanism_report import joined
+from exudyn_romerr.report.overview import overview
 from exudyn_romerr.report.plots.body_surface import draw_body
 from exudyn_romerr.report.plots.over_time import draw_bounds, draw_causes, draw_signal
 from exudyn_romerr.report.plots.panels import plot_causes, plot_report
@@ -172,10 +173,13 @@ def test_one_cause_that_shows_often_is_told_once(plain):
 
 def test_table_of_outputs_has_the_cure(plain):
     report = doubted(plain, DOUBTS["mbs changed"], scope=COUPLED)
-    lines = str(report).splitlines()[1:4]
-    assert " bound " in lines[0]
-    assert all(DOUBTS["mbs changed"].cure in line for line in lines[1:])
-    assert all(line.count(NOT_CERTIFIED) == 2 for line in lines[1:])  # beside the bound, and the scope
+    head, *lines = overview(report)
+    assert head[3].endswith("bound")
+    assert all(line[-1] == DOUBTS["mbs changed"].cure for line in lines)
+    assert all(" ".join(line).count(NOT_CERTIFIED) == 2 for line in lines)  # beside the bound, and the scope
+    head, todo = str(report).splitlines()[1:5:3]
+    assert head.endswith("bound, to first order, not certified")  # of all outputs
+    assert todo == f"next step: {DOUBTS['mbs changed'].cure}"
 
 
 def is_claimed(column):

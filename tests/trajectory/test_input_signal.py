@@ -112,6 +112,29 @@ def test_functions_with_math_are_called_at_once():
     np.testing.assert_allclose(found[:, 0], np.sin(FINE), rtol=0, atol=LAST_DIGITS)
 
 
+def smooth_start(t):
+    return [float(np.sin(np.pi / 2 * min(t / 1.5, 1.0)) ** 4) * g for g in (0.0, 0.5, -9.81)]
+
+
+def limited(t):
+    rate = max(0.1, min(1.0, float(t), 3.0 - t), float("-inf"))
+    return (rate if rate > 0.5 else 0.5, max([0.0, 1.0]), min(t, t * t))
+
+
+@pytest.mark.parametrize("f", [smooth_start, limited])
+def test_functions_with_min_max_and_float_are_called_at_once(f):
+    """Values are those of single calls but for the last digit, which sin of many times may differ in."""
+    calls = []
+
+    def counted(t):
+        calls.append(t)
+        return f(t)
+
+    found, expected = InputSignal(counted, 3)(FINE), np.array([f(t) for t in FINE.tolist()])
+    assert np.all(np.abs(found - expected) <= LAST_DIGITS * np.abs(expected).max(axis=0))
+    assert len(calls) < len(FINE) // 4
+
+
 MATH_ONE_BY_ONE = {
     "three arguments": lambda t: math.hypot(1.0, 2.0, t),
     "whole numbers": lambda t: float(math.factorial(3)) + [1.0, 2.0, 3.0, 4.0][math.floor(t)],

@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import null_space
 
 from ...estimates.march import Tangent
 from ...online.coupled_runs import shared_energy
 from ..access.mbs_items import has_joints_only
+from ..derivatives.tangent_reading import admitted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,12 +66,16 @@ class ExtendedTangents:
     def _rates(self) -> np.ndarray:
         rates = np.zeros_like(self._whole)
         if len(self.t) > 1:
-            from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
-
             varies = (self._whole != self._whole[0]).any(axis=0)  # of two bodies much is zero, and stays so
-            slopes = CubicSpline(self.t, np.eye(len(self.t)))(self.t, 1)  # of values at these times
-            rates[:, varies] = slopes @ (self._whole[:, varies] - self._whole[0, varies])
+            rates[:, varies] = self._slopes @ (self._whole[:, varies] - self._whole[0, varies])
         return rates
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """Slopes (T, T) of splines through values at all times: at these."""
+        from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
+
+        return CubicSpline(self.t, np.eye(len(self.t)))(self.t, 1)
 
     def __getitem__(self, j: int) -> Tangent:
         if j not in self._made:
@@ -96,14 +100,15 @@ class ExtendedTangents:
 
     def lightness(self, j: int) -> float:
         """Return the smallest mass that constraints admit half way to the next reading, over that at both of them."""
-        ends = self[j], self[j + 1]
-        dt, masses = ends[1].t - ends[0].t, np.max([np.diag(tangent.M) for tangent in ends], axis=0)
-        scale = 1 / np.sqrt(np.maximum(masses, MASSLESS * masses.max()))
-        between = (sum(getattr(x, name) for x in ends) / 2 for name in "MC")
-        slopes = (dt / 8 * (getattr(ends[0].rate, name) - getattr(ends[1].rate, name)) for name in "MC")
-        middle = (x + dx for x, dx in zip(between, slopes, strict=True))
-        known = min(_lightest(tangent.M, tangent.C, scale) for tangent in ends)
-        return _lightest(*middle, scale) / known
+        M, ends, eighth = self._whole[:, : self._size], slice(j, j + 2), (self.t[j + 1] - self.t[j]) / 8
+        C, C_t = np.swapaxes(self._turning[ends], 0, 1)
+        bent = np.tensordot(self._slopes[j] - self._slopes[j + 1], M - M[0], axes=1), C_t[0] - C_t[1]
+        M, C = (
+            np.concatenate([x, [x.sum(axis=0) / 2 + eighth * b]]) for x, b in zip((M[ends], C), bent, strict=True)
+        )
+        masses = M[:2].diagonal(axis1=1, axis2=2).max(axis=0)
+        *known, middle = _lightest(M, C, 1 / np.sqrt(np.maximum(masses, MASSLESS * masses.max())))
+        return float(middle / min(known))
 
     def _tangent(self, j: int, order: int) -> Tangent:
         """The tangent, or its rate."""
@@ -127,10 +132,14 @@ class ExtendedTangents:
             self._whole[j, 3 * size :, :n] = reading.G
 
 
-def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> float:
-    """Smallest mass of what constraints admit, coordinates scaled."""
-    free = scale[:, None] * null_space(C * scale)
-    return float(np.linalg.eigvalsh(free.T @ M @ free)[0])
+def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Smallest masses of what constraints admit, coordinates scaled; of M (T, k, k), C (T, c, n), of the first n."""
+    T, c, n = C.shape
+    free = np.zeros((T, len(scale), len(scale) - c))
+    free[:, :n, : n - c] = admitted(C * scale[:n])
+    free[:, n:, n - c :] = np.eye(len(scale) - n)
+    free *= scale[:, None]
+    return np.linalg.eigvalsh(free.swapaxes(1, 2) @ M @ free)[:, 0]
 
 
 class ExtendedReadings:

@@ -8,6 +8,7 @@ from functools import partial
 from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
+from .contents import Contents
 from .kept_values import CACHED, WRAPPERS, Copies, Frozen, spaces_of
 from .variables import Generator, Variable, generators, is_constant
 
@@ -42,13 +43,14 @@ class MemorySearch:
         """Add a variable, and what is behind it."""
         value = read()
         if is_constant(value, self._own):
-            self.variables.append(Variable(read, write, self._own, value, None))
+            self.variables.append(Variable(read, write, self._own, value))
             held: Iterable[Any] = (value,)
         else:
             found = Frozen.of(value, self._own)
             self.lost |= found.lost
             if found.kept is not None:
-                self.variables.append(Variable(read, write, self._own, None, found.copied(self._copies)))
+                kept = found.copied(self._copies), Contents(value, found.held)
+                self.variables.append(Variable(read, write, self._own, value, *kept))
             held = found.held.values()
         for value in held:
             if self._is_own(value):

@@ -8,6 +8,7 @@ from typing import Any
 
 from .kept_values import Copies
 from .memory_search import MemorySearch
+from .plain_functions import keep_nothing
 from .standstill import look_up, note
 
 
@@ -55,6 +56,7 @@ class UserMemory:
     attributes that a call adds to a class or a module.
 
     While no step is made, variables are searched once, and compared after that: where one is another, once more.
+    Functions that only compute have none.
 
     Attributes
     ----------
@@ -65,6 +67,10 @@ class UserMemory:
     was_changed = False
 
     def __init__(self, mbs: Any, functions: Sequence[Callable], copies: Copies):
+        if functions and keep_nothing(functions):
+            self._kept: _Snapshot | None = None
+            self.lost = ""
+            return
         key = UserMemory, id(mbs), *map(id, functions)
         self._kept = look_up(key)
         if self._kept is None or self._kept.has_changed():
@@ -74,11 +80,11 @@ class UserMemory:
     @property
     def changed(self) -> bool:
         """Whether a variable is another than when this was made."""
-        return self._kept.has_changed()
+        return self._kept is not None and self._kept.has_changed()
 
     def restore(self) -> None:
         """Put all variables back."""
-        self.was_changed = self._kept.restore()
+        self.was_changed = self._kept is not None and self._kept.restore()
 
 
 @contextmanager

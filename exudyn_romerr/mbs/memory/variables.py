@@ -10,20 +10,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .kept_values import NUMBERS, PROTOCOL, Frozen, spaces_of, stays
+from .contents import Contents
+from .kept_values import NUMBERS, PROTOCOL, Frozen, stays
 
 
 class Variable(NamedTuple):
-    """A variable, and what it held: `value` itself, or, if the content of that can change, frozen.
+    """A variable, and what it held: `value`, whose content can change if it is frozen, too.
 
-    own : names of the modules of the functions.
+    own : names of the modules of the functions. contents : of the value, if that can change.
     """
 
     read: Callable[[], Any]
     write: Callable[[Any], None]
     own: set[str]
     value: Any
-    frozen: Frozen | None
+    frozen: Frozen | None = None
+    contents: Contents | None = None
 
     def has_changed(self) -> bool:
         """Whether it holds something else now."""
@@ -33,12 +35,8 @@ class Variable(NamedTuple):
         return now is not self.value and not Frozen.of(self.value, self.own).is_as(Frozen.of(now, self.own))
 
     def put_back(self) -> None:
-        """Let it hold what it held: in the object that is there now, if the content of that can be changed."""
-        if self.frozen is None:
-            self.write(self.value)
-            return
-        before = self.frozen.thawed()
-        self.write(_put_back(self.read(), before))
+        """Let it hold what it held, with the same content."""
+        self.write(self.value if self.frozen is None else self.contents.put_back(self.frozen.thawed()))
 
 
 class Generator(NamedTuple):
@@ -86,27 +84,3 @@ def _set_state_of_numpy(state: bytes) -> None:
 
 
 RANDOM = ((random.getstate, random.setstate), (_state_of_numpy, _set_state_of_numpy))
-
-
-def _put_back(now: Any, before: Any) -> Any:
-    """Return what is as `before`: the object that is there now, if its content can be changed."""
-    if isinstance(before, np.ndarray) and isinstance(now, np.ndarray) and now.shape == before.shape:
-        now[...] = before
-    elif isinstance(before, dict | set) and isinstance(now, type(before)):
-        now.clear()
-        now.update(before)
-    elif isinstance(before, list) and isinstance(now, list):
-        now[:] = before
-    elif isinstance(now, random.Random):
-        now.setstate(before.getstate())
-    elif isinstance(now, np.random.RandomState):
-        now.set_state(before.get_state())
-    elif isinstance(now, np.random.Generator):
-        now.bit_generator.state = before.bit_generator.state
-    elif type(now) is type(before) and spaces_of(before):
-        for space, kept in zip(spaces_of(now), spaces_of(before), strict=True):
-            space.clear()
-            space.update(kept)
-    else:
-        return before
-    return now

@@ -312,8 +312,21 @@ def integral_over_time(scene):
     return force
 
 
+def counting_within(scene):
+    """Counts in an array that a dict holds, and reads the array by a name of its own."""
+    calls = np.zeros(2)
+    kept = [{"calls": calls}]
+
+    def force(mbs, t, vector):
+        kept[0]["calls"][0] += 1
+        return [0.0, 10.0 + 1e-9 * calls[0], 0.0]
+
+    return force
+
+
 LOADS = {
     "hidden": hidden,
+    "within": counting_within,
     "integral over time": integral_over_time,
     "mbs.variables": integral_of_the_mbs,
     "closure": integral_of_every_call,
