@@ -93,7 +93,7 @@ class Steps:
 
     h (S,) : step sizes. moved, whole, inverses : of each step, [[K, D], [C, 0]] at the sample, A =
     [[mass M + damping D + K, G^T], [C, 0]], and nearly A^-1; they hold until Track makes the next ones.
-    once (S,) : where these are so near that what is found need not be corrected.
+    once (S,) : where these are so near that what is found need not be corrected, nor A known but for the first step.
     """
 
     def __init__(
@@ -131,15 +131,6 @@ class Steps:
     def kept(self) -> Steps:
         """The same for longer."""
         return Steps(self.scheme, self.h, *([X.copy() for X in of] for of in self._matrices), self.once)
-
-    def speed(self, e_t: np.ndarray) -> np.ndarray:
-        """Mass norm (S,) of velocities (S, k) at the samples."""
-        _, k = e_t.shape
-        mass, damping = self.scheme.mass_and_damping(self.h)
-        less = np.concatenate([e_t, damping[:, None] * e_t], axis=1)  # K and D, from A to mass M
-        momentum = np.matmul(np.asarray(self.whole)[:, :k, :k], e_t[..., None])[..., 0]
-        momentum -= np.matmul(np.asarray(self.moved)[:, :k], less[..., None])[..., 0]
-        return np.sqrt(np.maximum(np.einsum("sk,sk->s", e_t, momentum) / mass, 0.0))
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """What forces (k, columns) accelerate (k, columns), where the steps begin."""

@@ -9,7 +9,7 @@ The time integration is that of the simulation, so that e is what auxiliary mode
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import AssumptionError
 from .columns import Columns
 from .march import Scheme, Steps, Tangent
-from .track import SINGULAR, Track
+from .track import SINGULAR, Track, share
 
 GROWN = 1e60  # its square, times masses, is still a number
 TOO_SENSITIVE = (
@@ -99,7 +99,7 @@ class Feedback:
         others : what else goes through the same steps, some of them at a time; late : what does after these, in turn,
         and is part of what is returned.
         """
-        e, speed = np.zeros((3, *force.shape)), np.zeros(len(t))
+        e = np.zeros((3, *force.shape))
         self.multipliers = np.zeros((len(t), self.multipliers.shape[1]))
         for i, steps in self._track.steps(self.t, t, times, tangent):
             beside = [(other, columns) for other in others if (columns := other.columns(steps)) is not None]
@@ -115,10 +115,33 @@ class Feedback:
                 if added is not None:
                     e[:, i] += added
                     self.multipliers[i] += one.multipliers
-            speed[i] = steps.speed(e[1, i])
         self.t = float(t[-1]) if len(t) else self.t
         check_size(e)
-        return e, speed
+        return e, mass_norms(e[1], t, times, tangent)
+
+
+def mass_norms(x: np.ndarray, t: np.ndarray, times: np.ndarray, tangent: Callable[[int], Tangent]) -> np.ndarray:
+    """Mass norms (S,) of x (S, k) at times t (S,), masses cubic in time between tangents, as those of Track."""
+    after, squares = np.minimum(np.searchsorted(times, t, side="left"), len(times) - 1), np.zeros(len(t))
+    for i in np.unique(after).tolist():
+        here, first, last = np.flatnonzero(after == i), tangent(max(i - 1, 0)), tangent(i)
+        own, weights = x[here], _masses(share(t[here], first, last), first, last)
+        squares[here] = sum(w * np.einsum("sk,sk->s", own @ M, own) for w, M in weights)
+    return np.sqrt(np.maximum(squares, 0.0))
+
+
+def _masses(s: np.ndarray, first: Tangent, last: Tangent) -> Iterator[tuple[np.ndarray | float, np.ndarray]]:
+    """Yield what M (k, k) are added up with which weights (S,) at shares s of the time between two tangents."""
+    if first is last:
+        yield 1.0, first.M
+        return
+    up = s * s * (3 - 2 * s)
+    yield from ((1 - up, first.M), (up, last.M))
+    for one, slope in ((first, s * (1 - s) ** 2), (last, -s * s * (1 - s))):
+        if one.rate is None:
+            yield from ((slope, last.M), (-slope, first.M))
+        else:
+            yield slope * (last.t - first.t), one.rate.M
 
 
 def check_size(found: np.ndarray) -> None:

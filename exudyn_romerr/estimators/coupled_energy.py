@@ -84,7 +84,7 @@ class MechanismEnergy:
 
     def missed(self, block: Block) -> np.ndarray:
         """Return what the polygon of R does not hold (S,) of its variation."""
-        missed = block.unresolved_variation @ block.input_norms(self.norm)
+        missed = block.of_inputs(self.norm, block.unresolved_variation)
         missed = missed if block.cut is None else missed + block.cut.variation
         return missed if block.turn is None else missed + block.h * block.turn.missed
 

@@ -14,6 +14,7 @@ from ..compiled.loops import loops
 ONE_THREAD = 250_000
 # of a tall matrix at once: what is made on the way to a result stays small beside it; of very tall ones fewer
 COLUMNS, FEWEST, NUMBERS = 64, 16, 6_400_000
+FEW = 32  # rows: products of fewer take long, and are left to what is compiled
 SMALLEST_SQUARE = 1e-280  # well above the numbers that lose digits by underflow
 
 
@@ -23,7 +24,7 @@ def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     flat = rows.reshape(-1, k)
     count = max(1, ONE_THREAD // max(k * m, 1))
     result = np.empty((len(flat), m))
-    if loops is not None and len(flat) > count:
+    if loops is not None and count < min(FEW, len(flat)):
         loops.rows_times(len(flat), k, m, *(np.ascontiguousarray(x, dtype=float) for x in (flat, matrix.T)), result)
         return result.reshape(*rows.shape[:-1], m)
     for first in range(0, len(flat), count):

@@ -18,6 +18,9 @@ DENSE_LIMIT = 600  # below: LAPACK is faster than Lanczos and finds all modes by
 RETRIES = 5
 GAP = 1e-9  # relative distance of the inertia count from an eigenvalue: above the solvers' rounding
 WIDE = 1e-10  # smallest over largest 1/omega^2: below, what LAPACK finds of the highest modes is mostly rounding
+MORE = (
+    4  # modes, where one was missed: of two nearly equal ones, as of a square bar, Lanczos may find the higher first
+)
 STEPS = 3  # of refinement: each squares the error
 CONVERGED = 1e-7  # change of a mode by a step: the square of it is what is left
 MIXED = 1e-4  # share of another mode in a mode above which a step is not taken
@@ -48,10 +51,14 @@ def lowest_modes(M: sp.csc_matrix, K: sp.csc_matrix, m: int, factor: SymmetricFa
         omega, shapes = _refined(M, factor, _dense_shapes(M.toarray(), K.toarray(), min(m + 1, n)))
         cut = np.inf if m == n else float(omega[m]) * (1 - GAP)
         return Modes(omega[:m], shapes[:, :m], cut)
-    omega, shapes = _refined(M, factor, _lanczos_shapes(M, K, m, factor))
-    modes = Modes(omega, shapes, float(omega[-1]) * (1 - GAP))
-    check_no_mode_missed(M, K, modes, factor.order)
-    return modes
+    for count in (m, m + MORE):
+        omega, shapes = _refined(M, factor, _lanczos_shapes(M, K, count, factor))
+        modes = Modes(omega, shapes, float(omega[-1]) * (1 - GAP))
+        if count > m or not _missing_below(M, K, omega, modes.cut, factor.order):
+            break
+    if count > m:
+        check_no_mode_missed(M, K, modes, factor.order)
+    return modes.first(m)
 
 
 def check_no_mode_missed(M: sp.csc_matrix, K: sp.csc_matrix, modes: Modes, order: np.ndarray | None = None) -> None:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..report.report import SAMPLED
-from ..report.scope import NOT_CERTIFIED
-from ..report.wording import digits, not_certified
+from ..report.scope import NOT_CERTIFIED, cures_of
+from ..report.wording import SAMPLED, digits, not_certified
 from .modal_forecast import ESTIMATE, TINY, fewest_modes
 from .tried_run import BASIS, INTERFACES, SLACK, STEP, TriedRun
 
@@ -46,7 +45,7 @@ class ModeChoice:
 
     @property
     def met(self) -> bool:
-        """Whether the bounds of the chosen basis are within the tolerances."""
+        """Whether the bounds of the chosen basis are within the tolerances, certified or not (see uncertified)."""
         return self.chosen.met
 
     @property
@@ -110,7 +109,8 @@ class ModeChoice:
         if self.chosen.is_enough:
             lines += [f"  {found}", f"  {self._smaller()}"]
         else:  # cures of the search, which knows more than one run does
-            lines.append(f"  {found.said}: {'; '.join(CURES[limit] for limit in self._limits())}")
+            cures = [cures_of(self.uncertified), *(CURES[limit] for limit in self._limits())]
+            lines.append(f"  {found.said}: {'; '.join(filter(None, cures))}")
         if self.failed is not None:
             lines.append(f"  not tried further, for a run failed: {self.failed}")
         if self.step_error is not None:

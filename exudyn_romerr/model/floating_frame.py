@@ -19,6 +19,8 @@ TOGETHER = 256  # samples whose products are made together: as many as stay in t
 RIGID_INERTIA = 12  # columns M e_j and M E_ij x; the 9 n columns M E_ij V follow
 ISOTROPY = 1e-9  # of the largest entry of M: solid elements meet it to rounding
 HELD = 1e-12  # of the size of a body, and rad: some thousand roundings; what moves on purpose is far above
+# e_i~, one behind the other: one product with them takes a seventh of the time of six assignments, and is as exact
+CROSS = np.cross(np.eye(3)[:, None, :], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
 SERIES = 1e-3  # rad; below, two terms of a Taylor series are exact to 1e-14, the quotients are not
 
 
@@ -172,10 +174,7 @@ class Veer(NamedTuple):
 
 def skew(v: np.ndarray) -> np.ndarray:
     """Return v~ (..., 3, 3) with v~ x = v x x of v (..., 3)."""
-    found = np.zeros((*v.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        found[..., k, j], found[..., j, k] = v[..., i], -v[..., i]
-    return found
+    return (v @ CROSS).reshape(*v.shape, 3)
 
 
 def moment_of(products: np.ndarray) -> np.ndarray:

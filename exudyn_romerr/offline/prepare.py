@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -92,7 +93,6 @@ def prepare(
         samples_precision=samples_precision,
         measure=lambda z: _sharpest_norm(problem, names, scene, with_modes)(z),
         omega_1=float(body.modes(1).omega[0]),
-        is_undamped=body.rayleigh == (0.0, 0.0),
         jumps=_checked_jumps(options.jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
@@ -101,8 +101,10 @@ def prepare(
         plan=make_plan(problem, asked, time, options.estimators, scene, options.live),
         views=tuple(views),
         scene=scene,
-        from_static=lambda: prepare(
-            body, basis, replace(options, initial="equilibrium"), sampled_inputs=sampled_inputs, scene=scene
+        from_static=cache(
+            lambda: prepare(
+                body, basis, replace(options, initial="equilibrium"), sampled_inputs=sampled_inputs, scene=scene
+            )
         ),
         notes=tuple(filter(None, [scene.note, problem.split.modes.left_ringing if with_modes else None, blind])),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),

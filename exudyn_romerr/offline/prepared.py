@@ -70,7 +70,6 @@ class Offline:
     samples_precision: float
     measure: Callable
     omega_1: float
-    is_undamped: bool
     jumps: tuple[float, ...]
     initial: str | None
     time: str

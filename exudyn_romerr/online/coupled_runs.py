@@ -10,7 +10,7 @@ import numpy as np
 from ..estimates.overshoot import Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
 from ..residual.felt_residuals import FeltResiduals
-from .run_messages import BEGUN_ANEW, ROUGH_RADIUS, STARTS_DAMPED, STARTS_ROUGHLY, UNKNOWN_SCHEME
+from .run_messages import BEGUN_ANEW, ROUGH_RADIUS, STARTS_DAMPED, STARTS_HELD_BACK, STARTS_ROUGHLY, UNKNOWN_SCHEME
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 GREW = 2.0 * (1 + 1e-6)
 NEGLIGIBLE = 1e-3  # of the energy's root, what the integrator makes of the start
 ROUNDING = 1e-8  # of the terms of R(0): so much may a static solve leave
+# of the first step: what a residual of mass 1 makes velocities of slow modes by way of Rayleigh's alpha. Damping of
+# motion relative to a frame joins modes; with 6e-4 an error was 1.3 times its bound, with 3e-3 3.4 times
+CARRIED = 1e-4
 TOO_FAST = (
     "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
     "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"
@@ -60,6 +63,7 @@ class FirstSteps:
         self._doubts: list[Doubt] = []
         self._felt: dict[str, FeltResiduals] = {}
         self._times, self._is_lost = np.zeros(0), False  # the last two
+        self._starts: list[tuple[AtStart, Opening]] = []  # until the first step
         self._overshoot: Overshoot | None = None
         self._positions = np.zeros(0)
 
@@ -75,14 +79,22 @@ class FirstSteps:
         if any(opening.start is None for opening in openings):
             return BEGUN_ANEW
         starts = [shared_energy(run, "reduction").at_start for run in runs]
-        self._push = float(np.linalg.norm([_push(at, opening) for at, opening in zip(starts, openings, strict=True)]))
-        is_rough = self._scheme.alpha_f < ROUGH_RADIUS / (1 + ROUGH_RADIUS)
-        doubts = [STARTS_DAMPED] * self.damped + [STARTS_ROUGHLY] * is_rough
-        terms = sum(_terms(*pair) for pair in zip(starts, openings, strict=True)) if doubts and self._push else 0.0
-        self._doubts = doubts if self._push > ROUNDING * terms else []
-        dampings = [*(at.damping for at in starts), *[None][: len(self._doubts)]]
-        self._overshoot = Overshoot(self._scheme, openings[0].start.t, dampings)
+        self._starts = list(zip(starts, openings, strict=True))
+        self._push = float(np.linalg.norm([_push(*start) for start in self._starts]))
         return ""
+
+    def _begin(self, h: float) -> None:
+        """Begin with a first step h; what is not certified is in the bound as far as damping may join modes."""
+        dampings = [at.damping for at, _ in self._starts]
+        alpha = max((known[0] for known in dampings if known is not None), default=0.0)
+        radius = self._scheme.alpha_f / (1 - self._scheme.alpha_f)
+        doubts = [STARTS_DAMPED] * self.damped + [STARTS_ROUGHLY] * (radius < ROUGH_RADIUS)
+        doubts += [STARTS_HELD_BACK] * (alpha * h * (1 - radius) ** 2 / 4 > CARRIED)
+        terms = sum(_terms(*start) for start in self._starts) if doubts else 0.0
+        self._doubts = doubts if self._push > ROUNDING * terms else []
+        dampings += [None][: len(self._doubts)]
+        self._overshoot = Overshoot(self._scheme, float(self._starts[0][1].start.t), dampings)
+        self._starts = []
 
     def doubts(self, overshoot: np.ndarray, g: np.ndarray) -> list[Doubt]:
         """Return once why the start is not certified, with what the first call of advance returned, and g (S,)."""
@@ -101,7 +113,9 @@ class FirstSteps:
     def advance(self, t: np.ndarray) -> np.ndarray:
         """Return it (S, 2) at the next samples t (S,)."""
         more = np.zeros((len(t), 2))
-        if self._push:
+        if self._push and len(t):
+            if self._overshoot is None:
+                self._begin(float(t[0] - self._times[0]))
             more = self._push * self._overshoot.advance(t)
         self._positions = more[:, 0]
         return more

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from ..report.scope import Doubt
+from ..report.wording import NO_OUTPUTS
 from ..trajectory.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
@@ -38,6 +39,13 @@ STARTS_ROUGHLY = Doubt(
     f"the run starts suddenly, by an integrator with a spectral radius below {ROUGH_RADIUS}: velocities of modes "
     "that its first step does not resolve may be too large for linear equations",
 )
+STARTS_HELD_BACK = Doubt(
+    "sudden start with Rayleigh's alpha and a small spectral radius",
+    f"let loads begin smoothly, or {RADIUS_OF_ONE}",
+    "the run starts suddenly, by an integrator with a small spectral radius, and Rayleigh's alpha damps motion "
+    "relative to the frames: what its first steps make of both, where they do not resolve modes, is in the bound as "
+    "far as examples tell, which is no proof",
+)
 UNKNOWN_SCHEME = Doubt(
     "the solver is not known",
     "call SolveDynamic without storeSolver=False",
@@ -59,11 +67,6 @@ UNCHECKED = Doubt(
     "noticed",
 )
 KNOW_LOADS = "make known all loads and the damping that act on the body, or take shorter steps"
-NO_OUTPUTS = (
-    "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
-    "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "
-    "velocity on mesh nodes to a body in a floating frame"
-)
 
 IN_GLOBAL_AXES = (
     "no bound of {} (inf): the motion of the frame is in it, whose error has {}; see the estimate. An output "

@@ -52,13 +52,13 @@ def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
     """Return in a few words, for a table, what to do about an output."""
     if out.stopped is not None:
         return _lowers_bound(out, None) or RUN_ON
-    verdict = judged(out, time, scope)
+    verdict, found = judged(out, time, scope), known(out)
     if verdict == "enough":
         return f"enough{under(scope)}"
     if verdict == ABOUT_ENOUGH:
-        sharper = "; more vectors for the bound" if _slack(out, time, scope, None) else ""
+        by = "a smooth start" if found.rings else "more vectors"
+        sharper = f"; {by} for the bound" if _slack(out, time, scope, None) else ""
         return f"{verdict}{estimated_under(out, scope)}{sharper}"
-    found = known(out)
     if verdict == NOT_RESOLVED:
         return found.cure
     return (found and _shorter_steps(out, verdict, None, found)) or STEPS[verdict]
@@ -119,8 +119,8 @@ def _lowers_bound(out: OutputData, row: int | None) -> str:
         return ""
     cause = "infinite" if most == np.inf else _largest_cause(out, row)
     known_part = 0.0 if out.corrected is None else np.max(np.abs(out.corrected - out.value))
-    is_left = cause in ("basis", "interfaces") and most > FAR * known_part  # by vectors
-    return f"more modes or {MORE_VECTORS}" if is_left else STEPS[cause]
+    is_left = cause in ("basis", "interfaces") and most > FAR * known_part  # by vectors, more of which were tried
+    return (out.beside_steps or ("more modes",))[0] if is_left else STEPS[cause]
 
 
 def _of_estimate(out: OutputData, cause: str, row: int | None, found: Known) -> str:
@@ -158,10 +158,11 @@ def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | 
 
 def _slack(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:
     """That the bound is far above the estimate, where both are of the same; empty if it is not, or there is none."""
-    bound, most = np.max(out.bound["best"][:, _rows(row)]), known(out, row).most
-    if covers_more(out, time, scope) or not FAR * most < bound < np.inf or most == 0:
+    found, bound = known(out, row), np.max(out.bound["best"][:, _rows(row)])
+    if covers_more(out, time, scope) or not FAR * found.most < bound < np.inf or found.most == 0:
         return ""
-    return f"the bound is {digits(bound / most, 2)} times the estimate: {MORE_VECTORS} sharpen it"
+    by = "loads that begin smoothly" if found.rings else MORE_VECTORS
+    return f"the bound is {digits(bound / found.most, 2)} times the estimate: {by} sharpen it"
 
 
 def by_bound(out: OutputData, row: int | None = None) -> str | None:

@@ -146,7 +146,7 @@ def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
     found = known(out, row)
     if found is None:
         return _made(out, row, "unknown", f"{NO_ESTIMATE} {_limit(out)}", _next(report, out, row))
-    kind, size = estimated_kind(out, report.time), about(out, row, found)
+    kind, size = estimated_kind(out, report.time), about(out, found)
     if estimate_scope(out, report.scope) == FROZEN:
         said = f"{AS_IN_THIS_RUN} its {kind} is {size}, but {NOT_THE_MECHANISM}"
         others = ATTACH_ALL if UNATTACHED in report.scope_reason else MORE_MODES

@@ -68,24 +68,22 @@ class Known(NamedTuple):
 
     @property
     def rings(self) -> bool:
-        """Whether something starts at once, and rings in modes that the steps do not resolve."""
-        return self.check == "steps" and bool(self.beside_steps)
+        """Whether something starts at once: what rings then no other cure lowers by far as much as a smooth start."""
+        return bool(self.beside_steps)
 
     @property
     def cure(self) -> str:
         """What would make the half width smaller, in words."""
-        if not self.rings:
-            return self.first_cure
-        return f"{', '.join(self.beside_steps)} or {self._shorter_steps}{RINGS}"
+        return f"{self.first_cure}{RINGS}" if self.rings else self.first_cure
 
     @property
     def first_cure(self) -> str:
-        """The same in a few words; not shorter steps for what starts at once, which may need far too many."""
+        """The same in a few words: the one that helps most, alone."""
+        if self.rings:
+            return self.beside_steps[0]
         steps, modes = self.parts.get("time step", 0.0), self.of_modes[0]
         if self.check == "linearisation" and min(steps, modes) < SMALL * max(steps, modes):
             return f"{'more modes' if steps < modes else 'shorter steps'}, {NOT_LINEAR}"
-        if self.rings:
-            return self.beside_steps[0]
         return self._shorter_steps if self.check == "steps" else CURES_OF_CHECKS[self.check]
 
     @property
@@ -125,11 +123,12 @@ def parts_of(out: OutputData) -> dict[str, np.ndarray]:
 
 
 def _check(out: OutputData, rows: slice) -> str:
-    """What makes most of the half width; of a bound of the rest, which load jumps are in, these may."""
+    """What makes most of the half width; a bound of the rest has the same causes as the bound itself."""
     found = max(out.uncertainty_parts, key=lambda name: _largest(out.uncertainty_parts[name][:, rows]))
     if found != "proved":
         return found
-    return "loads" if max(out.causes, key=lambda cause: _largest(out.causes[cause][:, rows])) == "jumps" else found
+    cause = max(out.causes, key=lambda cause: _largest(out.causes[cause][:, rows]))
+    return {"jumps": "loads", "time step": "steps"}.get(cause, found)
 
 
 def is_enough(out: OutputData, found: Known) -> bool:
@@ -163,18 +162,18 @@ def covers_more(out: OutputData, time: str, scope: dict[str, str]) -> bool:
     return wider or estimated_kind(out, time) != error_kind(time)
 
 
-def about(out: OutputData, row: int, found: Known) -> str:
+def about(out: OutputData, found: Known) -> str:
     """Return in words how wrong a row of an output is, as far as its estimate can tell."""
     if found.is_at_round_off:
         return f"about {rounded_up(found.most, 1)} {out.unit} or less, at round-off"
-    of = np.max(np.abs(out.value[:, row]), initial=0.0)
     if found.is_resolved:
-        notes = "; ".join(filter(None, [_share(found.size, of), ", ".join(_parts(found))]))
+        notes = "; ".join(filter(None, [_share(found.size, found.value), ", ".join(_parts(found))]))
         return f"about {number(found)} {out.unit}{notes and f' ({notes})'}"
-    not_resolved = "" if is_enough(out, found) else f"not resolved: {found.first_cure}"
+    cure = "" if out.uncertified else f": {found.first_cure}"  # others help where that is
+    not_resolved = "" if is_enough(out, found) else f"not resolved{cure}"
     if not_resolved and found.tells_nothing:
         return f"not known ({not_resolved})"
-    notes = "; ".join(filter(None, [_share(found.most, of), not_resolved]))
+    notes = "; ".join(filter(None, [_share(found.most, found.value), not_resolved]))
     return f"about {digits(found.most, 2)} {out.unit} or less{notes and f' ({notes})'}"
 
 

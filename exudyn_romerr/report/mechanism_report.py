@@ -13,7 +13,7 @@ from ..errors import InputError, RunError
 from .data import Plan
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
-from .wording import is_uncertified, widest_scope
+from .wording import NO_OUTPUTS, is_uncertified, scope_lines, widest_scope
 
 if TYPE_CHECKING:
     from .assessment import Assessment
@@ -61,6 +61,11 @@ class MechanismReport(BoundReport):
     def _estimator_lines(self) -> list[str]:
         return [line for i, body in enumerate(self.bodies) for line in (f"  bodies[{i}]:", *body._estimator_lines())]
 
+    def _scope_lines(self) -> list[str]:
+        """What all bodies share once."""
+        assumed = [f"{e}: {reason}" for e, reason in self.reasons.items()]
+        return [f"  {line}" for line in [*assumed, *_numbered([scope_lines(body) for body in self.bodies])]]
+
 
 def joined(
     bodies: Sequence[BoundReport], others: Sequence[OutputReport], left_out: Sequence[tuple[str, str]]
@@ -80,12 +85,15 @@ def joined(
     stopped = next((out.stopped for body in bodies for out in body.outputs.values()), None)
     none = [_infinite(out, scope) for out in others]
     doubts = tuple({doubt.cause: doubt for body in reversed(bodies) for doubt in body.uncertified}.values())
+    at_once = (out.beside_steps for body in bodies for out in body.outputs.values() if out.beside_steps)
+    beside = next(at_once, ())  # what rings in one body is felt by all
     common = {"stopped": stopped, "uncertified": doubts}
     others = [replace(o, bound=x, reduction_bound=x, **common) for o, x in zip(others, none, strict=True)]
     places = [(f"bodies[{i}]", out) for i, body in enumerate(bodies) for out in body.outputs.values()]
     places += [("a sensor on no flexible body", out) for out in others]
     check_names([(where, out.name) for where, out in places])
-    outputs = {out.name: replace(out, bound={**_infinite(out, scope), **out.bound}) for _, out in places}
+    made = (replace(out, bound={**_infinite(out, scope), **out.bound}, beside_steps=beside) for _, out in places)
+    outputs = {out.name: out for out in made}
     times = {body.time for body in bodies}
     unbounded = [NO_BOUND.format(", ".join(out.name for out in others))] if others else []
     return MechanismReport(
@@ -97,7 +105,7 @@ def joined(
         scope_reason="; ".join(_once(b.scope_reason for b in sorted(bodies, key=is_uncertified))),
         reasons={e: "; ".join(_once(b.reasons[e] for b in bodies if e in b.reasons)) for e in scope},
         plan=joined_plan([body.plan for body in bodies], others, left_out),
-        messages=[*_numbered([body.messages for body in bodies]), *unbounded],
+        messages=[*_numbered([_heard(body, bool(outputs)) for body in bodies]), *unbounded],
         time=times.pop() if len(times) == 1 else "sampled",
         total_mass=None,
         made=bodies[0].made,
@@ -135,6 +143,11 @@ def _scope(bodies: Sequence[BoundReport]) -> dict[str, str]:
 
 def _infinite(out: OutputReport, scope: dict[str, str]) -> dict[str, np.ndarray]:
     return {e: np.full(out.value.shape, np.inf) for e in (*scope, "best")}
+
+
+def _heard(body: BoundReport, are_outputs: bool) -> list[str]:
+    """Its messages; that it has no outputs is none beside outputs of others."""
+    return [text for text in body.messages if not (are_outputs and text == NO_OUTPUTS)]
 
 
 def _once(texts: Iterable[str]) -> list[str]:

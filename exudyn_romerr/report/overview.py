@@ -6,13 +6,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .advice import by_bound, next_step
-from .estimate_wording import about_all, estimated_kind
+from .advice import advice, by_bound, judged, next_step
+from .estimate_wording import about_all, estimated_kind, estimated_under
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
-from .wording import RINGS, advises, digits, error_kind, percent, rounded_up, under, widest_scope
+from .wording import (
+    CURES_OF_CAUSES,
+    ENOUGH,
+    RINGS,
+    advises,
+    digits,
+    error_kind,
+    percent,
+    permitted,
+    rounded_up,
+    under,
+    widest_scope,
+)
 
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
+
+NO_BOUND = "not bounded"
+NAMES = 8  # of outputs that share a next step: more are counted
 
 
 def overview(report: ReportData) -> list[tuple[str, ...]]:
@@ -21,6 +36,31 @@ def overview(report: ReportData) -> list[tuple[str, ...]]:
         return []
     head = ("output", "largest value", *_heads(report), "scope", "next step")
     return [head, *(_line(report, out, len(head)) for out in report.outputs.values())]
+
+
+def short_table(report: ReportData) -> list[tuple[str, ...]]:
+    """Return the table without scope and next step; what all of a column hold under is in its head."""
+    columns = [list(column) for column in zip(*(line[:-2] for line in overview(report)), strict=True)]
+    outputs = report.outputs.values()
+    conditions = {estimated_under(out, report.scope) for out in outputs}
+    conditions |= {under(report.scope, doubts=out.uncertified) for out in outputs}
+    for column in columns[2:]:
+        said = [cell for cell in column[1:] if cell != "not known" and not cell.startswith(NO_BOUND)]
+        common = max(
+            (end for end in conditions if said and all(cell.endswith(end) for cell in said)), key=len, default=""
+        )
+        column[:] = [column[0] + common, *(cell.removesuffix(common) for cell in column[1:])]
+    return list(zip(*columns, strict=True))
+
+
+def next_steps(report: ReportData) -> list[str]:
+    """Return what helps most, a line for outputs that share it."""
+    shared: dict[str, list[str]] = {}
+    for out in report.outputs.values():
+        shared.setdefault(_what_to_do(report, out), []).append(out.name)
+    if len(shared) == 1:
+        return [f"next step: {todo}" for todo in shared]
+    return [f"next step, {_listed(names)}: {todo}" for todo, names in shared.items()]
 
 
 def aligned(rows: list[tuple[str, ...]]) -> list[str]:
@@ -43,9 +83,38 @@ def _heads(report: ReportData) -> list[str]:
 def _line(report: ReportData, out: OutputData, columns: int) -> tuple[str, ...]:
     estimate = [about_all(out, report.scope)] if columns == 6 else []
     scope = widest_scope(report.scope) + (f", {NOT_CERTIFIED}" if out.uncertified else "")
-    step = _next_step(report, out) if out.uncertified or advises(report) else "see the messages"
     largest = np.max(np.abs(out.value))
-    return (out.name, f"{digits(largest, 4)} {out.unit}", *estimate, _at_most(report, out, largest), scope, step)
+    return (
+        out.name,
+        f"{digits(largest, 4)} {out.unit}",
+        *estimate,
+        _at_most(report, out, largest),
+        scope,
+        _step(report, out),
+    )
+
+
+def _what_to_do(report: ReportData, out: OutputData) -> str:
+    """The next step with its reason; that a tolerance stopped the run."""
+    if out.stopped is not None and not out.uncertified:
+        return advice(out, report.time, report.scope)
+    step = _step(report, out)
+    if "enough" in step:
+        of_its_size = f"{100 * ENOUGH:g} % of the largest value"
+        return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}"
+    if step not in next_step(out, report.time, report.scope):  # of the run, not of this output
+        return step
+    cause = judged(out, report.time, report.scope)
+    because = f", for {cause!r} makes most of the error" if cause in CURES_OF_CAUSES else ""
+    return f"{next_step(out, report.time, report.scope)}{because}"
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:NAMES]) + (f" and {len(names) - NAMES} more" if names[NAMES:] else "")
+
+
+def _step(report: ReportData, out: OutputData) -> str:
+    return _next_step(report, out) if out.uncertified or advises(report) else "see the messages"
 
 
 def _next_step(report: ReportData, out: OutputData) -> str:
@@ -64,6 +133,7 @@ def _at_most(report: ReportData, out: OutputData, largest: float) -> str:
         floor = rounded_up(np.max(out.bound["best"] + out.round_off), 1)
         return f"{floor} {out.unit}, at round-off{condition}"
     if not np.isfinite(most):
-        return "not bounded"
+        lost = np.count_nonzero(np.isinf(out.bound["best"]).any(axis=1))
+        return NO_BOUND if lost == len(report.t) else f"{NO_BOUND} at {lost} instants"
     share = (percent(most / largest) or "> 1000 %") if largest > 0 else ""
     return f"{rounded_up(most)} {out.unit}{share and f' ({share})'}{condition}"

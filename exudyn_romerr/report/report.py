@@ -14,26 +14,11 @@ from ..trajectory.samples import instants_in
 from .advice import advice
 from .assessment import Assessment, assess
 from .data import OutputData, ReportData
-from .estimate_wording import covers_time, off_by
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
-from .overview import aligned, overview
-from .scope import NOT_CERTIFIED
+from .formats.printed_text import details, summary
 from .verdict import row_verdict
-from .wording import (
-    advises,
-    at_round_off,
-    corrected_within,
-    digits,
-    estimator_lines,
-    outside,
-    widest_scope,
-)
-
-SAMPLED = (
-    "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
-    "does between the samples"
-)
+from .wording import at_round_off, estimator_lines, reason_of
 
 
 @dataclass
@@ -96,8 +81,7 @@ class BoundReport(ReportData):
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
         check_choice("estimator", e, self.reasons)
-        widest = self.scope[e] == widest_scope(self.scope)
-        return "; ".join(filter(None, [self.reasons[e], self.scope_reason if widest else ""]))
+        return reason_of(self, e)
 
     def compare(self, name: str, t: Any, y: Any) -> OutputReport:
         """Compare an output with a truth.
@@ -162,34 +146,17 @@ class BoundReport(ReportData):
         return f"<BoundReport: {len(self.outputs)} output{'s' * (len(self.outputs) != 1)}, {span}>"
 
     def __str__(self) -> str:
-        axis = "load factor" if self.time == "static" else "t / s"
-        lines = [f"bounds at {len(self.t)} instants, {axis} = {self.t[0]:g} .. {self.t[-1]:g}"]
-        table = overview(self)
-        lines += [*aligned(table), ""] if table else []
-        lines += [f"! {message}" for message in self.messages]
-        if self.time == "sampled":
-            only_bounds = any(
-                out.estimate is not None and covers_time(out, self.time) for out in self.outputs.values()
-            )
-            lines.append(f"! {'bounds: ' if only_bounds else ''}{SAMPLED}")
-        for out in self.outputs.values():
-            lines += out.verdict(self.time, self.scope)
-            if advises(self):
-                lines.append(f"  {out.advice(self.time, self.scope)}")
-            if out.corrected is not None:
-                lines.append(f"  {corrected_within(out, out.corrected_bound, self.scope)}")
-            if out.effectivity:
-                largest = np.max(np.abs(out.error))
-                ratios = ", ".join(f"{e} {digits(np.max(x))}" for e, x in out.effectivity.items() if e != "best")
-                off = "" if out.estimate is None else f"; {off_by(out)}"
-                bound = f"bound ({NOT_CERTIFIED})" if out.uncertified else "bound"
-                lines.append(f"  true error up to {digits(largest)} {out.unit}; {bound} / error: {ratios}{off}")
-                lines += [
-                    f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row, self.time))
-                ]
-        return "\n".join(lines + self._estimator_lines())
+        return self.details if len(self.outputs) < 2 else summary(self, self._scope_lines())
+
+    @property
+    def details(self) -> str:
+        """Every row of every output in words, advice, corrected outputs, all estimators; what one output prints."""
+        return details(self, self._estimator_lines())
 
     def _estimator_lines(self) -> list[str]:
+        return estimator_lines(self)
+
+    def _scope_lines(self) -> list[str]:
         return estimator_lines(self)
 
     def save(self, path: str | os.PathLike) -> None:

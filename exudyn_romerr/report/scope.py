@@ -53,6 +53,11 @@ def cures_of(doubts: Iterable[Doubt]) -> str:
     return "; ".join(dict.fromkeys(doubt.cure for doubt in doubts))
 
 
+def remedies(doubts: Iterable[Doubt]) -> list[str]:
+    """Return why bounds are not certified, each cause once, with what to do about it."""
+    return list(dict.fromkeys(f"{doubt.cause}: {doubt.cure}" for doubt in doubts))
+
+
 def with_doubts(reason: str, doubts: Iterable[Doubt]) -> str:
     """Return the reason of a scope, and why nothing in it is certified."""
     causes = causes_of(doubts)

@@ -15,6 +15,7 @@ from .wording import (
     MORE_VECTORS,
     NOT_LINEAR,
     NOT_THE_MECHANISM,
+    SMOOTHLY,
     STEPS,
     at_most,
     at_round_off,
@@ -53,7 +54,7 @@ def _error(out: OutputData, row: int, time: str, scope: dict[str, str], by: str 
     bound_holds_under = covers if is_bounded else ""
     if found is None or (found.is_at_round_off and at_round_off(out)[row]):
         return _bound_alone(kind, bounded, bound_holds_under, ", ")
-    estimate, of, is_frozen = about(out, row, found), estimated_kind(out, time), estimate_scope(out, scope) == FROZEN
+    estimate, of, is_frozen = about(out, found), estimated_kind(out, time), estimate_scope(out, scope) == FROZEN
     if of != kind or is_frozen != (covers == FROZEN):
         return _estimate_alone(of, estimate, is_frozen) + _bound_alone(kind, bounded, bound_holds_under, "; ")
     if not is_bounded:
@@ -93,7 +94,7 @@ def _bounded(out: OutputData, row: int, scope: dict[str, str], by: str, with_sha
 def _why(out: OutputData, row: int, scope: dict[str, str]) -> str:
     """Why the bound is larger than the output where auxiliary vectors lower it, and what to do."""
     found, size = known(out, row), largest(out.value, row)
-    if found is None or widest_scope(scope) != COUPLED:
+    if found is None or widest_scope(scope) != COUPLED or out.uncertified:
         return ""
     if not found.is_resolved and found.rings:
         return ""  # the estimate's cure, a few words before, is the bound's, too
@@ -103,7 +104,7 @@ def _why(out: OutputData, row: int, scope: dict[str, str]) -> str:
         return f", for the error itself {is_about} {f'{share} of it' if share else 'larger'}: {STEPS[cause]}"
     if not found.is_resolved and found.check == "linearisation":
         return f", {NOT_LINEAR}: {STEPS[cause]}"
-    return f", for auxiliary vectors leave much: {MORE_VECTORS}"
+    return f", for auxiliary vectors leave much: {SMOOTHLY if found.rings else MORE_VECTORS}"
 
 
 def _where_finite(out: OutputData, row: int, scope: dict[str, str]) -> str:

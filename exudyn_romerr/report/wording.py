@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES, causes_of, with_doubts
+from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES, causes_of, remedies, with_doubts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -35,21 +35,31 @@ STEPS = {  # in two words, for a table
 }
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"
 NOT_LINEAR = "for the error is too large to be linear"
-RINGS = ", for what starts at once rings in modes that the steps do not resolve"
+RINGS = ", for what starts at once rings in modes that neither steps nor vectors resolve"
 MUCH_SHORTER = "take a twentieth of the step or less"
-SMOOTHLY, DAMPED = "let loads begin smoothly", "give the body damping"  # what helps beside shorter steps
+# makes half widths 50 to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (test_cures.py)
+SMOOTHLY = "let loads begin smoothly"
 CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
     "steps": "halve the step",
     "vectors": MORE_VECTORS,
-    "linearisation": f"more modes or shorter steps, {NOT_LINEAR}",
+    "linearisation": f"more modes and shorter steps, {NOT_LINEAR}",
     "loads": "smoother loads",
-    "proved": MORE_VECTORS,
+    "proved": "add modes",  # what is left is of modes above all that "auto" follows: more vectors bring nothing
 }
 LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
 NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be many times larger"
 REMAINDER = "linear equations leave out about {} % of the deformation that {!r} predicts, as measured"
+NO_OUTPUTS = (
+    "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
+    "outputs=[romerr.node_displacement('tip', node=..., component='z')], or add sensors of displacement, position or "
+    "velocity on mesh nodes to a body in a floating frame"
+)
+SAMPLED = (
+    "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
+    "does between the samples"
+)
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
@@ -107,6 +117,11 @@ def at_most(out: OutputData, bound: str, share: str = "") -> str:
     """Return the largest bound of an output in words, with why it is not certified: "at most" is said if it is."""
     notes = "; ".join(filter(None, [share, not_certified(out.uncertified)]))
     return f"{'bounded by' if out.uncertified else 'at most'} {bound}{notes and f' ({notes})'}"
+
+
+def check_name(check: str, doubts: Iterable[Doubt]) -> str:
+    """Return what a part of a half width is called: what bounds that are not certified leave is not proved."""
+    return f"{check} ({NOT_CERTIFIED})" if check == "proved" and doubts else check
 
 
 def not_certified(doubts: Iterable[Doubt]) -> str:
@@ -170,8 +185,15 @@ def scope_lines(report: ReportData) -> list[str]:
     reason = report.scope_reason.removesuffix(with_doubts("", report.uncertified)).removesuffix("; ")
     _, known, model = reason.partition(f"{FULL_MODEL}: ")
     lines += [f"full model: {model}"] if known else []
-    lines += [f"{not_certified([doubt])}: {doubt.cure}" for doubt in report.uncertified]
+    lines += [f"{NOT_CERTIFIED}: {remedy}" for remedy in remedies(report.uncertified)]
     return lines + [REMAINDER.format(digits(100 * share, 2), e) for e, share in report.remainder.items()]
+
+
+def reason_of(report: ReportData, e: str) -> str:
+    """Return what an estimator assumes, and why it has its scope; see BoundReport.reason."""
+    is_widest = report.scope[e] == widest_scope(report.scope)
+    why = report.scope_reason if is_widest else with_doubts("", report.uncertified)
+    return "; ".join(filter(None, [report.reasons[e], why]))
 
 
 def is_uncertified(report: ReportData) -> bool:

@@ -6,8 +6,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg import cholesky, solve_triangular
 
+from ..linalg.blocked_products import by_columns
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
 
@@ -104,8 +106,16 @@ class AtStart:
 
     def terms(self, z: np.ndarray) -> float:
         """Return the sum of |.|_{M^-1} of the terms of R, one for each entry of z: what R may be rounding of."""
-        terms = [self._residual.of(term) for term in np.diag(z)[z != 0]]
-        return float(self._mass.norms(np.stack(terms, axis=1)).sum()) if terms else 0.0
+        return float(np.abs(z) @ self._sizes)
+
+    @cached_property
+    def _sizes(self) -> np.ndarray:
+        """|.|_{M^-1} of the residual's columns (k,)."""
+        columns = *self._residual.of_motion, self._residual.B
+        return np.concatenate([self._norms(part) for part in columns])
+
+    def _norms(self, columns: np.ndarray | sp.spmatrix) -> np.ndarray:
+        return by_columns(lambda part: self._mass.norms(part)[None], columns, np.empty((1, columns.shape[1])))[0]
 
 
 def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:

@@ -138,7 +138,7 @@ class Block:
         return self._once((norm, "integral"), lambda: self._integral(norm))
 
     def _integral(self, norm: Callable) -> np.ndarray:
-        return self.h * (self.norms(norm).mean(axis=1) + self.unresolved @ self.input_norms(norm))
+        return self.h * (self.norms(norm).mean(axis=1) + self.of_inputs(norm, self.unresolved))
 
     def variation(self, norm: Callable, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Upper bounds (S,) of the total variation of R inside each segment, and of the jump at its beginning.
@@ -148,7 +148,7 @@ class Block:
         inside = self.pieces(norm).sum(axis=1)
         steps = self.c[:, 0] - np.vstack([before, self.c[:-1, -1]])
         jumps = norm(steps) if steps.any() else np.zeros(len(self.h))
-        return inside + self.unresolved_variation @ self.input_norms(norm), jumps
+        return inside + self.of_inputs(norm, self.unresolved_variation), jumps
 
     def pieces(self, norm: Callable) -> np.ndarray:
         """Lengths (S, d) of the pieces of the control polygon."""
@@ -157,6 +157,10 @@ class Block:
     @cached_property
     def _polygon(self) -> np.ndarray:
         return np.diff(self.c, axis=1)
+
+    def of_inputs(self, norm: Callable, u: np.ndarray) -> np.ndarray:
+        """Norms (S,) of B u, at most, for sizes u (S, p)."""
+        return u @ self.input_norms(norm) if u.any() else np.zeros(len(u))
 
     def input_norms(self, norm: Callable) -> np.ndarray:
         """Norms (p,) of the columns of B."""

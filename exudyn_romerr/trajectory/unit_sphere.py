@@ -42,8 +42,8 @@ def _sinc(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     value = np.sin(x) / x
     once = (np.cos(x) - value) / (2 * at)
     twice = -(value / 2 + 3 * once) / (2 * at)
-    series = _series(np.where(small, s, 0.0))
-    return tuple(np.where(small, one, other) for one, other in zip(series, (value - 1, once, twice), strict=True))
+    pairs = zip(_series(np.where(small, s, 0.0)), (value - 1, once, twice), strict=True)
+    return tuple(np.where(small, one, other) for one, other in pairs)
 
 
 def _series(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

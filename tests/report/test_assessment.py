@@ -264,7 +264,7 @@ def test_cure_of_a_stop_lowers_the_bound_that_stopped_it():
     out, scope = estimated(2.0, 9.0, {"basis": 0.2, "time step": 0.8}, {"steps": 0.1}, covers=COUPLED)
     out.causes = {"basis": out.bound["best"], "time step": 0 * out.bound["best"]}
     (made,) = stopped((out, scope), 0.5).outputs.values()
-    assert next_step(made, "sampled", scope) == "more modes or more vectors (auxiliary_modes=...)"
+    assert next_step(made, "sampled", scope) == "more modes"  # more vectors were tried before the run was stopped
     assert "halve" not in advice(made, "sampled", scope)
     assert advice(made, "sampled", scope).endswith(f", or lower the bound: {next_step(made, 'sampled', scope)}")
     assert next_step(replace(made, tolerance=10.0), "sampled", scope) == "run on without tolerance="

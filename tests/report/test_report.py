@@ -12,6 +12,7 @@ import pytest
 
 from exudyn_romerr import InputError, load_report
 from exudyn_romerr.report.data import NodeFields
+from exudyn_romerr.report.overview import overview
 from exudyn_romerr.report.scope import FROZEN, Doubt
 from exudyn_romerr.report.wording import RINGS, rounded_up
 from tests.helpers import tolerances as tol
@@ -84,21 +85,44 @@ def test_tolerances_are_kept_and_files_without_still_load(report, tmp_path):
     assert [(out.tolerance, out.stopped) for out in older] == [(None, None)] * 2
 
 
-def test_summary_of_several_outputs_begins_with_a_table(report):
-    """A line for each output, all its rows together; what the bound holds under is in the same line."""
+def test_table_has_a_line_for_each_output(report):
+    """All its rows together; what the bound holds under is in the same line."""
     report.scope = dict.fromkeys(report.scope, FROZEN)
     report.output("v").tolerance = 1e6
-    _, head, y, v, blank, *details = str(report).splitlines()
-    assert re.split(r"  +", head) == ["output", "largest value", "reduction error at most", "scope", "next step"]
+    head, y, v = overview(report)
+    assert head == ("output", "largest value", "reduction error at most", "scope", "next step")
     out = report.output("y")
     most, largest = out.bound["best"].max(), np.abs(out.value).max()
     at_most = f"{rounded_up(most)} m ({float(f'{100 * most / largest:.2g}'):g} %), inputs frozen"
-    step = "start from equilibrium, or add modes"
-    assert re.split(r"  +", y) == ["y", f"{largest:.4g} m", at_most, "inputs frozen", step]
-    assert re.split(r"  +", v)[-2:] == ["inputs frozen", "enough, inputs frozen"]
-    assert v.index("inputs frozen  enough") == y.index("inputs frozen  start")  # columns are aligned
-    assert blank == ""
-    assert any(line.startswith("y row 1: up to ") for line in details)
+    assert y == ("y", f"{largest:.4g} m", at_most, "inputs frozen", "start from equilibrium, or add modes")
+    assert v[-2:] == ("inputs frozen", "enough, inputs frozen")
+
+
+def test_summary_of_several_outputs_says_each_thing_once(report):
+    """What all bounds hold under is in the head; outputs with one next step share its line; rows are in details."""
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    _, head, y, v, todo, more, *rest = str(report).splitlines()
+    assert re.split(r"  +", head) == ["output", "largest value", "reduction error at most, inputs frozen"]
+    assert [re.split(r"  +", line)[0] for line in (y, v)] == ["y", "v"]
+    assert todo == "next step: start from equilibrium, or add modes, for 'initial' makes most of the error"
+    assert more.endswith("print(report.details)")
+    assert rest[0].endswith("the mechanism's answer is not covered and may be many times larger")
+    assert not any("up to" in line for line in rest)
+    assert str(report).count("inputs frozen") == 1 + 2 * len(report.scope) + 1  # estimators twice each, and the scope
+    rows = [line for line in report.details.splitlines() if ": up to " in line]
+    assert len(rows) == sum(out.value.shape[1] for out in report.outputs.values())
+    report.output("v").tolerance = 1e6
+    assert str(report).splitlines()[4:6] == [
+        "next step, y: start from equilibrium, or add modes, for 'initial' makes most of the error",
+        "next step, v: enough, inputs frozen: within the tolerance of 1e+06 m",
+    ]
+
+
+def test_conditions_that_outputs_do_not_share_stay_in_their_lines(report):
+    report.output("v").uncertified = (Doubt("sudden start", "let loads begin smoothly"),)
+    _, head, y, v, *_ = str(report).splitlines()
+    assert head.endswith("reduction error bound")
+    assert v.endswith("not certified") != y.endswith("not certified")
 
 
 def test_table_says_what_is_not_certified_at_round_off_or_not_bounded(report):
@@ -106,18 +130,17 @@ def test_table_says_what_is_not_certified_at_round_off_or_not_bounded(report):
     y, v = report.output("y"), report.output("v")
     y.round_off = y.bound["best"].copy()
     v.bound["best"][-1] = np.inf
-    y_line, v_line = (re.split(r"  +", line) for line in str(report).splitlines()[2:4])
+    _, y_line, v_line = overview(report)
     largest = rounded_up(2 * y.bound["best"].max(), 1)
-    assert y_line[2:] == [f"{largest} m, at round-off", "complete", "nothing to improve"]
-    assert v_line[2:] == ["not bounded", "complete", "see the reasons"]
+    assert y_line[2:] == (f"{largest} m, at round-off", "complete", "nothing to improve")
+    assert v_line[2:] == ("not bounded at 1 instants", "complete", "see the reasons")
+    v.bound["best"][:] = np.inf
+    assert overview(report)[2][2] == "not bounded"
     y.uncertified = (Doubt("sudden start", "let loads begin smoothly"),)
-    head, y_line = (re.split(r"  +", line) for line in str(report).splitlines()[1:3])
+    head, y_line, _ = overview(report)
     assert head[2] == "reduction error bound"
-    assert y_line[2:] == [
-        f"{largest} m, at round-off, not certified",
-        "complete, not certified",
-        y.uncertified[0].cure,
-    ]
+    at_round_off = f"{largest} m, at round-off, not certified"
+    assert y_line[2:] == (at_round_off, "complete, not certified", y.uncertified[0].cure)
 
 
 def test_summary_of_one_output_has_no_table(report):
@@ -148,13 +171,15 @@ def test_report_comes_through_pickle(report):
 
 def test_advice_only_where_it_is_of_use(report, case):
     """Not of bounds that are not certified, and not of a single instant."""
-    assert " % of it from the " in str(report)
+    assert " % of it from the " in report.details
     report.uncertified = (Doubt("sudden start", "let loads begin smoothly"),)
-    assert " % of it from the " not in str(report)
+    assert " % of it from the " not in report.details
     first = case.report(stride=1000, estimators="fast")
     assert first.messages[0] == "only the first instant was bounded"
     assert first.outputs
-    assert not any(words in str(first) for words in (" % of it from the ", "nothing to improve", "ask for another"))
+    assert not any(
+        words in first.details for words in (" % of it from the ", "nothing to improve", "ask for another")
+    )
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 0.999])
@@ -230,26 +255,23 @@ def test_table_has_a_column_of_estimates_where_there_are_any(report):
     out = report.output("y")
     out.estimate, out.uncertainty = 0.1 * out.value, np.zeros_like(out.value)
     out.estimate_parts, out.uncertainty_parts = {"basis": out.estimate}, {"steps": out.uncertainty}
-    heads = ["output", "largest value", "reduction error about", "at most", "scope", "next step"]
-    _, head, y, v, *_ = str(report).splitlines()
-    assert re.split(r"  +", head) == heads
+    head, y, v = overview(report)
+    assert head == ("output", "largest value", "reduction error about", "at most", "scope", "next step")
     largest = np.abs(out.value).max()
-    assert re.split(r"  +", y)[2] == f"{0.1 * largest:.3g} m (10 %)"
-    assert re.split(r"  +", v)[2] == "not known"
+    assert y[2] == f"{0.1 * largest:.3g} m (10 %)"
+    assert v[2] == "not known"
     out.estimate_parts["time step"] = out.estimate
     report.scope = dict.fromkeys(report.scope, FROZEN)
-    _, head, y, *_ = str(report).splitlines()
-    assert re.split(r"  +", head)[2:4] == ["error about", "reduction error at most"]
-    assert re.split(r"  +", y)[2].endswith(" (10 %), inputs frozen")
+    head, y, _ = overview(report)
+    assert head[2:4] == ("error about", "reduction error at most")
+    assert y[2].endswith(" (10 %), inputs frozen")
     out.uncertainty_parts["steps"] = out.uncertainty = 0.04 * np.abs(out.value)
-    line, todo = str(report).splitlines()[2], "let loads begin smoothly or halve the step"  # without the reason
-    assert re.split(r"  +", line)[2::3] == [
-        f"{0.14 * largest:.2g} m or less (14 %), not resolved, inputs frozen",
-        todo,
-    ]
-    assert f": {todo}{RINGS}" in str(report)
+    y, todo = overview(report)[1], "let loads begin smoothly"  # without the reason
+    assert (y[2], y[-1]) == (f"{0.14 * largest:.2g} m or less (14 %), not resolved, inputs frozen", todo)
+    assert f"next step, y: {todo}{RINGS}" in str(report)
+    assert f": {todo}{RINGS}" in report.details
     out.round_off = np.full_like(out.value, largest)
-    assert "or less, at round-off" in str(report).splitlines()[2]
+    assert "or less, at round-off" in overview(report)[1][2]
 
 
 def test_compare_takes_a_truth_at_more_instants(report, case):
@@ -301,6 +323,8 @@ def test_summary_says_what_is_not_covered(report, case):
     text = str(compared(report, case))
     assert "time integration is not covered" in text
     assert "scope complete" in text
+    assert "bound / error: " in text
+    text = report.details
     assert f"reduction error at most {rounded_up(report.output('y').bound['best'].max())} m" in text
     assert "bound / error: " in text
 

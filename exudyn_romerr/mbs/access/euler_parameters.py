@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...model.floating_frame import skew
+
 CYCLIC = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+
+# G of unit parameters, -2 v and 2 (s I - v~) side by side; entries of a product with them are single ones, doubled
+RATES = np.concatenate(
+    [np.eye(4)[:, 1:, None] * -2, 2 * np.eye(4)[:, :1, None] * np.eye(3) - 2 * skew(np.eye(4)[:, 1:])], axis=2
+).reshape(4, 12)
 
 
 def axes_of(p: np.ndarray) -> np.ndarray:
@@ -21,9 +28,4 @@ def axes_of(p: np.ndarray) -> np.ndarray:
 
 def rates_of(p: np.ndarray) -> np.ndarray:
     """G (..., 3, 4), which is linear in p: w = G(p) p' in body axes, al = G(p) p''."""
-    twice = 2 * p
-    found = np.empty((*p.shape[:-1], 3, 4))
-    for i, j, k in CYCLIC:
-        found[..., i, 0], found[..., i, 1 + i] = -twice[..., 1 + i], twice[..., 0]
-        found[..., k, 1 + j], found[..., j, 1 + k] = -twice[..., 1 + i], twice[..., 1 + i]  # less 2 v~
-    return found
+    return (p @ RATES).reshape(*p.shape[:-1], 3, 4)

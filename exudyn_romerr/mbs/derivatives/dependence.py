@@ -46,18 +46,16 @@ class Dependence(NamedTuple):
 
         tied : coordinates that are moved as one.
         """
-        together: list[np.ndarray] = []
-        taken: list[np.ndarray] = []
         single = set(range(len(wanted))).difference(*tied)
-        for own in [*map(list, tied), *([j] for j in sorted(single))]:
+        sets = [own for own in (*map(list, tied), *([j] for j in sorted(single))) if wanted[own].any()]
+        together, taken = (np.zeros((len(sets), of.shape[1]), bool) for of in (wanted.T, touched))
+        count = 0
+        for own in sets:
             rows = touched[own].any(axis=0)
-            if wanted[own].any():
-                g = next((g for g, others in enumerate(taken) if not np.any(others & rows)), len(taken))
-                if g == len(taken):
-                    together.append(np.zeros(len(wanted), bool))
-                    taken.append(np.zeros_like(rows))
-                together[g][own] = True
-                taken[g] |= rows
+            g = int((taken[: count + 1] & rows).any(axis=1).argmin())  # the last one is empty
+            together[g, own], count = True, max(count, g + 1)
+            taken[g] |= rows
+        together = together[:count]
         entries = [np.nonzero(wanted & moved[:, None]) for moved in together]
         ends = np.cumsum([0, *(len(j) for j, _ in entries)])
         groups = [(moved.astype(float), slice(*ends[g : g + 2])) for g, moved in enumerate(together)]

@@ -18,17 +18,9 @@ from ..access.mbs_items import FFRF, QUATERNIONS, dense
 
 MANY = 25  # coordinates of a body: differences of its forces cost as much as closed forms
 UNIT = np.eye(3)
-AXES = skew(UNIT)  # e_i~
-
-
-def turned_by(p: np.ndarray) -> np.ndarray:
-    """Return derivatives (4, 3, 3) of A by Euler parameters p (4,)."""
-    s, v = p[0], p[1:]
-    by_v = -4 * v[:, None, None] * UNIT + 2 * (UNIT[:, :, None] * v + v[:, None] * UNIT[:, None, :]) + 2 * s * AXES
-    return np.concatenate([2 * skew(v)[None], by_v])
-
-
 TURNS = rates_of(np.eye(4))  # derivatives of G
+# of A by Euler parameters, linear in these: of unit ones; of a polynomial of second degree differences are exact
+TURNED = (axes_of(np.eye(4)[:, None] + np.eye(4)) - axes_of(np.eye(4)[:, None] - np.eye(4))).reshape(4, 36) / 2
 
 
 class FrameInertia:
@@ -72,12 +64,14 @@ class FrameInertia:
     def force(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> np.ndarray:
         """All forces of inertia, stiffness and damping (k,): M q'' and the left-hand side of the body."""
         x = self._here(q)
-        place, turn, modes = self._loads(x, Moving.of(x, q_t, q_tt))
+        place, turn, modes = self._loads(x, self._moving(x, q_t, q_tt))
         return np.concatenate([self._mass * q_tt[:3] + x.A @ place, x.G.T @ turn, modes])
 
     def mass(self, q: np.ndarray) -> np.ndarray:
         """M (k, k)."""
-        x = self._here(q)
+        return self._mass_of(self._here(q))
+
+    def _mass_of(self, x: Here) -> np.ndarray:
         k = 7 + len(x.u)
         M = np.zeros((k, k))
         M[:3, :3], M[:3, 3:7], M[:3, 7:] = self._mass * UNIT, -x.A @ skew(x.chi) @ x.G, x.A @ self._pull
@@ -103,18 +97,17 @@ class FrameInertia:
         dM[:, 7:, 3:7] = dM[:, 3:7, 7:].swapaxes(1, 2)
         return dM
 
-    def tangent(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives K, D (k, k) of `force` by coordinates and rates."""
+    def tangent(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """M, and derivatives D, K (k, k) of `force` by rates and coordinates."""
         x = self._here(q)
-        y = Moving.of(x, q_t, q_tt)
+        y = self._moving(x, q_t, q_tt)
         place, turn, _ = self._loads(x, y)
         n, w, W, chi = len(x.u), y.w, skew(y.w), skew(x.chi)
         both = x.H + x.H.swapaxes(1, 2)
-        moving = np.tensordot(y.u_t, x.H, axes=1)
         by_w = (
             -skew(W @ x.chi) - W @ chi - 2 * skew(self._pull @ y.u_t),
-            W @ x.theta - skew(x.theta @ w) + 2 * moving,
-            2 * np.tensordot(y.u_t, self._cross, axes=1).T - both @ w,
+            W @ x.theta - skew(x.theta @ w) + 2 * y.H,
+            2 * y.cross.T - both @ w,
         )
         by_w = np.vstack([x.A @ by_w[0], x.G.T @ by_w[1], by_w[2]])
         by_al = np.vstack([-x.A @ chi, x.G.T @ x.theta, x.gamma.T])
@@ -129,30 +122,37 @@ class FrameInertia:
         K[3:7, 3:7] += (TURNS.swapaxes(1, 2) @ turn).T
         S, twice = skew(y.al) + W @ W, self._twice.reshape(n, n, 9)
         K[:3, 7:] = x.A @ S @ self._pull
-        moved = 2 * np.tensordot(y.u_t, twice, axes=(0, 1)).reshape(n, 3, 3)
+        moved = 2 * (y.u_t @ self._twice).reshape(n, 3, 3).swapaxes(1, 2)
         of_turn = both @ y.al + (both @ w) @ W.T + moved @ w + y.u_tt @ self._cross.swapaxes(1, 2)
         K[3:7, 7:] = x.G.T @ (of_turn.T - skew(y.b) @ self._pull)
         K[7:, 7:] = self.K + (self._cross.swapaxes(1, 2) @ y.al - twice @ np.outer(w, w).ravel()).T
-        return K, D
+        return self._mass_of(x), D, K
 
     def _loads(self, x: Here, y: Moving) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Forces on place, turn and modes, in body axes; without m r''."""
         W, w = skew(y.w), y.w
         place = (skew(y.al) + W @ W) @ x.chi + self._pull @ y.u_tt + 2 * W @ (self._pull @ y.u_t)
         turn = skew(x.chi) @ y.b + x.theta @ y.al + W @ (x.theta @ w) + x.gamma @ y.u_tt
-        turn += 2 * np.tensordot(y.u_t, x.H, axes=1) @ w
-        modes = self._pull.T @ y.b + x.gamma.T @ y.al - x.H @ w @ w + 2 * w @ np.tensordot(y.u_t, self._cross, axes=1)
+        turn += 2 * y.H @ w
+        modes = self._pull.T @ y.b + x.gamma.T @ y.al - x.H @ w @ w + 2 * w @ y.cross
         return place, turn, modes + self.M @ y.u_tt + self.D @ y.u_t + self.K @ x.u
 
     def _here(self, q: np.ndarray) -> Here:
         p, u, n = self._reference[3:] + q[3:7], q[7:], len(self.M)
         H = (self._once + u @ self._twice).reshape(n, 3, 3)
-        first = np.tensordot(u, self._once.reshape(n, 3, 3), axes=1)
-        theta = self._inertia + first + np.tensordot(u, H, axes=1).T
-        gamma = self._moments + np.tensordot(u, self._cross, axes=1)
-        return Here(
-            axes_of(p), turned_by(p), rates_of(p), u, self._mass * self._centre + self._pull @ u, gamma, H, theta
-        )
+        theta = self._inertia + _summed(u, self._once.reshape(n, 3, 3)) + _summed(u, H).T
+        chi, gamma = self._mass * self._centre + self._pull @ u, self._moments + _summed(u, self._cross)
+        return Here(axes_of(p), (p @ TURNED).reshape(4, 3, 3), rates_of(p), u, chi, gamma, H, theta)
+
+    def _moving(self, x: Here, q_t: np.ndarray, q_tt: np.ndarray) -> Moving:
+        u_t = q_t[7:]
+        sums = _summed(u_t, x.H), _summed(u_t, self._cross)
+        return Moving(q_tt[:3] @ x.A, x.G @ q_t[3:7], x.G @ q_tt[3:7], u_t, q_tt[7:], *sums)
+
+
+def _summed(u: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """Sum u_k of_k (i, j) of (k, i, j)."""
+    return (u @ of.reshape(len(u), -1)).reshape(of.shape[1:])
 
 
 class Here(NamedTuple):
@@ -173,15 +173,15 @@ class Here(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """How it moves: b = A^T r'', w, al (3,) in body axes, rates of modal coordinates u_t, u_tt (n,)."""
+    """How it moves: b = A^T r'', w, al (3,) in body axes, rates of modal coordinates u_t, u_tt (n,).
+
+    H (3, 3), cross (3, n) : sums m p~^T u'~ and m u' x u_l.
+    """
 
     b: np.ndarray
     w: np.ndarray
     al: np.ndarray
     u_t: np.ndarray
     u_tt: np.ndarray
-
-    @classmethod
-    def of(cls, x: Here, q_t: np.ndarray, q_tt: np.ndarray) -> Moving:
-        """Make it of rates (k,)."""
-        return cls(q_tt[:3] @ x.A, x.G @ q_t[3:7], x.G @ q_tt[3:7], q_t[7:], q_tt[7:])
+    H: np.ndarray
+    cross: np.ndarray

@@ -53,10 +53,9 @@ class TangentReader:
         K = own + carried
         for one in at.inertias:
             q, q_t, q_tt = (x[one.columns] for x in state[:3])
-            rows, here = np.ix_(one.columns, one.columns), one.tangent(q, q_t, q_tt)
-            M[rows] += one.mass(q)
-            K[rows] += here[0]
-            D[rows] += here[1]
+            rows = np.ix_(one.columns, one.columns)
+            for whole, part in zip((M, D, K), one.tangent(q, q_t, q_tt), strict=True):
+                whole[rows] += part
         springs = np.abs(np.diag(K))
         springs[[j for rotation in self._rotations for j in rotation]] = 0.0
         return Reading(t, state, M, D, K, G, C, C_t, masses_of(M, self._rotations), springs), parts

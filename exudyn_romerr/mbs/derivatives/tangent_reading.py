@@ -130,9 +130,14 @@ def motions_of(reading: Reading, dt: float) -> np.ndarray:
     if not (np.isfinite(K).all() and np.isfinite(scale).all()):
         raise AssumptionError(f"the mechanism's tangent is not finite at t = {reading.t:g} s")
     scale = np.minimum(scale, LIGHT * scale.min())
-    free = np.linalg.svd(reading.G * scale)[2][len(reading.G) :].T * scale[:, None]
+    free = scale[:, None] * admitted(reading.G * scale)
     values, vectors = np.linalg.eigh(free.T @ (reading.M / dt**2 + K) @ free)
     return free @ vectors / np.sqrt(np.maximum(np.abs(values), SOFT))
+
+
+def admitted(G: np.ndarray) -> np.ndarray:
+    """Orthonormal motions (..., n, n - c) that independent constraints G (..., c, n) admit."""
+    return np.linalg.qr(G.swapaxes(-1, -2), mode="complete")[0][..., G.shape[-2] :]
 
 
 def masses_of(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:

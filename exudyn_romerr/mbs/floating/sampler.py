@@ -59,6 +59,10 @@ class Sampler:
             return None
         return q, q_t, q_tt - np.linalg.solve(G[:, layout.mass_slot], left), u, frame
 
+    def weight(self, carried: np.ndarray) -> float:
+        """Largest entry of V^T M e_j (n, 3) times the size of gravity at the start: terms that may cancel."""
+        return float(np.max(np.abs(carried) @ self.actions.sizes_of_gravity(), initial=0.0))
+
     def _inputs(self, t: np.ndarray, motion: FrameMotion, q, q_t, q_tt) -> np.ndarray:
         """Inertia, loads, and the wrenches that V^T R = 0 leaves."""
         return self.balanced(q, q_t, q_tt, self.terms.values(self.actions, t, motion, q, q_t))

@@ -68,6 +68,7 @@ class LateReadings:
     ):
         self._tangents, self._mbs, self._t, self._states = tangents, mbs, t, states
         self._enriched, self._tried = enriched, set[float]()
+        self._rates = np.hstack(states[2:])  # and multipliers
         self._can_read: bool | None = None
         self.failure: Exception | None = None
         self.note = ""
@@ -97,7 +98,7 @@ class LateReadings:
         )
         self._spline = CubicSpline(times, np.eye(len(times))) if len(times) > 1 else None
         if self._spline is not None:
-            self._moving = np.hstack(self._states[2:]) - self._spline(self._t) @ np.array(at)
+            self._moving = self._rates - self._spline(self._t) @ np.array(at)
         return self._spline is not None
 
     def _read(self, rows: Sequence[int]) -> bool:
@@ -138,10 +139,12 @@ class LateReadings:
 
     def _intervals(self) -> Iterator[_Interval]:
         """Those with rows between their readings."""
-        for j, (first, last) in enumerate(pairwise(self._tangents.readings)):
-            start, stop = np.searchsorted(self._t, first.t, side="right"), np.searchsorted(self._t, last.t)
-            if start < stop:
-                yield _Interval(j, first, last, slice(int(start), int(stop)))
+        readings = self._tangents.readings
+        times = [reading.t for reading in readings]
+        after, before = (np.searchsorted(self._t, times, side).tolist() for side in ("right", "left"))
+        for j, ends in enumerate(pairwise(readings)):
+            if after[j] < before[j + 1]:
+                yield _Interval(j, *ends, slice(after[j], before[j + 1]))
 
     def _changing(self) -> Iterator[int]:
         return (interval.middle for interval in self._intervals() if interval.last.change > 1)
@@ -170,15 +173,13 @@ class LateReadings:
         What comes and goes within the interval accelerates masses no longer than that: its integral counts, over time
         twice, if that is less.
         """
-        from scipy.integrate import cumulative_trapezoid  # here, for it takes long to import
-
         carried, scale = self._tangents.carried_near(self._t[interval.middle]), interval.scale
         x = self._moving[interval.rows]
         both = scale[carried.i] * scale[carried.j]
         matters = both * (np.abs(carried.by) @ np.abs(x).max(axis=0)) > OFF
         changes = np.vstack([x[:1] * 0, x, x[:1] * 0]) @ carried.by[matters].T
-        t = np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]])
-        moved = cumulative_trapezoid(cumulative_trapezoid(changes, t, axis=0, initial=0), t, axis=0, initial=0)
+        h = np.diff(np.concatenate([[interval.first.t], self._t[interval.rows], [interval.last.t]]))[:, None]
+        moved = _integral(_integral(changes, h), h)
         light = 1 / np.sqrt(interval.last.masses)
         moved = np.abs(moved).max(axis=0, initial=0.0) * light[carried.i[matters]] * light[carried.j[matters]]
         found = np.abs(changes[1:-1]) * both[matters]
@@ -236,6 +237,11 @@ class LateReadings:
         carried = self._tangents.carried_near(t)
         np.subtract.at(off, carried.i, carried.by @ self._moving[row] * dq[carried.j])
         return off
+
+
+def _integral(x: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """Integral of rows x from 0 on, over steps h in time, by trapezoids."""
+    return np.concatenate([0 * x[:1], np.cumsum(h * (x[1:] + x[:-1]) / 2, axis=0)])
 
 
 NOTE = (

@@ -14,6 +14,7 @@ from ...estimates.mechanism_feedback import GROWN
 from ...estimates.time_step_error import TimeStep, TimeStepError
 from ...online.run_messages import changed
 from ..derivatives.linearisation import Tangents
+from .kept_equations import KeptEquations
 from .stored_residuals import StoredResiduals
 
 INCREMENTS = "no estimate of the error by time steps: rotations of Lie group nodes have no rates that are velocities"
@@ -31,7 +32,7 @@ class StepErrors:
     """Errors by time steps along a run; where they end, the run and its bounds go on.
 
     residuals : of states between samples, None: they are left out. holds_rates : whether the solver keeps the rates
-    of constraints zero and lets their positions drift (index 2).
+    of constraints zero and lets their positions drift (index 2). equations : of an mbs that may be changed, or None.
 
     Attributes
     ----------
@@ -39,8 +40,15 @@ class StepErrors:
     said of them, once.
     """
 
-    def __init__(self, tangents: Tangents, residuals: StoredResiduals | None, holds_rates: bool):
+    def __init__(
+        self,
+        tangents: Tangents,
+        residuals: StoredResiduals | None,
+        holds_rates: bool,
+        equations: KeptEquations | None = None,
+    ):
         self._tangents, self._residuals, self.holds_rates = tangents, residuals, holds_rates
+        self._equations = equations
         self._error: TimeStepError | None = None
         self.found: TimeStep | None = None
         self.notes: list[str] = []
@@ -58,6 +66,8 @@ class StepErrors:
 
     def begin(self, mbs: Any, rows: Sequence[np.ndarray]) -> None:
         """Take rows that follow; steps are to go through."""
+        if self._equations is not None:
+            self.notes += self._equations.broken(self._tangents, mbs, *rows)
         self._do(lambda error: self._begin(error, mbs, rows))
 
     def _begin(self, error: TimeStepError, mbs: Any, rows: Sequence[np.ndarray]) -> None:

@@ -67,7 +67,7 @@ class MovingSubject:
         self.enriched: EnrichedBody | None = None
         self.more: Callable[[int], EnrichedBody] | None = None  # of "auto": with so many vectors, or all
         self.columns, self._motion = np.zeros(0, dtype=int), PrescribedMotion()
-        self._signature: tuple = ()
+        self._signature = self._before = ()  # of this solve; what was made for one before: a static one, most often
         self._body: ElasticBody | None = None
 
     def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
@@ -83,21 +83,25 @@ class MovingSubject:
         support = support if static else self._motion.taken(mbs, model, support, body, self._wanted)
         columns = np.concatenate([node_coordinates(mbs, node) for node in model.nodes])
         scope = self._find_scope(mbs, model, actions, support, static, attached, others)
-        signature = (model.V.tobytes(), id(body), support, scope, *actions.signature())
+        signature = (model.V.tobytes(), id(body), support, scope, self._sensors, *actions.signature())
         if signature != self._signature:
-            self._signature = ()  # until all of what follows was done
-            terms = InputTerms(actions, support, self._flex, model.V)
-            scene = self._scene(model, actions, terms, reference, support, scope)
-            scene = self._enriched_scene(scene, scope, body, model, actions, support, columns, terms)
-            offline = self._prepare(body, model, terms, scene)
-            self._sampler, self._signature = Sampler.of(model.frame, actions, terms, offline), signature
-        else:  # functions of time may be other ones
-            self._sampler = replace(self._sampler, actions=actions)
-            if self.enriched is not None:
-                self.enriched.use(actions)
+            now = (self._signature, self._sampler, self.enriched, self.more) if self._signature else ()
+            before, self._before, self._signature = self._before, now, ()  # until all of what follows was done
+            if before and before[0] == signature:
+                _, self._sampler, self.enriched, self.more = before
+            else:
+                terms = InputTerms(actions, support, self._flex, model.V)
+                scene = self._scene(model, actions, terms, reference, support, scope)
+                scene = self._enriched_scene(scene, scope, body, model, actions, support, columns, terms)
+                offline = self._prepare(body, model, terms, scene)
+                self._sampler = Sampler.of(model.frame, actions, terms, offline)
+            self._signature = signature
+        self._sampler = replace(self._sampler, actions=actions)  # functions of time may be other ones
+        if self.enriched is not None:
+            self.enriched.use(actions)
         self.columns, self._model = columns, model
         self._now = mbs.systemData.GetODE2Coordinates()[columns][: model.frame.size]
-        self.floor = self._weight(mbs)
+        self.floor = self._sampler.weight(model.V.T @ translations(self._flex.mass))
         return self._sampler.offline
 
     @property
@@ -117,6 +121,7 @@ class MovingSubject:
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""
         self._use([*self._options.outputs, *outputs])
+        self._signature = self._before = ()
 
     def _enriched_scene(self, scene: Scene, scope: Found, body, model, actions, support, columns, terms) -> Scene:
         """Make the body with vectors if the mechanism answers its errors; return the scene, which says so."""
@@ -159,12 +164,6 @@ class MovingSubject:
     def _use(self, outputs: Sequence[Output]) -> None:
         self._options = replace(self._options, outputs=outputs)
         self._wanted = replace(self._wanted, options=self._options)
-        self._signature = ()
-
-    def _weight(self, mbs: Any) -> float:
-        """Largest entry of V^T M e_j times the size of gravity at the start: terms that may cancel in free fall."""
-        gravity = self._sampler.actions.sizes_of_gravity()
-        return float(np.max(np.abs(self._model.V.T @ translations(self._flex.mass)) @ gravity, initial=0.0))
 
     def first(self, t: float, *states: np.ndarray, may_be_late: bool = False) -> tuple | None:
         """Return q, q_t, q_tt, u and the frame of a run's first sample; None if its accelerations are not set.

@@ -14,6 +14,7 @@ from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
 from ..access.mbs_items import has_dampers, scheme_of, share_of
 from ..derivatives.linearisation import Tangents
+from ..mechanism.kept_equations import KeptEquations
 from ..mechanism.late_readings import LateReadings
 from ..mechanism.more_vectors import MoreVectors
 from ..mechanism.step_errors import StepErrors
@@ -37,7 +38,7 @@ class Mechanism:
 
     Attributes
     ----------
-    tangents : what auxiliary vectors react through; None if no body has such.
+    tangents : what auxiliary vectors react through; None if no body has such. equations : set by begin.
     """
 
     tangents: Tangents | None = None
@@ -51,12 +52,13 @@ class Mechanism:
         self._failure: Exception | None = None  # of the tangent
         self._at_hand: tuple = (None, None)  # while rows are evaluated: the mbs, their multipliers
 
-    def begin(self, mbs: Any) -> None:
-        """A solve begins, and the watches have read the mbs."""
+    def begin(self, mbs: Any, may_change: bool = False) -> None:
+        """A solve begins, and the watches have read the mbs; may_change: by a PostStep function, along the run."""
+        self.equations = KeptEquations(mbs, may_change)
         self._coupled = [watch for watch in self._watches if watch.is_coupled]
         self._check_others(self._watches)
         self._first_steps = FirstSteps(scheme_of(mbs), None, has_dampers(mbs))
-        self._partners = self._coupled or [w for w in self._watches if w.is_frozen and w.enriched is not None]
+        self._partners = self._coupled or [x for x in self._watches if x.is_frozen and x.enriched is not None]
         if self._coupled:
             self._together(self._prepare, mbs)
         elif self._partners:
@@ -162,8 +164,8 @@ class Mechanism:
     def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, with_sensors: bool) -> Reaction:
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         first = FirstSteps(scheme, None if holds_rates else share_of(mbs), self._first_steps.damped)
-        steps = Feedback(scheme), first, self.tangents, StepErrors(self.tangents, residuals, holds_rates)
-        return Reaction(self._partners, *steps, self._sensors if with_sensors else ())
+        steps = first, self.tangents, StepErrors(self.tangents, residuals, holds_rates, self.equations)
+        return Reaction(self._partners, Feedback(scheme), *steps, self._sensors if with_sensors else ())
 
     def _prepare_estimates(self, mbs: Any) -> None:
         require_vectors(self._watches)
@@ -219,16 +221,14 @@ class Mechanism:
         except Exception as error:
             self._fail(error)
 
-    def _react(self, work: Callable, rows: tuple[np.ndarray, ...], *check: Any) -> None:
+    def _react(self, work: Callable, rows: tuple[np.ndarray, ...], check: Callable, known: Any) -> None:
         """Go on with the reaction: as what bounds need, or for the sake of estimates alone."""
         if self._coupled:
             self._together(work, rows)
         elif self._reaction is not None:
-            self._estimate(self._checked, work, rows, *check)
-
-    def _checked(self, work: Callable, rows: tuple, check: Callable, known: Any) -> None:
-        check(self._partners, known)
-        work(rows)
+            self._estimate(check, self._partners, known)
+            if self._reaction is not None:
+                self._estimate(work, rows)
 
     def _estimate(self, work: Callable, *arguments: Any) -> None:
         """Do what estimates alone need."""

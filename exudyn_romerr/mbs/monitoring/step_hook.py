@@ -39,20 +39,18 @@ TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines
 class StepHook:
     """Dispatcher installed as PostStep function of an mbs, and found there by every further monitor.
 
-    Each call of `step` stores one accepted step. A full block, a new solve or a question (flush) hands the
-    rows to the watches. The user's function is called after the step was stored, and its return value is
-    passed on.
+    `step` stores one accepted step at each call. A full block, a new solve or a question (flush) hands rows to the
+    watches. The user's function is called after the step was stored, and its return value is passed on.
     """
 
     def __init__(self, mbs: Any, user: Callable | None):
-        self.user = user
+        self.user, self._verbose, self._static_solver = user, False, None
         self.watches: list[Watch] = []
         self.sensors: list[OtherSensors] = []  # on no flexible body
         self._mechanism = Mechanism([])
         self.step, self._drain, self._hurry = gatherer(mbs, self)
         self._occupant: Callable = self.step
-        self._static_solver: Any = None
-        self._verbose = False
+        self._arrays: tuple = ()
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
         self.end = np.inf  # of the solve, if tangents are to be read in its last block
 
@@ -63,11 +61,10 @@ class StepHook:
         at_once = False
         with self._run_goes_on(), no_step_is_made():
             at_once = self._begin(mbs)
-        # glibc gives back to the system what blocks free, and asking for it again takes a third of their time; not so
-        # once it has seen a piece come and go that is as large; nothing is ever written into this one
+        # glibc gives back what blocks free, and asking again takes a third of their time; not so once it has seen a
+        # piece come and go that is as large; nothing is ever written into this one
         np.empty(FREED)
-        system = mbs.systemData
-        return self._new_arrays(system.ODE2Size(), len(system.GetAECoordinates()), at_once)
+        return self._rows(mbs.systemData, at_once)
 
     def _begin(self, mbs: Any) -> bool:
         """Read the mbs; return whether each step is to be evaluated at once."""
@@ -83,12 +80,10 @@ class StepHook:
                 watch.begin(mbs, static is not None, self.attached, others)
         self._mbs = weakref.ref(mbs)
         self._mechanism = Mechanism(self.watches, self._mechanism, self.sensors)
-        self._mechanism.begin(mbs)
+        self._mechanism.begin(mbs, self.user is not None or self._occupant is not self.step)
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
-        return (
-            static is not None
-        )  # load steps are few, and loads may be changed before the next solve asks for a block
+        return static is not None  # load steps are few, and loads may change before the next solve asks for a block
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
@@ -162,13 +157,14 @@ class StepHook:
         """Read the tangent now; return after how many steps it is to be read again."""
         return self._mechanism.read_tangent(mbs, t)
 
-    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
-        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
+    def call_user(self, mbs: Any, t: float, go_on: bool, *row: np.ndarray) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped; row: q, q_t."""
         result = self.user(mbs, t)
-        if not result:
-            for watch in self.watches:
-                why = f"the PostStep function returned {result!r}; it must return True to go on"
-                watch.note(f"stopped at t = {t:g}: {why}")
+        if self.has_tangents:
+            self._mechanism.equations.compare(mbs, t, *row)
+        for watch in () if result else self.watches:
+            why = f"the PostStep function returned {result!r}; it must return True to go on"
+            watch.note(f"stopped at t = {t:g}: {why}")
         return result if go_on else False
 
     def check(self, watch: Watch, user: Callable | None) -> None:
@@ -187,10 +183,14 @@ class StepHook:
         """Whether Exudyn calls this hook: directly, or through a function that did so in the last solve."""
         return slot_function(mbs) is self._occupant
 
-    def _new_arrays(self, size: int, multipliers: int, at_once: bool) -> tuple[np.ndarray, ...]:
-        width = max((watch.width for watch in self.watches), default=CACHED)
+    def _rows(self, system: Any, at_once: bool) -> tuple[np.ndarray, ...]:
+        size, width = system.ODE2Size(), max((watch.width for watch in self.watches), default=CACHED)
         rows = 1 if at_once else block_rows(size, self.has_tangents, width)
-        return np.empty(rows), *(np.empty((rows, width)) for width in (size, size, size, multipliers))
+        shapes = [(rows,), *((rows, n) for n in (size, size, size, len(system.GetAECoordinates())))]
+        # those of the solve before, which watches copy from: fresh memory costs half of what storing in it does
+        if self.has_tangents or [x.shape for x in self._arrays] != shapes:
+            self._arrays = tuple(map(np.empty, shapes))
+        return self._arrays
 
 
 def _frozen(watches: Sequence[Watch]) -> str:

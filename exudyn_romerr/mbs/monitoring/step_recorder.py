@@ -37,8 +37,8 @@ class StepReceiver(Protocol):
     def goes_on(self) -> float:
         """Take the rows stored so far; return how many may be stored before they are, 0 to stop the solve."""
 
-    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
-        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
+    def call_user(self, mbs: Any, t: float, go_on: bool, *row: np.ndarray) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped; row: q, q_t."""
 
 
 def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable]:
@@ -63,6 +63,7 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
             times, q, q_t, q_tt, multipliers = hook.begin(mbs)
             due, end = int(hook.has_tangents), hook.end
             room = 1  # the first row is evaluated at once: what is wrong shows before the first step
+        row = i  # stays while blocks are evaluated
         times[i] = t
         q[i] = read_q()
         q_t[i] = read_q_t()
@@ -77,11 +78,11 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
                 room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
         go_on = True
         if i == room:
-            room = min(hook.goes_on(), len(times))
+            room = int(min(hook.goes_on(), len(times)))
             go_on = room > 0
         elif t >= end:
             hook.flush()  # while the mbs is what it was
-        return go_on if hook.user is None else hook.call_user(mbs, t, go_on)
+        return go_on if hook.user is None else hook.call_user(mbs, t, go_on, q[row], q_t[row])
 
     def drain() -> tuple:
         nonlocal i

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..estimate_wording import estimated_under
-from ..wording import bound_column, under
+from ..wording import bound_column, check_name, under
 from .atomic_write import write_whole
 
 if TYPE_CHECKING:
@@ -108,7 +108,8 @@ def _series(out: OutputData, scope: dict[str, str]) -> Iterator[tuple[str, np.nd
         yield f"estimate{condition}", out.estimate
         yield f"uncertainty{condition}", out.uncertainty
         yield from ((f"estimate {cause}{condition}", x) for cause, x in out.estimate_parts.items())
-        yield from ((f"uncertainty {check}{condition}", x) for check, x in out.uncertainty_parts.items())
+        checks = [(check_name(check, doubts), x) for check, x in out.uncertainty_parts.items()]
+        yield from ((f"uncertainty {check}{condition}", x) for check, x in checks)
     yield "round-off", out.round_off
     if out.error is not None:
         yield "true error", out.error

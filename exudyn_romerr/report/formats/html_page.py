@@ -10,11 +10,12 @@ import numpy as np
 
 from ..estimate_wording import estimated_under, known, off_by
 from ..overview import overview
-from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, cures_of
+from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
 from ..verdict import sentence
 from ..wording import (
     advises,
     best_estimator,
+    check_name,
     corrected_within,
     digits,
     instant,
@@ -113,7 +114,7 @@ def _verdicts(report: ReportData) -> Iterator[str]:
 
 def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
     best = best_estimator(out, row, report.scope)
-    certain = f", {not_certified(out.uncertified)}: {cures_of(out.uncertified)}" if out.uncertified else ""
+    certain = f", {not_certified(out.uncertified)}" if out.uncertified else ""
     if np.isfinite(np.max(out.bound["best"][:, row])):
         yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
     else:
@@ -137,7 +138,7 @@ def _scope(report: ReportData) -> Iterator[str]:
         yield paragraph(f"Why: {report.scope_reason}.")
     if report.uncertified:
         yield paragraph("No bound of this run is certified:")
-        yield items(f"{doubt.cause}: {doubt.cure}" for doubt in report.uncertified)
+        yield items(remedies(report.uncertified))
     has_estimates = any(out.estimate is not None for out in report.outputs.values())
     yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
@@ -185,7 +186,9 @@ def _output_row(report: ReportData, out: OutputData, row: int, name: str, estima
 
 def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> list[str]:
     parts, checks = (
-        "\n".join(f"{key} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items())
+        "\n".join(
+            f"{check_name(key, out.uncertified)} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items()
+        )
         for found in (out.estimate_parts, out.uncertainty_parts)
     )
     size, half = np.abs(out.estimate[:, row]), np.max(out.uncertainty[:, row])

@@ -85,7 +85,8 @@ def test_derivatives_are_those_of_the_forces(unit):
     def by(value):
         return np.array([value(dq) - value(-dq) for dq in steps]) / (2 * STEP)
 
-    K, D = own.tangent(q, q_t, q_tt)
+    M, D, K = own.tangent(q, q_t, q_tt)
+    np.testing.assert_array_equal(M, own.mass(q))
     wanted = by(lambda dq: own.force(q + dq, q_t, q_tt)).T, by(lambda dq: own.force(q, q_t + dq, q_tt)).T
     for found, truth in zip((K, D), wanted, strict=True):
         check(found, truth, DIFFERENCES, of=np.maximum(np.abs(truth), np.abs(truth).max() * 1e-3))

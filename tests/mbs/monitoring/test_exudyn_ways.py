@@ -317,7 +317,10 @@ def test_bands_that_would_be_wrong_are_refused(name, bar):
 @pytest.mark.parametrize(("mode", "lines"), [(0, 0), (1, 0), (2, 11)])
 @pytest.mark.parametrize("kind", ["timeIntegration", "staticSolver"])
 def test_lines_only_where_all_steps_are_told(mode, lines, kind, capfd):
-    """With verboseMode = 2: at every evaluation, here when sensors are written."""
+    """With verboseMode = 2: at every evaluation, here when sensors are written.
+
+    Loads that are functions of time leave a static solve out of balance, which lines say.
+    """
     mbs, monitor, _ = chain()
     ss = written(60, 0.01)
     getattr(ss, kind).verboseMode = mode
@@ -326,10 +329,11 @@ def test_lines_only_where_all_steps_are_told(mode, lines, kind, capfd):
     exu.Print("end")
     told = [line for line in capfd.readouterr().out.splitlines() if line.startswith("error bounds at t = ")]
     assert len(told) == lines
+    condition = ", not certified" if kind == "staticSolver" else ""
     for line in told[-1:]:
         last = {out.name: out.bound["best"][-1].max() for out in monitor.report().outputs.values()}
         assert line == f"error bounds at t = {monitor.report().t[-1]:g}: " + ", ".join(
-            f"{name} {rounded_up(bound)} m" for name, bound in last.items()
+            f"{name} {rounded_up(bound)} m{condition}" for name, bound in last.items()
         )
 
 

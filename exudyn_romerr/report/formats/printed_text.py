@@ -1,0 +1,79 @@
+"""What print(report) shows: each thing once, on a screen; and all there is to say, row by row."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..advice import advice
+from ..estimate_wording import covers_time, off_by
+from ..overview import aligned, next_steps, short_table
+from ..scope import FROZEN, NOT_CERTIFIED
+from ..verdict import row_verdict
+from ..wording import (
+    AS_IN_THIS_RUN,
+    NOT_THE_MECHANISM,
+    SAMPLED,
+    advises,
+    corrected_within,
+    digits,
+    outside,
+    widest_scope,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from ..data import OutputData, ReportData
+
+MORE = "every row, with parts and corrected output: print(report.details)"
+
+
+def summary(report: ReportData, scope_lines: Sequence[str]) -> str:
+    """Return the text of a report of several outputs, all rows of one together.
+
+    scope_lines : what the bounds cover.
+    """
+    told = [line for out in report.outputs.values() for line in _compared(out, report.time, f"{out.name}: ")]
+    steps = [*next_steps(report), *told, MORE]
+    if widest_scope(report.scope) == FROZEN:
+        steps.append(f"! all of it {AS_IN_THIS_RUN}: {NOT_THE_MECHANISM}")
+    return "\n".join([_extent(report), *aligned(short_table(report)), *steps, *_messages(report), *scope_lines])
+
+
+def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
+    """Return a line for every row of every output, advice, corrected outputs; estimator_lines : of the whole body."""
+    lines = [_extent(report), *_messages(report)]
+    for out in report.outputs.values():
+        lines += [row_verdict(out, row, report.time, report.scope) for row in range(out.value.shape[1])]
+        if advises(report):
+            lines.append(f"  {advice(out, report.time, report.scope)}")
+        if out.corrected is not None:
+            lines.append(f"  {corrected_within(out, out.corrected_bound, report.scope)}")
+        lines += _compared(out, report.time, "  ")
+    return "\n".join([*lines, *estimator_lines])
+
+
+def _extent(report: ReportData) -> str:
+    axis = "load factor" if report.time == "static" else "t / s"
+    return f"bounds at {len(report.t)} instants, {axis} = {report.t[0]:g} .. {report.t[-1]:g}"
+
+
+def _messages(report: ReportData) -> Iterator[str]:
+    yield from (f"! {message}" for message in report.messages)
+    if report.time == "sampled":
+        outputs = report.outputs.values()
+        only_bounds = any(out.estimate is not None and covers_time(out, report.time) for out in outputs)
+        yield f"! {'bounds: ' if only_bounds else ''}{SAMPLED}"
+
+
+def _compared(out: OutputData, time: str, begin: str) -> Iterator[str]:
+    """What a truth says that was compared."""
+    if not out.effectivity:
+        return
+    ratios = ", ".join(f"{e} {digits(np.max(x))}" for e, x in out.effectivity.items() if e != "best")
+    off = "" if out.estimate is None else f"; {off_by(out)}"
+    bound = f"bound ({NOT_CERTIFIED})" if out.uncertified else "bound"
+    yield f"{begin}true error up to {digits(np.max(np.abs(out.error)))} {out.unit}; {bound} / error: {ratios}{off}"
+    yield from (f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row, time)))

@@ -1,0 +1,378 @@
+"""Runs that are not certified: no format says "at most" of them, and each says why, for every cause that there is."""
+
+import json
+import pickle
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from exudyn_romerr.mbs.monitoring.live_output import live_line
+from exudyn_romerr.mbs.studies.two_level import LevelOutput
+from exudyn_romerr.mode_selection.modal_forecast import Forecast
+from exudyn_romerr.mode_selection.mode_choice import ModeChoice
+from exudyn_romerr.mode_selection.tried_run import TriedRun
+from exudyn_romerr.online import run_messages
+from exudyn_romerr.online.initial_condition import begins_late
+from exudyn_romerr.online.run_messages import doubts_of
+from exudyn_romerr.online.run_record import SolverFacts
+from exudyn_romerr.online.tolerance_check import ToleranceCheck
+from exudyn_romerr.report.data import NodeFields
+from exudyn_romerr.report.formats import html_page
+from exudyn_romerr.report.mechanism_report import joined
+from exudyn_romerr.report.overview import overview
+from exudyn_romerr.report.plots.body_surface import draw_body
+from exudyn_romerr.report.plots.over_time import draw_bounds, draw_causes, draw_signal
+from exudyn_romerr.report.plots.panels import plot_causes, plot_report
+from exudyn_romerr.report.plots.style import new_figure, picture
+from exudyn_romerr.report.scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES, with_doubts
+from exudyn_romerr.report.verdict import row_verdict
+from exudyn_romerr.sweeps.collect import text_of
+from tests.helpers.theorem import random_case
+from tests.report.test_assessment import INFINITE, VAGUE
+from tests.report.test_verdict import output
+
+MISSED = SimpleNamespace(
+    offline=SimpleNamespace(scene=SimpleNamespace(checked=True, coupled=True), samples_precision=0.0),
+    solver=SolverFacts(),
+    messages=[],
+    balance=SimpleNamespace(worst_mode=2),
+    defect=0.01,
+)
+DOUBTS = {
+    "goes on": run_messages.BEGUN_ANEW,
+    "starts with dampers": run_messages.STARTS_DAMPED,
+    "starts with a radius near 0": run_messages.STARTS_ROUGHLY,
+    "solver not kept": run_messages.UNKNOWN_SCHEME,
+    "mbs changed": run_messages.changed("parameters"),
+    "begins late": begins_late(0.1),
+    "nothing to check": run_messages.UNCHECKED,
+    "not balanced": doubts_of(MISSED)[0],
+}
+CLAIM = re.compile(r"at most|bounded by|<= \d|within \d|error bound|\bbound \d")
+PROMISES = re.compile(r"at most")
+SHOWN = dict.fromkeys(("energy", "auxiliary"), np.array([1.0, 2.0, 0.5, 3.0]))
+POSITIONS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """Of a chain with two displacement rows and two velocity rows; a tolerance, a truth and bounds at nodes."""
+    case = random_case(1, steps=40)
+    report = case.report(estimators=("energy", "auxiliary"), auxiliary_modes=2)
+    moved = {e: np.zeros((4, 3)) for e in SHOWN}
+    report.nodes = NodeFields(SHOWN, {}, moved, dict.fromkeys(SHOWN, 0.0), POSITIONS)
+    report.compare("y", report.t, case.full[0] @ case.C.T)
+    return report
+
+
+def doubted(report, *doubts, scope=None):
+    """The same, not certified."""
+    outputs = {name: replace(out, uncertified=doubts) for name, out in report.outputs.items()}
+    scope = dict.fromkeys(report.scope, scope or "complete")
+    return replace(
+        report,
+        outputs=outputs,
+        uncertified=doubts,
+        scope=scope,
+        scope_reason=with_doubts("", doubts),
+        messages=[*doubts],
+    )
+
+
+def printed(report, folder):
+    return str(report)
+
+
+def loaded(report, folder):
+    report.save(folder / "run.npz")
+    return str(romerr.load_report(folder / "run.npz"))
+
+
+def unpickled(report, folder):
+    return str(pickle.loads(pickle.dumps(report)))
+
+
+def in_html(report, folder):
+    page = re.sub(r'src="[^"]*"', "", html_page.page(report))
+    return re.sub(r"<[^>]*>", "", page.replace("</p>\n<p", "</p> <p")).replace("&#x27;", "'").replace("&lt;", "<")
+
+
+def told(report, folder):
+    """Verdicts, advice and reasons that a user's script asks for."""
+    lines = [line for out in report.outputs.values() for line in out.verdict(report.time, report.scope)]
+    lines += [out.advice(report.time, report.scope) for out in report.outputs.values()]
+    return "\n".join([*lines, *map(report.reason, report.scope)])
+
+
+def assessed(report, folder):
+    return "\n".join(str(report.assess(name, 1e9)) for name in report.outputs)
+
+
+def chosen(report, folder, allowed=2.0):
+    out = report.output("y")
+    size = float(np.max(out.bound["best"]))
+    forecast = Forecast((0, 1), np.full((1, 1), size), np.zeros((1, 1)), np.zeros((2, 1, 1)))
+    run = TriedRun((0, 1), None, {"y": allowed * size}, (report,), {"y": forecast}, False)
+    return str(ModeChoice(run, (run,), None, None))
+
+
+def of_two_levels(report, folder):
+    out, kinds = report.output("y"), ("error", "error")
+    known = ("y", "m", out.value, out.value, out.bound["best"], next(iter(report.scope.values())))
+    return str(LevelOutput(*known, out.estimate, out.uncertainty, "bound", kinds, out.uncertified))
+
+
+TEXTS = [printed, loaded, unpickled, in_html, told, assessed, of_two_levels]
+
+
+@pytest.mark.parametrize("scope", SCOPES)
+@pytest.mark.parametrize("cause", DOUBTS)
+@pytest.mark.parametrize("text", TEXTS, ids=lambda f: f.__name__)
+def test_every_text_says_why_and_nothing_is_promised(plain, text, cause, scope, tmp_path, monkeypatch):
+    monkeypatch.setattr(html_page, "figures", lambda report: ())
+    said = text(doubted(plain, DOUBTS[cause], scope=scope), tmp_path)
+    assert not PROMISES.search(said)
+    assert DOUBTS[cause].cause in said
+    claims = [line for line in said.splitlines() if CLAIM.search(line)]
+    assert all(NOT_CERTIFIED in line or "certified: " in line for line in claims)
+    certain = text(doubted(plain, scope=scope), tmp_path)
+    assert NOT_CERTIFIED not in certain
+    assert text is assessed or CLAIM.search(certain)
+
+
+@pytest.mark.parametrize("cause", DOUBTS)
+def test_assessments_name_cause_and_cure(plain, cause):
+    doubt = DOUBTS[cause]
+    found = doubted(plain, doubt).assess("y", 1e9)
+    assert plain.assess("y", 1e9).answer != "unknown"
+    assert found.answer == "unknown"
+    assert f"({doubt.cause}): {doubt.cure}." in found.text
+    assert "balance" not in found.text or cause == "not balanced"
+
+
+@pytest.mark.parametrize("cause", DOUBTS)
+def test_messages_are_made_of_doubts(cause):
+    doubt = DOUBTS[cause]
+    assert doubt == f"{doubt.said}. No bound of this run is certified: {doubt.cure}"
+    assert doubt.cause != doubt.cure
+    assert len(doubt.cause) < 80  # it stands in the sentence of every row
+
+
+def test_one_cause_that_shows_often_is_told_once(plain):
+    """As a mbs that was changed shows in every block of steps: a message each, one line in what bounds cover."""
+    often = [run_messages.changed(f"parameters at t = {t} s") for t in range(3)]
+    text = str(doubted(plain, *often))
+    assert text.count("No bound of this run is certified") == 3
+    assert sum(line.startswith(f"  {NOT_CERTIFIED}: ") for line in text.splitlines()) == 1
+    assert f"({NOT_CERTIFIED}: {often[0].cause})" in text
+
+
+def test_table_of_outputs_has_the_cure(plain):
+    report = doubted(plain, DOUBTS["mbs changed"], scope=COUPLED)
+    head, *lines = overview(report)
+    assert head[3].endswith("bound")
+    assert all(line[-1] == DOUBTS["mbs changed"].cure for line in lines)
+    assert all(" ".join(line).count(NOT_CERTIFIED) == 2 for line in lines)  # beside the bound, and the scope
+    head, todo = str(report).splitlines()[1:5:3]
+    assert head.endswith("bound, to first order, not certified")  # of all outputs
+    assert todo == f"next step: {DOUBTS['mbs changed'].cure}"
+
+
+def is_claimed(column):
+    return "bound" in column or "proved" in column
+
+
+@pytest.mark.parametrize("scope", SCOPES)
+def test_columns_say_so(plain, scope, tmp_path):
+    """CSV, pandas, and the tables of sweeps: names of bounds, and of nothing else."""
+    report = doubted(plain, DOUBTS["goes on"], scope=scope)
+    report.to_csv(tmp_path / "run.csv")
+    with open(tmp_path / "run.csv", encoding="utf-8") as file:
+        assert file.readline().count(NOT_CERTIFIED) == sum(map(is_claimed, report.to_dict()))
+    assert all(is_claimed(name) == (NOT_CERTIFIED in name) for name in report.to_dict())
+    assert not any(NOT_CERTIFIED in name for name in doubted(plain, scope=scope).to_dict())
+
+
+def test_tables_of_sweeps_say_so(plain, tmp_path):
+    doubtful, kinds = doubted(plain, DOUBTS["goes on"]), []
+    for report in (doubtful, plain):
+        folder = tmp_path / str(len(kinds))
+        romerr.sweep(lambda p, report=report: report, {"n": [1]}, folder=folder)
+        kinds.append(text_of(folder))
+    assert NOT_CERTIFIED in kinds[0]
+    assert NOT_CERTIFIED not in kinds[1]
+
+
+def texts_of(figure):
+    """Everything that a picture says."""
+    figure.draw_without_rendering()
+    found = [text.get_text() for ax in figure.axes for text in (ax.title, ax.xaxis.label, ax.yaxis.label)]
+    legends = [ax.get_legend() for ax in figure.axes]
+    found += [text.get_text() for one in legends if one is not None for text in one.get_texts()]
+    return [*found, figure.get_suptitle()]
+
+
+@pytest.mark.parametrize("scope", SCOPES)
+@pytest.mark.parametrize("draw", [draw_signal, draw_bounds, draw_causes], ids=lambda f: f.__name__)
+def test_pictures_say_so(plain, draw, scope):
+    """Legend and title, where they have a bound."""
+    report = doubted(plain, DOUBTS["goes on"], scope=scope)
+    found = [text.replace("\n", " ") for text in texts_of(picture(draw, None, report, "y"))]
+    assert not any(PROMISES.search(text) for text in found)
+    bounds = [text for text in found if re.search(r"\bbounds?\b", text) and "share of the" not in text]
+    assert bounds
+    assert all(NOT_CERTIFIED in text for text in bounds)
+    certain = texts_of(picture(draw, None, doubted(plain, scope=scope), "y"))
+    assert not any(NOT_CERTIFIED in text for text in certain)
+
+
+@pytest.mark.parametrize("plot", [plot_report, plot_causes])
+def test_pictures_of_several_outputs_say_why(plain, plot):
+    doubt = DOUBTS["goes on"]
+    assert f"not certified: {doubt.cause}" in plot(doubted(plain, doubt)).get_suptitle().replace("\n", " ")
+    assert NOT_CERTIFIED not in plot(doubted(plain)).get_suptitle()
+
+
+def test_a_body_s_picture_and_file_say_so(plain, tmp_path):
+    doubt = DOUBTS["goes on"]
+    report = doubted(plain, doubt)
+    figure = picture(draw_body, None, report, (POSITIONS, None), projection="3d")
+    title, label = figure.axes[0].get_title().replace("\n", " "), figure.axes[1].get_ylabel()
+    assert f"bounded by 3 m (not certified: {doubt.cause})" in title
+    assert "bound (not certified) of the" in label
+    report.to_vtu(tmp_path / "run.vtu")
+    assert 'Name="error bound, not certified"' in (tmp_path / "run.vtu").read_text(encoding="utf-8")
+
+
+def test_bands_on_existing_axes_say_so(plain):
+    ax = new_figure(4, 3).subplots()
+    ax.plot(plain.t, plain.output("y").value[:, 0])
+    (band,) = romerr.add_bands(ax, doubted(plain, DOUBTS["goes on"]), "y")
+    assert re.fullmatch(r"y row 1 ± bound up to \S+ m, not certified", band.get_label())
+
+
+def test_stresses_keep_it():
+    out = output(1.0, {"auxiliary": 1e-3}, {"auxiliary": "complete"}, uncertified=(DOUBTS["goes on"],))
+    for name in ("value", "round_off"):
+        setattr(out, name, np.tile(getattr(out, name), 6))
+    out.bound = {e: np.tile(x, 6) for e, x in out.bound.items()}
+    report = SimpleNamespace(output=lambda name: out, scope={"auxiliary": "complete"})
+    assert romerr.von_mises(report, "s").uncertified == (DOUBTS["goes on"],)
+
+
+class Bounded:
+    """A run with bounds that rise to 2; what may speak against them."""
+
+    offline = SimpleNamespace(scene=SimpleNamespace(checked=True, coupled=True, scope_of=lambda name: COUPLED))
+    offline.samples_precision, solver, partners, defect = 0.0, SolverFacts(), (), 0.0
+    times = np.array([0.0, 1.0])
+
+    def __init__(self, *messages):
+        self.messages = list(messages)
+
+    def doubts(self):
+        return doubts_of(self, self.partners)
+
+    def best_of_last(self, count):
+        return {"tip": np.array([[0.5], [2.0]])[-count:]}
+
+    def assumptions(self):
+        return {"energy": ""}
+
+
+def test_a_tolerance_that_stops_a_run_says_so():
+    (said,) = ToleranceCheck({"tip": 1.0}).exceeded(Bounded(DOUBTS["goes on"]))
+    assert said.endswith(f"2 > 1 (not certified: {DOUBTS['goes on'].cause})")
+    (said,) = ToleranceCheck({"tip": 1.0}).exceeded(Bounded("another message"))
+    assert said.endswith("2 > 1")
+
+
+def test_lines_in_the_solver_s_output_say_so():
+    def line(run):
+        out = SimpleNamespace(name="tip", unit="m")
+        watch = SimpleNamespace(run=run, runs=[run], subject=SimpleNamespace(outputs=[out]))
+        watch.bounded_until = lambda: 1.0
+        return live_line([watch], 1.0)
+
+    assert line(Bounded(DOUBTS["goes on"])) == "error bounds at t = 1: tip 2 m, to first order, not certified\n"
+    assert line(Bounded()) == "error bounds at t = 1: tip 2 m, to first order\n"
+
+
+# --- where doubts come from, and where they go ------------------------------
+
+
+def test_a_load_that_is_missed_on_one_body_concerns_all_whose_bounds_are_coupled():
+    (own,), (others,) = doubts_of(MISSED), doubts_of(Bounded(), [MISSED])
+    assert (others.cause, others.cure) == (own.cause, own.cure)
+    assert others.startswith("another body: Galerkin defect 1.0e-02 ")
+
+
+@pytest.mark.parametrize("coupled", [True, False])
+def test_a_mechanism_that_is_changed_concerns_coupled_bounds_alone(coupled):
+    run = Bounded(DOUBTS["mbs changed"])
+    run.offline = SimpleNamespace(scene=SimpleNamespace(checked=True, coupled=coupled), samples_precision=0.0)
+    assert bool(run.doubts()) == coupled
+    (noted,) = run_messages._noted(SimpleNamespace(messages=run.messages, doubts=run.doubts()))
+    assert ("No bound of this run is certified" in noted) == coupled
+
+
+def test_mechanisms_have_the_doubts_of_all_bodies(plain):
+    bodies = [doubted(plain, DOUBTS["goes on"]), doubted(plain, DOUBTS["goes on"], DOUBTS["begins late"])]
+    for i, body in enumerate(bodies):
+        body.outputs = {f"{name} {i}": replace(out, name=f"{name} {i}") for name, out in body.outputs.items()}
+    other = replace(plain.output("y"), name="of no body")
+    report = joined(bodies, [other], [])
+    assert set(report.uncertified) == {DOUBTS["goes on"], DOUBTS["begins late"]}
+    assert report.output("y 0").uncertified == (DOUBTS["goes on"],)
+    assert report.assess("of no body", 1e9).answer == "unknown"
+    assert not PROMISES.search(str(report))
+
+
+def test_files_keep_doubts(plain, tmp_path):
+    """Cause and cure of the report and of every output; one that is certified differs from one that is not."""
+    report = doubted(plain, DOUBTS["goes on"], DOUBTS["not balanced"])
+    report.outputs["v"].uncertified = ()
+    report.save(tmp_path / "run.npz")
+    again = romerr.load_report(tmp_path / "run.npz")
+    assert again.uncertified == report.uncertified
+    assert [(d.cause, d.cure, d.said) for d in again.uncertified] == [
+        (d.cause, d.cure, d.said) for d in report.uncertified
+    ]
+    assert again.output("y").uncertified == report.uncertified
+    assert again.output("v").uncertified == ()
+
+
+@pytest.mark.parametrize("certified", [True, False])
+def test_older_files_still_load(plain, certified, tmp_path):
+    """They said it in the reason of the scope only, and why in messages."""
+    report = replace(plain, scope_reason="loads follow" if certified else f"loads follow; {NOT_CERTIFIED}")
+    report.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as file:
+        arrays = {key: file[key] for key in file.files}
+    meta = json.loads(str(arrays.pop("meta")))
+    del meta["uncertified"], meta["uncertified_outputs"]
+    np.savez(tmp_path / "old.npz", meta=np.array(json.dumps(meta)), **arrays)
+    again = romerr.load_report(tmp_path / "old.npz")
+    assert [bool(again.uncertified), *(bool(o.uncertified) for o in again.outputs.values())] == [not certified] * 3
+    assert bool(PROMISES.search(str(again))) == certified
+    assert ("see the messages" in again.assess("y", 1e9).text) != certified
+
+
+def test_what_an_estimate_asks_for_is_not_told_where_something_else_helps():
+    """Steps as short as they may be mend no change of the mbs."""
+    for (out, scope), why in ((VAGUE, "smoother loads"), (INFINITE, "halve the step")):
+        assert why in row_verdict(out, 0, "sampled", scope)
+        assert why not in row_verdict(replace(out, uncertified=(DOUBTS["mbs changed"],)), 0, "sampled", scope)
+
+
+def test_choices_of_modes_say_so(plain, tmp_path):
+    report = doubted(plain, DOUBTS["goes on"], scope=FROZEN)
+    said = chosen(report, tmp_path)
+    assert f"its bounds (not certified: {DOUBTS['goes on'].cause}) are within the tolerance" in said
+    assert re.search(r" <= \S+ m, not certified, \(allowed", said)
+    assert NOT_CERTIFIED not in chosen(doubted(plain), tmp_path)
+    assert DOUBTS["goes on"].cure in chosen(report, tmp_path, allowed=0.5)
