@@ -9,6 +9,7 @@ import random
 from collections import deque
 from collections.abc import Iterable, Mapping
 from itertools import chain
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,19 +17,6 @@ import numpy as np
 from .kept_values import NUMBERS, spaces_of
 
 SIMPLE = frozenset(NUMBERS)
-# what gets its content back at once
-WHOLE = (
-    list,
-    tuple,
-    dict,
-    set,
-    deque,
-    bytearray,
-    np.ndarray,
-    random.Random,
-    np.random.RandomState,
-    np.random.Generator,
-)
 
 
 class Contents:
@@ -43,7 +31,9 @@ class Contents:
         self._value, self._items = value, None
         self._kind = tuple if isinstance(value, tuple) else type(value)
         self._spaces: list = [value] if self._kind is dict else []
-        if self._kind not in SIMPLE and id(value) not in held and not isinstance(value, WHOLE):
+        # of others, as exceptions, to ask for attributes alters how they are pickled
+        by_attributes = self._kind.__new__ is object.__new__ or self._kind is SimpleNamespace
+        if by_attributes and id(value) not in held:
             self._spaces = spaces_of(value)
         rows = [value] if self._kind in (list, tuple) else [space.values() for space in self._spaces]
         self._names = [[*space] for space in self._spaces]

@@ -180,6 +180,7 @@ WITHIN = {
     "dict": lambda rows: {"rows": rows, "name": "a"},
     "list": lambda rows: ["a", {1: (rows,)}],
     "attribute": Log,
+    "namespace": lambda rows: SimpleNamespace(rows=rows, last={"row": rows}),
     "tuple of a list": lambda rows: ([rows], 1),
     "named tuple": lambda rows: Pair([rows], "a"),
 }
@@ -219,12 +220,12 @@ def test_objects_within_others_are_put_back_themselves(kind, within):
         assert repr(rows) != before
     assert kept is held
     assert repr(rows) == before
-    where = {"itself": kept, "attribute": getattr(kept, "rows", None)}
+    where = {"itself": kept} | dict.fromkeys(("attribute", "namespace"), getattr(kept, "rows", None))
     if within not in where:
         where[within] = kept["rows"] if within == "dict" else kept[1][1][0] if within == "list" else kept[0][0]
     assert where[within] is rows
     assert all(x is y for x, y in zip(inner, rows, strict=False))
-    if within == "attribute":
+    if within in ("attribute", "namespace"):
         assert kept.last["row"] is rows
 
 
@@ -241,3 +242,15 @@ def test_what_is_in_itself_is_put_back():
     assert len(kept) == 2
     assert kept[1].keys() == {"all"}
     assert kept[1]["all"] is kept
+
+
+def test_to_look_changes_nothing():
+    """An exception whose attributes were asked for is pickled in another way than before."""
+    error = ValueError("mine")
+
+    def load():
+        return error
+
+    for _ in range(2):
+        with memory_kept(SimpleNamespace(variables={}, sys={}), [load]) as memory:
+            assert not memory.changed

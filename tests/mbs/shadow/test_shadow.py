@@ -187,7 +187,10 @@ def test_functions_that_keep_something_are_put_back_and_refused(watched):
 @pytest.mark.parametrize("fails", [False, True])
 def test_what_functions_begin_to_keep_is_put_back_and_refused(watched, fails):
     """At the end of a block, whatever ends it."""
-    mbs, shadow = watched.scene.mbs, made(watched)
+    mbs, before = watched.scene.mbs, watched.scene.mbs.GetLoad(1)["loadVectorUserFunction"]["function"]
+    mbs.SetLoadParameter(1, "loadVectorUserFunction", lambda mbs, t, v: [*before(mbs, t, v), mbs.variables][:3])
+    shadow = made(watched)
+    mbs.SetLoadParameter(1, "loadVectorUserFunction", before)
     mbs.variables["calls"] = 7
 
     def block():
