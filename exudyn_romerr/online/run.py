@@ -167,6 +167,10 @@ class Run:
         """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
         return self.balance.share(self.solver.floor)
 
+    def doubts(self) -> tuple[str, ...]:
+        """Return why no bound so far is certified, see report.scope.Doubt."""
+        return doubts_of(self, self.partners)
+
     @property
     def inputs(self) -> int:
         """Number of inputs."""
@@ -200,7 +204,7 @@ class Run:
             assumptions=self.assumptions(),
             nodes=self.node_fields,
             messages=tuple(self.messages),
-            doubts=doubts_of(self, self.partners),
+            doubts=self.doubts(),
             begins_late=self.begins_late,
             tolerances=self.tolerances,
             rounding_share=None if quintic is None else quintic.rounding_share,

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..report.wording import not_certified
-from .run_messages import doubts_of
 
 if TYPE_CHECKING:
     from .run import Run
@@ -39,7 +38,7 @@ class ToleranceCheck:
         best = run.best_of_last(len(t))
         shares = {name: np.max(best[name], axis=1, initial=0.0) / limit for name, limit in self._limits.items()}
         above = [(name, share) for name, share in shares.items() if not np.all(share <= 1)]
-        condition = not_certified(doubts_of(run, run.partners)) if above else ""
+        condition = not_certified(run.doubts()) if above else ""
         found = [f"{self._in_words(*one, t)}{condition and f' ({condition})'}" for one in above]
         self.room = 1 if found else self._next_room(shares)
         self._last = {name: share[-1] for name, share in shares.items()}

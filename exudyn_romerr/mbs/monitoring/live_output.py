@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from exudyn.itemInterface import SensorUserFunction
 
-from ...online.run_messages import doubts_of
 from ...report.wording import rounded_up, under
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ def condition_of(watch: Watch) -> str:
     """Return what must be said with the bounds of a watch: nothing where their scope is complete, and certified."""
     run = watch.run
     scope = {name: run.offline.scene.scope_of(name) for name in run.assumptions()}
-    return under(scope, doubts=doubts_of(run, run.partners))
+    return under(scope, doubts=run.doubts())
 
 
 def sensor_of(look: Callable[[], None], watch: Watch, out: Output, options: dict[str, Any]) -> SensorUserFunction:

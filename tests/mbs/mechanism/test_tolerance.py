@@ -65,6 +65,9 @@ class Rising:
     def best_of_last(self, count):
         return {"x": self._of(self.times[-count:])[:, None]}
 
+    def doubts(self):
+        return ()
+
 
 def made_until(of, steps):
     """What a check says, the step it says it at, and the number of calls until then."""
