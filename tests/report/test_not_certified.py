@@ -165,10 +165,11 @@ def test_messages_are_made_of_doubts(cause):
 def test_one_cause_that_shows_often_is_told_once(plain):
     """As a mbs that was changed shows in every block of steps: a message each, one line in what bounds cover."""
     often = [run_messages.changed(f"parameters at t = {t} s") for t in range(3)]
-    text = str(doubted(plain, *often))
-    assert text.count("No bound of this run is certified") == 3
-    assert sum(line.startswith(f"  {NOT_CERTIFIED}: ") for line in text.splitlines()) == 1
-    assert f"({NOT_CERTIFIED}: {often[0].cause})" in text
+    report = doubted(plain, *often)
+    for text in (str(report), report.details):
+        assert text.count("No bound of this run is certified") == 3
+        assert sum(line.startswith(f"  {NOT_CERTIFIED}: ") for line in text.splitlines()) == 1
+    assert f"({NOT_CERTIFIED}: {often[0].cause})" in report.details
 
 
 def test_table_of_outputs_has_the_cure(plain):

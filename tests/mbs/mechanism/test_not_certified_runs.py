@@ -106,11 +106,17 @@ def test_cause_and_cure_are_named(case):
 
 @pytest.mark.parametrize("case", CASES)
 def test_no_sentence_promises(case, tmp_path, monkeypatch):
-    """Printed, loaded again, in HTML, as columns."""
+    """Printed, in short and in rows, loaded again, in HTML, as columns."""
     report, cause = made(case), CASES[case][1].cause
     monkeypatch.setattr(html_page, "figures", lambda report: ())
     report.save(tmp_path / "run.npz")
-    texts = [str(report), str(romerr.load_report(tmp_path / "run.npz")), html_page.page(report)]
+    again = romerr.load_report(tmp_path / "run.npz")
+    assert str(report) == str(again)
+    if len(report.outputs) > 1:
+        assert "at most" not in str(report)
+        assert "not certified" in str(report).splitlines()[1]  # the head of the table
+        assert cause in str(report)
+    texts = [report.details, again.details, html_page.page(report)]
     for text in texts:
         assert "at most" not in text
         assert cause in text.replace("&#x27;", "'")
