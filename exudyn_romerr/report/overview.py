@@ -9,7 +9,19 @@ import numpy as np
 from .advice import advice, by_bound, next_step
 from .estimate_wording import about_all, estimated_kind, estimated_under
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
-from .wording import ENOUGH, RINGS, advises, digits, error_kind, percent, permitted, rounded_up, under, widest_scope
+from .wording import (
+    ENOUGH,
+    RINGS,
+    advises,
+    digits,
+    error_kind,
+    not_certified,
+    percent,
+    permitted,
+    rounded_up,
+    under,
+    widest_scope,
+)
 
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
@@ -83,7 +95,9 @@ def _line(report: ReportData, out: OutputData, columns: int) -> tuple[str, ...]:
 
 def _what_to_do(report: ReportData, out: OutputData) -> str:
     """The next step with its reason; that a tolerance stopped the run."""
-    if out.stopped is not None and not out.uncertified:
+    if out.uncertified:
+        return f"{cures_of(out.uncertified)} ({not_certified(out.uncertified)})"
+    if out.stopped is not None:
         return advice(out, report.time, report.scope)
     step = _step(report, out)
     if "enough" in step:
