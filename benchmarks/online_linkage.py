@@ -39,7 +39,7 @@ class Bare(pairs.Variant):
 
 
 class Storing(Bare):
-    """Three state reads and storing, the least that any hook must do."""
+    """Three state reads and storing, the least that a hook in Python must do."""
 
     label = "three state reads and storing only"
 

@@ -26,10 +26,10 @@ FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay
 AHEAD = PROVISIONAL
 BY_STEPS = ("time step", "steps", "linearisation", "loads", RINGING)
 # An error of phase is 2 A at most, A what rings. Where steps do not resolve it, its estimate x grows like A phi and
-# the check like A phi^2 / 2, without end; but then x is 2 A or more, and off by 2 x at most. Before, in a mode that
-# does not ring yet where x looks, A shows in the output: its fourth differences are 16 A where its sign alternates
-# (wh, h omega: 5, 0.8 of that; 2, a quarter).
-PHASE_LOST, ALTERNATES, ORDER = 2.0, 4.0, 4
+# the check like A phi^2 / 2, without end; but then x is 2 A or more, and off by 2 x at most. Where x does not see
+# what rings yet, A shows in the output: its fourth differences are 16 A where its sign alternates from step to step;
+# 12/16 of them are 2 A or more where that is 1.4 rad a step or more
+PHASE_LOST, ALTERNATES, ORDER = 2.0, 12.0, 4
 
 
 class KeptEstimate:

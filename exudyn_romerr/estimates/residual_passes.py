@@ -184,7 +184,7 @@ class JointDrift:
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray:
         """Return what is added to e, e', e'' (3, S, k) in some steps."""
         k, corrected = e.shape[2], e
-        C = np.asarray(steps.whole)[:, k:, :k]
+        C = np.asarray(steps.moved)[:, k:, :k]
         C_t = self._rates(C, steps.h)
         self.values, self.multipliers = 0.0, 0.0
         for i, moving in enumerate(self._moving):

@@ -99,18 +99,23 @@ class Track:
         self._shape, n, self._heaviest = (c, k), k + c, np.abs(np.diag(tangent.M)).max()
         numbers = n * (2 * k + n)
         self._room = int(np.clip(IN_CACHE // (numbers + n * n), AT_LEAST, TOGETHER))
-        self._cubic, self._wide, self._instant = (np.zeros((rows, numbers)) for rows in (4, self._room, 1))
-        self._matrices = parted(self._wide, c, k)
+        self._cubic, self._instant = np.zeros((4, numbers)), np.zeros((1, n, n))
+        self._of_parts = np.split(self._cubic, [n * 2 * k], axis=1)
+        self._matrices = np.zeros((self._room, n, 2 * k)), np.zeros((self._room, n, n))
         self._once, self._inverses = np.zeros(self._room, dtype=bool), np.zeros((self._room, n, n))
         self._end: tuple[Tangent | None, float, np.ndarray | None] = (None, 0.0, None)
 
     def _make(self, place: slice, shares: np.ndarray) -> None:
-        """Make steps at shares of the time between the tangents."""
-        _at(shares, self._cubic, self._wide[place])
-        whole, inverses = self._matrices[1][place], self._inverses[place]
+        """Make steps at shares of the time between the tangents; A of the first, and of those that are corrected."""
+        (moved, whole), (of_moved, of_whole) = (of[place] for of in self._matrices), self._of_parts
+        inverses = self._inverses[place]
+        _at(shares, of_moved, moved)
+        _at(shares[:1], of_whole, whole[:1])
         low, done = 0.0, 0
         for high, values, exact in self._pieces:
             part = slice(done, int(np.searchsorted(shares, high, side="right")))
+            if not exact and part.stop > done:
+                _at(shares[part], of_whole, whole[part])
             if values is None:
                 for one, inverse in zip(whole[part], inverses[part], strict=True):
                     inverse[:] = self._inverted(one)
@@ -159,8 +164,7 @@ class Track:
         return np.append(np.ones(k), np.full(c, self._scale))
 
     def _inverse(self, share: float) -> np.ndarray:
-        at = _at(np.array([share]), self._cubic, self._instant)
-        return self._inverted(parted(at, *self._shape)[1][0])
+        return self._inverted(_at(np.array([share]), self._of_parts[1], self._instant)[0])
 
     def _inverted(self, whole: np.ndarray) -> np.ndarray:
         """A^-1."""

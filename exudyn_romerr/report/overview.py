@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .advice import advice, by_bound, next_step
+from .advice import advice, by_bound, judged, next_step
 from .estimate_wording import about_all, estimated_kind, estimated_under
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
 from .wording import (
+    CURES_OF_CAUSES,
     ENOUGH,
     RINGS,
     advises,
@@ -26,6 +27,7 @@ from .wording import (
 if TYPE_CHECKING:
     from .data import OutputData, ReportData
 
+NO_BOUND = "not bounded"
 NAMES = 8  # of outputs that share a next step: more are counted
 
 
@@ -44,7 +46,7 @@ def short_table(report: ReportData) -> list[tuple[str, ...]]:
     conditions = {estimated_under(out, report.scope) for out in outputs}
     conditions |= {under(report.scope, doubts=out.uncertified) for out in outputs}
     for column in columns[2:]:
-        said = [cell for cell in column[1:] if cell not in ("not bounded", "not known")]
+        said = [cell for cell in column[1:] if cell != "not known" and not cell.startswith(NO_BOUND)]
         common = max(
             (end for end in conditions if said and all(cell.endswith(end) for cell in said)), key=len, default=""
         )
@@ -103,7 +105,11 @@ def _what_to_do(report: ReportData, out: OutputData) -> str:
     if "enough" in step:
         of_its_size = f"{100 * ENOUGH:g} % of the largest value"
         return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}"
-    return f"{step}{RINGS}" if next_step(out, report.time, report.scope) == f"{step}{RINGS}" else step
+    if step not in next_step(out, report.time, report.scope):  # of the run, not of this output
+        return step
+    cause = judged(out, report.time, report.scope)
+    because = f", for {cause!r} makes most of the error" if cause in CURES_OF_CAUSES else ""
+    return f"{next_step(out, report.time, report.scope)}{because}"
 
 
 def _listed(names: list[str]) -> str:
@@ -130,6 +136,7 @@ def _at_most(report: ReportData, out: OutputData, largest: float) -> str:
         floor = rounded_up(np.max(out.bound["best"] + out.round_off), 1)
         return f"{floor} {out.unit}, at round-off{condition}"
     if not np.isfinite(most):
-        return "not bounded"
+        lost = np.count_nonzero(np.isinf(out.bound["best"]).any(axis=1))
+        return NO_BOUND if lost == len(report.t) else f"{NO_BOUND} at {lost} instants"
     share = (percent(most / largest) or "> 1000 %") if largest > 0 else ""
     return f"{rounded_up(most)} {out.unit}{share and f' ({share})'}{condition}"

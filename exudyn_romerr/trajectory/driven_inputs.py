@@ -58,7 +58,7 @@ class DrivenInputs:
         h = np.diff(t)
         times = t[:-1, None] + h[:, None] * INNER
         times[:, -1] = t[1:]
-        curves = (np.einsum("ij,sjn->sin", AT_INNER, c).reshape(-1, c.shape[2]) for c in (q, q_t))
+        curves = ((AT_INNER @ c).reshape(-1, c.shape[2]) for c in (q, q_t))
         u, frame, off = self.values(times.ravel(), *curves, t[0], t[-1], h.min())
         packed, cut = (x.reshape(*times.shape, -1) for x in self._packed(u))
         off_packed, off_cut = (x.reshape(*times.shape, -1).max(axis=1) for x in self._packed(off, sizes=True))
@@ -77,9 +77,9 @@ class DrivenInputs:
 
 def _interpolated(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Control points (S, 6, k) through values (S, 11, k) at nodes; what they miss at checks (S, 5, k)."""
-    controls = np.einsum("ij,sjk->sik", FROM_NODES, values[:, 0::2])
+    controls = FROM_NODES @ values[:, 0::2]
     controls[:, 0], controls[:, -1] = values[:, 0], values[:, -1]
-    return controls, np.abs(values[:, 1::2] - np.einsum("ij,sjk->sik", AT_CHECKS, controls))
+    return controls, np.abs(values[:, 1::2] - AT_CHECKS @ controls)
 
 
 def _turn(rows: FrameRows, shape: tuple) -> Turn | None:

@@ -199,9 +199,9 @@ class Quintic:
         times = start[:, None] + h[:, None] * inner
         values = self.signal(times.ravel()).reshape(*times.shape, -1)
         at_nodes = np.concatenate([first[:, None], values[:, 1::2], last[:, None]], axis=1)
-        controls = np.einsum("ij,sjp->sip", FROM_NODES, at_nodes)
+        controls = FROM_NODES @ at_nodes
         controls[:, 0], controls[:, -1] = first, last
-        miss = np.abs(values[:, 0::2] - np.einsum("ij,sjp->sip", AT_CHECKS, controls))
+        miss = np.abs(values[:, 0::2] - AT_CHECKS @ controls)
         self._miss, self._size = max(self._miss, miss.max()), max(self._size, np.abs(at_nodes).max())
         return controls, SAFETY * miss.max(axis=1), SAFETY * 2 * miss.sum(axis=1)
 

@@ -19,7 +19,7 @@ class TimeTable:
         times, again = (t, slice(None)) if ascending else np.unique(t, return_inverse=True)
         if not self._t.size:
             self._t, self._values = times.copy(), f(times)
-            return self._values[again]
+            return self._values[again].copy()
         at = np.minimum(np.searchsorted(self._t, times), len(self._t) - 1)
         missing = times[self._t[at] != times]
         if missing.size:

@@ -6,6 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from exudyn_romerr import AssumptionError, ElasticBody, InputError
+from exudyn_romerr.linalg import eigenmodes
 from exudyn_romerr.linalg.eigenmodes import Modes, check_no_mode_missed
 from models.beam3d import STEEL, RoundSection, assemble
 from tests.helpers import tolerances as tol
@@ -90,6 +91,19 @@ def test_lanczos_finds_the_same_modes_as_lapack():
     K = sp.diags([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], [-1, 0, 1])
     modes = ElasticBody(sp.identity(n), K).modes(8)
     assert modes.omega == pytest.approx(2 * np.sin(np.arange(1, 9) * np.pi / (2 * n + 2)), rel=tol.EIGEN)
+
+
+def test_a_count_that_rounding_spoils_at_the_lowest_mode_refuses_nothing(monkeypatch):
+    """As of a bar of 2 m and 20 mm: one was counted below the lowest mode. A few more are asked for, and counted."""
+    n, count = 700, eigenmodes.count_below
+    K = sp.diags([-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1)], [-1, 0, 1])
+    first = 2 * np.sin(np.pi / (2 * n + 2))
+
+    def spoilt(M, K, limit, order=None):
+        return 1 if limit < 1.001 * first else count(M, K, limit, order)
+
+    monkeypatch.setattr(eigenmodes, "count_below", spoilt)
+    assert ElasticBody(sp.identity(n), K).modes(1).omega == pytest.approx([first], rel=tol.EIGEN)
 
 
 def test_a_missed_mode_is_noticed():

@@ -104,7 +104,7 @@ def test_summary_of_several_outputs_says_each_thing_once(report):
     _, head, y, v, todo, more, *rest = str(report).splitlines()
     assert re.split(r"  +", head) == ["output", "largest value", "reduction error at most, inputs frozen"]
     assert [re.split(r"  +", line)[0] for line in (y, v)] == ["y", "v"]
-    assert todo == "next step: start from equilibrium, or add modes"
+    assert todo == "next step: start from equilibrium, or add modes, for 'initial' makes most of the error"
     assert more.endswith("print(report.details)")
     assert rest[0].endswith("the mechanism's answer is not covered and may be many times larger")
     assert not any("up to" in line for line in rest)
@@ -113,7 +113,7 @@ def test_summary_of_several_outputs_says_each_thing_once(report):
     assert len(rows) == sum(out.value.shape[1] for out in report.outputs.values())
     report.output("v").tolerance = 1e6
     assert str(report).splitlines()[4:6] == [
-        "next step, y: start from equilibrium, or add modes",
+        "next step, y: start from equilibrium, or add modes, for 'initial' makes most of the error",
         "next step, v: enough, inputs frozen: within the tolerance of 1e+06 m",
     ]
 
@@ -133,7 +133,9 @@ def test_table_says_what_is_not_certified_at_round_off_or_not_bounded(report):
     _, y_line, v_line = overview(report)
     largest = rounded_up(2 * y.bound["best"].max(), 1)
     assert y_line[2:] == (f"{largest} m, at round-off", "complete", "nothing to improve")
-    assert v_line[2:] == ("not bounded", "complete", "see the reasons")
+    assert v_line[2:] == ("not bounded at 1 instants", "complete", "see the reasons")
+    v.bound["best"][:] = np.inf
+    assert overview(report)[2][2] == "not bounded"
     y.uncertified = (Doubt("sudden start", "let loads begin smoothly"),)
     head, y_line, _ = overview(report)
     assert head[2] == "reduction error bound"

@@ -56,7 +56,7 @@ def test_estimate_has_the_part_of_rigid_interfaces_with_its_sign():
 
 @pytest.mark.parametrize("n", [4, 16])
 def test_advice_names_interfaces_whatever_the_number_of_modes(n):
-    text = str(welded(n=n))
+    text = welded(n=n).details
     assert "of it from the rigid (RBE2) interfaces" in text
     assert "RBE3 modes" in text
     assert "interfaces='rigid'" in text

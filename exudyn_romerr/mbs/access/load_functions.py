@@ -56,7 +56,7 @@ def _why_not_by_time_alone(mbs: Any, numbers: list[int], copies: Copies | None =
         for load, own in zip(loads, functions, strict=True):
             for f in own:
                 with suppress(Exception):  # a table that ends here
-                    f(mbs, t + LATER * max(abs(t), 1.0), load.get("loadVector", load.get("load")))
+                    f(mbs, t + LATER * max(abs(t), 1.0), as_given(load.get("loadVector", load.get("load"))))
         remembers = memory.changed  # before the next call, which may lead back: that of an integral over time does
         keep()
     first, *others = (np.hstack(rows) for rows in values)
@@ -73,7 +73,7 @@ def remembering_joints(mbs: Any) -> list[str]:
         if callable(f):
             with memory_kept(mbs, [f]) as memory, suppress(Exception):
                 for time in () if memory.lost else (t, t, t + LATER * max(abs(t), 1.0)):
-                    f(mbs, time, i, item.get("offsetUserFunctionParameters", item.get("offset")))
+                    f(mbs, time, i, as_given(item.get("offsetUserFunctionParameters", item.get("offset"))))
             if memory.lost or memory.was_changed:
                 found.append(f"object {i} ({item['name']}, {item['objectType']})")
     return found
@@ -83,3 +83,8 @@ def load_functions(load: dict[str, Any]) -> list[Callable]:
     """Return the user functions of a load, as mbs.GetLoad gives it; symbolic ones keep nothing."""
     found = (load[key]["function"] for key in LOAD_FUNCTIONS if load.get(key))
     return [f for f in found if callable(f)]
+
+
+def as_given(values: Any) -> Any:
+    """Return a parameter as Exudyn gives it to user functions: a number, or a list of their own, to write to."""
+    return np.asarray(values).tolist()

@@ -13,7 +13,7 @@ from ...errors import AssumptionError
 from ...model.floating_frame import FrameMotion
 from ...trajectory.driven_inputs import Inputs
 from ...trajectory.prescribed import Derivatives, Panels, has_kink, resolved
-from ..access.load_functions import LATER
+from ..access.load_functions import LATER, as_given
 from ..memory.user_memory import memory_kept
 from .scope_decision import AUTO
 
@@ -141,7 +141,7 @@ def _read(mbs: Any, support: Support, now: FrameMotion, short: float, since: flo
     f = f if callable(f) else f.Evaluate  # a symbolic function
 
     def offset(t: float) -> Any:
-        return f(owner(), t, number, parameters)
+        return f(owner(), t, number, as_given(parameters))
 
     markers = [int(n) for n in item["markerNumbers"]]
     back = markers[0] in support.markers

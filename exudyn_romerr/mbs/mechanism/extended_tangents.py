@@ -63,19 +63,19 @@ class ExtendedTangents:
         self._made: dict[int, Tangent] = {}
 
     @cached_property
-    def _rates(self) -> np.ndarray:
-        rates = np.zeros_like(self._whole)
-        if len(self.t) > 1:
-            varies = (self._whole != self._whole[0]).any(axis=0)  # of two bodies much is zero, and stays so
-            rates[:, varies] = self._slopes @ (self._whole[:, varies] - self._whole[0, varies])
-        return rates
-
-    @cached_property
-    def _slopes(self) -> np.ndarray:
-        """Slopes (T, T) of splines through values at all times: at these."""
+    def _rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which entries vary, for of two bodies much is zero and stays so; their rates (T, p)."""
+        varies = (self._whole != self._whole[0]).any(axis=0)
+        if not varies.any():
+            return varies, np.zeros((len(self.t), 0))
         from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
 
-        return CubicSpline(self.t, np.eye(len(self.t)))(self.t, 1)
+        slopes = CubicSpline(self.t, np.eye(len(self.t)))(self.t, 1)  # of values at these times
+        return varies, slopes @ (self._whole[:, varies] - self._whole[0, varies])
+
+    def is_of(self, readings: Sequence[Reading]) -> bool:
+        """Whether these are the readings that it is made of."""
+        return len(readings) == len(self._own) and all(r.K is K for r, K in zip(readings, self._own, strict=True))
 
     def __getitem__(self, j: int) -> Tangent:
         if j not in self._made:
@@ -100,19 +100,20 @@ class ExtendedTangents:
 
     def lightness(self, j: int) -> float:
         """Return the smallest mass that constraints admit half way to the next reading, over that at both of them."""
-        M, ends, eighth = self._whole[:, : self._size], slice(j, j + 2), (self.t[j + 1] - self.t[j]) / 8
-        C, C_t = np.swapaxes(self._turning[ends], 0, 1)
-        bent = np.tensordot(self._slopes[j] - self._slopes[j + 1], M - M[0], axes=1), C_t[0] - C_t[1]
-        M, C = (
-            np.concatenate([x, [x.sum(axis=0) / 2 + eighth * b]]) for x, b in zip((M[ends], C), bent, strict=True)
-        )
-        masses = M[:2].diagonal(axis1=1, axis2=2).max(axis=0)
+        ends = self[j], self[j + 1]
+        eighth, masses = (ends[1].t - ends[0].t) / 8, np.max([np.diag(tangent.M) for tangent in ends], axis=0)
+        of_M, of_C = ([getattr(x, name) for x in ends] + [getattr(x.rate, name) for x in ends] for name in "MC")
+        M, C = (np.array([x, y, (x + y) / 2 + eighth * (x_t - y_t)]) for x, y, x_t, y_t in (of_M, of_C))
         *known, middle = _lightest(M, C, 1 / np.sqrt(np.maximum(masses, MASSLESS * masses.max())))
         return float(middle / min(known))
 
     def _tangent(self, j: int, order: int) -> Tangent:
         """The tangent, or its rate."""
-        n, turning, whole = self._size, self._turning[j][order], (self._whole, self._rates)[order][j]
+        n, turning, whole = self._size, self._turning[j][order], self._whole[j]
+        if order:
+            varies, rates = self._rates
+            whole = np.zeros_like(whole)
+            whole[varies] = rates[j]
         C = np.hstack([turning, np.zeros((len(turning), n - turning.shape[1]))])
         return Tangent(self.t[j], *whole[: 3 * n].reshape(3, n, n), whole[3 * n :], C)
 
@@ -133,12 +134,8 @@ class ExtendedTangents:
 
 
 def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Smallest masses of what constraints admit, coordinates scaled; of M (T, k, k), C (T, c, n), of the first n."""
-    T, c, n = C.shape
-    free = np.zeros((T, len(scale), len(scale) - c))
-    free[:, :n, : n - c] = admitted(C * scale[:n])
-    free[:, n:, n - c :] = np.eye(len(scale) - n)
-    free *= scale[:, None]
+    """Smallest masses (T,) of what constraints admit, coordinates scaled; of M (T, k, k), C (T, c, k)."""
+    free = scale[:, None] * admitted(C * scale)
     return np.linalg.eigvalsh(free.swapaxes(1, 2) @ M @ free)[:, 0]
 
 
@@ -156,7 +153,9 @@ class ExtendedReadings:
 
     def now(self) -> ExtendedTangents:
         """Make them of all readings that are kept now, and keep them until the next call."""
-        self._made = self.of(self._tangents.readings)
+        readings = self._tangents.readings
+        if self._made is None or not self._made.is_of(readings):
+            self._made = self.of(readings)
         return self._made
 
     def forget(self) -> None:

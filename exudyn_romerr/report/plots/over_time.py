@@ -10,6 +10,7 @@ from ...checks import check_count
 from ..estimate_wording import estimated_kind, estimated_under, known
 from ..scope import NOT_CERTIFIED
 from ..wording import at_round_off, error_kind, rounded_up, under
+from .readable_axes import OF_BOUND, OF_HALF_WIDTH, above, at_most, limits_of_errors, limits_of_signal
 from .style import (
     CAUSE_STYLES,
     COLOURS,
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
-FAR_WIDER, MARGIN = 3.0, 0.1  # of what a picture shows beside half widths: larger ones are cut off, with this margin
 BAR = 12  # points: how wide a band is at a single instant
 
 
@@ -52,21 +52,27 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     """
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
+    lines = [value, *([] if out.error is None else [value + out.error[:, row]])]
+    bands = [((value - bound, value + bound), OF_BOUND)]
+    if (best := _corrected(report, out, row)) is not None:
+        corrected, half, within, name_of_line = best
+        bands += [((corrected, corrected), OF_BOUND), ((corrected - half, corrected + half), OF_HALF_WIDTH)]
+    limits, leaves = limits_of_signal(lines, bands)
+    cut = [", cut off" * leaving for leaving in leaves]
     if is_bounded := bool(np.isfinite(bound).any()) or not _is_estimated(out):
         label = f"value ± bound{_of_what(report, out)}{under(report.scope, doubts=out.uncertified)}, "
-        label += at_most(bound, out.unit, "up to" if out.uncertified else "at most")
+        label += at_most(bound, out.unit, "up to" if out.uncertified else "at most") + cut[0]
         _band(ax, t, value, bound, COLOURS["fast"], label)
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
-    if (best := _corrected(report, out, row)) is not None:
-        corrected, half, label, name_of_line = best
-        below = bool(np.max(half) > np.max(bound))  # the band of the bound, which it would hide
-        shown = [value - bound, value + bound, corrected, *([] if out.error is None else [value + out.error[:, row]])]
-        label += ", cut off" * (below and _is_cut_off(ax, shown, corrected - half, corrected + half))
+    if best is not None:
+        below = not is_bounded or bool(np.max(half) > np.max(bound))  # the band of the bound, which it would hide
         style = {"zorder": 0.9, "alpha": 0.25} if below else {}
-        _band(ax, t, corrected, half, COLOURS["auxiliary"], label, **style)
-        ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label=name_of_line)
+        _band(ax, t, corrected, half, COLOURS["auxiliary"], within + cut[2], **style)
+        ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label=name_of_line + cut[1])
     if out.error is not None:
-        ax.plot(t, value + out.error[:, row], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
+        ax.plot(t, lines[1], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
+    if limits is not None:
+        ax.set_ylim(*limits)
     shown = f"{error_kind(report.time)} bound{_doubt(out)}" if is_bounded else "estimate; no bound"
     title = f"{out.row_names[row]}: reduced model with its {shown}"
     ax.set(xlabel=_time(report), ylabel=f"{out.row_names[row]} / {out.unit}", title=title)
@@ -79,24 +85,29 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     The estimate has a band, its half width to both sides. Parameters and errors as in draw_signal.
     """
     out, t = _row_of(report, name, row), report.t
-    for place, e in enumerate(e for e in out.bound if e != "best"):
+    bounds = {e: out.bound[e][:, row] for e in out.bound if e != "best"}
+    error = None if out.error is None else _visible(np.abs(out.error[:, row]), out.value[:, row])
+    size = None if out.estimate is None else np.abs(out.estimate[:, row])
+    bands = {} if size is None else {"half width": size + out.uncertainty[:, row]}
+    others = [x for x in (size, error) if x is not None]
+    limits = limits_of_errors({**bounds, **bands}, others, float(np.max(np.abs(out.value[:, row]))))
+    for place, e in enumerate(bounds):
         style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
         label = f"bound '{e}'{_of_what(report, out)}{under(report.scope, e, out.uncertified)}"
-        log_line(ax, t, out.bound[e][:, row], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
+        label += above(limits, bounds[e], out.unit)
+        log_line(ax, t, bounds[e], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
     if out.estimate is not None:
-        _estimate(ax, report, out, row)
-    if out.error is not None:
+        _estimate(ax, report, out, row, limits)
+    if error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
-        error, rounding = np.abs(out.error[:, row]), np.finfo(float).eps * np.max(np.abs(out.value[:, row]))
-        hidden = (error > 0) & (error < rounding)  # of a first instant, say, which would set the axis: 1e-25 m
-        log_line(ax, t, np.where(hidden, np.nan, error), label="|true error|", **style)
+        log_line(ax, t, error, label="|true error|", **style)
     if at_round_off(out)[row]:
         label = "rounding of the input: nothing below is known"
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
     title = f"{out.row_names[row]}: bounds{_doubt(out)}{'' if out.estimate is None else ' and estimate'} of its error"
     ylabel = f"{estimated_kind(out, report.time)} of {out.row_names[row]} / {out.unit}"
-    ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title)
+    ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title, ylim=limits)
     finish(ax)
 
 
@@ -134,6 +145,11 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     finish(ax)
 
 
+def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """|error| without what is rounding of the value: of a first instant, say, which would set the axis, 1e-25 m."""
+    return np.where((error > 0) & (error < np.finfo(float).eps * np.max(np.abs(value))), np.nan, error)
+
+
 def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
     """Best guess of the full model's output, half width, labels; the corrected output where that is proved."""
     if _is_estimated(out):
@@ -150,22 +166,12 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
     return out.corrected[:, row], bound, label, "corrected output"
 
 
-def _is_cut_off(ax: Any, shown: list[np.ndarray], low: np.ndarray, high: np.ndarray) -> bool:
-    """Limit the axes to what is shown, where a half width that tells nothing would leave nothing of it to be seen."""
-    floor, top = np.min(shown), np.max(shown)
-    if not np.max(high) - np.min(low) > FAR_WIDER * (top - floor):
-        return False
-    margin = (top - floor) * MARGIN
-    ax.set_ylim(floor - margin, top + margin)
-    return True
-
-
 def _is_estimated(out: OutputData) -> bool:
     """Whether there is an estimate that no proof stands behind."""
     return out.estimate is not None and set(out.uncertainty_parts) != {"proved"}
 
 
-def _estimate(ax: Any, report: ReportData, out: OutputData, row: int) -> None:
+def _estimate(ax: Any, report: ReportData, out: OutputData, row: int, limits: tuple | None) -> None:
     """|estimate| as a dashed line in a band, which ends where the smallest of them is: a logarithm has no zero."""
     size, half, t = np.abs(out.estimate[:, row]), out.uncertainty[:, row], report.t
     style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
@@ -176,7 +182,8 @@ def _estimate(ax: Any, report: ReportData, out: OutputData, row: int) -> None:
         high = np.where(is_known, size + half, 1.0)
         low = np.maximum(size - half, min(np.min(high[is_known]), np.min(size, where=size > 0, initial=np.inf)))
         style = {"facecolor": COLOURS["estimate"], "alpha": 0.25, "linewidth": 0}
-        _fill(ax, t, np.where(is_known, low, 1.0), high, is_known, label="half width of the estimate", **style)
+        label = f"half width of the estimate{above(limits, half, out.unit)}"
+        _fill(ax, t, np.where(is_known, low, 1.0), high, is_known, label=label, **style)
 
 
 def _not_resolved(out: OutputData, row: int) -> str:
@@ -208,13 +215,6 @@ def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour:
     low, high = (np.where(known, middle + sign * bound, middle) for sign in (-1, 1))
     _fill(ax, t, low, high, known, facecolor=colour, linewidth=0, label=label, **{"alpha": 0.6, **more})
     mark_edges(ax, t, np.where(known, 1.0, np.inf), colour)
-
-
-def at_most(bound: np.ndarray, unit: str, words: str = "at most") -> str:
-    """Return the largest bound in words; half widths of estimates, and bounds not certified, are "up to"."""
-    finite = bound[np.isfinite(bound)]
-    largest = f"{words} {rounded_up(np.max(finite), 2)} {unit}" if finite.size else "nowhere finite"
-    return largest if finite.size in (0, bound.size) else f"{largest} where finite"
 
 
 def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.ndarray, **style: Any) -> None:

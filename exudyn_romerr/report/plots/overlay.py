@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import InputError
 from ...trajectory.samples import SAME_TIMES
 from ..wording import under
-from .over_time import at_most
+from .readable_axes import at_most
 
 if TYPE_CHECKING:
     from ..report import BoundReport

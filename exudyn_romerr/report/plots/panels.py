@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..data import OutputData, ReportData
 
 COLUMNS = 2  # of panels side by side: what fits a page
+HARDLY = 0.01  # of the largest change of an output's rows: a row that changes less is not the one that is looked at
 PANELS = 4  # of a picture: more are smaller than their legends
 DETAILED = 2  # so many have a second pair of axes with the bounds of all estimators
 SCREEN = (10.0, 8.0)  # inches, the largest picture
@@ -89,15 +90,16 @@ def _chosen(report: ReportData, outputs: str | list[str]) -> tuple[list[tuple[st
 
 
 def _worst_row(out: OutputData) -> int:
-    return int(np.argmax([_error(out, row) for row in range(out.value.shape[1])]))
+    """The row with the largest error, of those that move: beside a swing of metres nobody looks for micrometres."""
+    moves = np.ptp(out.value, axis=0)
+    return int(np.argmax(np.where(moves >= HARDLY * moves.max(), [_error(out, i) for i in range(len(moves))], -1.0)))
 
 
 def _error(out: OutputData, row: int) -> float:
-    """The largest bound of a row; where it is infinite, the largest estimate with its half width, if there is one."""
+    """The largest bound of a row or the largest estimate with its half width, which may have time steps in it."""
+    size = 0.0 if out.estimate is None else np.max(np.abs(out.estimate[:, row]) + out.uncertainty[:, row])
     bound = np.max(out.bound["best"][:, row])
-    if np.isfinite(bound) or out.estimate is None:
-        return float(bound)
-    return float(np.max(np.abs(out.estimate[:, row]) + out.uncertainty[:, row]))
+    return float(max(size, bound) if np.isfinite(bound) or out.estimate is None else size)
 
 
 def _for_its_size(out: OutputData, row: int) -> tuple[bool, float]:

@@ -195,6 +195,28 @@ def test_function_that_remembers_in_variables_finds_them_as_they_were():
     assert "remembers its calls" in monitor.report().scope_reason
 
 
+def test_functions_may_write_to_their_parameters():
+    """Exudyn gives them a list of their own: one that fills it in and returns it moves the frame as another does."""
+    motion, found = offsets("shifts"), []
+
+    def filled_in(mbs, t, i, parameters):
+        for k, x in enumerate(motion(t)[0].tolist()):
+            parameters[k] += x
+        return parameters
+
+    for function in (None, filled_in):
+        scene = driven_bar.driven(lambda t: motion(t)[0], kind="complete", t_end=0.01)
+        if function is not None:
+            joint = scene.mbs.systemData.NumberOfObjects() - 1
+            scene.mbs.SetObjectParameter(joint, "offsetUserFunction", function)
+        monitor = attached(scene)
+        scene.solve()
+        found.append(monitor.report())
+    assert [report.scope["energy"] for report in found] == ["complete", "complete"]
+    bounds = [report.output("position").bound["energy"] for report in found]
+    np.testing.assert_array_equal(*bounds)
+
+
 @pytest.mark.parametrize("options", [{"time": "sampled"}, {"scope": "inputs frozen"}])
 def test_what_does_not_use_the_function_is_not_complete(options):
     assert "used alongside a run" in frozen_reason(scene_of("shifts"), **options)

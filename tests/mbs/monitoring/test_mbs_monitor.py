@@ -64,7 +64,7 @@ def test_what_attach_refuses():
     sensor = mbs.AddSensor(
         exu.itemInterface.SensorNode(nodeNumber=0, outputVariableType=exu.OutputVariableType.Coordinates)
     )
-    with pytest.raises(InputError, match=r"sensor 0.*pass Output"):
+    with pytest.raises(InputError, match=r"sensor 0.*pass romerr.Output"):
         attach(mbs, flex, outputs=[sensor])
     with pytest.raises(InputError, match="outputs is a Output; needed: a list"):
         attach(mbs, flex, outputs=TIP)

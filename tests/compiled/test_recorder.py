@@ -1,0 +1,163 @@
+"""The compiled PostStep function beside the one in Python: the same rows, and the same is asked at the same steps."""
+
+import gc
+import weakref
+from types import SimpleNamespace
+
+import exudyn as exu
+import numpy as np
+import pytest
+
+from exudyn_romerr.mbs.monitoring import step_recorder
+from tests.compiled.test_loops import compiled  # noqa: F401
+from tests.helpers.mbs_scenes import scene, settings
+
+SIZE, MULTIPLIERS = 3, 2
+SOLVES = 4
+
+
+class System:
+    """States that follow from the number of the step."""
+
+    def __init__(self):
+        self.start, self.step, self.asked = 0.0, 0, []
+
+    def GetTime(self, configuration):
+        assert configuration == exu.ConfigurationType.StartOfStep
+        return self.start
+
+    def GetODE2Coordinates(self):
+        return np.arange(SIZE) + 10.0 * self.step
+
+    def GetODE2Coordinates_t(self):
+        return np.arange(SIZE) + 10.0 * self.step + 0.25
+
+    def GetODE2Coordinates_tt(self):
+        return np.arange(SIZE) + 10.0 * self.step + 0.5
+
+    def GetAECoordinates(self):
+        self.asked.append(self.step)
+        return np.arange(MULTIPLIERS) - 10.0 * self.step
+
+
+class Hook:
+    """Is told of steps, writes down what it is asked and given, and answers at random."""
+
+    def __init__(self, seed, has_tangents, user=None):
+        self.random, self.has_tangents, self.user = np.random.default_rng(seed), has_tangents, user
+        self.told, self.end, self.system = [], np.inf, System()
+        self.step, self.drain, self.hurry = step_recorder.gatherer(SimpleNamespace(systemData=self.system), self)
+
+    def begin(self, mbs):
+        self.flush()
+        self.told.append("begin")
+        rows = int(self.random.integers(1, 12))
+        self.end = self.random.uniform(0, 40) if self.has_tangents else np.inf
+        widths = (SIZE, SIZE, SIZE, MULTIPLIERS)
+        return np.empty(rows), *(np.full((rows, width), np.nan) for width in widths)
+
+    def flush(self):
+        self.told.append([x.copy() for x in self.drain()])
+
+    def read_tangent(self, mbs, t):
+        self.told.append(("tangent", t))
+        return int(self.random.choice([0, 1, 1, 2, 5, 20]))
+
+    def goes_on(self):
+        self.flush()
+        return self.random.choice([0.0, 1.0, 4.0, np.inf], p=[0.05, 0.15, 0.2, 0.6]) if self.told else 1
+
+    def call_user(self, mbs, t, go_on):
+        return self.user(mbs, t) and go_on
+
+    def run(self):
+        """Solve some times; now and then somebody asks for what is stored between two steps."""
+        system = self.system
+        for _ in range(SOLVES):
+            for i in range(int(self.random.integers(1, 60))):
+                t = 0.5 * i
+                system.start, system.step = (t if i == 0 else t - 0.5), system.step + 1
+                go_on = self.step(None, t)
+                self.told.append(go_on)
+                if not go_on:
+                    break
+                if self.random.uniform() < 0.05:
+                    self.flush()
+                if self.random.uniform() < 0.03:
+                    self.hurry()
+        self.flush()
+        return self.told, system.asked
+
+
+def assert_same(one, other):
+    assert len(one) == len(other)
+    for x, y in zip(one, other, strict=True):
+        if isinstance(x, list):
+            for a, b in zip(x, y, strict=True):
+                np.testing.assert_array_equal(a, b)
+        else:
+            assert x == y
+
+
+@pytest.mark.parametrize("user", [None, lambda mbs, t: True], ids=["alone", "a user's function"])
+@pytest.mark.parametrize("has_tangents", [False, True])
+def test_rows_and_questions_are_the_same(compiled, monkeypatch, has_tangents, user):  # noqa: F811
+    rows = 0
+    for seed in range(40):
+        found = []
+        for loops in (None, compiled):
+            monkeypatch.setattr(step_recorder, "loops", loops)
+            found.append(Hook(seed, has_tangents, user).run())
+        (told, asked), (told_compiled, asked_compiled) = found
+        assert_same(told, told_compiled)
+        assert asked == asked_compiled
+        rows += sum(len(x[0]) for x in told if isinstance(x, list) and x)
+    assert rows > 1000
+
+
+def test_bounds_of_a_solve_are_the_same(compiled, monkeypatch):  # noqa: F811
+    found = []
+    for loops in (None, compiled):
+        monkeypatch.setattr(step_recorder, "loops", loops)
+        mbs, _, monitor = scene()
+        for _ in range(2):
+            mbs.SolveDynamic(settings(40))
+        kind = type(mbs.GetPostStepUserFunction()["function"]).__name__
+        assert (kind == "Recorder") == (loops is not None)
+        found.append([monitor.report(i).output("tip").bound["best"] for i in (0, 1)])
+    np.testing.assert_array_equal(*found)
+
+
+def test_what_goes_wrong_is_told(compiled):  # noqa: F811
+    rows = np.zeros(4), np.zeros((4, SIZE)), np.zeros((4, SIZE)), np.zeros((4, SIZE))
+    of = (lambda: np.zeros(SIZE),) * 2
+
+    def made(q_tt):
+        return compiled.Recorder(lambda mbs, t: "slow", lambda _: 0.0, None, *of, q_tt, None)
+
+    recorder = made(lambda: np.zeros(SIZE + 1))
+    assert recorder(None, 1.0) == "slow"
+    recorder.go_on(0, 3, np.inf, *rows)
+    assert recorder(None, 0.0) == "slow"  # a solve begins
+    with pytest.raises(ValueError, match="32 bytes in place of 24"):
+        recorder(None, 1.0)
+    assert recorder.stop() == 0
+    assert recorder(None, 1.0) == "slow"
+    with pytest.raises(ValueError, match="does not hold 5 rows"):
+        recorder.go_on(0, 5, np.inf, *rows)
+    assert recorder(None, 1.0) == "slow"
+    failing = made(lambda: 1 / 0)
+    failing.go_on(0, 3, np.inf, *rows)
+    with pytest.raises(ZeroDivisionError):
+        failing(None, 1.0)
+
+
+def test_it_goes_with_who_is_told(compiled, monkeypatch):  # noqa: F811
+    """It holds the hook, which holds it."""
+    monkeypatch.setattr(step_recorder, "loops", compiled)
+    hook = Hook(1, True)
+    hook.run()
+    gone = weakref.ref(hook)
+    del hook
+    gc.collect()
+    assert gone() is None
