@@ -294,7 +294,8 @@ def test_bound_of_stress_of_a_linear_body():
 
 def report_of(value, bound, corrected=None, left=None, scopes=("complete",)):
     """What von_mises reads of a report."""
-    out = SimpleNamespace(value=value, bound={"best": bound}, corrected=corrected, corrected_bound=left)
+    of = {"value": value, "bound": {"best": bound}, "corrected": corrected, "corrected_bound": left}
+    out = SimpleNamespace(**of, uncertified=())
     return SimpleNamespace(output=lambda name: out, scope=dict(enumerate(scopes)))
 
 
