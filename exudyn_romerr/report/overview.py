@@ -16,6 +16,7 @@ from .wording import (
     advises,
     digits,
     error_kind,
+    not_certified,
     percent,
     permitted,
     rounded_up,
@@ -96,7 +97,9 @@ def _line(report: ReportData, out: OutputData, columns: int) -> tuple[str, ...]:
 
 def _what_to_do(report: ReportData, out: OutputData) -> str:
     """The next step with its reason; that a tolerance stopped the run."""
-    if out.stopped is not None and not out.uncertified:
+    if out.uncertified:
+        return f"{cures_of(out.uncertified)} ({not_certified(out.uncertified)})"
+    if out.stopped is not None:
         return advice(out, report.time, report.scope)
     step = _step(report, out)
     if "enough" in step:

@@ -87,6 +87,10 @@ def printed(report, folder):
     return str(report)
 
 
+def in_detail(report, folder):
+    return report.details
+
+
 def loaded(report, folder):
     report.save(folder / "run.npz")
     return str(romerr.load_report(folder / "run.npz"))
@@ -126,7 +130,7 @@ def of_two_levels(report, folder):
     return str(LevelOutput(*known, out.estimate, out.uncertainty, "bound", kinds, out.uncertified))
 
 
-TEXTS = [printed, loaded, unpickled, in_html, told, assessed, of_two_levels]
+TEXTS = [printed, in_detail, loaded, unpickled, in_html, told, assessed, of_two_levels]
 
 
 @pytest.mark.parametrize("scope", SCOPES)
@@ -180,7 +184,8 @@ def test_table_of_outputs_has_the_cure(plain):
     assert all(" ".join(line).count(NOT_CERTIFIED) == 2 for line in lines)  # beside the bound, and the scope
     head, todo = str(report).splitlines()[1:5:3]
     assert head.endswith("bound, to first order, not certified")  # of all outputs
-    assert todo == f"next step: {DOUBTS['mbs changed'].cure}"
+    cause, cure = DOUBTS["mbs changed"].cause, DOUBTS["mbs changed"].cure
+    assert todo == f"next step: {cure} ({NOT_CERTIFIED}: {cause})"
 
 
 def is_claimed(column):
