@@ -103,7 +103,7 @@ def _what_to_do(report: ReportData, out: OutputData) -> str:
         return advice(out, report.time, report.scope)
     step = _step(report, out)
     if "enough" in step:
-        of_its_size = f"{100 * ENOUGH:g} % of the largest value"
+        of_its_size = f"{100 * ENOUGH:g} % of the largest {'change' if out.of == 'position' else 'value'}"
         return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}"
     if step not in next_step(out, report.time, report.scope):  # of the run, not of this output
         return step
