@@ -102,13 +102,13 @@ class Equations:
         return scales * np.linalg.solve(whole, -left[..., None])[..., 0]
 
     def _bend(self, mbs: Any, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> np.ndarray:
-        """Second derivative over time (all,) of what constraints keep zero, along a motion; sets time and q."""
-        dt, found = AHEAD / max(1.0, np.abs(q_t).max(initial=0.0)), []
-        for step in (-dt, 0.0, dt):
+        """Second derivative over time (all,) of what constraints keep zero, along a motion that is set; moves it."""
+        dt, found = AHEAD / max(1.0, np.abs(q_t).max(initial=0.0)), [self.drift(mbs)]
+        for step in (-dt, dt):
             mbs.systemData.SetTime(t + step)
             mbs.systemData.SetODE2Coordinates(q + step * q_t + step**2 / 2 * q_tt)
             found.append(self.drift(mbs))
-        before, now, after = found
+        now, before, after = found
         return (after - 2 * now + before) / dt**2
 
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:

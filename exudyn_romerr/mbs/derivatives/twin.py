@@ -57,7 +57,8 @@ class Place(NamedTuple):
 
     def residual(self) -> np.ndarray:
         """M q'' + G^T l - f (n,)."""
-        found, (*state, _) = self.equations.residual(self.mbs), current_state(self.mbs.systemData)
+        found = self.equations.residual(self.mbs)
+        state = current_state(self.mbs.systemData)[:3] if self.inertias else ()
         for one in self.inertias:
             found[one.columns] += one.force(*(x[one.columns] for x in state))
         return found

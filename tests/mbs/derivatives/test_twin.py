@@ -72,7 +72,7 @@ def test_three_nodes_a_marker_are_the_same_equations(make):
 
 
 def test_thin_bars_have_a_twin():
-    """Faces of 5 mm: rotations of their markers are 4e-12 of the largest entry of G off by rounding; others are not."""
+    """Faces of 5 mm: rotations of their markers are 4e-12 of the largest entry of G off by rounding, others not."""
     fem = hex_bar(8, size=(0.4, 0.005, 0.005))
     craig_bampton(fem, ("left", "right"), 6, "RBE3")
     container = exu.SystemContainer()
