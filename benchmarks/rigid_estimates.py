@@ -11,7 +11,7 @@ import numpy as np
 
 from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
-from exudyn_romerr.mbs.access.state_guard import current_state, state_set
+from exudyn_romerr.mbs.access.state_guard import current_state, state_kept, state_set
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
@@ -77,10 +77,12 @@ class Recorder:
             moved = [np.vstack([x[:1], x[1:] - d]) for x, d in zip(states, dx, strict=False)]
             states = [*moved, states[-1]]
         found: dict[str, list] = {name: [] for name in sensors}
+        if dx is not None:
+            with state_kept(self._mbs.systemData):
+                balanced = self._tangents.equations.balanced
+                t, *states = balanced(self._mbs, [t, *states], self._tangents.independent)
         for time, *state in zip(t, *states, strict=True):
             with state_set(self._mbs.systemData, time, state):
-                if dx is not None:
-                    self._tangents.equations.balance(self._mbs, self._tangents.independent)
                 for name, number in sensors.items():
                     found[name].append(self._mbs.GetSensorValues(number))
         return {name: np.array(values) for name, values in found.items()}

@@ -37,14 +37,14 @@ def side_by_side(parts: Sequence[Columns], S: int, n: int) -> tuple[list[np.ndar
     kicks = [np.zeros((ends[-1], S, 2, k))] if any(part.kicks is not None for part in parts) else []
     for part, end in zip(parts, ends, strict=True):
         own = slice(end - part.moving.shape[2], end)
-        moving[own] = np.moveaxis(part.moving, 2, 0)
+        moving[own] = part.moving.transpose(2, 0, 1)
         if part.force is not None:
-            right[own, :, :k] = np.moveaxis(part.force, 2, 0)
+            right[own, :, :k] = part.force.transpose(2, 0, 1)
         if part.values is not None:
-            right[own, :, k:] = np.moveaxis(part.values, 2, 0)
+            right[own, :, k:] = part.values.transpose(2, 0, 1)
         if part.kicks is not None:
             for i, kick in enumerate(part.kicks):
-                kicks[0][own, :, i] = np.moveaxis(kick, 2, 0)
+                kicks[0][own, :, i] = kick.transpose(2, 0, 1)
     return [moving, right, *kicks], ends
 
 

@@ -156,11 +156,11 @@ class Steps:
         held = [(kept.index(j), J) for j, J in held.items() if j in kept]  # others are 0 all the same
         marched = self._marched if loops is None else self._marched_at_once
         found = marched(*(x if len(kept) == len(x) else x[kept] for x in given), held=held)
-        found, z = (np.moveaxis(at_all(x, place), 1, -1) for x in found)
-        all_found = np.split(found, ends[:-1], axis=3)
+        found, z = (at_all(x, place) for x in found)
+        all_found = np.split(found.transpose(0, 2, 3, 1), ends[:-1], axis=3)
         if not multipliers:
             return all_found
-        return list(zip(all_found, np.split(z[:, k:], ends[:-1], axis=2), strict=True))
+        return list(zip(all_found, np.split(z.transpose(0, 2, 1)[:, k:], ends[:-1], axis=2), strict=True))
 
     def _hold(self, J: np.ndarray) -> tuple[np.ndarray | slice, np.ndarray]:
         """What holds coordinates J of a column at zero: they, (S, k + c, J).

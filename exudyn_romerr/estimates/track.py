@@ -77,7 +77,7 @@ class Track:
         """Begin with so many steps of size h between two tangents."""
         _cubic(first, last, self._cubic)
         (_, k), (mass, damping) = self._shape, self.scheme.mass_and_damping(h)
-        self._scale = mass * self._heaviest
+        self._sizes[self._shape[1] :] = mass * self._heaviest
         moved, whole = parted(self._cubic, *self._shape)
         of_A = whole[:, :k, :k]
         of_A *= mass
@@ -103,6 +103,7 @@ class Track:
         self._of_parts = np.split(self._cubic, [n * 2 * k], axis=1)
         self._matrices = np.zeros((self._room, n, 2 * k)), np.zeros((self._room, n, n))
         self._once, self._inverses = np.zeros(self._room, dtype=bool), np.zeros((self._room, n, n))
+        self._sizes = np.ones(n)  # of coordinates and multipliers, so that constraints are of the size of other rows
         self._end: tuple[Tangent | None, float, np.ndarray | None] = (None, 0.0, None)
 
     def _make(self, place: slice, shares: np.ndarray) -> None:
@@ -156,12 +157,6 @@ class Track:
         x = np.vander([of_all], 4, increasing=True)[0] @ self._solved
         off = _weights(np.array([share]), len(values))[0] @ (values @ x) / self._sizes - 1.0
         return float(np.abs(off).max())
-
-    @property
-    def _sizes(self) -> np.ndarray:
-        """Of coordinates and multipliers, so that constraints are of the size of the other rows."""
-        c, k = self._shape
-        return np.append(np.ones(k), np.full(c, self._scale))
 
     def _inverse(self, share: float) -> np.ndarray:
         return self._inverted(_at(np.array([share]), self._of_parts[1], self._instant)[0])

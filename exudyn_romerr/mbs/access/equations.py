@@ -11,6 +11,7 @@ from scipy.linalg import null_space
 from .state_guard import current_state, own_solver, set_state, state_kept
 
 SHARE = 1e-6  # of a force that redundant constraints share: one with less is determined
+TOGETHER = 64  # rows whose matrices are solved at once
 AHEAD = 1e-4  # of coordinates, to differentiate twice by: constraints are of low degree
 
 
@@ -58,13 +59,12 @@ class Equations:
 
     def residual(self, mbs: Any) -> np.ndarray:
         """M q'' + G^T l - f (n,)."""
-        return self._made(mbs)[0]
-
-    def _made(self, mbs: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """That, M and G (all, n)."""
-        forces = self.forces(mbs)
         _, _, q_tt, multipliers = current_state(mbs.systemData)
-        M, G = self.mass(mbs), self.constraints(mbs)
+        return self._made(mbs, q_tt, multipliers)[0]
+
+    def _made(self, mbs: Any, q_tt: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """That of the q'' and l which are set, M and G (all, n)."""
+        forces, M, G = self.forces(mbs), self.mass(mbs), self.constraints(mbs)
         return M @ q_tt + G.T @ multipliers - forces, M, G
 
     def forces(self, mbs: Any) -> np.ndarray:
@@ -72,33 +72,43 @@ class Equations:
         self._solver.ComputeODE2RHS(mbs)
         return self._solver.GetSystemResidual()[: self.size].copy()
 
-    def balance(self, mbs: Any, rows: np.ndarray) -> None:
-        """Set q_tt and multipliers for which the equations of motion hold, and constraints do twice differentiated.
+    def balanced(self, mbs: Any, rows: Sequence[np.ndarray], independent: np.ndarray) -> list[np.ndarray]:
+        """Return rows with q_tt and multipliers that obey equations of motion, and constraints twice differentiated.
 
-        In the current q and q_t; one Newton step from what is set, with G in place of C. rows : numbers of
-        independent constraints.
+        rows : t (S,), q, q_t, q_tt (S, n), multipliers (S, all); one Newton step from these, with G in place of C.
+        independent : numbers of such constraints.
         """
-        system, n = mbs.systemData, self.size
-        left, M, G = self._made(mbs)
-        G = G[rows]
-        scale = np.abs(np.diag(M)).max()
-        whole = np.block([[M, scale * G.T], [scale * G, np.zeros((len(rows), len(rows)))]])
-        change = np.linalg.solve(whole, -np.append(left, scale * self._bend(mbs)[rows]))
-        *_, q_tt, multipliers = current_state(system)
-        multipliers[rows] += scale * change[n:]
-        system.SetODE2Coordinates_tt(q_tt + change[:n])
-        system.SetAECoordinates(multipliers)
+        t, q, q_t, *forces = rows
+        parts = [slice(a, a + TOGETHER) for a in range(0, len(t), TOGETHER)]
+        changes = [self._step_to_balance(mbs, [x[part] for x in rows], independent) for part in parts]
+        q_tt, multipliers = (x.copy() for x in forces)
+        for part, change in zip(parts, changes, strict=True):
+            q_tt[part] += change[:, : self.size]
+            multipliers[part, independent] += change[:, self.size :]
+        return [t, q, q_t, q_tt, multipliers]
 
-    def _bend(self, mbs: Any) -> np.ndarray:
-        """Second derivative over time (all,) of what constraints keep zero, along the current motion."""
-        system, t = mbs.systemData, mbs.systemData.GetTime()
-        with state_kept(system) as (q, q_t, q_tt, _):
-            dt, found = AHEAD / max(1.0, np.abs(q_t).max(initial=0.0)), []
-            for step in (-dt, 0.0, dt):
-                system.SetTime(t + step)
-                system.SetODE2Coordinates(q + step * q_t + step**2 / 2 * q_tt)
-                found.append(self.drift(mbs))
-        before, now, after = found
+    def _step_to_balance(self, mbs: Any, rows: Sequence[np.ndarray], independent: np.ndarray) -> np.ndarray:
+        """Changes (S, n + c) of q_tt and multipliers of some of the rows."""
+        S, n, size = len(rows[0]), self.size, self.size + len(independent)
+        whole, left, scales = np.zeros((S, size, size)), np.zeros((S, size)), np.ones((S, size))
+        for i, (t, *state) in enumerate(zip(*rows, strict=True)):
+            set_state(mbs.systemData, t, state)
+            left[i, :n], M, G = self._made(mbs, *state[2:])
+            scale = np.abs(np.diag(M)).max()
+            G = scale * G[independent]
+            whole[i, :n, :n], whole[i, :n, n:], whole[i, n:, :n] = M, G.T, G
+            left[i, n:] = scale * self._bend(mbs, t, *state[:3])[independent]
+            scales[i, n:] = scale
+        return scales * np.linalg.solve(whole, -left[..., None])[..., 0]
+
+    def _bend(self, mbs: Any, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> np.ndarray:
+        """Second derivative over time (all,) of what constraints keep zero, along a motion that is set; moves it."""
+        dt, found = AHEAD / max(1.0, np.abs(q_t).max(initial=0.0)), [self.drift(mbs)]
+        for step in (-dt, dt):
+            mbs.systemData.SetTime(t + step)
+            mbs.systemData.SetODE2Coordinates(q + step * q_t + step**2 / 2 * q_tt)
+            found.append(self.drift(mbs))
+        now, before, after = found
         return (after - 2 * now + before) / dt**2
 
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from ...estimates.kept_estimate import REMAINDER
 from ...estimates.time_step_error import PROVISIONAL
 from ..access.state_guard import set_state, state_kept
+from ..derivatives.twin import Place
 from ..floating.sensor_outputs import is_on
 from ..mechanism.stored_residuals import HOLDS, MEMORY, user_functions
 from ..memory.user_memory import memory_kept
@@ -192,19 +193,29 @@ class OtherSensors:
         )
         return change - 2 * np.pi * np.round(change / (2 * np.pi)) * angles
 
-    def _balance(self, mbs: Any, record: SensorRecord) -> None:
+    def _balanced(self, mbs: Any, rows: Sequence[np.ndarray], record: SensorRecord) -> Sequence[np.ndarray]:
+        """The rows with accelerations and multipliers that balance, if these can be had."""
         try:
-            self._tangents.equations.balance(mbs, self._tangents.independent)
+            at = self._cheapest(mbs, rows)
+            return at.equations.balanced(at.mbs, rows, self._tangents.independent)
         except Exception as error:  # of a user function, or of a state that cannot be
             record.unbalanced = str(error)
+            return rows
+
+    def _cheapest(self, mbs: Any, rows: Sequence[np.ndarray]) -> Place:
+        """The light copy if it shows what the mbs shows at another time than the mbs is at; or the mbs."""
+        t, *state = (x[0] for x in rows)
+        own, light = Place(self._tangents.equations, mbs), self._tangents.light(mbs)
+        if light.mbs is mbs or mbs.systemData.GetTime() == t:
+            return own
+        return light if light.shows(t, state, own.look(t, state)) else own
 
     def _shown(self, mbs: Any, rows: Sequence[np.ndarray], record: SensorRecord | None = None) -> np.ndarray:
         """What sensors show (S, r) in states; record: of its run, where accelerations and multipliers balance."""
+        if record is not None and not record.unbalanced and any(sensor.balanced for sensor in self.sensors):
+            rows = self._balanced(mbs, rows, record)
         found = np.zeros((len(rows[0]), sum(sensor.rows for sensor in self.sensors)))
-        balances = record is not None and any(sensor.balanced for sensor in self.sensors)
         for i, (t, *state) in enumerate(zip(*rows, strict=True)):
             set_state(mbs.systemData, t, state)
-            if balances and not record.unbalanced:
-                self._balance(mbs, record)
             found[i] = np.concatenate([read_sensor(mbs, sensor.number) for sensor in self.sensors])
         return found

@@ -83,7 +83,7 @@ def _depends(mbs: Any, number: int, shared: np.ndarray, linear: Sequence[int]) -
 
 def read_sensor(mbs: Any, number: int) -> np.ndarray:
     """What it shows (r,) in the current state."""
-    return np.atleast_1d(np.asarray(mbs.GetSensorValues(number), dtype=float)).ravel()
+    return np.asarray(mbs.GetSensorValues(number), dtype=float).reshape(-1)
 
 
 def _has_function(item: dict) -> bool:

@@ -1,8 +1,10 @@
 """The copy of an mbs in which tangents are read: the same equations on three nodes a marker, while they stay so."""
 
+import exudyn as exu
 import numpy as np
 import pytest
 from exudyn import itemInterface
+from exudyn.FEM import ObjectFFRFreducedOrderInterface
 
 from exudyn_romerr.mbs.access.equations import Equations
 from exudyn_romerr.mbs.access.state_guard import state_set
@@ -10,7 +12,8 @@ from exudyn_romerr.mbs.derivatives.light_mesh import lightened
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.derivatives.twin import Place
 from models import mechanisms, wishbone
-from models.floating import interface
+from models.floating import add_interface_marker, craig_bampton, interface
+from models.hex_bar import hex_bar
 
 # Of the largest entry: sums of 54 nodes against three; measured 6e-16 at most
 ROUNDING = 1e-13
@@ -66,6 +69,23 @@ def test_three_nodes_a_marker_are_the_same_equations(make):
     markers = [twin.mbs.GetMarker(i) for i in range(twin.mbs.systemData.NumberOfMarkers())]
     assert {len(m["meshNodeNumbers"]) for m in markers if m["markerType"] == "SuperElementRigid"} == {3}
     assert {len(m["meshNodeNumbers"]) for m in markers if m["markerType"] == "SuperElementPosition"} <= {1}
+
+
+def test_thin_bars_have_a_twin():
+    """Faces of 5 mm: rotations of their markers are 4e-12 of the largest entry of G off by rounding, others not."""
+    fem = hex_bar(8, size=(0.4, 0.005, 0.005))
+    craig_bampton(fem, ("left", "right"), 6, "RBE3")
+    container = exu.SystemContainer()
+    mbs = container.AddSystem()
+    body = ObjectFFRFreducedOrderInterface(fem).AddObjectFFRFreducedOrder(mbs)["oFFRFreducedOrder"]
+    ground = mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=mbs.CreateGround()))
+    for side, axes in (("left", [1, 1, 1, 1, 1, 0]), ("right", [0, 0, 0, 0, 1, 1])):
+        marker = add_interface_marker(mbs, body, *interface(fem, side))
+        mbs.AddObject(itemInterface.GenericJoint(markerNumbers=[ground, marker], constrainedAxes=axes))
+    mbs.Assemble()
+    tangents = Tangents(mbs)
+    tangents.read(mbs, 0.0)
+    assert tangents.light(mbs).mbs is not mbs
 
 
 def test_markers_that_move_in_another_way_keep_their_nodes():

@@ -100,6 +100,24 @@ def test_redundant_constraints_share_their_force_as_nobody_knows():
     assert np.abs(found - wanted).max() <= 1e-6 * np.abs(wanted).max()  # Newton's tolerance of two solves
 
 
+def clocked(size):
+    """A double pendulum whose load adds how far the clock of the run is from that of the mbs it is asked for."""
+    scene = with_forces(pendulum(steps=20), "hinge 1")
+
+    def load(mbs, t, given):
+        return [0.0, 0.0, size * (scene.mbs.systemData.GetTime() - mbs.systemData.GetTime())]
+
+    marker = scene.markers["right 2"]
+    scene.mbs.AddLoad(itemInterface.LoadForceVector(markerNumber=marker, loadVectorUserFunction=load))
+    return scene
+
+
+def test_functions_that_look_at_the_run_are_asked_there():
+    """Not in a copy, where forces balance faster: 8000 times the estimate; measured 1.5 %, for other checks fail."""
+    wanted, found = (reported(clocked(size)).output("hinge 1").estimate for size in (0.0, 1e6))
+    assert np.abs(found - wanted).max() <= 0.05 * np.abs(wanted).max()
+
+
 def test_what_functions_keep_is_put_back_and_forces_are_left_out():
     """Loads and springs of flexible bodies that keep something have no linearised mechanism; others may."""
     calls, others = [], OtherSensors([0, 1], [])
