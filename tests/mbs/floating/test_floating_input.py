@@ -1,5 +1,6 @@
 """Bad input for floating bodies: the type of error, and a message that names what is wrong and what to do."""
 
+from contextlib import suppress
 from types import SimpleNamespace
 
 import exudyn as exu
@@ -528,9 +529,13 @@ MARKERS = {
 
 @pytest.mark.parametrize("name", MARKERS)
 def test_markers(name):
-    """Found when a solve begins."""
+    """Found when a solve begins; what Exudyn makes of 'BodyPosition' on such a body differs from run to run."""
     edit, kind, message = MARKERS[name]
-    check_error(lambda: reported(clamped(edit)), kind, message)
+    scene = clamped(edit)
+    monitor = watched(scene)
+    with suppress(exu.SolverError):  # as it did once
+        solve(scene, h=1e-4, steps=3)
+    check_error(monitor.report, kind, message)
 
 
 def test_force_in_global_axes_needs_no_turn():
