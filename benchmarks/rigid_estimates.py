@@ -13,6 +13,7 @@ from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.access.state_guard import current_state, state_kept, state_set
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
+from exudyn_romerr.mbs.mechanism.kept_equations import KeptEquations
 from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
@@ -55,7 +56,8 @@ class Recorder:
         """Return the estimates of sensors at all samples, none of them further back than the first is."""
         t, *states = (np.array(column) for column in zip(*self._samples, strict=True))
         LateReadings(self._tangents, self._mbs, t, states).read()
-        steps = StepErrors(self._tangents, StoredResiduals(self._tangents, self._mbs), holds_rates=False)
+        residuals, equations = StoredResiduals(self._tangents, self._mbs), KeptEquations(self._mbs, may_change=False)
+        steps = StepErrors(self._tangents, residuals, False, equations)
         reaction = Reaction([], Feedback(self._scheme), FirstSteps(None), self._tangents, steps)
         reaction.open((t[:1], *(x[:1] for x in states)), None)
         reaction.advance((t[1:], *(x[1:] for x in states)), self._mbs)

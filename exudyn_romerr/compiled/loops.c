@@ -194,6 +194,8 @@ PyMODINIT_FUNC PyInit__loops(void)
         march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
-    if (made && PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0) Py_CLEAR(made);
+    if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
+                 PyModule_AddIntConstant(made, "VERSION", 2) < 0)) /* as in loops.py */
+        Py_CLEAR(made);
     return made;
 }

@@ -93,7 +93,7 @@ class Steps:
 
     h (S,) : step sizes. moved, whole, inverses : of each step, [[K, D], [C, 0]] at the sample, A =
     [[mass M + damping D + K, G^T], [C, 0]], and nearly A^-1; they hold until Track makes the next ones.
-    once (S,) : where these are so near that what is found need not be corrected, nor A known but for the first step.
+    once (S,) : where these are so near that nothing is corrected; A is made elsewhere, and of the first step.
     """
 
     def __init__(

@@ -18,9 +18,7 @@ DENSE_LIMIT = 600  # below: LAPACK is faster than Lanczos and finds all modes by
 RETRIES = 5
 GAP = 1e-9  # relative distance of the inertia count from an eigenvalue: above the solvers' rounding
 WIDE = 1e-10  # smallest over largest 1/omega^2: below, what LAPACK finds of the highest modes is mostly rounding
-MORE = (
-    4  # modes, where one was missed: of two nearly equal ones, as of a square bar, Lanczos may find the higher first
-)
+MORE = 4  # modes, where one was missed: of two nearly equal ones, as of a square bar, the higher may be found first
 STEPS = 3  # of refinement: each squares the error
 CONVERGED = 1e-7  # change of a mode by a step: the square of it is what is left
 MIXED = 1e-4  # share of another mode in a mode above which a step is not taken

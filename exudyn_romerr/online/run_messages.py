@@ -110,6 +110,12 @@ def changed(said: str) -> Doubt:
     return Doubt("the mbs was changed along the run", NO_CHANGES, said)
 
 
+def unseen(why: str) -> Doubt:
+    """Return the doubt of a mechanism whose steps could not be looked at for changes."""
+    said = f"whether the PostStep function changes the mechanism is not known, for its states cannot be asked: {why}"
+    return Doubt("changes along the run could not be looked for", NO_CHANGES, said)
+
+
 def doubts_of(run: Noted, partners: Iterable[Noted] = ()) -> tuple[Doubt, ...]:
     """Return why no bound of the run is certified; empty: it is balanced, and they hold from its start on.
 

@@ -157,7 +157,8 @@ class BoundReport(ReportData):
         return estimator_lines(self)
 
     def _scope_lines(self) -> list[str]:
-        return estimator_lines(self)
+        """Return what is printed of the bounds of several outputs, below these."""
+        return self._estimator_lines()
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to one .npz file (no pickle; readable without Exudyn).

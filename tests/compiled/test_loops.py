@@ -4,13 +4,16 @@ import shutil
 import subprocess
 import sys
 from importlib.machinery import EXTENSION_SUFFIXES
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+import exudyn_romerr.compiled
+from exudyn_romerr.compiled.loops import VERSION
 from exudyn_romerr.compiled.loops import loops as installed
 from exudyn_romerr.estimates import march
 from exudyn_romerr.estimates.march import Columns, Scheme, Steps
@@ -109,6 +112,21 @@ def test_any_shape_finds_the_same(k, c, columns, compiled, monkeypatch):
     both.march(steps, Columns(moving, force, values, tuple(rng.standard_normal((2, 20, k, columns))), held))
     both.march(steps, Columns(moving, force))
     assert max(both.off) < SAME
+
+
+def test_source_has_the_version_that_is_asked_for(compiled):
+    """Where one of the two is forgotten, nothing is compiled for anybody."""
+    assert compiled.VERSION == VERSION
+
+
+@pytest.mark.parametrize("found", [{}, {"VERSION": VERSION - 1}, {"VERSION": VERSION}])
+def test_loops_of_another_version_are_left_out(found, monkeypatch):
+    """Those that an editable installation has from before an update lack functions, the first ones a version, too."""
+    built = SimpleNamespace(march=None, **found)
+    monkeypatch.setattr(exudyn_romerr.compiled, "_loops", built, raising=False)
+    anew = module_from_spec(spec := find_spec("exudyn_romerr.compiled.loops"))
+    spec.loader.exec_module(anew)
+    assert anew.loops is (built if built == SimpleNamespace(march=None, VERSION=VERSION) else None)
 
 
 def test_what_cannot_be_held_is_told(compiled, monkeypatch):

@@ -46,6 +46,8 @@ DOUBTS = {
     "goes on": run_messages.BEGUN_ANEW,
     "starts with dampers": run_messages.STARTS_DAMPED,
     "starts with a radius near 0": run_messages.STARTS_ROUGHLY,
+    "starts with alpha": run_messages.STARTS_HELD_BACK,
+    "not looked at": run_messages.unseen("a table that ends"),
     "solver not kept": run_messages.UNKNOWN_SCHEME,
     "mbs changed": run_messages.changed("parameters"),
     "begins late": begins_late(0.1),

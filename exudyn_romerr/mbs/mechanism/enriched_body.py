@@ -124,7 +124,7 @@ class EnrichedBody:
         """Matrices between the body's coordinates and P, and of P (m, m), behind n modes."""
         sums = self.sums = ShapeSums.of(flex.mass, flex.stiffness, flex.positions, self.shapes)
         V, P = slice(n), slice(n, None)
-        self.M_PP, self.K_PP, self._M_VP, self.K_VP = sums.M[P, P], sums.K[P, P], sums.M[V, P], sums.K[V, P]
+        self.K_PP, self.K_VP = sums.K[P, P], sums.K[V, P]
         D = self.damping(self.shapes, self.shapes[:, P], sums.M[:, P], sums.K[:, P])
         self.D_VP, self.D_PP = D[V], D[P]
         # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j

@@ -174,9 +174,9 @@ class OtherDeformations(EnrichedBody):
 
     def __init__(self, body: EnrichedBody):
         vars(self).update(vars(body))
-        n, self.m, none = len(body.modal), RIGID_INERTIA, np.zeros((RIGID_INERTIA,) * 2)
-        self.M_PP = self.K_PP = self.D_PP = none
-        self._M_VP = self.K_VP = self.D_VP = np.zeros((n, self.m))
+        n, self.m = len(body.modal), RIGID_INERTIA
+        self.K_PP = self.D_PP = np.zeros((self.m, self.m))
+        self.K_VP = self.D_VP = np.zeros((n, self.m))
         unit = np.eye(self.m)
         self._pull, self._arms = unit[:3], unit[3:].reshape(3, 3, self.m).swapaxes(0, 1)
         self._of_V, self._of_P = np.zeros((3, 3, n, self.m)), np.zeros((3, 3, self.m, self.m))

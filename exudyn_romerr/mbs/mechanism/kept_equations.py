@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...online.run_messages import CHANGED, changed
+from ...online.run_messages import CHANGED, changed, unseen
+from ...report.scope import Doubt
 from ..access.mbs_items import newton_tolerance
 from ..access.state_guard import state_kept
 from ..derivatives.linearisation import Tangents
@@ -50,19 +51,20 @@ class KeptEquations:
         rows = np.flatnonzero(t > self._until)  # those before were looked at, when fewer vectors were tried
         if self._may_change and not self._has_broken and rows.size and mbs is not None:
             self._until = float(t[-1])
-            row = self._first(tangents, mbs, t, states, rows)
-            self._has_broken = row is not None
-            self._notes += [] if row is None else [changed(BROKEN.format(t[row]))]
+            doubt = self._found(tangents, mbs, t, states, rows)
+            self._has_broken = doubt is not None
+            self._notes += [doubt] if self._has_broken else []
         found, self._notes = self._notes, []
         return found
 
-    def _first(self, tangents: Tangents, mbs: Any, t: np.ndarray, states: Sequence, rows: np.ndarray) -> int | None:
+    def _found(self, tangents: Tangents, mbs: Any, t: np.ndarray, states: Sequence, rows: np.ndarray) -> Doubt | None:
         try:
             with memory_kept(mbs, self._functions) as memory, state_kept(mbs.systemData):
                 row = None if memory.lost else self._broken(tangents, mbs, t, states, rows)
-                return None if memory.changed else row  # forces that remember tell nothing in another order
-        except Exception:  # of a user function, which the estimate of time steps says
-            return None
+                row = None if memory.changed else row  # forces that remember tell nothing in another order
+        except Exception as error:  # of a user function, in a state that it was called in before
+            return unseen(str(error))
+        return None if row is None else changed(BROKEN.format(t[row]))
 
     def _broken(self, tangents: Tangents, mbs: Any, t: np.ndarray, states: Sequence, rows: np.ndarray) -> int | None:
         own, light = Place(tangents.equations, mbs), tangents.light(mbs)

@@ -32,7 +32,7 @@ class StepErrors:
     """Errors by time steps along a run; where they end, the run and its bounds go on.
 
     residuals : of states between samples, None: they are left out. holds_rates : whether the solver keeps the rates
-    of constraints zero and lets their positions drift (index 2). equations : of an mbs that may be changed, or None.
+    of constraints zero and lets their positions drift (index 2). equations : whether they hold all along.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class StepErrors:
         tangents: Tangents,
         residuals: StoredResiduals | None,
         holds_rates: bool,
-        equations: KeptEquations | None = None,
+        equations: KeptEquations,
     ):
         self._tangents, self._residuals, self.holds_rates = tangents, residuals, holds_rates
         self._equations = equations
@@ -66,8 +66,7 @@ class StepErrors:
 
     def begin(self, mbs: Any, rows: Sequence[np.ndarray]) -> None:
         """Take rows that follow; steps are to go through."""
-        if self._equations is not None:
-            self.notes += self._equations.broken(self._tangents, mbs, *rows)
+        self.notes += self._equations.broken(self._tangents, mbs, *rows)
         self._do(lambda error: self._begin(error, mbs, rows))
 
     def _begin(self, error: TimeStepError, mbs: Any, rows: Sequence[np.ndarray]) -> None:

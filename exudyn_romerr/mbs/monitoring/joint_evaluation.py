@@ -52,7 +52,7 @@ class Mechanism:
         self._failure: Exception | None = None  # of the tangent
         self._at_hand: tuple = (None, None)  # while rows are evaluated: the mbs, their multipliers
 
-    def begin(self, mbs: Any, may_change: bool = False) -> None:
+    def begin(self, mbs: Any, may_change: bool) -> None:
         """A solve begins, and the watches have read the mbs; may_change: by a PostStep function, along the run."""
         self.equations = KeptEquations(mbs, may_change)
         self._coupled = [watch for watch in self._watches if watch.is_coupled]

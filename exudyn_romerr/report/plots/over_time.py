@@ -10,7 +10,7 @@ from ...checks import check_count
 from ..estimate_wording import estimated_kind, estimated_under, known
 from ..scope import NOT_CERTIFIED
 from ..wording import at_round_off, error_kind, rounded_up, under
-from .readable_axes import OF_BOUND, OF_HALF_WIDTH, above, at_most, limits_of_errors, limits_of_signal
+from .readable_axes import OF_BOUND, OF_HALF_WIDTH, above, largest_in_words, limits_of_errors, limits_of_signal
 from .style import (
     CAUSE_STYLES,
     COLOURS,
@@ -61,7 +61,7 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     cut = [", cut off" * leaving for leaving in leaves]
     if is_bounded := bool(np.isfinite(bound).any()) or not _is_estimated(out):
         label = f"value ± bound{_of_what(report, out)}{under(report.scope, doubts=out.uncertified)}, "
-        label += at_most(bound, out.unit, "up to" if out.uncertified else "at most") + cut[0]
+        label += largest_in_words(bound, out.unit, "up to" if out.uncertified else "at most") + cut[0]
         _band(ax, t, value, bound, COLOURS["fast"], label)
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
     if best is not None:
@@ -154,14 +154,14 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
     """Best guess of the full model's output, half width, labels; the corrected output where that is proved."""
     if _is_estimated(out):
         half = out.uncertainty[:, row]
-        within = f"half width{estimated_under(out, report.scope)}, {at_most(half, out.unit, 'up to')}"
+        within = f"half width{estimated_under(out, report.scope)}, {largest_in_words(half, out.unit, 'up to')}"
         line = f"value + estimate{_not_resolved(out, row)}"
         return out.value[:, row] + out.estimate[:, row], half, f"value + estimate ± {within}", line
     if out.corrected is None:
         return None
     bound = out.corrected_bound[:, row]
     by = "auxiliary" if "auxiliary" in report.scope else "best"  # coupled, "energy" knows a correction too
-    most = at_most(bound, out.unit, "up to" if out.uncertified else "at most")
+    most = largest_in_words(bound, out.unit, "up to" if out.uncertified else "at most")
     label = f"corrected ± its bound{under(report.scope, by, out.uncertified)}, {most}"
     return out.corrected[:, row], bound, label, "corrected output"
 

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import InputError
 from ...trajectory.samples import SAME_TIMES
 from ..wording import under
-from .readable_axes import at_most
+from .readable_axes import largest_in_words
 
 if TYPE_CHECKING:
     from ..report import BoundReport
@@ -54,7 +54,7 @@ def add_bands(plotted: Any, report: BoundReport, name: str, components: int | Se
     for row in _checked(components, len(out.row_names)):
         value, bound, shown = out.value[:, row], out.bound["best"][:, row], out.row_names[row]
         line = _line_of(ax, report.t, value, shown)
-        most = at_most(bound, out.unit, "bound up to" if out.uncertified else "at most")
+        most = largest_in_words(bound, out.unit, "bound up to" if out.uncertified else "at most")
         label = f"{shown} ± {most}{under(report.scope, doubts=out.uncertified)}"
         key = f"band of {shown} around line {ax.get_lines().index(line)}"
         for older in [x for x in ax.collections if x.get_gid() == key]:

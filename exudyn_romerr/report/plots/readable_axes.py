@@ -57,7 +57,7 @@ def largest(x: np.ndarray) -> float:
     return float(np.max(x, where=np.isfinite(x), initial=0.0))
 
 
-def at_most(bound: np.ndarray, unit: str, words: str = "at most") -> str:
+def largest_in_words(bound: np.ndarray, unit: str, words: str) -> str:
     """Return the largest bound in words; half widths of estimates, and bounds not certified, are "up to"."""
     finite = bound[np.isfinite(bound)]
     largest = f"{words} {rounded_up(np.max(finite), 2)} {unit}" if finite.size else "nowhere finite"
@@ -67,4 +67,4 @@ def at_most(bound: np.ndarray, unit: str, words: str = "at most") -> str:
 def above(limits: tuple | None, x: np.ndarray, unit: str) -> str:
     """Return for a legend how large what leaves the axes at their upper edge gets; empty: it does not."""
     leaves = limits is not None and largest(x) > limits[1]
-    return f", {at_most(x, unit, 'up to')}: above the axis" if leaves else ""
+    return f", {largest_in_words(x, unit, 'up to')}: above the axis" if leaves else ""

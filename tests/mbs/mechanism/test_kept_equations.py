@@ -8,6 +8,7 @@ import pytest
 from exudyn import itemInterface
 
 import exudyn_romerr as romerr
+from exudyn_romerr.mbs.mechanism.kept_equations import KeptEquations
 from exudyn_romerr.online.run_messages import CHANGED
 from exudyn_romerr.report.scope import COUPLED, NOT_CERTIFIED
 from models import mechanisms
@@ -44,6 +45,10 @@ def reports(scene, function, **options):
     found = [monitor.report() for monitor in monitors]
     assert all(set(report.scope.values()) == {COUPLED} for report in found)
     return found
+
+
+def failing(*anything):
+    raise RuntimeError("a table that ends")
 
 
 def assert_certified(found, certified):
@@ -100,3 +105,12 @@ def test_a_joint_that_does_not_act_for_two_steps(off):
         return True
 
     assert_certified(reports(scene, change), certified=not off)
+
+
+def test_what_cannot_be_looked_at_is_not_certified(monkeypatch):
+    """A user function that fails in states that it was called in before: nothing would tell of a change."""
+    scene, *_ = sprung()
+    monkeypatch.setattr(KeptEquations, "_broken", failing)
+    for report in reports(scene, lambda mbs, t: True, midpoint_residual=False):
+        assert [doubt.cause for doubt in report.uncertified] == ["changes along the run could not be looked for"]
+        assert "a table that ends" in report.uncertified[0]

@@ -12,6 +12,7 @@ from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.access.mbs_items import scheme_of
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.mechanism import step_errors, stored_residuals
+from exudyn_romerr.mbs.mechanism.kept_equations import KeptEquations
 from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
@@ -107,7 +108,7 @@ class Estimated:
     def begin(self, mbs):
         self.tangents = Tangents(mbs)
         residuals = StoredResiduals(self.tangents, mbs) if self.midpoint else None
-        steps = StepErrors(self.tangents, residuals, self.index2)
+        steps = StepErrors(self.tangents, residuals, self.index2, KeptEquations(mbs, may_change=False))
         scheme = TRAPEZOIDAL if self.index2 else scheme_of(mbs)
         self.reaction, self.due = Reaction([], Feedback(scheme), FirstSteps(None), self.tangents, steps), 1
         self.reaction._say = self.note  # there are no reports
