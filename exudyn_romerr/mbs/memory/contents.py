@@ -5,8 +5,10 @@ Other variables, and other parts of the same value, may hold them, too.
 
 from __future__ import annotations
 
+import ctypes
 import random
-from collections import deque
+from array import array
+from collections import OrderedDict, defaultdict, deque
 from collections.abc import Iterable, Mapping
 from itertools import chain
 from types import SimpleNamespace
@@ -17,6 +19,8 @@ import numpy as np
 from .kept_values import NUMBERS, spaces_of
 
 SIMPLE = frozenset(NUMBERS)
+IN_A_ROW, BY_NAME = (list, tuple, deque), (dict, defaultdict, OrderedDict)  # and no class made of one of these
+OF_C = ctypes.Structure.__base__  # of all that ctypes gives
 
 
 class Contents:
@@ -30,12 +34,12 @@ class Contents:
         known[id(value)] = self  # first: it may be in itself
         self._value, self._items = value, None
         self._kind = tuple if isinstance(value, tuple) else type(value)
-        self._spaces: list = [value] if self._kind is dict else []
+        self._spaces: list = [value] if self._kind in BY_NAME else []
         # of others, as exceptions, to ask for attributes alters how they are pickled
         by_attributes = self._kind.__new__ is object.__new__ or self._kind is SimpleNamespace
         if by_attributes and id(value) not in held:
             self._spaces = spaces_of(value)
-        rows = [value] if self._kind in (list, tuple) else [space.values() for space in self._spaces]
+        rows = [value] if self._kind in IN_A_ROW else [space.values() for space in self._spaces]
         self._names = [[*space] for space in self._spaces]
         if self._kind is set or (rows and all(map(_are_simple, rows))):
             self._items = [[*row] for row in rows or [value]]
@@ -51,10 +55,11 @@ class Contents:
         if self._kind is set:
             value.clear()
             value.update(self._items[0])
-        elif self._kind in (list, tuple):
+        elif self._kind in IN_A_ROW:
             [items] = self._items or self._put_back_in([before], done)
-            if self._kind is list:
-                value[:] = items
+            if self._kind is not tuple:
+                value.clear()
+                value.extend(items)
         else:
             return self._filled(before, done)
         return value
@@ -66,7 +71,7 @@ class Contents:
 
     def _filled(self, before: Any, done: set[int]) -> Any:
         """The same of what has names, and of all others."""
-        others = [before] if self._kind is dict else spaces_of(before) if self._spaces else []
+        others = [before] if self._kind in BY_NAME else spaces_of(before) if self._spaces else []
         if not others or [[*space] for space in others] != self._names:  # it is pickled by a way of its own
             return _put_back(self._value, before)
         items = self._items or self._put_back_in([space.values() for space in others], done)
@@ -84,27 +89,35 @@ def _are_simple(values: Iterable) -> bool:
 
 def _put_back(now: Any, before: Any) -> Any:
     """Return what is as `before`: the object that is there now, if its content can be changed."""
+    has_content = _fill(now, before)
+    spaces = spaces_of(before) if type(now) is type(before) else []
+    for space, kept in zip(spaces_of(now) if spaces else [], spaces, strict=True):
+        space.clear()
+        space.update(kept)
+    return now if has_content or spaces else before
+
+
+def _fill(now: Any, before: Any) -> bool:
+    """Put back what is in an object beside its attributes; return whether there is such a thing."""
     if isinstance(before, np.ndarray) and isinstance(now, np.ndarray) and now.shape == before.shape:
         if now.flags.writeable:
             now[...] = before
     elif isinstance(before, dict | set) and isinstance(now, type(before)):
         now.clear()
         now.update(before)
-    elif isinstance(before, list | bytearray) and isinstance(now, list | bytearray):
+    elif isinstance(before, list | bytearray | array) and isinstance(now, type(before)):
         now[:] = before
     elif isinstance(before, deque) and isinstance(now, deque):
         now.clear()
         now.extend(before)
+    elif isinstance(before, OF_C) and isinstance(now, type(before)):
+        ctypes.memmove(ctypes.addressof(now), ctypes.addressof(before), ctypes.sizeof(before))
     elif isinstance(now, random.Random):
         now.setstate(before.getstate())
     elif isinstance(now, np.random.RandomState):
         now.set_state(before.get_state())
     elif isinstance(now, np.random.Generator):
         now.bit_generator.state = before.bit_generator.state
-    elif type(now) is type(before) and spaces_of(before):
-        for space, kept in zip(spaces_of(now), spaces_of(before), strict=True):
-            space.clear()
-            space.update(kept)
     else:
-        return before
-    return now
+        return False
+    return True

@@ -20,7 +20,8 @@ CACHED = type(lru_cache(abs))
 WRAPPERS = CACHED | partial | MethodType | staticmethod | classmethod | property
 NUMBERS = (type(None), bool, int, float, complex, str, bytes)
 PROTOCOL = 5  # contents of arrays may stay where they are
-STREAMS = ("__next__", "fileno")  # of generators and open files, of files and sockets
+ITERATORS = ("builtins", "itertools")
+STREAMS = ("__next__", "fileno")  # of iterators and open files, of files and sockets
 
 
 class Copies:
@@ -111,13 +112,15 @@ class _Pickler(pickle.Pickler):
         return found
 
     def _reduced(self, value: Any) -> Any:
+        if isinstance(value, Iterator) and type(value).__module__ in ITERATORS:  # some can be copied, none set back
+            self.lost.add(type(value).__name__)
         if type(value) in copyreg.dispatch_table:
             return NotImplemented
         try:
             return value.__reduce_ex__(PROTOCOL)
         except Exception:
             printed = value is sys.stdout or value is sys.stderr  # nothing is read from there
-            if not printed and any(hasattr(type(value), name) for name in STREAMS):
+            if isinstance(value, memoryview) or (not printed and any(hasattr(type(value), name) for name in STREAMS)):
                 self.lost.add(type(value).__name__)
             return None
 

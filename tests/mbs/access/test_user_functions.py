@@ -1,5 +1,6 @@
 """User functions: runs are the same bit for bit with and without us, whatever functions keep between their calls."""
 
+import itertools
 import random
 import sys
 import tempfile
@@ -256,6 +257,11 @@ def of_a_generator(scene):
     return lambda mbs, t, vector: [0.0, 10.0 + next(numbers), 0.0]
 
 
+def of_a_counter(scene):
+    """Load by an iterator in a default value: a copy of it could go on, but not in its place."""
+    return lambda mbs, t, vector, numbers=itertools.count(): [0.0, 10.0 + 1e-9 * next(numbers), 0.0]  # noqa: B008
+
+
 def setting_an_item(scene):
     """Load that makes a spring softer by every call: a parameter of the mbs is no variable that is put back."""
     number = add_spring(scene)
@@ -334,6 +340,7 @@ LOADS = {
     "counting": counting,
     "mbs.sys": counting_in_mbs_sys,
     "generator": of_a_generator,
+    "counter": of_a_counter,
     "open file": of_an_open_file,
     "item": setting_an_item,
 }

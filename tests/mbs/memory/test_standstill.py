@@ -1,8 +1,11 @@
 """While a hook evaluates steps: functions are called once for a time, and searched once for what they keep."""
 
+import ctypes
+import itertools
 import math
 import warnings
-from collections import deque, namedtuple
+from array import array
+from collections import OrderedDict, defaultdict, deque, namedtuple
 from types import SimpleNamespace
 
 import numpy as np
@@ -254,3 +257,61 @@ def test_to_look_changes_nothing():
     for _ in range(2):
         with memory_kept(SimpleNamespace(variables={}, sys={}), [load]) as memory:
             assert not memory.changed
+
+
+class Rows(list):
+    """A list with attributes of its own."""
+
+
+CONTAINERS = {
+    "deque": lambda rows: deque([rows, 1], maxlen=5),
+    "defaultdict": lambda rows: defaultdict(list, rows=rows),
+    "ordered dict": lambda rows: OrderedDict(first=1, rows=rows),
+}
+
+
+@pytest.mark.parametrize("name", CONTAINERS)
+def test_rows_in_other_containers_are_put_back_themselves(name):
+    """A function after each step may add to the same list by another name."""
+    rows = [1, 2]
+    kept = CONTAINERS[name](rows)
+
+    def load():
+        rows.append(9)
+        if isinstance(kept, deque):
+            kept.rotate()
+        else:
+            kept["new"] = [9]
+
+    with memory_kept(SimpleNamespace(variables={}, sys={}), [load]):
+        load()
+    assert rows == [1, 2]
+    assert kept == CONTAINERS[name](rows)
+    assert (kept[0] if isinstance(kept, deque) else kept["rows"]) is rows
+
+
+def test_what_is_no_container_of_python_is_put_back_itself():
+    """In a default value nothing could take its place."""
+    logs, numbers, of_c, single = Rows([1]), array("d", [1.0, 2.0]), (ctypes.c_double * 2)(1.0, 2.0), ctypes.c_int(3)
+
+    def load(mbs, t, vector, logs=logs, numbers=numbers, of_c=of_c, single=single):
+        logs.append(2)
+        logs.last = 2
+        numbers.append(3.0)
+        of_c[0] = single.value = 7
+
+    with memory_kept(SimpleNamespace(variables={}, sys={}), [load]) as memory:
+        load(None, 0.0, None)
+        assert memory.changed
+    assert (logs, vars(logs), numbers.tolist(), [*of_c], single.value) == ([1], {}, [1.0, 2.0], [1.0, 2.0], 3)
+
+
+@pytest.mark.parametrize("numbers", [itertools.count(), iter([0.0] * 99), memoryview(bytearray(9))], ids=type)
+def test_what_cannot_be_set_back_is_lost(numbers):
+    """Copies of iterators go on by themselves: one in a default value, or with two names, is the run's no more."""
+
+    def load(mbs, t, vector, numbers=numbers):
+        return [float(len([*zip(numbers, (1,), strict=False)])), 0.0, 0.0]
+
+    with memory_kept(SimpleNamespace(variables={}, sys={}), [load]) as memory:
+        assert memory.lost == type(numbers).__name__
