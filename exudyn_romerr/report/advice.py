@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .estimate_wording import covers_more, estimated_kind, estimated_under, is_enough, known, rest
-from .scope import cures_of
+from .scope import FROZEN, cures_of
 from .wording import (
     CURES_OF_CAUSES,
+    MORE_MODES,
     MORE_VECTORS,
+    SHORT,
     STEPS,
     at_round_off,
     digits,
@@ -78,7 +80,8 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
     if verdict == "infinite":
         return NO_BOUND
     if verdict == "enough":
-        return f"enough{under(scope)}: the bound of the {error_kind(time)} is within {permitted(out)[1]}"
+        said = f"enough{under(scope)}: the bound of the {error_kind(time)} is within {permitted(out)[1]}"
+        return said + beyond(said)
     if found is None:
         return _of_bound(out, verdict, row)
     if verdict == ABOUT_ENOUGH:
@@ -91,6 +94,11 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
     sharper = "" if verdict == NOT_RESOLVED else _slack(out, time, scope, row)
     unbounded = "" if np.isfinite(out.bound["best"][:, _rows(row)]).all() else NO_BOUND
     return "; ".join(filter(None, [said, sharper, unbounded]))
+
+
+def beyond(enough: str) -> str:
+    """Return what has to follow where something is enough under the forces of a run: the mechanism may be far off."""
+    return f"; the mechanism's answer is not in it: {MORE_MODES}" if SHORT[FROZEN] in enough else ""
 
 
 def largest_part(out: OutputData, row: int) -> str:
@@ -153,7 +161,7 @@ def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | 
     condition = f"{under(scope)}," if under(scope) else ""
     which = f" of the {of_bound}" if kind != of_bound else ""
     too = f", the bound{which}{condition} is {'too' if bound <= allowed else 'not'}" if np.isfinite(bound) else ""
-    return f"{said} within {of}{too}"
+    return f"{said} within {of}{too}{beyond(said)}"
 
 
 def _slack(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:

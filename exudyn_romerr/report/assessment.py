@@ -14,6 +14,7 @@ from .estimate_wording import about, estimate_scope, estimated_kind, is_enough, 
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, causes_of, cures_of
 from .wording import (
     AS_IN_THIS_RUN,
+    MORE_MODES,
     NOT_THE_MECHANISM,
     advises,
     digits,
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
 SMALL = 0.01  # of the largest row: one below it that decides alone is told of
 TOO_LARGE = ANSWERS[:2]
-MORE_MODES = "compare with a run of the mechanism with more modes"
 NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
 RUN_TO_END = "let it run to its end; the messages say what ended it, where that is known"
 UNCERTIFIED = "what is computed of this run is not certified ({})"

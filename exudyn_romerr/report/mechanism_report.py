@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .assessment import Assessment
 
 ASK_BODIES = "a mechanism has no {} of its own; ask report.bodies[...], a report for each body"
+LEFT_OUT = "neither estimated nor bounded: {}; print(report.plan) says why"
 NO_BOUND = "estimated only, no bound of it is known: {}"
 
 
@@ -96,6 +97,7 @@ def joined(
     outputs = {out.name: out for out in made}
     times = {body.time for body in bodies}
     unbounded = [NO_BOUND.format(", ".join(out.name for out in others))] if others else []
+    unbounded += [LEFT_OUT.format(", ".join(_once(name for name, _ in left_out)))] if left_out else []
     return MechanismReport(
         t=bodies[0].t,
         position_bound=OfBodies(),

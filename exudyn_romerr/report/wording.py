@@ -60,6 +60,7 @@ SAMPLED = (
     "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
     "does between the samples"
 )
+MORE_MODES = "compare with a run of the mechanism with more modes"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 

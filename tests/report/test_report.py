@@ -114,7 +114,8 @@ def test_summary_of_several_outputs_says_each_thing_once(report):
     report.output("v").tolerance = 1e6
     assert str(report).splitlines()[4:6] == [
         "next step, y: start from equilibrium, or add modes, for 'initial' makes most of the error",
-        "next step, v: enough, inputs frozen: within the tolerance of 1e+06 m",
+        "next step, v: enough, inputs frozen: within the tolerance of 1e+06 m; the mechanism's answer is not in it: "
+        "compare with a run of the mechanism with more modes",
     ]
 
 

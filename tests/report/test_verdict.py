@@ -157,7 +157,9 @@ def test_rows_are_measured_by_the_largest_of_their_output():
 )
 def test_enough_is_said_with_what_it_holds_under(scope, time, said):
     scope = {"auxiliary": scope}
-    assert output(2.0, {"auxiliary": 1e-3}, scope).advice(time, scope).startswith(said)
+    advice = output(2.0, {"auxiliary": 1e-3}, scope).advice(time, scope)
+    assert advice.startswith(said)
+    assert advice.endswith("compare with a run of the mechanism with more modes") == (time == "reconstructed")
 
 
 @pytest.mark.parametrize(("bound", "share"), [(0.5, " (25 %)"), (2.8, " (140 %)"), (20.0, " (1000 %)"), (20.5, "")])

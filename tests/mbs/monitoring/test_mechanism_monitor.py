@@ -215,6 +215,8 @@ def test_bodies_are_as_with_a_monitor_each():
 def test_sensors_without_estimate_say_why(report):
     left_out = dict(report.plan.left_out)
     assert left_out["torque"] == sensor_dependence.NO_STATE["Load"]
+    (said,) = (message for message in report.messages if message.startswith("neither estimated nor bounded: "))
+    assert all(name in said for name in left_out if name in ("torque", "function", "ground"))
     assert left_out["function"] == sensor_dependence.NO_STATE["UserFunction"]
     assert left_out["ground"] == sensor_dependence.STILL
     assert not {"torque", "function", "ground"} & set(report.outputs)
