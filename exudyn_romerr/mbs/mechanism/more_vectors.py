@@ -184,19 +184,19 @@ class MoreVectors:
                 self._put_back(kept)
                 break
             kept = tried
-        self._tell(begin, told)
+        if told:
+            self._tell(begin, kept, told)
         if self._sensors and kept is not begin:
             kept = self._again(kept, factor, mbs)
         return kept.reaction
 
-    def _tell(self, begin: _Result, told: Sequence[str]) -> None:
-        if not told:
-            return
-        few = " and ".join(dict.fromkeys(str(enriched.asked) for enriched, *_ in begin.left))
+    def _tell(self, begin: _Result, kept: _Result, told: Sequence[str]) -> None:
+        few, now = (" and ".join(dict.fromkeys(str(of[0].asked) for of in x.left)) for x in (begin, kept))
         (_, name), times = max(begin.far.items(), key=lambda item: item[1])
         far = f"with {few} the bound of {name!r} is {digits(times, 2)} times the estimate after {self._taken} steps"
         for watch in self._watches:
-            watch.run.messages.append(f"auxiliary vectors: {far}; {', '.join(told)}")
+            spared = f"; attach(..., auxiliary_modes={now}) spares the next run the trying" if now.isdigit() else ""
+            watch.run.messages.append(f"auxiliary vectors: {far}; {', '.join(told)}{spared}")
 
     def _again(self, kept: _Result, factor: float, mbs: Any, wider: Sequence = (), count: int = 0) -> _Result:
         """Go through the run so far once more: some bodies with so many vectors, or all as they are with sensors."""

@@ -74,7 +74,8 @@ def test_a_run_that_asks_for_more_is_as_one_that_had_them_from_the_start(asking,
     gain = np.max(few.output("tip local").bound["best"]) / np.max(many.output("tip local").bound["best"])
     assert gain > more_vectors.PAYS
     assert note[0].startswith(TOLD)
-    assert note[0].endswith(f"after {STEPS} steps; 60 make that of 'tip local' {gain:.2g} times smaller")
+    gained = f"after {STEPS} steps; 60 make that of 'tip local' {gain:.2g} times smaller"
+    assert note[0].endswith(f"{gained}; attach(..., auxiliary_modes=60) spares the next run the trying")
     assert told(few) == told(many) == []
 
 
@@ -83,7 +84,7 @@ def test_what_does_not_pay_is_left(asking, bar, monkeypatch):
     monkeypatch.setattr(more_vectors, "PAYS", 100.0)
     few, auto = report(bar(), auxiliary_modes=FIRST), report(bar())
     assert_same(auto, few)
-    assert told(auto)[0].endswith("times smaller: not taken")
+    assert "times smaller: not taken; attach(..., auxiliary_modes=26) spares" in told(auto)[0]
     assert [message for message in auto.messages if message not in told(auto)] == list(few.messages)
 
 
@@ -95,7 +96,7 @@ def test_what_fails_is_left(asking, bar, monkeypatch):
     monkeypatch.setattr(type(watched(bar()).subject), "_with_vectors", fails)
     auto = report(bar())
     assert_same(auto, few)
-    assert told(auto)[0].endswith("60 could not be tried: no room")
+    assert "60 could not be tried: no room; " in told(auto)[0]
 
 
 def test_nothing_is_tried_in_a_few_steps(asking, bar, monkeypatch):
@@ -131,7 +132,7 @@ def test_a_tolerance_is_not_what_stops_a_run_where_more_vectors_keep_it(bar, mon
     stopped, auto = (report(bar(), tolerance=limit, **options) for options in ({"auxiliary_modes": FIRST}, {}))
     assert [any("exceeded" in text for text in found.messages) for found in (stopped, auto)] == [True, False]
     assert len(auto.t) == STEPS + 1
-    assert told(auto)[0].endswith("times smaller")
+    assert "times smaller; attach(..., auxiliary_modes=" in told(auto)[0]
     np.testing.assert_allclose(
         np.max(auto.output("tip local").bound["best"]), np.max(many.output("tip local").bound["best"]), rtol=BLOCKS
     )
