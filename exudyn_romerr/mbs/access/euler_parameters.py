@@ -6,8 +6,6 @@ import numpy as np
 
 from ...model.floating_frame import skew
 
-CYCLIC = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
-
 # G of unit parameters, -2 v and 2 (s I - v~) side by side; entries of a product with them are single ones, doubled
 RATES = np.concatenate(
     [np.eye(4)[:, 1:, None] * -2, 2 * np.eye(4)[:, :1, None] * np.eye(3) - 2 * skew(np.eye(4)[:, 1:])], axis=2
@@ -16,14 +14,9 @@ RATES = np.concatenate(
 
 def axes_of(p: np.ndarray) -> np.ndarray:
     """A = (1 - 2 v.v) I + 2 v v^T + 2 s v~ (..., 3, 3) of p = s, v."""
-    v = p[..., 1:]
-    A, turned = (2 * v)[..., :, None] * v[..., None, :], 2 * p[..., :1] * v
-    rest = 1 - 2 * np.einsum("...i,...i->...", v, v)
-    for i, j, k in CYCLIC:
-        A[..., i, i] += rest
-        A[..., k, j] += turned[..., i]
-        A[..., j, k] -= turned[..., i]
-    return A
+    s, v = p[..., :1, None], p[..., 1:]
+    diagonal = (1 - 2 * np.einsum("...i,...i->...", v, v))[..., None, None] * np.eye(3)
+    return diagonal + 2 * v[..., :, None] * v[..., None, :] + 2 * s * skew(v)
 
 
 def rates_of(p: np.ndarray) -> np.ndarray:

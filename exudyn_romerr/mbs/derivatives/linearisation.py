@@ -108,6 +108,11 @@ class Tangents:
         """Where the equations of an mbs that reads the same cost least."""
         return Place(self.equations, mbs) if self._twin is None else self._twin.light
 
+    def cheapest(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> Place:
+        """The light copy if it shows near a state q, q_t, q_tt, multipliers what the mbs shows; or the mbs."""
+        own, light = Place(self.equations, mbs), self.light(mbs)
+        return light if light.mbs is not mbs and light.shows(t, state, own.look(t, state)) else own
+
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
         """What independent constraints keep zero (S, c), in rows of t, q, q_t, q_tt, multipliers."""
         return self.equations.drifts(mbs, rows)[:, self.independent]

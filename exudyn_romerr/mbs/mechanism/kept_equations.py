@@ -67,9 +67,7 @@ class KeptEquations:
         return None if row is None else changed(BROKEN.format(t[row]))
 
     def _broken(self, tangents: Tangents, mbs: Any, t: np.ndarray, states: Sequence, rows: np.ndarray) -> int | None:
-        own, light = Place(tangents.equations, mbs), tangents.light(mbs)
-        last = t[rows[-1]], [x[rows[-1]] for x in states]
-        place = light if light.mbs is not mbs and light.shows(*last, own.look(*last)) else own
+        place = tangents.cheapest(mbs, t[rows[-1]], [x[rows[-1]] for x in states])
 
         def at(row: int, share: float = 1.0) -> Place:
             q, q_t, q_tt, multipliers = (x[row] for x in states)

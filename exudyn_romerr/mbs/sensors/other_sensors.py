@@ -205,10 +205,8 @@ class OtherSensors:
     def _cheapest(self, mbs: Any, rows: Sequence[np.ndarray]) -> Place:
         """The light copy if it shows what the mbs shows at another time than the mbs is at; or the mbs."""
         t, *state = (x[0] for x in rows)
-        own, light = Place(self._tangents.equations, mbs), self._tangents.light(mbs)
-        if light.mbs is mbs or mbs.systemData.GetTime() == t:
-            return own
-        return light if light.shows(t, state, own.look(t, state)) else own
+        is_there = mbs.systemData.GetTime() == t
+        return Place(self._tangents.equations, mbs) if is_there else self._tangents.cheapest(mbs, t, state)
 
     def _shown(self, mbs: Any, rows: Sequence[np.ndarray], record: SensorRecord | None = None) -> np.ndarray:
         """What sensors show (S, r) in states; record: of its run, where accelerations and multipliers balance."""
