@@ -28,15 +28,15 @@ typedef Py_ssize_t Size;
 #include "products.h"
 #include "recorder.h"
 
-static int march_anywhere(const March *all) { return march(all); }
+static int march_anywhere(March *all) { return march(all); }
 static void oscillate_anywhere(const Oscillators *all) { oscillate(all); }
 static void multiply_anywhere(const Products *all) { multiply(all); }
-static int (*march_here)(const March *) = march_anywhere;
+static int (*march_here)(March *) = march_anywhere;
 static void (*oscillate_here)(const Oscillators *) = oscillate_anywhere;
 static void (*multiply_here)(const Products *) = multiply_anywhere;
 
 #ifdef WIDE
-WIDE static int march_wide(const March *all) { return march(all); }
+WIDE static int march_wide(March *all) { return march(all); }
 WIDE static void oscillate_wide(const Oscillators *all) { oscillate(all); }
 WIDE static void multiply_wide(const Products *all) { multiply(all); }
 #endif
@@ -59,36 +59,21 @@ static void *numbers(PyObject *object, Held *held, Size count, Size bytes, int f
     return NULL;
 }
 
-/* Write where the numbers of S matrices begin, which the caller holds; -1 with an error set if they are not there. */
-static int matrices(PyObject *object, const double **found, Size S, Size count)
-{
-    PyObject *all = PySequence_Fast(object, "matrices of steps are a sequence");
-    if (all == NULL) return -1;
-    if (PySequence_Fast_GET_SIZE(all) != S) PyErr_SetString(PyExc_ValueError, "there is not a matrix of each step");
-    for (Size i = 0; i < S && !PyErr_Occurred(); i++) {
-        Py_buffer view;
-        Held one = {&view, 0};
-        found[i] = numbers(PySequence_Fast_GET_ITEM(all, i), &one, count, sizeof(double), 0);
-        if (one.count) PyBuffer_Release(&view);
-    }
-    Py_DECREF(all);
-    return PyErr_Occurred() ? -1 : 0;
-}
-
 /* Read the arguments, whose memory is given. */
-static int prepared(March *all, PyObject *const *given, PyObject *holds, Held *held, const double **rows)
+static int prepared(March *all, PyObject *const *given, PyObject *holds, Held *held)
 {
     const Size columns = all->columns, S = all->S, k = all->k, n = all->n, size = sizeof(double);
-    all->moved = rows, all->whole = rows + S, all->inverses = rows + 2 * S;
     if (!(all->moving = numbers(given[0], held, columns * 4 * k, size, 0)) ||
         !(all->right = numbers(given[1], held, columns * S * n, size, 0)) ||
         (given[2] != Py_None && !(all->kicks = numbers(given[2], held, columns * S * 2 * k, size, 0))) ||
         !(all->ahead = numbers(given[3], held, S * 12, size, 0)) ||
-        !(all->onward = numbers(given[4], held, S * 16, size, 0)) || matrices(given[5], all->moved, S, n * 2 * k) < 0 ||
-        matrices(given[6], all->whole, S, n * n) < 0 || matrices(given[7], all->inverses, S, n * n) < 0 ||
+        !(all->onward = numbers(given[4], held, S * 16, size, 0)) ||
+        !(all->moved = numbers(given[5], held, S * n * 2 * k, size, 0)) ||
+        !(all->whole = numbers(given[6], held, S * n * n, size, 0)) ||
+        !(all->inverses = numbers(given[7], held, S * n * n, size, 0)) ||
         !(all->once = numbers(given[8], held, S, 1, 0)) ||
         !(all->states = numbers(given[9], held, S * columns * 4 * k, size, PyBUF_WRITABLE)) ||
-        !(all->solutions = numbers(given[10], held, S * columns * n, size, PyBUF_WRITABLE)))
+        !(all->multipliers = numbers(given[10], held, S * columns * (n - k), size, PyBUF_WRITABLE)))
         return -1;
     for (Hold *hold = all->hold; all->holds < PyList_GET_SIZE(holds); hold++, all->holds++) {
         PyObject *coordinates;
@@ -105,10 +90,11 @@ static int prepared(March *all, PyObject *const *given, PyObject *holds, Held *h
 }
 
 #define ARRAYS 11
-#define MARCH                                                                                                     \
-    "march(columns, S, k, n, moving, right, kicks, ahead, onward, moved, whole, inverses, once, states, solutions, "  \
-    "held)\n\nWrite states (S, columns, 4, k) and solutions (S, columns, n) of Steps._marched, which tells the rest; "   \
-    "held: list\nof pairs, the number of a column and its coordinates (J,) that are held. Return whether they can be."
+#define MARCH                                                                                                        \
+    "march(columns, S, k, n, moving, right, kicks, ahead, onward, moved, whole, inverses, once, states, multipliers, " \
+    "held)\n\nWrite states (S, columns, 4, k) and multipliers (S, columns, n - k) of Steps.march, which tells the "     \
+    "rest; held:\nlist of pairs, the number of a column and its coordinates (J,) that are held. Return whether they "    \
+    "can be."
 
 static PyObject *marched(PyObject *self, PyObject *arguments)
 {
@@ -118,18 +104,21 @@ static PyObject *marched(PyObject *self, PyObject *arguments)
                           given + 2, given + 3, given + 4, given + 5, given + 6, given + 7, given + 8, given + 9,
                           given + 10, &PyList_Type, &holds))
         return NULL;
+    const Size of_all = all.columns * all.n;
     Held held = {PyMem_Calloc(ARRAYS + PyList_GET_SIZE(holds), sizeof(Py_buffer)), 0};
-    const double **rows = PyMem_Calloc(3 * all.S + 1, sizeof(double *));
-    double *work = PyMem_Calloc(2 * all.columns * all.n + all.k * (all.k + 1) + 1, sizeof(double));
+    double *work = PyMem_Calloc(3 * of_all + all.columns * 4 * all.k + all.k * (all.k + 1) + 1, sizeof(double));
+    Size *numbers_of = PyMem_Calloc(2 * all.columns + 1, sizeof(Size));
     all.hold = PyMem_Calloc(PyList_GET_SIZE(holds) + 1, sizeof(Hold));
-    if (!held.views || !rows || !work || !all.hold) {
+    if (!held.views || !work || !numbers_of || !all.hold) {
         PyErr_NoMemory();
-    } else if (prepared(&all, given, holds, &held, rows) == 0) {
-        all.left = work, all.more = work + all.columns * all.n, all.held = all.more + all.columns * all.n;
+    } else if (prepared(&all, given, holds, &held) == 0) {
+        all.from = numbers_of, all.place = numbers_of + all.columns;
+        all.z = work, all.left = work + of_all, all.more = work + 2 * of_all, all.now = work + 3 * of_all;
+        all.held = all.now + all.columns * 4 * all.k;
         result = PyBool_FromLong(march_here(&all));
     }
     while (held.count) PyBuffer_Release(held.views + --held.count);
-    PyMem_Free(held.views), PyMem_Free(rows), PyMem_Free(work), PyMem_Free(all.hold);
+    PyMem_Free(work), PyMem_Free(numbers_of), PyMem_Free(all.hold), PyMem_Free(held.views);
     return result;
 }
 
@@ -195,7 +184,7 @@ PyMODINIT_FUNC PyInit__loops(void)
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
-                 PyModule_AddIntConstant(made, "VERSION", 2) < 0)) /* as in loops.py */
+                 PyModule_AddIntConstant(made, "VERSION", 3) < 0)) /* as in loops.py */
         Py_CLEAR(made);
     return made;
 }

@@ -27,11 +27,13 @@ typedef struct {
 typedef struct {
     Size columns, S, k, n, holds;
     const double *moving, *right, *kicks, *ahead, *onward;
-    const double **moved, **whole, **inverses; /* of each step */
+    const double *moved, *whole, *inverses; /* of all steps */
     const char *once;
     Hold *hold;
-    double *states, *solutions;
-    double *left, *more, *held; /* (columns, n) of a step, twice; what solve() needs of k */
+    double *states, *multipliers;
+    Size *from, *place;         /* columns that are marched; which of these each column is, -1: none, for it is 0 */
+    double *now;                /* (columns, 4, k) of those that are marched */
+    double *z, *left, *more, *held; /* (columns, n) of a step, three times; what solve() needs of k */
 } March;
 
 /* y = A x for some rows of A (., m) and some columns x (next_x numbers apart), constants where this is called. */
@@ -122,11 +124,12 @@ INLINE int solve(Size count, double *A)
 INLINE int let_go(const March *all, Size i, double *z)
 {
     const Size n = all->n;
-    const double *B = all->inverses[i];
+    const double *B = all->inverses + i * n * n;
     for (const Hold *hold = all->hold; hold < all->hold + all->holds; hold++) {
-        const Size count = hold->count, row = count + 1;
+        const Size count = hold->count, row = count + 1, column = all->place[hold->column];
         const long long *J = hold->coordinates;
-        double *of = z + hold->column * n, *A = all->held;
+        double *of = z + column * n, *A = all->held;
+        if (column < 0) continue; /* it is 0 all the same */
         for (Size a = 0; a < count; a++) {
             for (Size b = 0; b < count; b++) A[a * row + b] = B[J[a] * n + J[b]];
             A[a * row + count] = of[J[a]];
@@ -139,45 +142,99 @@ INLINE int let_go(const March *all, Size i, double *z)
     return 1;
 }
 
-/* Whether all could be held. */
-INLINE int march(const March *all)
+/* Whether numbers are those of y; 0, if that is NULL. */
+INLINE int are_equal(Size count, const double *x, const double *y)
 {
-    const Size columns = all->columns, S = all->S, k = all->k, n = all->n;
-    const double *last = all->moving;
+    for (Size l = 0; l < count; l++)
+        if (x[l] != (y ? y[l] : 0.0)) return 0;
+    return 1;
+}
+
+/* Whether what is given of column j is what is given of another one; 0, if that is negative. */
+INLINE int is_like(const March *all, Size j, Size other)
+{
+    const Size sizes[] = {4 * all->k, all->S * all->n, all->S * 2 * all->k};
+    const double *given[] = {all->moving, all->right, all->kicks};
+    for (int i = 0; i < 3; i++)
+        if (given[i] && !are_equal(sizes[i], given[i] + j * sizes[i], other < 0 ? NULL : given[i] + other * sizes[i]))
+            return 0;
+    return 1;
+}
+
+INLINE int is_held(const March *all, Size j)
+{
+    for (Size i = 0; i < all->holds; i++)
+        if (all->hold[i].column == j) return 1;
+    return 0;
+}
+
+/* Find the columns that differ, as distinct() in estimates/columns.py does; return how many these are. */
+INLINE Size distinct(March *all)
+{
+    Size count = 0;
+    for (Size j = 0; j < all->columns; j++) {
+        Size like = is_held(all, j) ? count : 0;
+        while (like < count && (is_held(all, all->from[like]) || !is_like(all, j, all->from[like]))) like++;
+        all->place[j] = like < count ? like : is_like(all, j, -1) ? -1 : count;
+        if (all->place[j] == count) all->from[count++] = j;
+    }
+    return count;
+}
+
+/* Whether all could be held. */
+INLINE int march(March *all)
+{
+    const Size S = all->S, k = all->k, n = all->n, c = n - k, columns = distinct(all);
+    double *z = all->z, *left = all->left, *more = all->more;
+    for (Size j = 0; j < columns; j++)
+        memcpy(all->now + j * 4 * k, all->moving + all->from[j] * 4 * k, 4 * k * sizeof(double));
     for (Size i = 0; i < S; i++) {
         const double *ahead = all->ahead + 12 * i, *onward = all->onward + 16 * i;
-        double *now = all->states + i * columns * 4 * k, *z = all->solutions + i * columns * n;
+        const double *inverse = all->inverses + i * n * n;
         for (Size j = 0; j < columns; j++) {
-            const double *x = last + j * 4 * k, *kick = all->kicks ? all->kicks + (j * S + i) * 2 * k : NULL;
-            double *e = now + j * 4 * k; /* what is known of e, e', a, until z is */
-            for (Size a = 0; a < 3; a++)
-                for (Size l = 0; l < k; l++)
-                    e[a * k + l] = ahead[4 * a] * x[l] + ahead[4 * a + 1] * x[k + l] + ahead[4 * a + 2] * x[2 * k + l] +
-                                   ahead[4 * a + 3] * x[3 * k + l];
+            const double *kick = all->kicks ? all->kicks + (all->from[j] * S + i) * 2 * k : NULL;
+            double *e = all->now + j * 4 * k; /* what is known of e, e', a, until z is */
+            for (Size l = 0; l < k; l++) {
+                const double x[4] = {e[l], e[k + l], e[2 * k + l], e[3 * k + l]};
+                for (Size a = 0; a < 3; a++)
+                    e[a * k + l] = ahead[4 * a] * x[0] + ahead[4 * a + 1] * x[1] + ahead[4 * a + 2] * x[2] +
+                                   ahead[4 * a + 3] * x[3];
+            }
             for (Size l = 0; kick && l < 2 * k; l++) e[l] += kick[l];
         }
-        product(n, 2 * k, columns, all->moved[i], now, 4 * k, all->left, n);
-        for (Size j = 0; j < columns; j++)
-            for (Size l = 0; l < n; l++) all->left[j * n + l] = all->right[(j * S + i) * n + l] - all->left[j * n + l];
-        product(n, n, columns, all->inverses[i], all->left, n, z, n);
+        product(n, 2 * k, columns, all->moved + i * n * 2 * k, all->now, 4 * k, left, n);
+        for (Size j = 0; j < columns; j++) {
+            const double *right = all->right + (all->from[j] * S + i) * n;
+            for (Size l = 0; l < n; l++) left[j * n + l] = right[l] - left[j * n + l];
+        }
+        product(n, n, columns, inverse, left, n, z, n);
         if (!let_go(all, i, z)) return 0;
         if (!all->once[i]) {
-            product(n, n, columns, all->whole[i], z, n, all->more, n);
-            for (Size l = 0; l < columns * n; l++) all->left[l] -= all->more[l];
-            product(n, n, columns, all->inverses[i], all->left, n, all->more, n);
-            if (!let_go(all, i, all->more)) return 0;
-            for (Size l = 0; l < columns * n; l++) z[l] += all->more[l];
+            product(n, n, columns, all->whole + i * n * n, z, n, more, n);
+            for (Size l = 0; l < columns * n; l++) left[l] -= more[l];
+            product(n, n, columns, inverse, left, n, more, n);
+            if (!let_go(all, i, more)) return 0;
+            for (Size l = 0; l < columns * n; l++) z[l] += more[l];
         }
         for (Size j = 0; j < columns; j++)
             for (Size l = 0; l < k; l++) {
-                double *e = now + j * 4 * k + l;
+                double *e = all->now + j * 4 * k + l;
                 const double known[3] = {e[0], e[k], e[2 * k]}, step = z[j * n + l];
                 for (Size a = 0; a < 4; a++)
                     e[a * k] = onward[4 * a] * known[0] + onward[4 * a + 1] * known[1] + onward[4 * a + 2] * known[2] +
                                onward[4 * a + 3] * step;
             }
-        last = now;
+        for (Size j = 0; j < all->columns; j++) {
+            const Size place = all->place[j];
+            double *e = all->states + (i * all->columns + j) * 4 * k, *l = all->multipliers + (i * all->columns + j) * c;
+            if (place < 0) {
+                memset(e, 0, 4 * k * sizeof(double));
+                memset(l, 0, c * sizeof(double));
+            } else {
+                memcpy(e, all->now + place * 4 * k, 4 * k * sizeof(double));
+                memcpy(l, z + place * n + k, c * sizeof(double));
+            }
+        }
     }
     return 1;
 }
-

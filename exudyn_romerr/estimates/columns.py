@@ -23,7 +23,7 @@ class Columns(NamedTuple):
     moving: np.ndarray
     force: np.ndarray | None = None
     values: np.ndarray | None = None
-    kicks: tuple[np.ndarray, np.ndarray] | None = None
+    kicks: Sequence[np.ndarray] | None = None
     held: Sequence[np.ndarray] = ()
 
 

@@ -7,7 +7,7 @@ What the matrices of all steps need is made in batch and kept, so that passes wi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,46 +91,48 @@ def parted(rows: np.ndarray, c: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 class Steps:
     """Consecutive steps, ready to be marched through; sums of steps are steps, too.
 
-    h (S,) : step sizes. moved, whole, inverses : of each step, [[K, D], [C, 0]] at the sample, A =
+    h (S,) : step sizes. moved, whole, inverses : (S, ...) of each step, [[K, D], [C, 0]] at the sample, A =
     [[mass M + damping D + K, G^T], [C, 0]], and nearly A^-1; they hold until Track makes the next ones.
     once (S,) : where these are so near that nothing is corrected; A is made elsewhere, and of the first step.
+    maps : Scheme.ahead and next of h; made, if None.
     """
 
     def __init__(
         self,
-        scheme: Scheme | None,
+        scheme: Scheme,
         h: np.ndarray,
-        moved: Sequence[np.ndarray],
-        whole: Sequence[np.ndarray],
-        inverses: Sequence[np.ndarray],
+        moved: np.ndarray,
+        whole: np.ndarray,
+        inverses: np.ndarray,
         once: np.ndarray,
+        maps: tuple[np.ndarray, np.ndarray] | None = None,
     ):
         self.scheme, self.h, self.once = scheme, h, once
         self.moved, self.whole, self.inverses = moved, whole, inverses
-
-    @classmethod
-    def none(cls) -> Steps:
-        """No steps: where a sum begins."""
-        return cls(None, np.zeros(0), [], [], [], np.zeros(0, dtype=bool))
+        self._maps = (scheme.ahead(h), scheme.next(h)) if maps is None else maps
 
     @property
-    def _matrices(self) -> tuple[Sequence[np.ndarray], ...]:
+    def _matrices(self) -> tuple[np.ndarray, ...]:
         return self.moved, self.whole, self.inverses
+
+    def _of(self, work: Callable[[Sequence[np.ndarray]], np.ndarray], *others: Steps) -> Steps:
+        """Steps with what work makes of their arrays."""
+        all_of = [(steps.h, *steps._matrices, steps.once, *steps._maps) for steps in (self, *others)]
+        *arrays, ahead, onward = (work(of) for of in zip(*all_of, strict=True))
+        return Steps(self.scheme, *arrays, (ahead, onward))
 
     def __len__(self) -> int:
         return len(self.h)
 
     def __add__(self, other: Steps) -> Steps:
-        h, once = (np.concatenate(pair) for pair in ((self.h, other.h), (self.once, other.once)))
-        matrices = ([*mine, *others] for mine, others in zip(self._matrices, other._matrices, strict=True))
-        return Steps(other.scheme, h, *matrices, once)
+        return self._of(np.concatenate, other)
 
     def __getitem__(self, part: slice) -> Steps:
-        return Steps(self.scheme, self.h[part], *(of[part] for of in self._matrices), self.once[part])
+        return self._of(lambda of: of[0][part])
 
     def kept(self) -> Steps:
         """The same for longer."""
-        return Steps(self.scheme, self.h, *([X.copy() for X in of] for of in self._matrices), self.once)
+        return self._of(lambda of: of[0].copy())
 
     def pushed(self, force: np.ndarray) -> np.ndarray:
         """What forces (k, columns) accelerate (k, columns), where the steps begin."""
@@ -151,16 +153,12 @@ class Steps:
         given, ends = side_by_side(parts, len(self), n)
         starts = (end - part.moving.shape[2] for part, end in zip(parts, ends, strict=True))
         held = ((j, J) for part, start in zip(parts, starts, strict=True) for j, J in enumerate(part.held, start))
-        held = {j: J for j, J in held if J.size}
-        kept, place = distinct(given, held)
-        held = [(kept.index(j), J) for j, J in held.items() if j in kept]  # others are 0 all the same
-        marched = self._marched if loops is None else self._marched_at_once
-        found = marched(*(x if len(kept) == len(x) else x[kept] for x in given), held=held)
-        found, z = (at_all(x, place) for x in found)
+        marched = self._marched_apart if loops is None else self._marched_at_once
+        found, forces = marched(*given, held={j: J for j, J in held if J.size})
         all_found = np.split(found.transpose(0, 2, 3, 1), ends[:-1], axis=3)
         if not multipliers:
             return all_found
-        return list(zip(all_found, np.split(z.transpose(0, 2, 1)[:, k:], ends[:-1], axis=2), strict=True))
+        return list(zip(all_found, np.split(forces.transpose(0, 2, 1), ends[:-1], axis=2), strict=True))
 
     def _hold(self, J: np.ndarray) -> tuple[np.ndarray | slice, np.ndarray]:
         """What holds coordinates J of a column at zero: they, (S, k + c, J).
@@ -173,19 +171,29 @@ class Steps:
         B = np.asarray(self.inverses)[:, :, J]
         return J, B @ np.linalg.inv(B[:, J])
 
+    def _marched_apart(self, *given: np.ndarray, held: dict[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """March (columns, 4, k) under right-hand sides (columns, S, k + c) and kicks (columns, S, 2, k).
+
+        held : of columns, coordinates (J,) that are held at zero.
+        Return what is found (S, columns, 4, k), and l (S, columns, c).
+        """
+        kept, place = distinct(given, held)
+        holds = [(kept.index(j), J) for j, J in held.items() if j in kept]  # others are 0 all the same
+        found, z = (at_all(x, place) for x in self._marched(*(x[kept] for x in given), held=holds))
+        return found, z[..., given[0].shape[2] :]
+
     def _marched(
         self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None = None, *, held: list
     ) -> tuple[np.ndarray, np.ndarray]:
-        """March (columns, 4, k) under right-hand sides (columns, S, k + c) and kicks (columns, S, 2, k).
+        """The same of columns that differ, with increments before l: solutions z (S, columns, k + c).
 
-        held : pairs, number of a column and its coordinates (J,) that are held at zero.
-        Return what is found (S, columns, 4, k), and the solutions z (S, columns, k + c): increments, and l in their
-        last rows. Column by column, for products with vectors are faster than those with a few columns.
+        held : pairs, number of a column and its coordinates. Column by column, for products with vectors are faster
+        than those with a few columns.
         """
         (columns, S, n), k, dot, subtract = right.shape, moving.shape[2], np.dot, np.subtract
         holds = [(j, *self._hold(J)) for j, J in held]
-        ahead, onward = self.scheme.ahead(self.h), self.scheme.next(self.h)
-        ahead[1:] = ahead[1:] @ onward[:-1]
+        ahead, onward = self._maps
+        ahead = np.concatenate([ahead[:1], ahead[1:] @ onward[:-1]])
         # what is known of e, e', a, then z: increments, and l behind them
         found = np.empty((S, columns, 3 * k + n))
         states = found[..., : 4 * k].reshape(S, columns, 4, k)
@@ -210,16 +218,16 @@ class Steps:
         return onward[:, None] @ states, solutions
 
     def _marched_at_once(
-        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None = None, *, held: list
+        self, moving: np.ndarray, right: np.ndarray, kicks: np.ndarray | None = None, *, held: dict[int, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The same, compiled: all columns at once."""
+        """What _marched_apart does, compiled: all columns at once."""
         (columns, S, n), k = right.shape, moving.shape[2]
-        states, solutions = np.empty((S, columns, 4, k)), np.empty((S, columns, n))
-        maps, held = (self.scheme.ahead(self.h), self.scheme.next(self.h)), [(j, J.astype(np.int64)) for j, J in held]
-        given = moving, right, kicks, *maps, *self._matrices, self.once
-        if not loops.march(columns, S, k, n, *given, states, solutions, held):
+        states, forces = np.empty((S, columns, 4, k)), np.empty((S, columns, n - k))
+        given = moving, right, kicks, *self._maps, *self._matrices, self.once
+        holds = [(j, J.astype(np.int64)) for j, J in held.items()]
+        if not loops.march(columns, S, k, n, *given, states, forces, holds):
             raise np.linalg.LinAlgError("Singular matrix")  # as _hold does
-        return states, solutions
+        return states, forces
 
     def _correct(self, i: int, right: np.ndarray, found: np.ndarray, holds: list) -> None:
         """Solve step i once more for what solutions (columns, k + c) leave of right-hand sides."""

@@ -94,8 +94,8 @@ class TimeStepError:
                 self._force[self.first :, : load.shape[1], column] = at_samples(np.diff(t)[self.first :], load)
         self._x, self._x2 = (_longer(of, self.first + 1, W) for of in (self._x, self._x2))
         self._at = self._at2 = self.first
-        recent, self._recent = self._recent, Steps.none()
-        if recent is not None and len(recent):
+        recent, self._recent = self._recent, None
+        if recent is not None:
             self.take(recent, *recent.march(self.columns(recent)))
 
     def columns(self, steps: Steps) -> Columns:
@@ -106,7 +106,7 @@ class TimeStepError:
             self._x[self._at, 2:] += steps.pushed(self._force[self._at] - self._pushed)
         # the second column is 0 as long as loads are certain
         columns = 1 + bool(self._force[..., 1:].any() or self._x[self._at, ..., 1:].any())
-        kicks = self._kicks(self._shared, i, columns)
+        kicks = self._kicks(self._shared, self._at, len(steps), columns)
         values = None
         if self._values is not None:
             values = np.zeros((*self._values[i].shape, columns))
@@ -116,11 +116,16 @@ class TimeStepError:
     def take(self, steps: Steps, found: np.ndarray) -> None:
         """Take e, e', e'' and algorithmic a (S, 4, size, columns) at the samples of these steps."""
         self._x[self._at + 1 : self._at + 1 + len(steps), ..., : found.shape[-1]] = found
-        waiting = self._at - self._at2
+        waiting = self._waiting()
         self._at += len(steps)
-        recent = self._recent + steps
-        self._go_second(recent[len(recent) - waiting - len(steps) :], LAG)
-        self._recent = recent[-PROVISIONAL:].kept()
+        self._go_second(LAG, *waiting, steps)
+        recent = steps[-PROVISIONAL:].kept()
+        self._recent = recent if self._recent is None else (self._recent + recent)[-PROVISIONAL:]
+
+    def _waiting(self) -> list[Steps]:
+        """The steps that x2 is behind x."""
+        count = self._at - self._at2
+        return [self._recent[len(self._recent) - count :]] if count else []
 
     def newest(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Return x, x', x'' (3, S, size), loads (S, size) and values of constraints (S, c) of the last samples."""
@@ -130,7 +135,7 @@ class TimeStepError:
 
     def found(self) -> TimeStep:
         """Return the errors at the samples that were added, and better ones at some before."""
-        self._go_second(self._recent[len(self._recent) - (self._at - self._at2) :], 0)
+        self._go_second(0, *self._waiting())
         found = self._result(self.first + 1, self._replaced)
         last = len(self.rows[0]) - 1
         settled = max(self.first, last - PROVISIONAL)
@@ -141,30 +146,34 @@ class TimeStepError:
         self._opened = None if settled else self._opened
         return found
 
-    def _go_second(self, steps: Steps, lag: int) -> None:
+    def _go_second(self, lag: int, *parts: Steps) -> None:
         """Let x2 follow x through steps, up to `lag` before where that is."""
-        count = len(steps) - lag
+        count = sum(map(len, parts)) - lag
         if count <= 0:
             return
         before = max(self._at2 - 1, 0)
         around = slice(before, self._at + 1)
-        t, x = self.rows[0][around], self._x[around, :3, :, 0]
-        found = [np.zeros((self._at, self.size)) for _ in range(2)]
-        for all_of, of, known in zip(found, defects(t, *x.swapaxes(0, 1)), self.defects, strict=True):
-            all_of[before:] = of
-            all_of[before:, : known.shape[1]] -= known[before : self._at]
-        i = slice(self._at2 + 1, self._at2 + 1 + count)
-        self._x2[i] = steps[:count].march(Columns(self._x2[self._at2], kicks=self._kicks(found, i, 1)))[0]
-        self._at2 += count
+        found = defects(self.rows[0][around], *self._x[around, :3, :, 0].swapaxes(0, 1))
+        for of, known in zip(found, self.defects, strict=True):
+            of[:, : known.shape[1]] -= known[before : self._at]
+        kicks = self._kicks(found, self._at2, count, 1, before)
+        for part in parts:
+            steps = part[:count]
+            here, kicks, at = kicks[:, : len(steps)], kicks[:, len(steps) :], self._at2
+            self._at2, count = at + len(steps), count - len(steps)
+            if len(steps):
+                self._x2[at + 1 : self._at2 + 1] = steps.march(Columns(self._x2[at], kicks=here))[0]
 
-    def _kicks(self, local: Sequence[np.ndarray], i: slice, columns: int) -> tuple[np.ndarray, np.ndarray]:
-        """What local errors move e and e' by (S, size, columns) on the way to samples; only in the first column."""
-        steps = slice(i.start - 1, i.stop - 1)
-        h = np.diff(self.rows[0])[steps, None]
-        dq, dv = (x[steps] for x in local)
+    def _kicks(self, local: Sequence[np.ndarray], at: int, count: int, columns: int, first: int = 0) -> np.ndarray:
+        """What local errors move e and e' by (2, S, size, columns) in so many steps from sample `at` on.
+
+        Only in the first column. first : sample that the steps of these errors begin at.
+        """
+        h = np.diff(self.rows[0][at : at + count + 1])[:, None]
+        dq, dv = (x[at - first : at - first + count] for x in local)
         kicks = np.zeros((2, len(dq), self.size, columns))
         kicks[0, :, : dq.shape[1], 0], kicks[1, :, : dv.shape[1], 0] = dq + h / 2 * dv, dv
-        return kicks[0], kicks[1]
+        return kicks
 
     def _result(self, first: int, replaced: int) -> TimeStep:
         """What is known from a sample on."""

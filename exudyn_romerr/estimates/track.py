@@ -58,6 +58,7 @@ class Track:
         times : (T,) of tangents, the first not after `start`; the last one is held. tangent : i -> it.
         """
         h, S = np.diff(t, prepend=start), len(t)
+        maps = self.scheme.ahead(h), self.scheme.next(h)
         self._allocate(tangent(0))
         after = np.minimum(np.searchsorted(times, t, side="left"), len(times) - 1)
         other = np.flatnonzero((np.diff(after) > 0) | (np.abs(np.diff(h)) > SAME_STEP * h[1:])) + 1
@@ -70,7 +71,8 @@ class Track:
             self._make(slice(a - done, b - done), share(t[a:b], *ends))
             if b == S or b - done == self._room:
                 made = (of[: b - done] for of in (*self._matrices, self._inverses, self._once))
-                yield slice(done, b), Steps(self.scheme, h[done:b], *made)
+                part = slice(done, b)
+                yield part, Steps(self.scheme, h[part], *made, tuple(of[part] for of in maps))
                 done = b
 
     def _begin(self, first: Tangent, last: Tangent, h: float, count: int) -> None:
