@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..compiled.loops import loops
-from .columns import Columns, at_all, distinct, side_by_side
+from .columns import Columns, at_all, consecutive, distinct, side_by_side
 
 
 @dataclass(frozen=True)
@@ -149,8 +149,7 @@ class Steps:
 
         multipliers : whether l (S, c, columns) of the equations at the samples are returned beside them, in pairs.
         """
-        k, n = parts[0].moving.shape[1], len(self.moved[0]) if len(self) else parts[0].moving.shape[1]
-        given, ends = side_by_side(parts, len(self), n)
+        given, ends = side_by_side(parts, len(self), self.moved.shape[1])
         starts = (end - part.moving.shape[2] for part, end in zip(parts, ends, strict=True))
         held = ((j, J) for part, start in zip(parts, starts, strict=True) for j, J in enumerate(part.held, start))
         marched = self._marched_apart if loops is None else self._marched_at_once
@@ -166,9 +165,8 @@ class Steps:
         Forces of constraints. With z = A^-1 r the increment of a step and B = A^-1: z - B_:J (B_JJ)^-1 z_J, whose
         residual has entries in the rows J only.
         """
-        if J[-1] - J[0] == len(J) - 1:
-            J = slice(int(J[0]), int(J[-1]) + 1)  # faster
-        B = np.asarray(self.inverses)[:, :, J]
+        J = consecutive(J)  # faster
+        B = self.inverses[:, :, J]
         return J, B @ np.linalg.inv(B[:, J])
 
     def _marched_apart(self, *given: np.ndarray, held: dict[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -41,7 +41,7 @@ class TimeStep(NamedTuple):
     replaced: int
     left: Sequence[np.ndarray] = ()
 
-    def of(self, columns: np.ndarray) -> TimeStep:
+    def of(self, columns: np.ndarray | slice) -> TimeStep:
         """The same of some coordinates."""
         loads = None if self.loads is None else self.loads[..., columns]
         left = [x[..., columns] for x in self.left]

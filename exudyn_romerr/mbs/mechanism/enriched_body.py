@@ -13,6 +13,7 @@ from ...basis.enrichment import Enrichment
 from ...basis.shape_sums import ShapeSums, contracted
 from ...checks import check_count
 from ...errors import AssumptionError
+from ...estimates.columns import consecutive
 from ...estimators.rigid_motion import Deformations
 from ...model.floating_frame import moment_of, skew, unit_inertia
 from ...model.outputs import stacked_rows
@@ -168,9 +169,9 @@ class EnrichedBody:
 
     def moved(self, own: slice, states: Sequence[np.ndarray], e: np.ndarray) -> list[np.ndarray]:
         """Return q, q_t, q_tt (S, k + m) of frame, modes and vectors in states of the mbs moved by e (3, S, size)."""
-        pairs = zip(states, e, strict=True)
-        found = [np.hstack([x[:, self.columns] + dx[:, self.columns], dx[:, own]]) for x, dx in pairs]
-        bent = self._frame.bend(*([x[:, self.frame] for x in of] for of in (states, e)))
+        columns, frame, pairs = consecutive(self.columns), consecutive(self.frame), zip(states, e, strict=True)
+        found = [np.hstack([x[:, columns] + dx[:, columns], dx[:, own]]) for x, dx in pairs]
+        bent = self._frame.bend(*([x[:, frame] for x in of] for of in (states, e)))
         for x, beside in zip(found, bent, strict=True):
             x[:, : self.frame_size] += beside
         return found

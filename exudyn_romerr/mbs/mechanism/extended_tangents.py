@@ -24,13 +24,14 @@ if TYPE_CHECKING:
 
 TINY = np.finfo(float).tiny
 MASSLESS = 1e-12  # of the largest mass: a parameter of a rotation may have none
+KEPT = 8  # tangents: whoever asks after the march asks for the same ones again, of a block there are few
 LEFT = 1e-8  # of constraints: what Newton's tolerance leaves of none
 
 
 class ExtendedTangents:
     """Tangents with the vectors behind the coordinates of the mechanism, and rates of a spline in time through them.
 
-    Made when asked for, two kept. t : their times, those of the readings.
+    Made when asked for, the last KEPT of them kept. t : their times, those of the readings.
     """
 
     def __init__(
@@ -79,7 +80,8 @@ class ExtendedTangents:
 
     def __getitem__(self, j: int) -> Tangent:
         if j not in self._made:
-            self._made = {i: tangent for i, tangent in self._made.items() if i == j - 1}
+            if len(self._made) == KEPT:
+                del self._made[next(iter(self._made))]
             self._made[j] = replace(self._tangent(j, 0), rate=self._tangent(j, 1))
         return self._made[j]
 

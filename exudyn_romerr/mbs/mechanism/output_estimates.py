@@ -47,17 +47,16 @@ class OutputEstimates:
         modes make them, None: these make none rigid. What is above the latter is the part "interfaces". left : what
         `moved` may lack, the sum of the sizes of these; None: it was not measured.
         """
-        at, base = self._shown(here), self._rows(here)[0]
-        values, frame = self._rows(moved)
-        rest = run.companion.corrections(len(base)) - (values - base)
-        change = self._body.offline.shown(values + rest, frame) - at
+        (base, turned), (values, frame), shown = self._rows(here), self._rows(moved), self._body.offline.shown
+        rest, at = run.companion.corrections(len(base)) - (values - base), shown(base, turned)
+        change = shown(values + rest, frame) - at
         checked = self._completed(fewer, self._body.static_rest(t, fewer))
         parts, checks = {"basis": change}, {"vectors": change + at - checked}
         if rigid is not None:  # R of u + du, whose wrenches are those of all vectors
             parts["basis"] = self._completed(rigid, self._body.static_rest(t, moved, keeps=True)) - at
             parts["interfaces"] = change - parts["basis"]
         if left is not None:
-            before = self._shown(moved)
+            before = shown(values, frame)
             checks[REMAINDER] = sum(np.abs(self._moved(moved, x) - before) for x in left)
         run.estimate.put(parts, checks)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...estimates.columns import consecutive
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.residual_passes import JointDrift, ResidualPasses
@@ -209,7 +210,7 @@ class Reaction:
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
             body, own = self.parts[i]
             here, *moved = (body.moved(own, states, x) for x in (0 * e, e, *narrow))
-            columns = np.concatenate([body.columns, np.arange(own.start, own.stop)])  # of this body
+            columns = consecutive(np.r_[body.columns, own])  # of this body
             left = missed and [[x[:, columns] for x in of] for of in lacks]
             outputs.take_basis(watch.run, t, here, *moved, left=left)
             if step is not None:
@@ -244,7 +245,6 @@ class Reaction:
     def _added(self, i: int, e: np.ndarray, speed: np.ndarray) -> Added:
         """What is added to body i, and what that may lack."""
         lacks, (body, own) = self._remainder.lacks, self.parts[i]
-        of_all, *left = (
-            tuple(np.hstack([x[:, body.modal], x[:, own]]) for x in of[:2]) for of in (e, *(lacks or ()))
-        )
+        columns = consecutive(np.r_[body.modal, own])
+        of_all, *left = (tuple(x[:, columns] for x in of[:2]) for of in (e, *(lacks or ())))
         return Added(*of_all, speed, left=None if lacks is None else left)
