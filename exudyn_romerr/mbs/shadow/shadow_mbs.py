@@ -90,8 +90,12 @@ class Shadow:
     def _at(self, t: float, *state: np.ndarray) -> tuple[np.ndarray, ...]:
         """M q'' - f (k,), the diagonal of M (k,), G (c, k), g (c,) as this mbs has them, in its own order."""
         self._set(t, state)
-        M, force, G, g = self._equations_of(self._equations, self._mbs)
-        return force, np.diag(M), G, g
+        own, mbs = self._equations, self._mbs
+        G, g, forces = own.constraints(mbs)[self._rows], own.drift(mbs)[self._rows], own.forces(mbs)
+        if self._is_massless:
+            return -forces, np.zeros(len(forces)), G, g
+        M = own.mass(mbs)
+        return M @ state[2] - forces, np.diag(M), G, g
 
     def _equations_of(self, own: Equations, mbs: Any) -> tuple[np.ndarray, ...]:
         """M, M q'' - f, G and g of independent constraints, in the current state."""
@@ -132,6 +136,7 @@ class Shadow:
         wide[:, at] = state[:3]
         self._set(t, wide)
         M, force, G, g = self._equations_of(self._equations, self._mbs)
+        self._is_massless = not M.any()  # closed forms have all of it
         for one in self._inertias:
             M[np.ix_(one.columns, one.columns)] += one.mass(wide[0, one.columns])
             force[one.columns] += one.force(*wide[:, one.columns])
