@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import null_space
 
-from .state_guard import current_state, own_solver, set_state, state_kept
+from .state_guard import own_solver, set_state, state_kept
 
 SHARE = 1e-6  # of a force that redundant constraints share: one with less is determined
 TOGETHER = 64  # rows whose matrices are solved at once
@@ -59,8 +59,8 @@ class Equations:
 
     def residual(self, mbs: Any) -> np.ndarray:
         """M q'' + G^T l - f (n,)."""
-        _, _, q_tt, multipliers = current_state(mbs.systemData)
-        return self._made(mbs, q_tt, multipliers)[0]
+        system = mbs.systemData
+        return self._made(mbs, system.GetODE2Coordinates_tt(), system.GetAECoordinates())[0]
 
     def _made(self, mbs: Any, q_tt: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """That of the q'' and l which are set, M and G (all, n)."""

@@ -129,10 +129,12 @@ class Dependences(NamedTuple):
         M, G = mass(q), constraints(q)
         small_M, small_G = (NEGLIGIBLE * np.abs(x).max(axis=1) for x in (M, G))
         by_M, forces = np.zeros((2, len(q), len(q)), bool)
+        has_masses = M.any()  # none where closed forms have all of them
         C = G.T.copy()
         for j in columns:
             step = STEP * (np.arange(len(q)) == j)
-            by_M[j] = np.any(np.abs(mass(q + step) - M).T > STEP * small_M, axis=0)
+            if has_masses:
+                by_M[j] = np.any(np.abs(mass(q + step) - M).T > STEP * small_M, axis=0)
             forces[j] = np.any(np.abs(constraints(q + step) - G).T > STEP * small_G, axis=1)
             near = (kept(q + step) - kept(q - step)) / (2 * STEP)
             if np.any((np.abs(near - G[:, j]) > small_G)[rows]):  # by second order already it is G elsewhere
@@ -161,8 +163,10 @@ def moved_by(
 ) -> list[np.ndarray]:
     """Return q, q_t, q_tt (S, k) plus e (3, S, k), Euler parameters along the unit sphere."""
     found = [x + dx for x, dx in zip(states, e, strict=True)]
-    for one in quaternions:
-        (p, *rates), turned = ([x[:, one.own] for x in of] for of in (states, e))
-        for x, bent in zip(found, bend([one.reference + p, *rates], turned), strict=True):
-            x[:, one.own] += bent
+    if quaternions:
+        own, reference = (np.array(x) for x in zip(*quaternions, strict=True))
+        (p, *rates), turned = ([x[:, own] for x in of] for of in (states, e))
+        moves = [[x.reshape(-1, 4) for x in of] for of in ((reference + p, *rates), turned)]
+        for x, bent in zip(found, bend(*moves), strict=True):
+            x[:, own] += bent.reshape(p.shape)
     return found

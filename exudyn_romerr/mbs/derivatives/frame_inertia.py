@@ -62,10 +62,17 @@ class FrameInertia:
                 yield cls(item, node, number, mbs.systemData.GetObjectLTGODE2(number))
 
     def force(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> np.ndarray:
-        """All forces of inertia, stiffness and damping (k,): M q'' and the left-hand side of the body."""
+        """All forces of inertia, stiffness and damping (..., k): M q'' and the left-hand side of the body."""
+        return self.force_and_masses(q, q_t, q_tt)[0]
+
+    def force_and_masses(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return these forces, and the diagonal of M, both (..., k)."""
         x = self._here(q)
         place, turn, modes = self._loads(x, self._moving(x, q_t, q_tt))
-        return np.concatenate([self._mass * q_tt[:3] + x.A @ place, x.G.T @ turn, modes])
+        masses = np.full(q.shape, self._mass)
+        masses[..., 3:7], masses[..., 7:] = (x.G * (x.theta @ x.G)).sum(axis=-2), np.diag(self.M)
+        place = self._mass * q_tt[..., :3] + _times(x.A, place)
+        return np.concatenate([place, _times(x.G.swapaxes(-1, -2), turn), modes], axis=-1), masses
 
     def mass(self, q: np.ndarray) -> np.ndarray:
         """M (k, k)."""
@@ -130,33 +137,45 @@ class FrameInertia:
 
     def _loads(self, x: Here, y: Moving) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Forces on place, turn and modes, in body axes; without m r''."""
-        W, w = skew(y.w), y.w
-        place = (skew(y.al) + W @ W) @ x.chi + self._pull @ y.u_tt + 2 * W @ (self._pull @ y.u_t)
-        turn = skew(x.chi) @ y.b + x.theta @ y.al + W @ (x.theta @ w) + x.gamma @ y.u_tt
-        turn += 2 * y.H @ w
-        modes = self._pull.T @ y.b + x.gamma.T @ y.al - x.H @ w @ w + 2 * w @ y.cross
-        return place, turn, modes + self.M @ y.u_tt + self.D @ y.u_t + self.K @ x.u
+        W, w, turned = skew(y.w), y.w, (y.w[..., :, None] * y.w[..., None, :]).reshape(*y.w.shape[:-1], 9)
+        place = _times(skew(y.al) + W @ W, x.chi) + y.u_tt @ self._pull.T + 2 * _times(W, y.u_t @ self._pull.T)
+        turn = _times(skew(x.chi), y.b) + _times(x.theta, y.al) + _times(W, _times(x.theta, w))
+        turn = turn + _times(x.gamma, y.u_tt) + 2 * _times(y.H, w)
+        modes = y.b @ self._pull + _times(x.gamma.swapaxes(-1, -2), y.al) + 2 * _times(y.cross.swapaxes(-1, -2), w)
+        modes = modes - _times(x.H.reshape(*x.H.shape[:-2], 9), turned)
+        return place, turn, modes + y.u_tt @ self.M.T + y.u_t @ self.D.T + x.u @ self.K.T
 
     def _here(self, q: np.ndarray) -> Here:
-        p, u, n = self._reference[3:] + q[3:7], q[7:], len(self.M)
-        H = (self._once + u @ self._twice).reshape(n, 3, 3)
-        theta = self._inertia + _summed(u, self._once.reshape(n, 3, 3)) + _summed(u, H).T
-        chi, gamma = self._mass * self._centre + self._pull @ u, self._moments + _summed(u, self._cross)
-        return Here(axes_of(p), (p @ TURNED).reshape(4, 3, 3), rates_of(p), u, chi, gamma, H, theta)
+        p, u, n = self._reference[3:] + q[..., 3:7], q[..., 7:], len(self.M)
+        H = (self._once + u @ self._twice).reshape(*u.shape, 3, 3)
+        theta = self._inertia + _summed(u, self._once.reshape(n, 3, 3)) + _summed(u, H).swapaxes(-1, -2)
+        chi, gamma = self._mass * self._centre + u @ self._pull.T, self._moments + _summed(u, self._cross)
+        return Here(axes_of(p), (p @ TURNED).reshape(*p.shape, 3, 3), rates_of(p), u, chi, gamma, H, theta)
 
     def _moving(self, x: Here, q_t: np.ndarray, q_tt: np.ndarray) -> Moving:
-        u_t = q_t[7:]
+        u_t = q_t[..., 7:]
         sums = _summed(u_t, x.H), _summed(u_t, self._cross)
-        return Moving(q_tt[:3] @ x.A, x.G @ q_t[3:7], x.G @ q_tt[3:7], u_t, q_tt[7:], *sums)
+        b, w, al = (
+            _times(x.A.swapaxes(-1, -2), q_tt[..., :3]),
+            _times(x.G, q_t[..., 3:7]),
+            _times(x.G, q_tt[..., 3:7]),
+        )
+        return Moving(b, w, al, u_t, q_tt[..., 7:], *sums)
+
+
+def _times(of: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Matrices (..., i, j) times x (..., j)."""
+    return (of @ x[..., None])[..., 0]
 
 
 def _summed(u: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Sum u_k of_k (i, j) of (k, i, j)."""
-    return (u @ of.reshape(len(u), -1)).reshape(of.shape[1:])
+    """Sum u_k of_k (..., i, j) of u (..., k) and (..., k, i, j)."""
+    flat = of.reshape(*of.shape[:-2], of.shape[-2] * of.shape[-1])
+    return (u[..., None, :] @ flat).reshape(*u.shape[:-1], *of.shape[-2:])
 
 
 class Here(NamedTuple):
-    """Where a body is, and its sums there.
+    """Where a body is, and its sums there; in several states, these are the first axes of all.
 
     A, by_p : axes (3, 3) and their derivatives (4, 3, 3). G (3, 4). u (n,) : modal coordinates. chi (3,) : m p.
     gamma (3, n) : m p x u_l. H (n, 3, 3) : m p~^T u~_l. theta (3, 3) : m p~^T p~.

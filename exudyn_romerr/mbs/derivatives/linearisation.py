@@ -18,7 +18,7 @@ import numpy as np
 from ...errors import AssumptionError
 from ..access.equations import Equations
 from ..access.load_functions import controllers, loads_with_functions
-from ..access.state_guard import current_state, set_state, state_kept, state_set
+from ..access.state_guard import current_state, of_coordinates, set_state, state_kept, state_set
 from ..memory.kept_values import Copies
 from .dependence import moved_by
 from .reader import DIFFERENCE, FAILED, TangentReader
@@ -93,16 +93,18 @@ class Tangents:
         """Return q, q_t, q_tt (S, k) that e (3, S, k) moves; coordinates behind those of the mbs may follow."""
         return moved_by(e, states, self._reader.quaternions)
 
-    def differences(self, mbs: Any, t: float, state: Sequence[np.ndarray], dq: np.ndarray) -> np.ndarray:
-        """K dq in a state, of an mbs that reads the same: all forces at both sides of it, over twice the distance."""
-        at, step, (q, *others) = self.light(mbs), DIFFERENCE / np.abs(dq).max(), state
+    def differences(self, mbs: Any, t: np.ndarray, states: Sequence[np.ndarray], dq: np.ndarray) -> np.ndarray:
+        """K dq (S, n) in states at t (S,), of an mbs that reads the same: all forces at both sides of each.
 
-        def force(moved: np.ndarray) -> np.ndarray:
-            set_state(at.mbs.systemData, t, (moved, *others))
-            return at.residual()
-
+        Over twice the distance.
+        """
+        at, step, found = self.light(mbs), DIFFERENCE / np.abs(dq).max(), []
+        residual = of_coordinates(at.mbs, lambda _: at.residual())
         with state_kept(at.mbs.systemData):
-            return (force(q + step * dq) - force(q - step * dq)) / (2 * step)
+            for time, q, *others in zip(t, *states, strict=True):
+                set_state(at.mbs.systemData, time, (q, *others))
+                found.append(residual(q + step * dq) - residual(q - step * dq))
+        return np.array(found) / (2 * step)
 
     def light(self, mbs: Any) -> Place:
         """Where the equations of an mbs that reads the same cost least."""

@@ -204,10 +204,11 @@ class LateReadings:
         for interval in [i for i in self._intervals() if i.count >= LONG]:
             motions = interval.last.motions * self._tangents.differentiable[:, None]
             direction = motions @ rng.choice([-1.0, 1.0], motions.shape[1])
-            off = {row: self._missing(row, motions, direction) for row in self._to_try(interval)}
-            self._tried.update(self._t[row] for row in off if off[row] <= OFF)
-            if off and max(off.values()) > OFF:
-                yield max(off, key=off.get)
+            rows = self._to_try(interval)
+            off = self._missing(rows, motions, direction) if rows else np.zeros(1)
+            self._tried.update(self._t[row] for row, x in zip(rows, off, strict=False) if x <= OFF)
+            if off.max() > OFF:
+                yield rows[off.argmax()]
 
     def _light(self) -> Iterator[int]:
         """Middles of long intervals where the spline's mass is none: that of stiff motions is in no scale."""
@@ -224,19 +225,17 @@ class LateReadings:
         rows = [row for row in rows if self._t[row] not in self._tried]
         return rows if rows and self._is_unchanged() else []
 
-    def _missing(self, row: int, motions: np.ndarray, direction: np.ndarray) -> float:
-        """What K is off by in the state of a row, of K + M/dt^2, by a direction."""
-        return float(np.abs(motions.T @ self._untried(row, direction)).max(initial=0.0))
-
-    def _untried(self, row: int, dq: np.ndarray) -> np.ndarray:
-        """What K dq is off by in the state of a row, but for what q'' and multipliers are."""
-        t = self._t[row]
-        off = self._tangents.differences(self._mbs, t, [x[row] for x in self._states], dq)
-        for weight, reading in zip(self._spline(t), self._tangents.readings, strict=True):
-            off -= weight * (reading.K @ dq)
-        carried = self._tangents.carried_near(t)
-        np.subtract.at(off, carried.i, carried.by @ self._moving[row] * dq[carried.j])
-        return off
+    def _missing(self, rows: list[int], motions: np.ndarray, dq: np.ndarray) -> np.ndarray:
+        """What K is off by in the states of rows (S,), of K + M/dt^2, by a direction, but for what q'' and l are."""
+        t, readings = self._t[rows], self._tangents.readings
+        off = self._tangents.differences(self._mbs, t, [x[rows] for x in self._states], dq)
+        off -= self._spline(t) @ np.array([reading.K @ dq for reading in readings])
+        near = [self._tangents.carried_near(at) for at in t]
+        for carried in {id(one): one for one in near}.values():
+            own = np.array([one is carried for one in near])
+            changes = (carried.by @ self._moving[rows][own].T).T * dq[carried.j]
+            off[own] -= [np.bincount(carried.i, change, len(dq)) for change in changes]
+        return np.abs(off @ motions).max(axis=1, initial=0.0)
 
 
 def _integral(x: np.ndarray, h: np.ndarray) -> np.ndarray:

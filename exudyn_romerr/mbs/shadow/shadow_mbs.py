@@ -17,6 +17,7 @@ from ...errors import RunError
 from ..access.equations import Equations
 from ..access.state_guard import current_state, set_state, state_kept
 from ..derivatives.copied_mbs import copy_items
+from ..derivatives.frame_inertia import FrameInertia
 from ..mechanism.stored_residuals import GONE, HOLDS, MEMORY, user_functions
 from ..memory.user_memory import memory_kept
 from .wider_object import object_terms
@@ -58,6 +59,10 @@ class Shadow:
             wider = {b.flex.number: object_terms(b) for b, _ in parts}
             copy_items(mbs, self._mbs, wider)
             self._mbs.Assemble()
+            self._inertias = list(FrameInertia.all_of(self._mbs))
+            for one in self._inertias:
+                self._mbs.SetObjectParameter(one.number, "computeFFRFterms", False)
+            self._mbs.Assemble()
             self._equations = Equations(self._mbs, tangents.equations.threads)
             self._places = _places(mbs, self._mbs, parts)
         except Exception as error:
@@ -70,16 +75,27 @@ class Shadow:
 
         Multipliers l are those that leave least of it. To be asked within functions_kept.
         """
-        found = [self._at(t, state) for t, *state in zip(*rows, strict=True)]
-        forces, M, G, g = (np.array(x) for x in zip(*found, strict=True))
-        return without_constraints(forces, M, G), g
+        t, *states = rows
+        wide = np.zeros((3, len(t), len(self._places)))
+        wide[:, :, self._places] = states
+        found = [self._at(*at) for at in zip(t, *wide, strict=True)]
+        forces, masses, G, g = (np.array(x) for x in zip(*found, strict=True))
+        for one in self._inertias:
+            force, mass = one.force_and_masses(*wide[:, :, one.columns])
+            forces[:, one.columns] += force
+            masses[:, one.columns] += mass
+        of = (x[..., self._places] for x in (forces, masses, G))
+        return without_constraints(*of), g
 
-    def _at(self, t: float, state: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-        """M q'' - f (k,), the diagonal of M (k,), G (c, k), g (c,)."""
-        places = self._places
+    def _at(self, t: float, *state: np.ndarray) -> tuple[np.ndarray, ...]:
+        """M q'' - f (k,), the diagonal of M (k,), G (c, k), g (c,) as this mbs has them, in its own order."""
         self._set(t, state)
-        M, force, G, g = self._equations_of(self._equations, self._mbs)
-        return force[places], np.diag(M)[places], G[:, places], g
+        own, mbs = self._equations, self._mbs
+        G, g, forces = own.constraints(mbs)[self._rows], own.drift(mbs)[self._rows], own.forces(mbs)
+        if self._is_massless:
+            return -forces, np.zeros(len(forces)), G, g
+        M = own.mass(mbs)
+        return M @ state[2] - forces, np.diag(M), G, g
 
     def _equations_of(self, own: Equations, mbs: Any) -> tuple[np.ndarray, ...]:
         """M, M q'' - f, G and g of independent constraints, in the current state."""
@@ -87,9 +103,8 @@ class Shadow:
         return M, M @ mbs.systemData.GetODE2Coordinates_tt() - own.forces(mbs), G, g
 
     def _set(self, t: float, state: Sequence[np.ndarray]) -> None:
-        system, wide = self._mbs.systemData, np.zeros((3, len(self._places)))
-        wide[:, self._places] = state
-        set_state(system, t, (*wide, system.GetAECoordinates()))
+        system = self._mbs.systemData
+        set_state(system, t, (*state, system.GetAECoordinates()))
 
     @contextmanager
     def functions_kept(self) -> Iterator[None]:
@@ -117,8 +132,14 @@ class Shadow:
         with state_kept(system):
             set_state(system, t, state)
             wanted = [x.copy() for x in self._equations_of(own, mbs)]
-        self._set(t, [np.append(x, np.zeros(len(self._places) - own.size)) for x in state[:3]])
+        wide = np.zeros((3, len(self._places)))
+        wide[:, at] = state[:3]
+        self._set(t, wide)
         M, force, G, g = self._equations_of(self._equations, self._mbs)
+        self._is_massless = not M.any()  # closed forms have all of it
+        for one in self._inertias:
+            M[np.ix_(one.columns, one.columns)] += one.mass(wide[0, one.columns])
+            force[one.columns] += one.force(*wide[:, one.columns])
         found = M[np.ix_(at, at)], force[at], G[:, at], g
         for name, one, other in zip(("masses", "forces", "G", "constraints"), wanted, found, strict=True):
             off = np.abs(one - other).max(initial=0.0) / max(np.abs(one).max(initial=0.0), np.finfo(float).tiny)

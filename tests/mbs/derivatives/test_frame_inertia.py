@@ -59,6 +59,17 @@ def test_forces_and_masses_are_exudyns(n, kind, unit):
     check(own.force(q[place], q_t[place], q_tt[place]), M @ q_tt[place] + left, ROUNDING)
 
 
+def test_states_may_be_several():
+    """Forces as of one after the other, and the diagonal of M."""
+    own, _ = body_of(mechanisms.double_pendulum(3, assemble=True), np.random.default_rng(4), False)
+    states = np.random.default_rng(8).normal(size=(3, 2, 4, len(own.columns)))
+    forces, masses = own.force_and_masses(*states)
+    for at in np.ndindex(2, 4):
+        q, q_t, q_tt = states[(slice(None), *at)]
+        check(forces[at], own.force(q, q_t, q_tt), ROUNDING)
+        check(masses[at], np.diag(own.mass(q)), ROUNDING)
+
+
 def test_bodies_without_damping_have_closed_forms():
     """ObjectFFRFreducedOrder has no damping matrix then."""
     scene = mechanisms.double_pendulum(2, damping=(0.0, 0.0), assemble=True)

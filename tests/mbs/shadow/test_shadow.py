@@ -11,6 +11,7 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 import exudyn_romerr as romerr
 from exudyn_romerr import RunError
 from exudyn_romerr.basis.shape_sums import ShapeSums
+from exudyn_romerr.mbs.derivatives.frame_inertia import FrameInertia
 from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from exudyn_romerr.mbs.shadow import remainder
 from exudyn_romerr.mbs.shadow.measured_remainder import LEFT_OUT
@@ -22,6 +23,7 @@ from tests.helpers.mechanism_runs import pendulum, solve
 
 # Exudyn's sums and ours, of nodes in another order: measured 1e-15 of the largest entry
 SAME_TERMS = 1e-12
+CLOSED = 1e-14  # of the largest force: inertia in closed form, sums in another order; measured 2e-16
 # Of the remainder, which is of second order, what is of third: measured 2 %, the bar that was set is 10 %
 SECOND_ORDER = 0.1
 SHORT = {"slider_crank": 0.06, "sprung_body": 0.05, "double_pendulum": 0.12}  # s
@@ -202,6 +204,20 @@ def test_what_functions_begin_to_keep_is_put_back_and_refused(watched, fails):
     with pytest.raises(RunError, match="keeps something from call to call"):
         block()
     assert mbs.variables.pop("calls") == 7
+
+
+def test_closed_forms_give_what_exudyn_gives(watched):
+    """All coordinates and vectors move, in several states at once; against the body's own equations in Exudyn."""
+    with mock.patch.object(FrameInertia, "all_of", return_value=()):
+        wanted = made(watched)
+    found, rng = made(watched), np.random.default_rng(6)
+    assert found._inertias
+    sizes = np.array([1e-3, 0.1, 10.0])
+    rows = [np.linspace(0.0, 1e-3, 5), *rng.normal(size=(3, 5, len(found._places))) * sizes[:, None, None]]
+    with found.functions_kept(), wanted.functions_kept():
+        (forces, drift), (of_exudyn, other) = found.residuals(rows), wanted.residuals(rows)
+    np.testing.assert_allclose(forces, of_exudyn, rtol=0, atol=CLOSED * np.abs(of_exudyn).max())
+    np.testing.assert_array_equal(drift, other)
 
 
 def test_another_mbs_than_it_was_is_noticed(watched):
