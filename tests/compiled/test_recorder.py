@@ -17,27 +17,46 @@ SOLVES = 4
 
 
 class System:
-    """States that follow from the number of the step."""
+    """States that follow from the number of the step, in memory that is another one from time to time."""
 
-    def __init__(self):
-        self.start, self.step, self.asked = 0.0, 0, []
+    def __init__(self, moves):
+        self.start, self.asked, self.moves = 0.0, [], moves
+        self.states = [np.zeros(SIZE), np.zeros(SIZE), np.zeros(SIZE), np.zeros(MULTIPLIERS)]
+        self.step = 0
+
+    @property
+    def step(self):
+        return self._step
+
+    @step.setter
+    def step(self, step):
+        self._step = step
+        if step in self.moves:
+            self.states = [x.copy() for x in self.states]
+        for x, more, factor in zip(self.states, (0, 0.25, 0.5, 0), (10, 10, 10, -10), strict=True):
+            x[:] = np.arange(len(x)) + factor * step + more
+
+    def _state(self, i, configuration, copy):
+        assert configuration == exu.ConfigurationType.Current
+        return self.states[i].copy() if copy else self.states[i][:]
 
     def GetTime(self, configuration):
         assert configuration == exu.ConfigurationType.StartOfStep
         return self.start
 
-    def GetODE2Coordinates(self):
-        return np.arange(SIZE) + 10.0 * self.step
+    def GetODE2Coordinates(self, *how):
+        return self._state(0, *how)
 
-    def GetODE2Coordinates_t(self):
-        return np.arange(SIZE) + 10.0 * self.step + 0.25
+    def GetODE2Coordinates_t(self, *how):
+        return self._state(1, *how)
 
-    def GetODE2Coordinates_tt(self):
-        return np.arange(SIZE) + 10.0 * self.step + 0.5
+    def GetODE2Coordinates_tt(self, *how):
+        return self._state(2, *how)
 
-    def GetAECoordinates(self):
-        self.asked.append(self.step)
-        return np.arange(MULTIPLIERS) - 10.0 * self.step
+    def GetAECoordinates(self, *how):
+        if self.asked[-1:] != [self.step]:  # asked twice where memory moved
+            self.asked.append(self.step)
+        return self._state(3, *how)
 
 
 class Hook:
@@ -45,7 +64,7 @@ class Hook:
 
     def __init__(self, seed, has_tangents, user=None):
         self.random, self.has_tangents, self.user = np.random.default_rng(seed), has_tangents, user
-        self.told, self.end, self.system = [], np.inf, System()
+        self.told, self.end, self.system = [], np.inf, System(range(0, 1000, 7))
         self.step, self.drain, self.hurry = step_recorder.gatherer(SimpleNamespace(systemData=self.system), self)
 
     def begin(self, mbs):
@@ -131,26 +150,48 @@ def test_bounds_of_a_solve_are_the_same(compiled, monkeypatch):  # noqa: F811
 
 def test_what_goes_wrong_is_told(compiled):  # noqa: F811
     rows = np.zeros(4), np.zeros((4, SIZE)), np.zeros((4, SIZE)), np.zeros((4, SIZE))
-    of = (lambda: np.zeros(SIZE),) * 2
+    of = (lambda *_: np.zeros(SIZE),) * 2
 
     def made(q_tt):
-        return compiled.Recorder(lambda mbs, t: "slow", lambda _: 0.0, None, *of, q_tt, None)
+        return compiled.Recorder(lambda mbs, t: "slow", lambda _: 0.0, None, None, *of, q_tt, None)
 
-    recorder = made(lambda: np.zeros(SIZE + 1))
+    recorder = made(lambda *_: np.zeros(SIZE + 1))
     assert recorder(None, 1.0) == "slow"
     recorder.go_on(0, 3, np.inf, *rows)
     assert recorder(None, 0.0) == "slow"  # a solve begins
-    with pytest.raises(ValueError, match="32 bytes in place of 24"):
-        recorder(None, 1.0)
+    for _ in range(2):
+        with pytest.raises(ValueError, match="32 bytes in place of 24"):
+            recorder(None, 1.0)
     assert recorder.stop() == 0
     assert recorder(None, 1.0) == "slow"
     with pytest.raises(ValueError, match="does not hold 5 rows"):
         recorder.go_on(0, 5, np.inf, *rows)
     assert recorder(None, 1.0) == "slow"
-    failing = made(lambda: 1 / 0)
+    failing = made(lambda *_: 1 / 0)
     failing.go_on(0, 3, np.inf, *rows)
     with pytest.raises(ZeroDivisionError):
         failing(None, 1.0)
+
+
+def test_memory_of_states_stays_in_a_solve():
+    """What the compiled function holds from step to step: also where states are set, or a solve is repeated."""
+    mbs, _, _ = scene()
+    system, places = mbs.systemData, set()
+    readers = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
+
+    def look(mbs, t):
+        states = [read(*step_recorder.IN_PLACE) for read in readers]
+        assert not any(x.flags.owndata for x in states)
+        places.add(tuple(x.ctypes.data for x in states))
+        system.SetODE2Coordinates(system.GetODE2Coordinates())
+        system.SetSystemState(system.GetSystemState())
+        return True
+
+    mbs.SetPostStepUserFunction(look)
+    for _ in range(2):
+        mbs.SolveDynamic(settings(10))
+    mbs.SolveStatic(settings(10))
+    assert len(places) == 1
 
 
 def test_it_goes_with_who_is_told(compiled, monkeypatch):  # noqa: F811

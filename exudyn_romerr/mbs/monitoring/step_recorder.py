@@ -11,7 +11,8 @@ import numpy as np
 
 from ...compiled.loops import loops
 
-START_OF_STEP = exu.ConfigurationType.StartOfStep
+START_OF_STEP, CURRENT = exu.ConfigurationType.StartOfStep, exu.ConfigurationType.Current
+IN_PLACE = CURRENT, False  # not copied: rows are written from it at once
 
 
 class StepReceiver(Protocol):
@@ -65,11 +66,11 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
             room = 1  # the first row is evaluated at once: what is wrong shows before the first step
         row = i  # stays while blocks are evaluated
         times[i] = t
-        q[i] = read_q()
-        q_t[i] = read_q_t()
-        q_tt[i] = read_q_tt()
+        q[i] = read_q(*IN_PLACE)
+        q_t[i] = read_q_t(*IN_PLACE)
+        q_tt[i] = read_q_tt(*IN_PLACE)
         if due:
-            multipliers[i] = read_multipliers()
+            multipliers[i] = read_multipliers(*IN_PLACE)
         i += 1
         if due:
             due -= 1
@@ -119,6 +120,6 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
         stored()
         hurry()
 
-    recorder = loops.Recorder(checked_step, start_of_step, START_OF_STEP, *readers, read_multipliers)
+    recorder = loops.Recorder(checked_step, start_of_step, START_OF_STEP, CURRENT, *readers, read_multipliers)
     recorder.hook = hook
     return recorder, drain_stored, hurry_stored
