@@ -8,7 +8,7 @@ derivatives of q and v. For a step of size h from sample 0 to 1, a_m in its midd
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -23,25 +23,33 @@ GAPS, NARROW = (15, 17), (7, 9)
 STANDS_OUT = 1.5
 
 
-def in_the_middle(t: np.ndarray, x: np.ndarray, share: float = 0.5) -> np.ndarray:
-    """Return x (T - 1, ...) within the steps between times t (T,), at a share of each.
+def in_the_middle(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return x (T - 1, ...) in the middle of the steps between times t (T,), as `within` does."""
+    return within(t, [x], 0.5)[0]
+
+
+def within(
+    t: np.ndarray, states: Sequence[np.ndarray], share: float, steps: np.ndarray | slice = slice(None)
+) -> list[np.ndarray]:
+    """Return states (S, ...), each (T, ...) at times t (T,), within S steps between these, at a share of each.
 
     Cubic through the two samples before and the two after, at the ends of the series through the nearest four; of a
     degree less than the number of samples, where there are fewer.
     """
-    T = len(t)
+    T, steps = len(t), np.arange(len(t) - 1)[steps]
     n = min(NODES, T)
-    first = np.clip(np.arange(T - 1) - (NODES // 2 - 1), 0, T - n)
-    return _through(t, x, first[:, None] + np.arange(n), t[:-1] + share * np.diff(t))
+    first = np.clip(steps - (NODES // 2 - 1), 0, T - n)
+    return _through(t, states, first[:, None] + np.arange(n), t[steps] + share * (t[steps + 1] - t[steps]))
 
 
-def _through(t: np.ndarray, x: np.ndarray, nodes: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """Polynomials (S, ...) at times now (S,), through x (T, ...) at nodes (S, n) of times t (T,)."""
-    times, found = t[nodes], np.zeros((len(nodes), *x.shape[1:]))
+def _through(t: np.ndarray, states: Sequence[np.ndarray], nodes: np.ndarray, now: np.ndarray) -> list[np.ndarray]:
+    """Polynomials (S, ...) at times now (S,), through states (T, ...) at nodes (S, n) of times t (T,)."""
+    times, found = t[nodes], [np.zeros((len(nodes), *x.shape[1:])) for x in states]
     for j in range(nodes.shape[1]):
         others = np.delete(times, j, axis=1)
         weights = np.prod((now[:, None] - others) / (times[:, j : j + 1] - others), axis=1)
-        found += weights.reshape(-1, *np.ones(x.ndim - 1, dtype=int)) * x[nodes[:, j]]
+        for x, values in zip(states, found, strict=True):
+            values += weights.reshape(-1, *np.ones(x.ndim - 1, dtype=int)) * x[nodes[:, j]]
     return found
 
 
@@ -117,7 +125,7 @@ def filled(t: np.ndarray, x: np.ndarray, looked: np.ndarray) -> np.ndarray:
     if others.size:
         first = np.clip(np.searchsorted(at, others) - NODES // 2, 0, len(at) - NODES)
         x = x.copy()
-        x[others] = _through(t[at], x[at], first[:, None] + np.arange(NODES), t[others])
+        x[others] = _through(t[at], [x[at]], first[:, None] + np.arange(NODES), t[others])[0]
     return x
 
 

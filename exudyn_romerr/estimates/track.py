@@ -103,8 +103,8 @@ class Track:
         self._room = int(np.clip(IN_CACHE // (numbers + n * n), AT_LEAST, TOGETHER))
         self._cubic, self._instant = np.zeros((4, numbers)), np.zeros((1, n, n))
         self._of_parts = np.split(self._cubic, [n * 2 * k], axis=1)
-        self._matrices = np.zeros((self._room, n, 2 * k)), np.zeros((self._room, n, n))
-        self._once, self._inverses = np.zeros(self._room, dtype=bool), np.zeros((self._room, n, n))
+        self._matrices = np.empty((self._room, n, 2 * k)), np.empty((self._room, n, n))
+        self._once, self._inverses = np.zeros(self._room, dtype=bool), np.empty((self._room, n, n))
         self._sizes = np.ones(n)  # of coordinates and multipliers, so that constraints are of the size of other rows
         self._end: tuple[Tangent | None, float, np.ndarray | None] = (None, 0.0, None)
 

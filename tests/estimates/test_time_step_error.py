@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr.estimates import time_step_error as module
-from exudyn_romerr.estimates.local_errors import defects, in_the_middle, shared
+from exudyn_romerr.estimates.local_errors import defects, in_the_middle, shared, within
 from exudyn_romerr.estimates.march import Columns, Scheme, Tangent
 from exudyn_romerr.estimates.time_step_error import PROVISIONAL, TimeStepError
 from exudyn_romerr.estimates.track import Track
@@ -210,8 +210,8 @@ def test_local_errors_of_polynomials():
         np.testing.assert_allclose(found, 0.0, atol=tol.ENTRIES * 10)
     for share in (0.25, 0.5):
         inside = t[:-1] + share * np.diff(t)
-        np.testing.assert_allclose(in_the_middle(t, q[:, :4], share), inside[:, None] ** powers[:4], atol=1e-13)
-        np.testing.assert_allclose(in_the_middle(t[:3], q[:3, :3], share), inside[:2, None] ** powers[:3], atol=1e-13)
+        np.testing.assert_allclose(within(t, [q[:, :4]], share)[0], inside[:, None] ** powers[:4], atol=1e-13)
+        np.testing.assert_allclose(within(t[:3], [q[:3, :3]], share)[0], inside[:2, None] ** powers[:3], atol=1e-13)
 
 
 def test_local_errors_of_a_step_fifth_degree():

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.local_errors import NODES, filled, in_the_middle, seldom, standing_out, told
+from ...estimates.local_errors import NODES, filled, seldom, standing_out, told, within
 from ...online.run_messages import CHANGED
 from ..access.load_functions import load_functions, loads_with_functions
 from ..access.state_guard import set_state, state_kept
@@ -78,7 +78,7 @@ class StoredResiduals:
     def _cheapest(self, mbs: Any, rows: Sequence[np.ndarray]) -> Place:
         """The light copy if it shows what the mbs shows at another time than the run is at, in a step; or the mbs."""
         t, *states = (x[-NODES:] for x in rows)
-        now, state = (t[-2] + t[-1]) / 2, [in_the_middle(t, x)[-1] for x in states]
+        now, state = (t[-2] + t[-1]) / 2, [x[0] for x in within(t, states, MIDDLE, slice(-1, None))]
         if not self.in_a_copy:
             return Place(self._tangents.equations, mbs)
         found = self._tangents.cheapest(mbs, now, state)
@@ -144,7 +144,7 @@ class StoredResiduals:
         """Residuals (S, n) within steps, at a share of each."""
         t, *states = rows
         times = t[:-1] + share * np.diff(t)
-        inside = [in_the_middle(t, x, share)[steps] for x in states]
+        inside = within(t, states, share, steps)
         at = self._place or Place(self._tangents.equations, mbs)
         found = [at.at(now, state).residual() for now, *state in zip(times[steps], *inside, strict=True)]
         return np.reshape(found, (len(steps), self._tangents.size))

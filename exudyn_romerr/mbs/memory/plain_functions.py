@@ -37,7 +37,7 @@ def _computes(name: str, found: Any) -> bool:
 
 # what modules have under these names when this is imported: none of it keeps anything, nor writes to a list
 KNOWN = [{name: f for name, f in vars(of).items() if name[0] != "_" and _computes(name, f)} for of in MODULES]
-FUNCTIONS = {id(f) for f in (*BUILT_IN, *(f for known in KNOWN for f in known.values()))}
+FUNCTIONS = {id(f) for f in (*BUILT_IN, *MODULES, *(f for known in KNOWN for f in known.values()))}
 
 
 def keep_nothing(functions: Iterable[Callable]) -> bool:
@@ -56,7 +56,7 @@ def _keeps_nothing(f: Callable) -> bool:
 def _only_computes(value: Any, seen: dict[int, Any]) -> bool:
     """Whether a value is such a function, or one that it may reach; seen : those that are looked at, by number."""
     kind = type(value)
-    if kind in NUMBERS or id(value) in seen or id(value) in FUNCTIONS or any(value is of for of in MODULES):
+    if kind in NUMBERS or id(value) in FUNCTIONS or id(value) in seen:
         return True
     seen[id(value)] = value
     if kind is tuple or kind is list:

@@ -158,14 +158,14 @@ class Mechanism:
         self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
         make = partial(self._reaction_of, TRAPEZOIDAL if holds_rates else of_solver, holds_rates)
-        self._reaction = make(mbs, True)
-        self._more = MoreVectors(self._coupled, self.tangents, make, bool(self._sensors))
+        self._reaction = make(mbs, self._sensors)
+        self._more = MoreVectors(self._coupled, self.tangents, make, self._sensors)
 
-    def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, with_sensors: bool) -> Reaction:
+    def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, sensors: Sequence) -> Reaction:
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         first = FirstSteps(scheme, None if holds_rates else share_of(mbs), self._first_steps.damped)
         steps = first, self.tangents, StepErrors(self.tangents, residuals, holds_rates, self.equations)
-        return Reaction(self._partners, Feedback(scheme), *steps, self._sensors if with_sensors else ())
+        return Reaction(self._partners, Feedback(scheme), *steps, sensors)
 
     def _prepare_estimates(self, mbs: Any) -> None:
         require_vectors(self._watches)
