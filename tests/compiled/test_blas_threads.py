@@ -64,13 +64,15 @@ def test_solves_in_two_threads_of_python(count):
             assert leave.wait(60)
 
     thread = Thread(target=other)
-    with one_thread():
-        thread.start()
-        assert inside.wait(60)
-        assert count() == {1}
-    assert count() == {THREADS}
-    leave.set()
-    thread.join()
+    try:
+        with one_thread():
+            thread.start()
+            assert inside.wait(60)
+            assert count() == {1}
+        assert count() == {THREADS}
+    finally:
+        leave.set()
+        thread.join()
     assert count() == {THREADS}
 
 
