@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import AssumptionError
+from ..linalg.blocked_products import rows_times
 from .columns import Columns
 from .march import Scheme, Steps, Tangent
 from .track import SINGULAR, Track, share
@@ -126,7 +127,7 @@ def mass_norms(x: np.ndarray, t: np.ndarray, times: np.ndarray, tangent: Callabl
     for i in np.unique(after).tolist():
         here, first, last = np.flatnonzero(after == i), tangent(max(i - 1, 0)), tangent(i)
         own, weights = x[here], _masses(share(t[here], first, last), first, last)
-        squares[here] = sum(w * np.einsum("sk,sk->s", own @ M, own) for w, M in weights)
+        squares[here] = sum(w * np.einsum("sk,sk->s", rows_times(own, M), own) for w, M in weights)
     return np.sqrt(np.maximum(squares, 0.0))
 
 

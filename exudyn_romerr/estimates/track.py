@@ -11,6 +11,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from ..errors import AssumptionError
+from ..linalg.blocked_products import combine
 from .march import Scheme, Steps, Tangent, parted
 
 # of a solution: what interpolated inverses may miss at first, where they are used twice, so that its square is left;
@@ -214,7 +215,7 @@ def _at(shares: np.ndarray, coefficients: np.ndarray, out: np.ndarray) -> np.nda
 
 def _combined(weights: np.ndarray, values: np.ndarray, out: np.ndarray) -> np.ndarray:
     """Write sums (S, ...) of values (n, ...) with weights (S, n)."""
-    np.matmul(weights, values.reshape(len(values), -1), out=out.reshape(len(weights), -1))
+    combine(weights, values.reshape(len(values), -1), out.reshape(len(weights), -1))
     return out
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..decay.decay_rates import body_rates, damping_in_steps, stiffness_damping
-from ..linalg.blocked_products import row_norms
+from ..linalg.blocked_products import row_norms, rows_times
 from ..residual.free_mass import AtStart, free_velocity_norms
 from ..residual.interface_stiffening import interface_rows
 from ..residual.slow_modes import SlowModesOf
@@ -187,7 +187,7 @@ class CorrectedEnergy(MechanismEnergy):
         """Inertia forces (S,) of second order in du at the ends of the segments, |.|_{M^-1}."""
         if block.added is None or block.added.veer is None:
             return np.zeros(len(block.h))
-        du, du_t = (row_norms(x @ self.root.T) for x in (block.added.q, block.added.q_t))
+        du, du_t = (row_norms(rows_times(x, self.root.T)) for x in (block.added.q, block.added.q_t))
         bound, known = block.added.veer.unbalanced(du, du_t, self.arm, self.mass), block.added.beside
         return bound if known is None else np.where(np.isnan(known), bound, known)
 
@@ -220,8 +220,8 @@ class CorrectedEnergy(MechanismEnergy):
 
     def _seen(self, q: np.ndarray, q_t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (S, R) of modes and vectors, and their mass norm (S,)."""
-        rows = self.value_rows.T
-        return np.where(self.velocity_rows, q_t @ rows, q @ rows), row_norms(q @ self.root.T)
+        rows, sizes = self.value_rows.T, row_norms(rows_times(q, self.root.T))
+        return np.where(self.velocity_rows, rows_times(q_t, rows), rows_times(q, rows)), sizes
 
 
 def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, ...]:

@@ -12,6 +12,7 @@ from ..compiled.loops import loops
 # Multiplications of one product. BLAS libraries start threads above a few 1e5; for blocks of steps these cost more
 # than they give, and on cores that are shared with a simulation they wait for one another.
 ONE_THREAD = 250_000
+OF_A_VECTOR = 9_000  # the same, where the matrix is a vector
 # of a tall matrix at once: what is made on the way to a result stays small beside it; of very tall ones fewer
 COLUMNS, FEWEST, NUMBERS = 64, 16, 6_400_000
 FEW = 32  # rows: products of fewer take long, and are left to what is compiled
@@ -22,7 +23,7 @@ def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return rows @ matrix for rows (..., k) and matrix (k, m)."""
     k, m = matrix.shape
     flat = rows.reshape(-1, k)
-    count = max(1, ONE_THREAD // max(k * m, 1))
+    count = max(1, (ONE_THREAD if m > 1 else OF_A_VECTOR) // max(k * m, 1))
     result = np.empty((len(flat), m))
     if loops is not None and count < min(FEW, len(flat)):
         loops.rows_times(len(flat), k, m, *(np.ascontiguousarray(x, dtype=float) for x in (flat, matrix.T)), result)
@@ -35,12 +36,17 @@ def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 def combined(matrix: np.ndarray, arrays: list[np.ndarray]) -> np.ndarray:
     """Return the sums (j, ...) of matrix (j, k) times k arrays of one shape."""
     columns = np.stack(arrays).reshape(len(arrays), -1)
-    count = max(1, ONE_THREAD // matrix.size)
     result = np.empty((len(matrix), columns.shape[1]))
+    combine(matrix, columns, result)
+    return result.reshape(len(matrix), *arrays[0].shape)
+
+
+def combine(matrix: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
+    """Write matrix (j, k) @ columns (k, n) into out (j, n); j and k are few."""
+    count = max(1, ONE_THREAD // matrix.size)
     for first in range(0, columns.shape[1], count):
         part = np.s_[:, first : first + count]
-        np.matmul(matrix, columns[part], out=result[part])
-    return result.reshape(len(matrix), *arrays[0].shape)
+        np.matmul(matrix, columns[part], out=out[part])
 
 
 def by_columns(

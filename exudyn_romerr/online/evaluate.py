@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..checks import check_array, check_type, real_array
+from ..compiled.blas_threads import one_thread
 from ..errors import InputError
 from ..model.matrix_input import precision
 from ..offline.options import BoundOptions
@@ -56,6 +57,7 @@ class Trajectory:
         self.u = check_array("u", u[:, None] if u.ndim == 1 else u, (len(self.t), None))
 
 
+@one_thread()
 def evaluate(
     body: ElasticBody,
     basis: Basis,

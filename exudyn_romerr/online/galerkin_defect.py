@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linalg.blocked_products import rows_times
+
 TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache
 
 
@@ -20,8 +22,8 @@ class Defect:
         sizes = np.abs(rows).T
         for first in range(0, len(z), TOGETHER):
             part = z[first : first + TOGETHER]
-            self._left = np.maximum(self._left, np.abs(part @ rows.T).max(axis=0))
-            self._terms = max(self._terms, float(np.max(np.abs(part) @ sizes)))
+            self._left = np.maximum(self._left, np.abs(rows_times(part, rows.T)).max(axis=0))
+            self._terms = max(self._terms, float(np.max(rows_times(np.abs(part), sizes))))
         self._noise = max(self._noise, noise)
 
     def go_on(self, before: Defect) -> None:

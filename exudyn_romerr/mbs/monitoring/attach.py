@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
+from ...compiled.blas_threads import one_thread
 from ...errors import InputError
 from ...offline.options import BoundOptions
 from ..access.reduced_body import ReducedBody
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from ...model.outputs import Output
 
 
+@one_thread()
 def attach(
     mbs: Any,
     flex: ReducedBody | FloatingBody | Sequence[ReducedBody | FloatingBody],

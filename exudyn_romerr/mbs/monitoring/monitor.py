@@ -6,6 +6,7 @@ from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
+from ...compiled.blas_threads import one_thread
 from ...errors import InputError, RunError
 from ...report.mechanism_report import joined, joined_plan
 from .live_output import sensor_of
@@ -100,6 +101,7 @@ class Monitor:
         check_choice("output", output, outputs)
         return sensor_of(self._hook.look, self._watch, outputs[output], options)
 
+    @one_thread()
     def report(self, i: int = -1) -> BoundReport:
         """Return the bounds of run i (default: the last), also while it is running.
 
@@ -163,6 +165,7 @@ class MechanismMonitor:
         check_choice("output", output, names)
         return names[output].bound_sensor(output, **options)
 
+    @one_thread()
     def report(self, i: int = -1) -> MechanismReport:
         """Return the bounds and estimates of run i (default: the last), also while it is running.
 

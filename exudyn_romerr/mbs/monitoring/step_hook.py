@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import weakref
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -11,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
+from ...compiled.blas_threads import one_thread
 from ...errors import InputError
 from ...online.run import BLOCK
 from ...report.scope import FROZEN
 from ..access.mbs_items import end_time, is_verbose, running_static_solver
 from ..mechanism.extended_tangents import FixedFreedoms
-from ..memory.standstill import no_step_is_made
+from ..memory.standstill import interrupt_deferred, no_step_is_made
 from .joint_evaluation import Mechanism
 from .live_output import live_line
 from .run_succession import SAME_TIME
@@ -54,6 +53,7 @@ class StepHook:
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
         self.end = np.inf  # of the solve, if tangents are to be read in its last block
 
+    @one_thread()
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
         """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
         self.flush()
@@ -96,7 +96,7 @@ class StepHook:
 
     def flush(self) -> None:
         """Evaluate the rows stored so far."""
-        with _interrupt_deferred(), no_step_is_made():
+        with interrupt_deferred(), one_thread(), no_step_is_made():
             *rows, multipliers = self._drain() or ((),)
             if not rows:
                 return
@@ -132,6 +132,7 @@ class StepHook:
     def _is_over(self) -> bool:
         return any(watch.stopped for watch in self.watches)
 
+    @one_thread()
     def read(self, mbs: Any, watch: Watch) -> Offline:
         """Return what a watch would make bounds with if a solve began now."""
         offline = watch.subject.read(mbs, attached=self.attached)
@@ -153,6 +154,7 @@ class StepHook:
         """Whether the solve that has begun needs tangents of the mechanism."""
         return self._mechanism.tangents is not None
 
+    @one_thread()
     def read_tangent(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again."""
         return self._mechanism.read_tangent(mbs, t)
@@ -231,20 +233,3 @@ def shared_hook(mbs: Any, user: Callable | None, *watches: Watch) -> StepHook:
         mbs.SetPostStepUserFunction(hook.step)
     hook.watches += watches
     return hook
-
-
-@contextmanager
-def _interrupt_deferred() -> Iterator[None]:
-    """Let Ctrl-C wait until the block is evaluated, so that it never leaves half a block behind."""
-    handler = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(handler):
-        yield
-        return
-    caught: list[tuple] = []
-    signal.signal(signal.SIGINT, lambda *arguments: caught.append(arguments))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)
-        if caught:
-            handler(*caught[0])

@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import RunError
 from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
+from ...linalg.blocked_products import rows_times
 from .looks import Jumps, middles
 from .remainder import LOOKED, LOST, SAMPLED, Measured, Remainder, joined, march_together
 from .shadow_mbs import Shadow
@@ -217,8 +218,8 @@ class MeasuredRemainder:
     def _sizes(self, x: np.ndarray) -> np.ndarray:
         """Sizes (S, bodies + 1) of changes (3, S, k): of deformations in the mass norm, of all motion about so."""
         masses = self._tangents.readings[-1].masses
-        of_bodies = (x[0] @ self._roots) ** 2 @ self._of_body
-        return np.sqrt(np.column_stack([of_bodies, x[0][:, : len(masses)] ** 2 @ masses]))
+        of_bodies = rows_times(rows_times(x[0], self._roots) ** 2, self._of_body)
+        return np.sqrt(np.column_stack([of_bodies, rows_times(x[0][:, : len(masses)] ** 2, masses[:, None])]))
 
 
 def _mass_roots(parts: Parts, size: int) -> tuple[np.ndarray, np.ndarray]:

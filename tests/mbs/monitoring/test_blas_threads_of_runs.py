@@ -1,0 +1,80 @@
+"""Threads of BLAS beside a run: one while bounds are evaluated, the user's own in all else, and the same numbers."""
+
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
+from exudyn_romerr.offline import prepare
+from exudyn_romerr.online.run import Run
+from models import floating
+from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
+
+OURS = {(Mechanism, name) for name in ("begin", "read_tangent", "evaluate")} | {(Run, "report")}
+
+
+@pytest.fixture
+def seen(several_threads, monkeypatch):  # noqa: F811
+    """Numbers of threads, by who had them."""
+    found = {}
+
+    def noting(name, original):
+        def noted(*arguments, **options):
+            found.setdefault(name, set()).update(counts(several_threads))
+            return original(*arguments, **options)
+
+        return noted
+
+    for owner, name in OURS:
+        monkeypatch.setattr(owner, name, noting(name, getattr(owner, name)))
+    monkeypatch.setattr(prepare.Problem, "__init__", noting("offline", prepare.Problem.__init__))
+    found["noting"] = noting
+    return found
+
+
+def solved(hook=None):
+    """The pendulum, solved, and its monitor."""
+    scene = floating.pendulum(2, h=1e-3, t_end=0.02)
+    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items), hook=hook)
+    scene.mbs.Assemble()
+    scene.mbs.SolveDynamic(scene.settings)
+    return scene, monitor
+
+
+def test_one_thread_in_all_that_is_ours_and_the_users_own_in_theirs(seen):
+    _, monitor = solved(seen.pop("noting")("PostStep", lambda mbs, t: True))
+    monitor.report()
+    assert seen.pop("PostStep") == {THREADS}
+    assert seen == {name: {1} for name in ("offline", "begin", "read_tangent", "evaluate", "report")}
+
+
+def test_what_goes_wrong_in_ours_leaves_no_trace(several_threads, monkeypatch):  # noqa: F811
+    def fail(*_):
+        raise romerr.RunError("on purpose")
+
+    monkeypatch.setattr(Mechanism, "evaluate", fail)
+    after = []
+    _, monitor = solved(lambda mbs, t: not after.append(counts(several_threads)))
+    assert after == [{THREADS}] * 21
+    with pytest.raises(romerr.RunError, match="on purpose"):
+        monitor.report()
+    assert counts(several_threads) == {THREADS}
+
+
+def test_the_plan_is_made_with_one_thread_too(seen):
+    scene = floating.pendulum(2, h=1e-3, t_end=0.02)
+    monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))
+    scene.mbs.Assemble()
+    assert monitor.plan
+    assert seen["offline"] == {1}
+
+
+def test_bounds_do_not_depend_on_it(several_threads):  # noqa: F811
+    scene, monitor = solved()
+    with several_threads.threadpool_limits(1):
+        scene.mbs.SolveDynamic(scene.settings)
+    first, second = monitor.report(0), monitor.report(1)
+    for name in first.outputs:
+        one, other = first.output(name), second.output(name)
+        np.testing.assert_array_equal(one.bound["best"], other.bound["best"])
+        np.testing.assert_array_equal(one.estimate, other.estimate)
