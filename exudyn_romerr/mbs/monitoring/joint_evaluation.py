@@ -17,6 +17,7 @@ from ..derivatives.linearisation import Tangents
 from ..mechanism.kept_equations import KeptEquations
 from ..mechanism.late_readings import LateReadings
 from ..mechanism.more_vectors import MoreVectors
+from ..mechanism.steady_gains import SteadyGains
 from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
 from .feedback_runs import Reaction
@@ -59,6 +60,7 @@ class Mechanism:
         self._check_others(self._watches)
         self._first_steps = FirstSteps(scheme_of(mbs), None, has_dampers(mbs))
         self._partners = self._coupled or [x for x in self._watches if x.is_frozen and x.enriched is not None]
+        self._gains = SteadyGains(mbs if self._coupled else None)
         if self._coupled:
             self._together(self._prepare, mbs)
         elif self._partners:
@@ -84,6 +86,9 @@ class Mechanism:
     def evaluate(self, mbs: Any, *rows: np.ndarray) -> None:
         """Evaluate accepted steps: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
         self.read_late(mbs, *rows)
+        for note in self._gains.broken(mbs, *rows):
+            for watch in self._coupled:
+                watch.note(note)
         self._at_hand = mbs, rows[-1]
         try:
             self.take(*rows[:-1])

@@ -32,7 +32,10 @@ AWAY = 0.01  # of coordinates: where both are compared, so that nothing vanishes
 SEED = 17
 NO_COPY = "it cannot be copied: {}"
 MORE = "it has data coordinates, or such of first order, which stored steps lack"
-OTHER = "its copy has other equations: {} differ by {:.1e} of the largest entry"
+OTHER = (
+    "its copy has other equations: {} differ by {:.1e} of the largest entry (a user function that looks at another "
+    "mbs than the one that it is given makes it so)"
+)
 
 
 class Shadow:
@@ -56,7 +59,7 @@ class Shadow:
             self._container = exu.SystemContainer()  # goes when nobody holds it, and what is in it
             self._mbs = self._container.AddSystem()
             wider = {b.flex.number: object_terms(b) for b, _ in parts}
-            copy_items(mbs, self._mbs, wider)
+            copy_items(mbs, self._mbs, wider, look=tangents.look)
             self._mbs.Assemble()
             self._equations = Equations(self._mbs, tangents.equations.threads)
             self._places = _places(mbs, self._mbs, parts)
