@@ -52,9 +52,6 @@ UNKNOWN_SCHEME = Doubt(
     "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that they "
     "do not resolve, is not in the bound",
 )
-KEEP_GAINS = (
-    "let the user function of the spring be smooth, and resolve it by the steps; or pass scope='inputs frozen'"
-)
 CHANGED = "the mbs was changed meanwhile (by a PostStep function, or after the solve)"
 NO_CHANGES = "change no parameters before report() is asked, but let user functions depend on time"
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
@@ -113,11 +110,6 @@ def changed(said: str) -> Doubt:
     return Doubt("the mbs was changed along the run", NO_CHANGES, said)
 
 
-def controlled(said: str) -> Doubt:
-    """Return the doubt of a controller that is not what it was when the run began, with what is said of it."""
-    return Doubt("a controller that switches, or whose gains do work", KEEP_GAINS, said)
-
-
 def unseen(why: str) -> Doubt:
     """Return the doubt of a mechanism whose steps could not be looked at for changes."""
     said = f"whether the PostStep function changes the mechanism is not known, for its states cannot be asked: {why}"
@@ -145,7 +137,7 @@ def _of_another(doubt: Doubt) -> Doubt:
 
 def _is_change(doubt: Doubt) -> bool:
     """Whether it is one of coupled bounds alone: others follow from the samples of the run."""
-    return doubt.cure in (NO_CHANGES, KEEP_GAINS)
+    return doubt.cure == NO_CHANGES
 
 
 def planned_end(run: RunRecord) -> float | None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from ...online.run_messages import controlled
 from ...report.scope import Doubt
 from ..access.control_functions import Spring, are_passive, find_controls
 from ..access.state_guard import set_state, state_kept
@@ -54,21 +54,22 @@ class _Along:
 
 
 class SteadyGains:
-    """Looks at the springs of an mbs whose forces are user functions, at every step; None: at nothing."""
+    """Looks at the springs of an mbs whose forces are user functions, at every step."""
 
     def __init__(self, mbs: Any):
-        self._springs = [_Along(spring) for spring in (() if mbs is None else find_controls(mbs).springs)]
+        self._springs = [_Along(spring) for spring in find_controls(mbs).springs]
 
-    def broken(self, mbs: Any, t: np.ndarray, *states: np.ndarray) -> list[Doubt]:
-        """Return what was found, once of each spring, in rows t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
-        if not self._springs or mbs is None:
-            return []
+    def look(self, watches: Sequence[Any], mbs: Any, t: np.ndarray, *states: np.ndarray) -> None:
+        """Let watches note what is wrong, once of each spring, in rows t (S,), q, q_t, q_tt, multipliers (S, ...)."""
+        if not (self._springs and watches) or mbs is None:
+            return
         functions = [along.spring.function for along in self._springs]
         with memory_kept(mbs, functions), state_kept(mbs.systemData):
             found = list(self._found(mbs, zip(t.tolist(), *states, strict=True)))
         gone = {along for along, _ in found}
         self._springs = [along for along in self._springs if along not in gone]
-        return [doubt for _, doubt in found]
+        for (_, doubt), watch in product(found, watches):
+            watch.note(doubt)
 
     def _found(self, mbs: Any, rows: Sequence) -> Iterator[tuple[_Along, Doubt]]:
         seen: set[_Along] = set()
@@ -78,9 +79,11 @@ class SteadyGains:
                 wrong = "" if along in seen else along.follow(mbs, t)
                 if wrong:
                     seen.add(along)
-                    yield along, controlled(f"at t = {t:g} s {along.spring.name} {wrong}")
+                    yield along, Doubt(CAUSE, CURE, f"at t = {t:g} s {along.spring.name} {wrong}")
 
 
+CAUSE = "a controller switches, or its gains do work"
+CURE = "let the spring's user function be smooth, within steps too, and passive; or pass scope='inputs frozen'"
 WORKS = "has negative, or coupled, stiffness or damping, which may do work on the error"
 GROWS = "gets stiffer with time, which does work on the error"
 JUMPS = "jumps or bends within a step, as where it saturates: a linearised mechanism does not"
