@@ -176,8 +176,8 @@ def are_passive(gains: np.ndarray) -> bool:
     return bool(symmetric and all(rest))
 
 
-KEEPS = "keeps something from call to call: a controller may do work on the error, and cannot be asked beside the run"
-REACHES = "has a function that can reach what no call beside the run could put back: {}"
+KEEPS = "depends on earlier calls: a controller may do work on the error, and cannot be asked beside the run"
+REACHES = "may depend on earlier calls, for its function can reach what no call beside the run could put back: {}"
 FAILS = "has a function that fails where it is tried: {}"
 BY_FORCES = "has a function of accelerations or forces: a linearised mechanism has none of these"
 JUMPS = "has a function that is not smooth where the run begins: a linearised mechanism is"
