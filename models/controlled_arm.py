@@ -2,7 +2,7 @@
 
 The bar of models/mechanisms.py, hinged (axis y) to the ground at its left face. Controllers are written as users of
 Exudyn write them: as the user function of a spring between ground and arm, which is given angle and rate; or as that
-of a load, which looks at sensors. Truths of tests, no mode left out, same steps, are in models/data/controlled_arm.npz.
+of a load, which looks at sensors. models/data/controlled_arm.npz has the truths of tests, all modes.
 
     python models/controlled_arm.py      solves all scenes again and writes the file (about 15 s)
 """

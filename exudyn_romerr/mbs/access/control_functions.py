@@ -26,6 +26,7 @@ SPRINGS = {  # type of object: its function, what that is given after displaceme
     "ConnectorSpringDamper": ("springForceUserFunction", "force", OUTPUT.Displacement, "Velocity"),
 }
 DIFFERENCE = 1e-6  # of displacements and velocities, to differentiate by; 10 times as much tells what is not smooth
+Force = Callable[[float, float], np.ndarray]  # of a time, of what displacement and velocity are moved by
 SMOOTH = 0.1  # of the largest gain: what both may differ by
 PASSIVE = 1e-6  # of the largest gain: rounding of differences
 
@@ -96,7 +97,7 @@ def find_controls(mbs: Any) -> Controls:
     loads = frozenset(controllers(mbs, loads_with_functions(mbs)))
     for i in sorted(loads):
         item = mbs.GetLoad(i)
-        kind = _tried(mbs, load_functions(item), lambda i=i, item=item: _of_load(mbs, i, item))
+        kind = _tried(mbs, load_functions(item), lambda item=item: _of_load(mbs, item))
         (active if kind in MAY_WORK else refused).append(f"load {i} ({item['name']}) {kind or KEEPS}")
     return Controls(tuple(refused), tuple(active), tuple(passive), loads, look or bool(loads))
 
@@ -117,17 +118,17 @@ def _springs(mbs: Any) -> list[Spring]:
     return found
 
 
-def _of_spring(mbs: Any, spring: Spring) -> Callable[[float], np.ndarray]:
+def _of_spring(mbs: Any, spring: Spring) -> Force:
     motion = spring.motion(mbs)
-    return lambda t: spring.force(mbs, t, motion)
+    return lambda t, by: spring.force(mbs, t, motion + by)
 
 
-def _of_load(mbs: Any, i: int, item: dict[str, Any]) -> Callable[[float], np.ndarray]:
+def _of_load(mbs: Any, item: dict[str, Any]) -> Force:
     functions, given = load_functions(item), as_given(item.get("loadVector", item.get("load")))
-    return lambda t: np.hstack([f(mbs, t, given) for f in functions])
+    return lambda t, by: np.hstack([f(mbs, t, given) for f in functions])
 
 
-def _tried(mbs: Any, functions: list[Callable], prepared: Callable[[], Callable[[float], np.ndarray]]) -> str:
+def _tried(mbs: Any, functions: list[Callable], prepared: Callable[[], Force]) -> str:
     """Why a force, given its own displacement and velocity, is not one of time alone; empty: it is."""
     system, t = mbs.systemData, mbs.systemData.GetTime()
     with memory_kept(mbs, functions) as memory:
@@ -136,16 +137,16 @@ def _tried(mbs: Any, functions: list[Callable], prepared: Callable[[], Callable[
         try:
             with state_kept(system) as (q, q_t, q_tt, multipliers):
                 force = prepared()
-                first = force(t)
+                first = force(t, 0.0)
                 system.SetODE2Coordinates_tt(_moved(q_tt))
                 system.SetAECoordinates(_moved(multipliers))
-                by_forces = force(t)
+                by_forces = force(t, 0.0)
                 system.SetODE2Coordinates(_moved(q))
                 system.SetODE2Coordinates_t(_moved(q_t))
-                by_motion = force(t)
-            force(t + LATER * max(abs(t), 1.0))
+                by_motion = force(t, 0.0)
+                force(t + LATER * max(abs(t), 1.0), MOVED)  # an integral over time would show in what follows
             remembers = memory.changed
-            again = force(t)
+            again = force(t, 0.0)
         except Exception as error:
             return FAILS.format(error)
     if remembers or memory.was_changed or not np.array_equal(first, again):
