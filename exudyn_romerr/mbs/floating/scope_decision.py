@@ -13,9 +13,10 @@ from ...report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED
 from ..access.control_functions import Controls, find_controls, is_followed
 from ..access.load_functions import remembering_joints
 from ..access.mbs_items import FFRF
+from ..memory.memory_search import setters_in
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Callable, Collection
 
     from ...offline.options import BoundOptions
     from .actions import Actions
@@ -194,14 +195,24 @@ def _controlled(mbs: Any) -> Iterator[str]:
         yield "data coordinates of the mbs (contact, friction, hysteresis) switch: a linearised mechanism does not"
     if system.ODE1Size():
         yield "the mbs has ODE1 coordinates (hydraulics, controllers), which may do work on the error"
-    if mbs.GetPreStepUserFunction():
-        yield "a PreStep user function may change the mechanism or its loads"
+    if before_steps := mbs.GetPreStepUserFunction():
+        yield _of_pre_step(before_steps["function"])
     for i in range(system.NumberOfLoads()):
         load = mbs.GetLoad(i)
         if load.get("bodyFixed"):
             yield f"load {i} ({load['name']}) turns with its body (bodyFixed)"
     if joints := remembering_joints(mbs):
         yield f"offsets of {', '.join(joints)} depend on earlier calls, so they cannot be called away from the run"
+
+
+def _of_pre_step(function: Callable) -> str:
+    name = getattr(function, "__qualname__", type(function).__qualname__)
+    calls = ", ".join(sorted(setters_in([function])))
+    return (
+        f"the PreStep user function {name} {f'calls {calls} and ' if calls else ''}may change the mechanism or its "
+        "loads before any step: let a controller be the user function of a spring in the joint "
+        "(springTorqueUserFunction, springForceUserFunction), which is asked when errors move the mechanism, too"
+    )
 
 
 def _asked(options: BoundOptions) -> list[str]:

@@ -14,7 +14,15 @@ from exudyn_romerr.mbs.access import control_functions
 from models import controlled_arm
 from models.controlled_arm import add_load, add_spring, arm, controlled, pd, truth
 from tests.helpers import tolerances as tol
-from tests.helpers.mechanism_runs import COUPLED, FROZEN, ran_to_its_end
+from tests.helpers.mechanism_runs import (
+    COUPLED,
+    FROZEN,
+    assert_same_bounds,
+    ground_marker,
+    pendulum,
+    ran_to_its_end,
+    reports,
+)
 
 SPRINGS = [name for name in controlled_arm.MOTORS if "spring" in name]
 LOADS = [name for name in controlled_arm.MOTORS if "load" in name]
@@ -237,3 +245,84 @@ def test_smooth_gains_are_not_doubted(control):
     report = watched(scene)
     assert set(report.scope.values()) == {COUPLED}
     assert not report.uncertified
+
+
+# --- the same springs, as parameters and as functions -------------------------------
+
+GAINS = {"stiffness": 2e4, "damping": 30.0}
+
+
+def between(scene):
+    """Ground beside the end of the second bar, and that end."""
+    return [ground_marker(scene, [0.8, 0.02, 0.33]), scene.markers["right 2"]]
+
+
+def on_a_mass(scene):
+    """Ground and a coordinate of a mass point, which a spring joins to the end of the second bar."""
+    _, end = between(scene)
+    body = scene.mbs.AddObject(
+        itemInterface.MassPoint(
+            mass=1.0,
+            nodeNumber=(node := scene.mbs.AddNode(itemInterface.NodePoint(referenceCoordinates=[0.8, 0.02, 0.03]))),
+        )
+    )
+    at = scene.mbs.AddMarker(itemInterface.MarkerBodyPosition(bodyNumber=body))
+    scene.mbs.AddObject(itemInterface.CartesianSpringDamper(markerNumbers=[at, end], stiffness=[1e5] * 3))
+    fixed = scene.mbs.AddNode(itemInterface.NodePointGround())
+    coordinate = itemInterface.MarkerNodeCoordinate
+    return [scene.mbs.AddMarker(coordinate(nodeNumber=of, coordinate=2)) for of in (fixed, node)]
+
+
+def vector(mbs, t, number, x, v, k, d, offset):
+    return [GAINS["stiffness"] * a + GAINS["damping"] * b for a, b in zip(x, v, strict=True)]
+
+
+def number(mbs, t, number, x, v, k, d, last):
+    return GAINS["stiffness"] * x + GAINS["damping"] * v
+
+
+KINDS = {
+    "Cartesian": (itemInterface.CartesianSpringDamper, between, {k: [x] * 3 for k, x in GAINS.items()}, vector),
+    "along a line": (itemInterface.SpringDamper, between, GAINS | {"referenceLength": 0.25}, number),
+    "linear": (itemInterface.LinearSpringDamper, between, GAINS | {"axisMarker0": [0, 0, 1]}, number),
+    "coordinate": (itemInterface.CoordinateSpringDamper, on_a_mass, GAINS, number),
+    "torsional": (itemInterface.TorsionalSpringDamper, between, GAINS, number),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_springs_by_functions_have_the_bounds_of_springs(kind):
+    """Gains are differences, good to 1e-9, and Exudyn's own Jacobians of functions are, good to 1e-6."""
+    item, markers, parameters, function = KINDS[kind]
+    runs = []
+    for by_function in (False, True):
+        scene = pendulum(0, steps=10)
+        key = "springTorqueUserFunction" if kind == "torsional" else "springForceUserFunction"
+        gains = {k: 0.0 * np.array(x) if by_function and k in GAINS else x for k, x in parameters.items()}
+        gains = {k: x.tolist() if isinstance(x, np.ndarray) else x for k, x in gains.items()}
+        scene.mbs.AddObject(item(markerNumbers=markers(scene), **gains, **({key: function} if by_function else {})))
+        runs.append(reports(scene, estimators=("energy", "auxiliary")))
+    for one, other in zip(*runs, strict=True):
+        assert one.scope == other.scope == dict.fromkeys(("energy", "auxiliary"), COUPLED)
+        assert not [doubt for doubt in other.uncertified if "gains" in doubt.cause]
+        assert_same_bounds(one, other, rtol=1e-4, share=1e-6)
+
+
+# --- PreStep functions --------------------------------------------------------------
+
+
+def test_function_before_steps_is_named_with_what_it_sets():
+    scene = arm(steps=8)
+    spring = scene.mbs.AddObject(
+        itemInterface.TorsionalSpringDamper(markerNumbers=[scene.markers["ground"], scene.markers["left 1"]])
+    )
+
+    def aim(mbs, t):
+        mbs.SetObjectParameter(spring, "offset", 0.1 * t)
+        return True
+
+    scene.mbs.SetPreStepUserFunction(aim)
+    report = watched(scene)
+    assert set(report.scope.values()) == {FROZEN}
+    assert "aim calls SetObjectParameter" in report.scope_reason
+    assert "springTorqueUserFunction" in report.scope_reason
