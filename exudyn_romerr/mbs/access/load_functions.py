@@ -10,7 +10,7 @@ import numpy as np
 
 from ..memory.kept_values import Copies
 from ..memory.user_memory import memory_kept
-from .state_guard import coordinates_kept
+from .state_guard import state_kept
 
 LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
 MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
@@ -49,9 +49,11 @@ def _why_not_by_time_alone(mbs: Any, numbers: list[int], copies: Copies | None =
         if memory.lost:
             return f", whose function can reach: {memory.lost}"
         keep()
-        with coordinates_kept(system) as (q, q_t):
+        with state_kept(system) as (q, q_t, q_tt, multipliers):
             system.SetODE2Coordinates(q + MOVED * (1 + np.sin(np.arange(len(q)))))
             system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
+            system.SetODE2Coordinates_tt(q_tt + MOVED * (1 + np.sin(np.arange(len(q)))))
+            system.SetAECoordinates(multipliers + MOVED)
             keep()
         for load, own in zip(loads, functions, strict=True):
             for f in own:

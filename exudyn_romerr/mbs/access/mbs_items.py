@@ -105,11 +105,16 @@ def has_dampers(mbs: Any) -> bool:
     """Whether there may be damping beside that of floating bodies: parameters of other objects that are not zero."""
     items = (mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()))
     return any(
-        any(name in key.lower() for name in DAMPING) and _is_given(value)
+        (any(name in key.lower() for name in DAMPING) and _is_given(value)) or (_is_of_spring(key) and bool(value))
         for item in items
         if item["objectType"] not in BODIES
         for key, value in item.items()
     )
+
+
+def _is_of_spring(key: str) -> bool:
+    """Whether a parameter is the user function of a spring, which may damp."""
+    return key.startswith("spring") and key.endswith("UserFunction")
 
 
 def _is_given(value: Any) -> bool:

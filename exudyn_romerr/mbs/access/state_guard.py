@@ -30,17 +30,6 @@ def states_kept(system: Any) -> Iterator[None]:
             system.SetTime(t, where)
 
 
-@contextmanager
-def coordinates_kept(system: Any) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Give q and q_t of the current state, and set them back."""
-    q, q_t = system.GetODE2Coordinates(), system.GetODE2Coordinates_t()
-    try:
-        yield q, q_t
-    finally:
-        system.SetODE2Coordinates(q)
-        system.SetODE2Coordinates_t(q_t)
-
-
 def current_state(system: Any) -> tuple[np.ndarray, ...]:
     """Return q, q_t, q_tt and multipliers."""
     rates = system.GetODE2Coordinates_t(), system.GetODE2Coordinates_tt()

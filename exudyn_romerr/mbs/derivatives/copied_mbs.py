@@ -15,9 +15,13 @@ from .light_mesh import TRIANGLE, lightened
 
 
 def copy_items(
-    mbs: Any, to: Any, wider: Mapping[int, dict[str, Any]] | None = None, hollow: Collection[int] = ()
+    mbs: Any,
+    to: Any,
+    wider: Mapping[int, dict[str, Any]] | None = None,
+    hollow: Collection[int] = (),
+    look: bool = False,
 ) -> None:
-    """Add all items of an mbs to another one, but for sensors; meshes are light, see there.
+    """Add all items of an mbs to another one; sensors, and whole meshes, only if its functions look at them.
 
     wider : what bodies with more modes have, by number; further coordinates of their nodes are zero. hollow : numbers
     of bodies that have neither mass nor stiffness there. User functions find the variables that they know.
@@ -28,7 +32,8 @@ def copy_items(
     markers = [_bare(mbs.GetMarker(i)) for i in range(system.NumberOfMarkers())]
     for i, item in enumerate(objects):
         if item["objectType"] == FFRF:
-            light = lightened(item, [one for one in markers if int(one.get("bodyNumber", -1)) == i])
+            on_it = [one for one in markers if int(one.get("bodyNumber", -1)) == i]
+            light = {} if look else lightened(item, on_it)
             objects[i] = item | light | ({"computeFFRFterms": False} if i in hollow else {})
     counts = {int(objects[i]["nodeNumbers"][1]): np.shape(objects[i]["modeBasis"])[1] for i in wider}
     for i in range(system.NumberOfNodes()):
@@ -45,6 +50,8 @@ def copy_items(
         to.AddMarker(item)
     for i in range(system.NumberOfLoads()):
         to.AddLoad(_bare(mbs.GetLoad(i)))
+    for i in range(system.NumberOfSensors() if look else 0):
+        to.AddSensor(_bare(mbs.GetSensor(i)) | {"storeInternal": False, "writeToFile": False})
 
 
 def may_be_lighter(mbs: Any) -> bool:

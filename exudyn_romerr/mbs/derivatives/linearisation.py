@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssumptionError
+from ..access.control_functions import find_controls
 from ..access.equations import Equations
 from ..access.load_functions import controllers, loads_with_functions
 from ..access.state_guard import current_state, of_coordinates, set_state, state_kept, state_set
@@ -41,14 +42,17 @@ class Tangents:
     Attributes
     ----------
     equations : in any state. size : number of coordinates. readings : list of Reading, in the order of time.
-    carried : list of Carried, where G has turned since.
+    carried : list of Carried, where G has turned since. look : whether user functions look at the mbs.
     """
 
     def __init__(self, mbs: Any, threads: int = 1):
         self.equations = Equations(mbs, threads)
         self.size = self.equations.size
-        self._reader, self._twin = TangentReader(mbs, self.size), None
-        self._loads, self._copies = loads_with_functions(mbs), Copies()
+        controls = find_controls(mbs)
+        self.look = controls.look
+        self._reader, self._twin = TangentReader(mbs, self.size, controls.look), None
+        self._loads = [i for i in loads_with_functions(mbs) if i not in controls.loads]
+        self._copies = Copies()
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
         self._stride = 1
@@ -151,7 +155,7 @@ class Tangents:
     def _beside(self, mbs: Any, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]) -> Place:
         """The twin in this state, if it shows what the mbs has shown; else the mbs from now on."""
         if not self.readings:
-            self._twin = Twin.of(mbs, self.equations.threads, t, state, seen)
+            self._twin = Twin.of(mbs, self.equations.threads, self.look, t, state, seen)
         elif self._twin is not None and not self._twin.light.shows(t, state, seen):
             self._twin = None
         return Place(self.equations, mbs) if self._twin is None else self._twin.hollow.at(t, state)

@@ -23,6 +23,7 @@ from .tangent_reading import (
 from .twin import Place
 
 DIFFERENCE = 1e-7  # of coordinates, to differentiate by
+CENTRAL = 1e-5  # the same at both sides, of what user functions make of the motion
 WIDE = 1e-4  # the same at both sides, to differentiate twice: constraints are of low degree
 FAILED = "the mechanism's tangent could not be computed"
 
@@ -36,8 +37,9 @@ class TangentReader:
     independent constraints, None before the first reading. redundant : number of those that follow from others.
     """
 
-    def __init__(self, mbs: Any, size: int):
-        self.size = size
+    def __init__(self, mbs: Any, size: int, look: bool):
+        """Look : whether user functions look at the mbs, which Exudyn's Jacobians do not see."""
+        self.size, self._look = size, look
         increments = {j for rotation in rotations_of(mbs, INCREMENTS) for j in rotation}
         self.differentiable = np.array([j not in increments for j in range(size)])
         self._rotations, self.quaternions = rotations_of(mbs, PARAMETERS), quaternions_of(mbs)
@@ -100,7 +102,27 @@ class TangentReader:
         return Dependences.at(q, np.flatnonzero(self.differentiable), self.rows, self.quaternions, of)
 
     def _jacobians(self, at: Place) -> tuple[np.ndarray, np.ndarray]:
+        if self._look:
+            return self._differences(at)
         return at.equations.jacobian(at.mbs, 0.0, -1.0, 0), at.equations.jacobian(at.mbs, -1.0, 0.0, 1)
+
+    def _differences(self, at: Place) -> tuple[np.ndarray, np.ndarray]:
+        """The same of all forces, by differences to both sides."""
+        system = at.mbs.systemData
+        found = []
+        for x, write in (
+            (system.GetODE2Coordinates_t(), system.SetODE2Coordinates_t),
+            (system.GetODE2Coordinates(), system.SetODE2Coordinates),
+        ):
+            columns = np.zeros((self.size, self.size))
+            for j in range(self.size):
+                step = CENTRAL * max(1.0, np.abs(x[j])) * (np.arange(self.size) == j)
+                for side in (1, -1):
+                    write(x + side * step)
+                    columns[:, j] -= side * at.equations.forces(at.mbs) / (2 * step[j])
+            write(x)
+            found.append(columns)
+        return found[0], found[1]
 
     def _carried_forces(self, at: Place, q: np.ndarray, moving: list[np.ndarray]) -> tuple[np.ndarray, Parts]:
         """d(M q'' + G^T l)/dq (n, n), which Exudyn's Jacobians leave out, and what it is made of.

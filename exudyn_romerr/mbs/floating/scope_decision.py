@@ -10,11 +10,13 @@ import numpy as np
 
 from ...errors import AssumptionError
 from ...report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED
-from ..access.load_functions import controllers, loads_with_functions, remembering_joints
+from ..access.control_functions import Controls, find_controls, is_followed
+from ..access.load_functions import remembering_joints
 from ..access.mbs_items import FFRF
+from ..memory.memory_search import setters_in
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Callable, Collection
 
     from ...offline.options import BoundOptions
     from .actions import Actions
@@ -104,8 +106,9 @@ def find_scope(
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     without = next(_no_feedback(mbs, wanted, model), "")
-    unknown = next(_refusals(mbs, wanted, actions, static, attached, without), "")
-    refusal = others or unknown or next(_refusals_of_bounds(mbs, wanted.options), "")
+    controls = find_controls(mbs)
+    unknown = next(_refusals(mbs, wanted, controls, static, attached, without), "")
+    refusal = others or unknown or next(_refusals_of_bounds(mbs, wanted.options, controls), "")
     if refusal and wanted.scope == COUPLED and not static:
         raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
     frozen = (
@@ -121,7 +124,7 @@ def find_scope(
 
 
 def _refusals(
-    mbs: Any, wanted: Wanted, actions: Actions, static: bool, attached: Collection[int], without: str
+    mbs: Any, wanted: Wanted, controls: Controls, static: bool, attached: Collection[int], without: str
 ) -> Iterator[str]:
     """Why neither bound nor estimate can cover the feedback of the mechanism."""
     options = wanted.options
@@ -142,9 +145,11 @@ def _refusals(
     yield from _unattached(objects, attached)
     yield from _switching(objects, attached)
     yield from _controlled(mbs)
+    if controls.refused:
+        yield "; ".join(controls.refused)
 
 
-def _refusals_of_bounds(mbs: Any, options: BoundOptions) -> Iterator[str]:
+def _refusals_of_bounds(mbs: Any, options: BoundOptions, controls: Controls) -> Iterator[str]:
     """Why the bound cannot, where the linearised mechanism is there all the same."""
     watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
     if watched:
@@ -158,6 +163,8 @@ def _refusals_of_bounds(mbs: Any, options: BoundOptions) -> Iterator[str]:
         if "markerNumbers" in item and any(np.any(np.asarray(item.get(key, 0.0)) < 0) for key in PASSIVE):
             name = f"object {i} ({item['name']}, {item['objectType']})"
             yield f"{name} has negative stiffness or damping: it may do work on the error"
+    if controls.active:
+        yield "; ".join(controls.active)
 
 
 def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
@@ -177,7 +184,7 @@ def _switching(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
         if item.get("velocityLevel"):
             yield f"{name} constrains velocities, not positions"
         functions = [key for key in item if _controls(key) and item[key]]
-        if functions and not (kind == "GenericODE2" and i in attached):
+        if functions and not (kind == "GenericODE2" and i in attached) and not is_followed(item):
             yield f"{name} has {', '.join(functions)}: a controller may do work on the error"
 
 
@@ -188,18 +195,24 @@ def _controlled(mbs: Any) -> Iterator[str]:
         yield "data coordinates of the mbs (contact, friction, hysteresis) switch: a linearised mechanism does not"
     if system.ODE1Size():
         yield "the mbs has ODE1 coordinates (hydraulics, controllers), which may do work on the error"
-    if mbs.GetPreStepUserFunction():
-        yield "a PreStep user function may change the mechanism or its loads"
+    if before_steps := mbs.GetPreStepUserFunction():
+        yield _of_pre_step(before_steps["function"])
     for i in range(system.NumberOfLoads()):
         load = mbs.GetLoad(i)
         if load.get("bodyFixed"):
             yield f"load {i} ({load['name']}) turns with its body (bodyFixed)"
-    found = controllers(mbs, loads_with_functions(mbs))
-    if found:
-        names = ", ".join(found.values())
-        yield f"{names} depend on the motion or on earlier calls: a controller may do work on the error"
     if joints := remembering_joints(mbs):
         yield f"offsets of {', '.join(joints)} depend on earlier calls, so they cannot be called away from the run"
+
+
+def _of_pre_step(function: Callable) -> str:
+    name = getattr(function, "__qualname__", type(function).__qualname__)
+    calls = ", ".join(sorted(setters_in([function])))
+    return (
+        f"the PreStep user function {name} {f'calls {calls} and ' if calls else ''}may change the mechanism or its "
+        "loads before any step: let a controller be the user function of a spring in the joint "
+        "(springTorqueUserFunction, springForceUserFunction), which is asked when errors move the mechanism, too"
+    )
 
 
 def _asked(options: BoundOptions) -> list[str]:

@@ -14,13 +14,15 @@ from ..access.mbs_items import has_joints_only
 from ..derivatives.tangent_reading import admitted
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from ...model.floating_frame import FrameMotion
     from ...online.run import Opening, Run
     from ...trajectory.samples import Extension
     from ..derivatives.linearisation import Reading, Tangents
     from .enriched_body import EnrichedBody
+
+    Seen = Callable[[float, Sequence[np.ndarray]], Sequence[np.ndarray]]  # parts of D and K by vectors, of t, state
 
 TINY = np.finfo(float).tiny
 MASSLESS = 1e-12  # of the largest mass: a parameter of a rotation may have none
@@ -40,10 +42,11 @@ class ExtendedTangents:
         size: int,
         parts: Sequence[tuple[EnrichedBody, slice]],
         before: ExtendedTangents | None = None,
+        seen: Seen | None = None,
     ):
         """Size counts the coordinates of mechanism and vectors; parts: bodies, and where their vectors are.
 
-        before : of the same parts; what it has of readings is not made again.
+        before : of the same parts; what it has of readings is not made again. seen : see mbs/shadow/seen_vectors.py.
         """
         self._size = size
         self.t = np.array([reading.t for reading in readings])
@@ -58,6 +61,9 @@ class ExtendedTangents:
                 new.append(j)
         if new:
             self._extend(new, [readings[j] for j in new], parts)
+        for j in new if seen is not None else ():  # by controllers
+            of_vectors = self._whole[j, size : 3 * size].reshape(2, size, size)[:, :, len(readings[j].M) :]
+            of_vectors += seen(readings[j].t, readings[j].state)
         # rates of the motion itself: where pieces of splines meet, C would have a kink
         is_moving = len(readings) > 1
         self._turning = [(reading.C, reading.C_t if is_moving else 0 * reading.C) for reading in readings]
@@ -144,6 +150,8 @@ def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> np.ndarray:
 class ExtendedReadings:
     """Makes ExtendedTangents of readings; what it has made of one it does not make again."""
 
+    seen: Seen | None = None  # set where there is one, before anything is made
+
     def __init__(self, tangents: Tangents, size: int, parts: Sequence[tuple[EnrichedBody, slice]]):
         """Tangents hold readings; for the others see ExtendedTangents."""
         self._tangents, self._of = tangents, (size, parts)
@@ -151,7 +159,7 @@ class ExtendedReadings:
 
     def of(self, readings: Sequence[Reading]) -> ExtendedTangents:
         """Make them of some readings."""
-        return ExtendedTangents(readings, *self._of, self._made)
+        return ExtendedTangents(readings, *self._of, self._made, self.seen)
 
     def now(self) -> ExtendedTangents:
         """Make them of all readings that are kept now, and keep them until the next call."""

@@ -14,6 +14,7 @@ from ..access.state_guard import state_kept
 from ..derivatives.linearisation import Tangents
 from ..derivatives.twin import Place
 from ..memory.user_memory import memory_kept
+from .steady_gains import SteadyGains
 from .stored_residuals import BALANCED, user_functions
 
 TRIED = 8  # rows of a block with the largest residuals, of which the forces are asked for, too
@@ -28,11 +29,11 @@ class KeptEquations:
     One residual a step, in the light copy of the mbs, which is as it was, if it shows what the mbs shows now; and
     what the user's function does to coordinates.
 
-    may_change : whether there is a function that may do so.
+    may_change : whether there is a function that may do so. gains : those of controllers, whatever may change.
     """
 
     def __init__(self, mbs: Any, may_change: bool):
-        self._may_change = may_change
+        self._may_change, self.gains = may_change, SteadyGains(mbs)
         self._functions = user_functions(mbs) if may_change else []
         self._balanced = BALANCED + TOLERANCES * newton_tolerance(mbs, static=False)
         self._until, self._largest = -np.inf, 0.0

@@ -30,9 +30,9 @@ class MemorySearch:
         self.lost: set[str] = set()
         self._copies = copies
         self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
-        codes = [code for f in functions if (code := _code(f.func if isinstance(f, partial) else f))]
+        codes = _codes(functions)
         self._own = {code.__globals__.get("__name__", "") for code in codes}
-        self.lost |= {name for code in _called(codes) for name in _names(code.__code__) if SETS.match(name)}
+        self.lost |= setters_in(codes)
 
     def add_space(self, space: MutableMapping) -> None:
         """Add all names of a dict or an object, and whether there are more."""
@@ -110,6 +110,15 @@ class MemorySearch:
         for value in (*values, *map(_content, function.__closure__ or ())):
             if isinstance(value, ModuleType):
                 self._add_names(vars(value), names)
+
+
+def setters_in(functions: Iterable[Callable]) -> set[str]:
+    """Return the names of what these functions, and those that they name, set in an mbs."""
+    return {name for code in _called(_codes(functions)) for name in _names(code.__code__) if SETS.match(name)}
+
+
+def _codes(functions: Iterable[Callable]) -> list[FunctionType]:
+    return [code for f in functions if (code := _code(f.func if isinstance(f, partial) else f))]
 
 
 def _keep(_: Any) -> None:

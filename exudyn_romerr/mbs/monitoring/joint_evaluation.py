@@ -19,6 +19,7 @@ from ..mechanism.late_readings import LateReadings
 from ..mechanism.more_vectors import MoreVectors
 from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
+from ..shadow.seen_vectors import seen_vectors
 from .feedback_runs import Reaction
 from .run_succession import check_extensions, check_openings, end_with, fall_back, require_vectors
 
@@ -62,7 +63,7 @@ class Mechanism:
         if self._coupled:
             self._together(self._prepare, mbs)
         elif self._partners:
-            self._estimate(self._prepare_estimates, mbs)
+            self._estimate(self._prepare_reaction, mbs)
         for sensors in self._sensors:
             sensors.begin(mbs, self.tangents)
 
@@ -84,6 +85,7 @@ class Mechanism:
     def evaluate(self, mbs: Any, *rows: np.ndarray) -> None:
         """Evaluate accepted steps: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
         self.read_late(mbs, *rows)
+        self.equations.gains.look(self._coupled, mbs, *rows)
         self._at_hand = mbs, rows[-1]
         try:
             self.take(*rows[:-1])
@@ -152,6 +154,7 @@ class Mechanism:
             self._prepare_reaction(mbs)
 
     def _prepare_reaction(self, mbs: Any) -> None:
+        require_vectors([] if self._coupled else self._watches)
         if (of_solver := scheme_of(mbs)) is None:
             raise AssumptionError("the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False")
         settings = mbs.sys["simulationSettings"]
@@ -159,6 +162,7 @@ class Mechanism:
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
         make = partial(self._reaction_of, TRAPEZOIDAL if holds_rates else of_solver, holds_rates)
         self._reaction = make(mbs, self._sensors)
+        self._reaction.extended.seen = seen_vectors(mbs, self._reaction.parts, self.tangents)
         self._more = MoreVectors(self._coupled, self.tangents, make, self._sensors)
 
     def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, sensors: Sequence) -> Reaction:
@@ -166,10 +170,6 @@ class Mechanism:
         first = FirstSteps(scheme, None if holds_rates else share_of(mbs), self._first_steps.damped)
         steps = first, self.tangents, StepErrors(self.tangents, residuals, holds_rates, self.equations)
         return Reaction(self._partners, Feedback(scheme), *steps, sensors)
-
-    def _prepare_estimates(self, mbs: Any) -> None:
-        require_vectors(self._watches)
-        self._prepare_reaction(mbs)
 
     def _join_openings(self) -> None:
         if self._opens:

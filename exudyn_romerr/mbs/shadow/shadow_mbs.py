@@ -33,7 +33,10 @@ AWAY = 0.01  # of coordinates: where both are compared, so that nothing vanishes
 SEED = 17
 NO_COPY = "it cannot be copied: {}"
 MORE = "it has data coordinates, or such of first order, which stored steps lack"
-OTHER = "its copy has other equations: {} differ by {:.1e} of the largest entry"
+OTHER = (
+    "its copy has other equations: {} differ by {:.1e} of the largest entry (a user function that looks at another "
+    "mbs than the one that it is given makes it so)"
+)
 
 
 class Shadow:
@@ -47,17 +50,19 @@ class Shadow:
         The mbs cannot be copied, or its copy has other equations; a user function keeps something from call to call.
     """
 
-    def __init__(self, mbs: Any, parts: Parts, tangents: Tangents):
+    def __init__(self, mbs: Any, parts: Parts, tangents: Tangents, hollow: bool = False):
+        """Hollow: bodies have neither mass nor stiffness, and nothing is compared."""
         if mbs is None:
             raise RunError(GONE)
-        self._original, self._rows, self._functions = tangents.equations, tangents.independent, user_functions(mbs)
+        self._original, self._functions = tangents.equations, user_functions(mbs)
+        self._rows = slice(0) if tangents.independent is None else tangents.independent  # None: nothing was read yet
         if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
             raise RunError(MORE)
         try:
             self._container = exu.SystemContainer()  # goes when nobody holds it, and what is in it
             self._mbs = self._container.AddSystem()
             wider = {b.flex.number: object_terms(b) for b, _ in parts}
-            copy_items(mbs, self._mbs, wider)
+            copy_items(mbs, self._mbs, wider, wider if hollow else (), tangents.look)
             self._mbs.Assemble()
             self._inertias = list(FrameInertia.all_of(self._mbs))
             for one in self._inertias:
@@ -67,8 +72,19 @@ class Shadow:
             self._places = _places(mbs, self._mbs, parts)
         except Exception as error:
             raise RunError(NO_COPY.format(error)) from error
-        with self.functions_kept():
-            self.compare(mbs)
+        if not hollow:
+            with self.functions_kept():
+                self.compare(mbs)
+
+    @property
+    def size(self) -> int:
+        """Number k of coordinates."""
+        return len(self._places)
+
+    def forces(self, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
+        """Return f (k,) in a state q, q_t, q_tt (k,); to be asked within functions_kept."""
+        self._set(t, state)
+        return self._equations.forces(self._mbs)[self._places]
 
     def residuals(self, rows: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return M q'' + G^T l - f (S, k), and what constraints keep zero (S, c), in rows t, q, q_t, q_tt (S, k).

@@ -1,0 +1,89 @@
+"""SteadyGains: whether springs with a user function stay smooth and passive along a run, as bounds need them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ...report.scope import Doubt
+from ..access.control_functions import Spring, are_passive, find_controls
+from ..access.state_guard import set_state, state_kept
+from ..memory.user_memory import memory_kept
+
+# within a step, of a gain's largest value: a saturation that begins changes it by all of it
+JUMP = 0.5
+GROWTH = 0.01  # of a stiffness, by time alone: more does work on the error
+ROUGH = 0.25  # of what the gains at both ends of a step move a force by: it may miss the mean of them by less
+ROUNDING = 1e-9  # of the largest force
+
+
+class _Along:
+    """One spring along the run: time, motion (2, k), gains (2, k, k) and force at the last row."""
+
+    def __init__(self, spring: Spring):
+        self.spring, self._last = spring, None
+        self._grown, self._largest = 0.0, np.zeros(3)  # largest gains, and force
+
+    def follow(self, mbs: Any, t: float) -> str:
+        """Go on to the current state at time t; return what is wrong there, if something is."""
+        motion = self.spring.motion(mbs)
+        gains, force = self.spring.gains(mbs, t, motion), self.spring.force(mbs, t, motion)
+        sizes = *np.abs(gains).max(axis=(1, 2)), np.abs(force).max()
+        self._largest = np.maximum(self._largest, sizes)
+        wrong = "" if are_passive(gains) else WORKS
+        if self._last is not None and not wrong:
+            wrong = self._changes(mbs, t, motion, gains, force)
+        self._last = motion, gains
+        return wrong
+
+    def _changes(self, mbs: Any, t: float, motion: np.ndarray, gains: np.ndarray, force: np.ndarray) -> str:
+        before, gains_before = self._last
+        later = self.spring.gains(mbs, t, before)
+        rise = np.linalg.eigvalsh((later[0] - gains_before[0] + (later[0] - gains_before[0]).T) / 2)[-1]
+        self._grown += max(rise, 0.0)
+        if self._grown > GROWTH * self._largest[0]:
+            return GROWS
+        change = np.abs(gains - gains_before).max(axis=(1, 2))
+        moves = [np.einsum("akl,al->k", x, motion - before) for x in (later, gains)]
+        off = np.abs(force - self.spring.force(mbs, t, before) - (moves[0] + moves[1]) / 2).max()
+        rough = off > ROUGH * np.abs(moves).max() + ROUNDING * self._largest[2]
+        return JUMPS if rough or np.any(change > JUMP * self._largest[:2]) else ""
+
+
+class SteadyGains:
+    """Looks at the springs of an mbs whose forces are user functions, at every step."""
+
+    def __init__(self, mbs: Any):
+        self._springs = [_Along(spring) for spring in find_controls(mbs).springs]
+
+    def look(self, watches: Sequence[Any], mbs: Any, t: np.ndarray, *states: np.ndarray) -> None:
+        """Let watches note what is wrong, once of each spring, in rows t (S,), q, q_t, q_tt, multipliers (S, ...)."""
+        if not (self._springs and watches) or mbs is None:
+            return
+        functions = [along.spring.function for along in self._springs]
+        with memory_kept(mbs, functions), state_kept(mbs.systemData):
+            found = list(self._found(mbs, zip(t.tolist(), *states, strict=True)))
+        gone = {along for along, _ in found}
+        self._springs = [along for along in self._springs if along not in gone]
+        for (_, doubt), watch in product(found, watches):
+            watch.note(doubt)
+
+    def _found(self, mbs: Any, rows: Sequence) -> Iterator[tuple[_Along, Doubt]]:
+        seen: set[_Along] = set()
+        for t, *state in rows:
+            set_state(mbs.systemData, t, state)
+            for along in self._springs:
+                wrong = "" if along in seen else along.follow(mbs, t)
+                if wrong:
+                    seen.add(along)
+                    yield along, Doubt(CAUSE, CURE, f"at t = {t:g} s {along.spring.name} {wrong}")
+
+
+CAUSE = "a controller switches, or its gains do work"
+CURE = "let the spring's user function be smooth, within steps too, and passive; or pass scope='inputs frozen'"
+WORKS = "has negative, or coupled, stiffness or damping, which may do work on the error"
+GROWS = "gets stiffer with time, which does work on the error"
+JUMPS = "jumps or bends within a step, as where it saturates: a linearised mechanism does not"
