@@ -19,6 +19,7 @@ from .tangent_reading import (
     masses_of,
     quaternions_of,
     rotations_of,
+    without_units,
 )
 from .twin import Place
 
@@ -50,24 +51,28 @@ class TangentReader:
     def read(self, at: Place, t: float) -> tuple[Reading, Parts]:
         """Return the tangent, and how M and G^T change with the coordinates; M without that of inertias."""
         state = current_state(at.mbs.systemData)
-        M, G = at.equations.mass(at.mbs), self._constraints(at, t)
-        D, own, carried, parts, C, C_t = self._forces(at, M, G)
+        inertias = [one.tangent(*(x[one.columns] for x in state[:3])) for one in at.inertias]
+        light = at.equations.mass(at.mbs)
+        M = light.copy()
+        for one, (part, *_) in zip(at.inertias, inertias, strict=True):
+            M[np.ix_(one.columns, one.columns)] += part
+        masses = masses_of(M, self._rotations)
+        G = self._constraints(at, t, masses)
+        D, own, carried, parts, C, C_t = self._forces(at, light, G)
         K = own + carried
-        for one in at.inertias:
-            q, q_t, q_tt = (x[one.columns] for x in state[:3])
-            rows = np.ix_(one.columns, one.columns)
-            for whole, part in zip((M, D, K), one.tangent(q, q_t, q_tt), strict=True):
-                whole[rows] += part
+        for one, (_, *others) in zip(at.inertias, inertias, strict=True):
+            for whole, part in zip((D, K), others, strict=True):
+                whole[np.ix_(one.columns, one.columns)] += part
         springs = np.abs(np.diag(K))
         springs[[j for rotation in self._rotations for j in rotation]] = 0.0
-        return Reading(t, state, M, D, K, G, C, C_t, masses_of(M, self._rotations), springs), parts
+        return Reading(t, state, M, D, K, G, C, C_t, masses, springs), parts
 
-    def _constraints(self, at: Place, t: float) -> np.ndarray:
+    def _constraints(self, at: Place, t: float, masses: np.ndarray) -> np.ndarray:
         """G; AssumptionError if other constraints are active than at the first reading."""
         G = at.equations.constraints(at.mbs)
         active = G.any(axis=1)
         if self._active is None:
-            self._active, self.rows = active, independent_rows(G, active)
+            self._active, self.rows = active, independent_rows(G, active, masses)
             self.redundant = int(active.sum()) - len(self.rows)
         if not np.array_equal(active, self._active):
             raise AssumptionError(
@@ -75,7 +80,7 @@ class TangentReader:
                 "from there on: pass scope='inputs frozen', or solve up to there and go on with a second solve"
             )
         G = G[self.rows]
-        values = np.linalg.svd(G, compute_uv=False) if len(G) else np.ones(1)
+        values = np.linalg.svd(without_units(G, masses), compute_uv=False) if len(G) else np.ones(1)
         if values[-1] <= REDUNDANT * values[0]:
             raise AssumptionError(
                 f"constraints have become redundant before t = {t:g} s (a singular position), where the linearised "

@@ -156,12 +156,23 @@ def turned_share(before: np.ndarray, G: np.ndarray) -> float:
     return float(np.linalg.norm(G - before) / max(np.linalg.norm(G), TINY))
 
 
-def independent_rows(G: np.ndarray, active: np.ndarray) -> np.ndarray:
+def without_units(G: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """G (c, n) of constraints that act, by what masses (n,) of coordinates feel, each of size 1.
+
+    In micrometres, displacements at the arms of joints are 1e6 times rotations, whatever constraints imply.
+    """
+    massive = masses > TINY
+    scale = 1 / np.sqrt(np.where(massive, masses, masses[massive].min(initial=np.inf)))
+    scaled = G * scale if massive.any() else G
+    return scaled / np.linalg.norm(scaled, axis=1)[:, None]
+
+
+def independent_rows(G: np.ndarray, active: np.ndarray, masses: np.ndarray) -> np.ndarray:
     """Rows of active constraints that none of the others imply."""
     rows = np.flatnonzero(active)
     if not rows.size:
         return rows
-    _, triangle, order = la.qr(G[rows].T, mode="economic", pivoting=True)
+    _, triangle, order = la.qr(without_units(G[rows], masses).T, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
     return np.sort(rows[order[: int(np.sum(size > REDUNDANT * size[0]))]])
 

@@ -5,13 +5,15 @@ from dataclasses import replace
 import exudyn as exu
 import numpy as np
 import pytest
-from exudyn.itemInterface import SensorSuperElement
+from exudyn.itemInterface import GenericJoint, SensorSuperElement
 
 import exudyn_romerr as romerr
 from benchmarks import mechanism_builder
 from benchmarks.random_mechanisms import drawn
+from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from models.floating import interface
 
+CHAIN = 1  # three bars, welded to the ground, joined by a cardan joint and a cube
 SEED = 112  # two bars with joints, one of which starts suddenly
 TINY = 0.01  # of a bound: Newton's tolerances are numbers, and what is measured depends on them
 
@@ -71,3 +73,20 @@ def test_freedoms_that_are_lost_in_rounding_cost_positions_only(monkeypatch):
         assert any("is lost in rounding" in message for message in report.messages)
         for name, out in report.outputs.items():
             assert np.isfinite(out.bound["best"]).all() != name.startswith("tip of")
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3, 1e6], ids=["km", "m", "mm", "um"])
+def test_redundant_are_the_same_constraints(monkeypatch, length):
+    """In micrometres two of the chain's own were taken for redundant: joints' arms are 1e6 times rotations there."""
+    side, share = mechanism_builder.CUBE
+    monkeypatch.setattr(mechanism_builder, "CUBE", (side * length, share))
+    scene = mechanism_builder.built(in_units(drawn(CHAIN), length, 1.0))
+    items = map(scene.mbs.GetObject, range(scene.mbs.systemData.NumberOfObjects()))
+    weld = next(item for item in items if "Joint" in item["objectType"])
+    for twice in (False, True):
+        if twice:
+            scene.mbs.AddObject(GenericJoint(markerNumbers=weld["markerNumbers"], constrainedAxes=[1] * 6))
+        scene.mbs.Assemble()
+        tangents = Tangents(scene.mbs)
+        tangents.read(scene.mbs, 0.0)
+        assert tangents.redundant == 6 * twice
