@@ -181,6 +181,21 @@ INLINE Size distinct(March *all)
     return count;
 }
 
+/* Replace some of four rows of k numbers by sums of all, by a map (rows, 4). */
+INLINE void combine(Size k, const int rows, const double *map, double *RESTRICT x0, double *RESTRICT x1,
+                    double *RESTRICT x2, double *RESTRICT x3)
+{
+    double by[16];
+    memcpy(by, map, rows * 4 * sizeof(double));
+    for (Size l = 0; l < k; l++) {
+        const double a = x0[l], b = x1[l], c = x2[l], d = x3[l];
+        x0[l] = by[0] * a + by[1] * b + by[2] * c + by[3] * d;
+        x1[l] = by[4] * a + by[5] * b + by[6] * c + by[7] * d;
+        x2[l] = by[8] * a + by[9] * b + by[10] * c + by[11] * d;
+        if (rows == 4) x3[l] = by[12] * a + by[13] * b + by[14] * c + by[15] * d;
+    }
+}
+
 /* Whether all could be held. */
 INLINE int march(March *all)
 {
@@ -189,17 +204,11 @@ INLINE int march(March *all)
     for (Size j = 0; j < columns; j++)
         memcpy(all->now + j * 4 * k, all->moving + all->from[j] * 4 * k, 4 * k * sizeof(double));
     for (Size i = 0; i < S; i++) {
-        const double *ahead = all->ahead + 12 * i, *onward = all->onward + 16 * i;
         const double *inverse = all->inverses + i * n * n;
         for (Size j = 0; j < columns; j++) {
             const double *kick = all->kicks ? all->kicks + (all->from[j] * S + i) * 2 * k : NULL;
             double *e = all->now + j * 4 * k; /* what is known of e, e', a, until z is */
-            for (Size l = 0; l < k; l++) {
-                const double x[4] = {e[l], e[k + l], e[2 * k + l], e[3 * k + l]};
-                for (Size a = 0; a < 3; a++)
-                    e[a * k + l] = ahead[4 * a] * x[0] + ahead[4 * a + 1] * x[1] + ahead[4 * a + 2] * x[2] +
-                                   ahead[4 * a + 3] * x[3];
-            }
+            combine(k, 3, all->ahead + 12 * i, e, e + k, e + 2 * k, e + 3 * k);
             for (Size l = 0; kick && l < 2 * k; l++) e[l] += kick[l];
         }
         product(n, 2 * k, columns, all->moved + i * n * 2 * k, all->now, 4 * k, left, n);
@@ -216,14 +225,11 @@ INLINE int march(March *all)
             if (!let_go(all, i, more)) return 0;
             for (Size l = 0; l < columns * n; l++) z[l] += more[l];
         }
-        for (Size j = 0; j < columns; j++)
-            for (Size l = 0; l < k; l++) {
-                double *e = all->now + j * 4 * k + l;
-                const double known[3] = {e[0], e[k], e[2 * k]}, step = z[j * n + l];
-                for (Size a = 0; a < 4; a++)
-                    e[a * k] = onward[4 * a] * known[0] + onward[4 * a + 1] * known[1] + onward[4 * a + 2] * known[2] +
-                               onward[4 * a + 3] * step;
-            }
+        for (Size j = 0; j < columns; j++) {
+            double *e = all->now + j * 4 * k;
+            memcpy(e + 3 * k, z + j * n, k * sizeof(double));
+            combine(k, 4, all->onward + 16 * i, e, e + k, e + 2 * k, e + 3 * k);
+        }
         for (Size j = 0; j < all->columns; j++) {
             const Size place = all->place[j];
             double *e = all->states + (i * all->columns + j) * 4 * k, *l = all->multipliers + (i * all->columns + j) * c;

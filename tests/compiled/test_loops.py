@@ -114,6 +114,35 @@ def test_any_shape_finds_the_same(k, c, columns, compiled, monkeypatch):
     assert max(both.off) < SAME
 
 
+@pytest.mark.parametrize("kicked", [False, True])
+def test_columns_that_are_equal_or_zero_find_the_same(kicked, compiled, monkeypatch):
+    """They are not marched again, or not at all; those that differ in what they hold or in one number only, are."""
+    rng, both = np.random.default_rng(5), Both(compiled, monkeypatch)
+    steps, k, c = random_steps(rng, 12, 2), 12, 2
+    like = np.array([0, -1, 0, 1, 0, -1, 2, 1, -1])  # which of three each of the columns is; -1: 0
+    moving, force, values = (rng.standard_normal((*n, 4)) for n in ((4, k), (20, k), (20, c)))
+    kicks = rng.standard_normal((2, 20, k, 4))
+    for x in (moving, force, values, kicks):
+        x[..., 3] = 0.0
+    force[..., 2] = force[..., 0]
+    moving[..., 2], values[..., 2], kicks[..., 2] = moving[..., 0], values[..., 0], kicks[..., 0]
+    force[-1, -1, 2] += 1.0  # the last two columns that are compared differ here only
+    held = [np.array([1, 4]) if j in (4, 8) else np.array([], dtype=int) for j in range(len(like))]
+    given = [x[..., like] for x in (moving, force, values)]
+    columns = Columns(*given, tuple(kicks[..., like]) if kicked else None, held)
+    both.march(steps, columns)
+    assert max(both.off) < SAME
+    monkeypatch.setattr(march, "loops", compiled)
+    [(found, forces)] = steps.march(columns, multipliers=True)
+    for x in (found, forces):
+        np.testing.assert_array_equal(x[..., 2], x[..., 0])
+        np.testing.assert_array_equal(x[..., 7], x[..., 3])
+        assert not x[..., [1, 5, 8]].any()
+        assert np.any(x[..., 4] != x[..., 0])
+        np.testing.assert_array_equal(x[:-1, ..., 6], x[:-1, ..., 0])
+        assert np.any(x[-1, ..., 6] != x[-1, ..., 0])
+
+
 def test_source_has_the_version_that_is_asked_for(compiled):
     """Where one of the two is forgotten, nothing is compiled for anybody."""
     assert compiled.VERSION == VERSION
