@@ -23,16 +23,18 @@ GAPS, NARROW = (15, 17), (7, 9)
 STANDS_OUT = 1.5
 
 
-def in_the_middle(t: np.ndarray, x: np.ndarray, share: float = 0.5) -> np.ndarray:
-    """Return x (T - 1, ...) within the steps between times t (T,), at a share of each.
+def in_the_middle(
+    t: np.ndarray, x: np.ndarray, share: float = 0.5, steps: np.ndarray | slice = slice(None)
+) -> np.ndarray:
+    """Return x (T - 1, ...) within the steps between times t (T,), at a share of each; or of those steps alone.
 
     Cubic through the two samples before and the two after, at the ends of the series through the nearest four; of a
     degree less than the number of samples, where there are fewer.
     """
     T = len(t)
     n = min(NODES, T)
-    first = np.clip(np.arange(T - 1) - (NODES // 2 - 1), 0, T - n)
-    return _through(t, x, first[:, None] + np.arange(n), t[:-1] + share * np.diff(t))
+    first = np.clip(np.arange(T - 1) - (NODES // 2 - 1), 0, T - n)[steps]
+    return _through(t, x, first[:, None] + np.arange(n), (t[:-1] + share * np.diff(t))[steps])
 
 
 def _through(t: np.ndarray, x: np.ndarray, nodes: np.ndarray, now: np.ndarray) -> np.ndarray:

@@ -144,7 +144,8 @@ class StoredResiduals:
         """Residuals (S, n) within steps, at a share of each."""
         t, *states = rows
         times = t[:-1] + share * np.diff(t)
-        inside = [in_the_middle(t, x, share)[steps] for x in states]
+        ends = np.cumsum([x.shape[1] for x in states])[:-1]
+        inside = np.split(in_the_middle(t, np.hstack(states), share, steps), ends, axis=1)
         at = self._place or Place(self._tangents.equations, mbs)
         found = [at.at(now, state).residual() for now, *state in zip(times[steps], *inside, strict=True)]
         return np.reshape(found, (len(steps), self._tangents.size))
