@@ -24,6 +24,7 @@ Arrays come as buffers, so that building this needs nothing but Python. */
 typedef Py_ssize_t Size;
 
 #include "march.h"
+#include "norms.h"
 #include "oscillators.h"
 #include "products.h"
 #include "recorder.h"
@@ -31,14 +32,17 @@ typedef Py_ssize_t Size;
 static int march_anywhere(March *all) { return march(all); }
 static void oscillate_anywhere(const Oscillators *all) { oscillate(all); }
 static void multiply_anywhere(const Products *all) { multiply(all); }
+static void square_anywhere(const Squares *all) { add_all_squares(all); }
 static int (*march_here)(March *) = march_anywhere;
 static void (*oscillate_here)(const Oscillators *) = oscillate_anywhere;
 static void (*multiply_here)(const Products *) = multiply_anywhere;
+static void (*square_here)(const Squares *) = square_anywhere;
 
 #ifdef WIDE
 WIDE static int march_wide(March *all) { return march(all); }
 WIDE static void oscillate_wide(const Oscillators *all) { oscillate(all); }
 WIDE static void multiply_wide(const Products *all) { multiply(all); }
+WIDE static void square_wide(const Squares *all) { add_all_squares(all); }
 #endif
 
 /* Buffers that are held until the march has ended. */
@@ -169,9 +173,41 @@ static PyObject *multiplied(PyObject *self, PyObject *arguments)
     return result;
 }
 
+#define SQUARES                                                                                                   \
+    "squares(S, k, m, rows, columns, y)\n\nWrite y (S,), sums of the squares of products of rows (S, k) with columns (m, " \
+    "k) of a\nmatrix, one behind the other."
+
+static PyObject *squared(PyObject *self, PyObject *arguments)
+{
+    Squares all = {0};
+    Size m;
+    const double *columns;
+    PyObject *given[3], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnOOO", &all.S, &all.k, &m, given, given + 1, given + 2)) return NULL;
+    Py_buffer views[3];
+    Held held = {views, 0};
+    const Size size = sizeof(double);
+    all.blocks = (m + WIDTH * LANES - 1) / (WIDTH * LANES);
+    all.columns = PyMem_Calloc(all.blocks * all.k * WIDTH * LANES + 1, size);
+    all.begins = PyMem_Calloc(all.blocks + 1, sizeof(Size));
+    if (!all.columns || !all.begins) {
+        PyErr_NoMemory();
+    } else if ((all.rows = numbers(given[0], &held, all.S * all.k, size, 0)) &&
+               (columns = numbers(given[1], &held, m * all.k, size, 0)) &&
+               (all.y = numbers(given[2], &held, all.S, size, PyBUF_WRITABLE))) {
+        arrange(&all, m, columns);
+        square_here(&all);
+        result = Py_NewRef(Py_None);
+    }
+    while (held.count) PyBuffer_Release(views + --held.count);
+    PyMem_Free(all.columns), PyMem_Free(all.begins);
+    return result;
+}
+
 static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"oscillators", oscillated, METH_VARARGS, OSCILLATORS},
                                 {"rows_times", multiplied, METH_VARARGS, PRODUCTS},
+                                {"squares", squared, METH_VARARGS, SQUARES},
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
@@ -180,7 +216,8 @@ PyMODINIT_FUNC PyInit__loops(void)
 #ifdef WIDE
     __builtin_cpu_init();
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-        march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide;
+        march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide,
+        square_here = square_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||

@@ -64,13 +64,29 @@ def by_columns(
     return result
 
 
+def norms_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Return the 2-norms (...) of rows @ matrix for rows (..., k) and matrix (k, m)."""
+    if loops is not None:
+        square = np.empty(rows.shape[:-1])
+        of, columns = (np.ascontiguousarray(x, dtype=float) for x in (rows, matrix.T))
+        loops.squares(square.size, *matrix.shape, of, columns, square)
+        if _is_ordinary(square):
+            return np.sqrt(square)
+    return row_norms(rows_times(rows, matrix))
+
+
 def row_norms(rows: np.ndarray) -> np.ndarray:
     """Return the 2-norms (...) of rows (..., m); scaled first where squares would overflow or vanish."""
     square = np.einsum("...j,...j->...", rows, rows)
-    if square.size == 0 or (square.min() > SMALLEST_SQUARE and square.max() < np.inf):
+    if _is_ordinary(square):
         return np.sqrt(square)
     largest = np.max(np.abs(rows), initial=0.0)
     if not 0 < largest < np.inf:
         return np.full(rows.shape[:-1], largest)
     scaled = rows / largest
     return largest * np.sqrt(np.einsum("...j,...j->...", scaled, scaled))
+
+
+def _is_ordinary(square: np.ndarray) -> bool:
+    """Whether no square lost digits or overflowed."""
+    return square.size == 0 or bool(square.min() > SMALLEST_SQUARE and square.max() < np.inf)

@@ -13,7 +13,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..checks import check_array, check_choice
-from ..linalg.blocked_products import row_norms, rows_times
+from ..linalg.blocked_products import norms_times
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -121,7 +121,7 @@ class OrthonormalNorm:
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
         k = z.shape[-1]
-        return row_norms(rows_times(z, self.T[:k, :k].T))
+        return norms_times(z, self.T[:k, :k].T)
 
 
 class DirectNorm:

@@ -18,7 +18,7 @@ from exudyn_romerr.compiled.loops import loops as installed
 from exudyn_romerr.estimates import march
 from exudyn_romerr.estimates.march import Columns, Scheme, Steps
 from exudyn_romerr.linalg import blocked_products, modal_oscillators
-from exudyn_romerr.linalg.blocked_products import rows_times
+from exudyn_romerr.linalg.blocked_products import norms_times, rows_times
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
 from models import floating
 from tests.helpers import tolerances as tol
@@ -230,8 +230,28 @@ def test_products_find_the_same(count, k, m, compiled, monkeypatch):
         assert off(*found) < SAME
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
+def test_norms_are_those_of_numpy(monkeypatch, compiled, size):
+    """Of any shape, of triangles, and where squares vanish or overflow."""
+    rng = np.random.default_rng(4)
+    for shape, k, m in (((0,), 3, 2), ((1,), 1, 1), ((7, 5), 34, 34), ((9,), 13, 25), ((4, 3), 5, 0)):
+        rows, matrix = size * rng.standard_normal((*shape, k)), rng.standard_normal((k, m))
+        for of in (matrix, np.tril(matrix)):
+            found = []
+            for one in (None, compiled):
+                monkeypatch.setattr(blocked_products, "loops", one)
+                found.append(norms_times(rows, of))
+            assert found[0].shape == shape
+            np.testing.assert_allclose(found[1], found[0], rtol=SAME)
+
+
 def test_products_refuse_other_shapes(compiled):
     """Nothing is read or written beyond the end of an array."""
+    for i in range(3):
+        wrong = [np.zeros((7, 5)), np.zeros((3, 5)), np.zeros(7)]
+        wrong[i] = wrong[i][:-1]
+        with pytest.raises(ValueError, match="in place of"):
+            compiled.squares(7, 5, 3, *wrong)
     right = [np.zeros((7, 5)), np.zeros((3, 5)), np.zeros((7, 3))]
     compiled.rows_times(7, 5, 3, *right)
     for i in range(3):

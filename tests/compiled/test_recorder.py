@@ -8,6 +8,7 @@ import exudyn as exu
 import numpy as np
 import pytest
 
+from exudyn_romerr.mbs.access.state_guard import IN_PLACE, current_state, set_state, state_kept
 from exudyn_romerr.mbs.monitoring import step_recorder
 from tests.compiled.test_loops import compiled  # noqa: F401
 from tests.helpers.mbs_scenes import scene, settings
@@ -180,11 +181,16 @@ def test_memory_of_states_stays_in_a_solve():
     readers = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
 
     def look(mbs, t):
-        states = [read(*step_recorder.IN_PLACE) for read in readers]
+        states = [read(*IN_PLACE) for read in readers]
         assert not any(x.flags.owndata for x in states)
         places.add(tuple(x.ctypes.data for x in states))
         system.SetODE2Coordinates(system.GetODE2Coordinates())
         system.SetSystemState(system.GetSystemState())
+        with state_kept(system) as kept:
+            moved = [x + 1.0 for x in kept]
+            set_state(system, t, moved)
+            np.testing.assert_array_equal(np.hstack(current_state(system)), np.hstack(moved))
+        np.testing.assert_array_equal(np.hstack(current_state(system)), np.hstack(kept))
         return True
 
     mbs.SetPostStepUserFunction(look)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import AssumptionError
 
+IN_PLACE = exu.ConfigurationType.Current, False  # not copied: memory of the mbs, to be read or written at once
 CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
 
 
@@ -37,13 +38,16 @@ def current_state(system: Any) -> tuple[np.ndarray, ...]:
 
 
 def set_state(system: Any, t: float, state: Sequence[np.ndarray]) -> None:
-    """Set time, q, q_t, q_tt and multipliers."""
+    """Set time, q, q_t, q_tt and multipliers.
+
+    In place: Exudyn's functions that set them make a list of numbers first, which takes five times as long.
+    """
     q, q_t, q_tt, multipliers = state
     system.SetTime(t)
-    system.SetODE2Coordinates(q)
-    system.SetODE2Coordinates_t(q_t)
-    system.SetODE2Coordinates_tt(q_tt)
-    system.SetAECoordinates(multipliers)
+    system.GetODE2Coordinates(*IN_PLACE)[:] = q
+    system.GetODE2Coordinates_t(*IN_PLACE)[:] = q_t
+    system.GetODE2Coordinates_tt(*IN_PLACE)[:] = q_tt
+    system.GetAECoordinates(*IN_PLACE)[:] = multipliers
 
 
 @contextmanager
@@ -68,7 +72,7 @@ def of_coordinates(mbs: Any, value: Callable[[Any], np.ndarray]) -> Callable[[np
     """Return what is read of an mbs as a function of its coordinates q, which stay as they were set last."""
 
     def at(q: np.ndarray) -> np.ndarray:
-        mbs.systemData.SetODE2Coordinates(q)
+        mbs.systemData.GetODE2Coordinates(*IN_PLACE)[:] = q
         return value(mbs)
 
     return at

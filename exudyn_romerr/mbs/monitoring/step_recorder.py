@@ -10,9 +10,9 @@ import exudyn as exu
 import numpy as np
 
 from ...compiled.loops import loops
+from ..access.state_guard import IN_PLACE
 
-START_OF_STEP, CURRENT = exu.ConfigurationType.StartOfStep, exu.ConfigurationType.Current
-IN_PLACE = CURRENT, False  # not copied: rows are written from it at once
+START_OF_STEP = exu.ConfigurationType.StartOfStep
 
 
 class StepReceiver(Protocol):
@@ -120,6 +120,6 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
         stored()
         hurry()
 
-    recorder = loops.Recorder(checked_step, start_of_step, START_OF_STEP, CURRENT, *readers, read_multipliers)
+    recorder = loops.Recorder(checked_step, start_of_step, START_OF_STEP, IN_PLACE[0], *readers, read_multipliers)
     recorder.hook = hook
     return recorder, drain_stored, hurry_stored
