@@ -130,14 +130,16 @@ class Dependences(NamedTuple):
         small_M, small_G = (NEGLIGIBLE * np.abs(x).max(axis=1) for x in (M, G))
         by_M, forces = np.zeros((2, len(q), len(q)), bool)
         has_masses = M.any()  # none where closed forms have all of them
-        C = G.T.copy()
+        least_M, least_G, least = STEP * small_M[:, None], STEP * small_G[:, None], small_G[rows]
+        C, steps = G.T.copy(), STEP * np.eye(len(q))
         for j in columns:
-            step = STEP * (np.arange(len(q)) == j)
+            step = steps[j]
+            after, before = q + step, q - step
             if has_masses:
-                by_M[j] = np.any(np.abs(mass(q + step) - M).T > STEP * small_M, axis=0)
-            forces[j] = np.any(np.abs(constraints(q + step) - G).T > STEP * small_G, axis=1)
-            near = (kept(q + step) - kept(q - step)) / (2 * STEP)
-            if np.any((np.abs(near - G[:, j]) > small_G)[rows]):  # by second order already it is G elsewhere
+                by_M[j] = (np.abs(mass(after) - M) > least_M).any(axis=1)
+            forces[j] = (np.abs(constraints(after) - G) > least_G).any(axis=0)
+            near = (kept(after) - kept(before)) / (2 * STEP)
+            if (np.abs(near - G[:, j])[rows] > least).any():  # by second order already it is G elsewhere
                 far = (kept(q + 2 * step) - kept(q - 2 * step)) / (4 * STEP)
                 C[j, rows] = ((4 * near - far) / 3)[rows]
         reach = np.abs(np.vstack([M, G[rows]])) > np.concatenate([small_M, small_G[rows]])[:, None]
