@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
-from benchmarks import page, pairs
+from benchmarks import page
 from benchmarks.exudyn_patches import EXAMPLES, Example
 from benchmarks.exudyn_runs import Case, Comparison, Outcome, differences, run_cases, run_truths
 
@@ -145,7 +145,6 @@ def main(arguments: list[str] | None = None) -> list[list[str]]:
     root = options.checkout / ROOT
     if not root.is_dir():
         parser.error(f"{root} is not there; needed: a work tree of github.com/jgerstmayr/EXUDYN")
-    print(pairs.threads())
     lines, table = [line(COLUMNS), line(["---"] * len(COLUMNS))], []
     print("\n".join(lines))
     with tempfile.TemporaryDirectory() as folder:
