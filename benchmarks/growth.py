@@ -214,6 +214,7 @@ def main(arguments: list[str] | None = None) -> Growth | None:
         kind, *rest = options.child
         return {"mesh": child_mesh, "steps": child_steps}[kind](*(int(x) if x.isdigit() else x for x in rest))
     found = measured(options.quick, options.large)
+    print(pairs.threads())
     print(text(found))
     return found
 

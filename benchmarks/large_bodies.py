@@ -27,7 +27,7 @@ from exudyn.FEM import FEMinterface, HCBstaticModeSelection
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 import exudyn_romerr as romerr
-from benchmarks import floating_cost
+from benchmarks import floating_cost, pairs
 from benchmarks.child import child, resident, tell
 from exudyn_romerr.linalg import factorisations
 from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor, negative_eigenvalues
@@ -153,6 +153,7 @@ def main(arguments: list[str] | None = None) -> list[dict[str, Any]] | None:
         task, kind, coordinates = options.child
         return TASKS[task](kind, int(coordinates))
     found = [measured(kind, n, tuple(options.tasks)) for n in options.coordinates for kind in options.only]
+    print(pairs.threads())
     print(text(found))
     return found
 

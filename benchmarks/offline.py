@@ -31,7 +31,7 @@ import scipy.linalg as la
 from exudyn.FEM import FEMinterface, HCBstaticModeSelection
 
 import exudyn_romerr as romerr
-from benchmarks import floating_cost, large_bodies
+from benchmarks import floating_cost, large_bodies, pairs
 from examples import wishbone_suspension
 from exudyn_romerr.linalg import eigenmodes as modes
 from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
@@ -233,6 +233,7 @@ def main(arguments: list[str] | None = None) -> list[Offline]:
         pstats.Stats(profile).sort_stats("cumulative").print_stats(60)
         return []
     found = [measured(name, make()) for name, make in chosen.items()]
+    print(pairs.threads())
     print(text(found))
     if options.large:
         large_bodies.main([])

@@ -6,6 +6,8 @@ they would only make the simulation itself slower. Offline work (attach) is time
 
 from __future__ import annotations
 
+import os
+from importlib.util import find_spec
 from time import perf_counter, process_time
 from typing import NamedTuple
 
@@ -91,10 +93,16 @@ def kept(found: float, limit: float) -> str:
     return "kept" if found <= limit else "NOT KEPT"
 
 
+def threads() -> str:
+    """Say how many threads BLAS has, which times depend on; set before Python starts."""
+    found = "one of them in our evaluation" if find_spec("threadpoolctl") else "threadpoolctl is not installed"
+    return f"OPENBLAS_NUM_THREADS={os.environ.get('OPENBLAS_NUM_THREADS', 'unset')}, {found}"
+
+
 def print_ratios(variants: list[Variant], times: np.ndarray, scene: str) -> None:
     """Print step times, ratios and what was promised."""
     h = variants[0].settings.timeIntegration.endTime / variants[0].steps
-    print(f"{variants[0].steps:g} steps of {1e3 * h:g} ms, {len(times)} rounds, {scene}")
+    print(f"{variants[0].steps:g} steps of {1e3 * h:g} ms, {len(times)} rounds, {scene}; {threads()}")
     print(f"{'variant':<38}{'us a step':>10}{'ratio, median':>15}{'quartiles':>15}")
     found = ratios(variants, times)
     for variant, step, low, middle, high in found:

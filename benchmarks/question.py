@@ -28,7 +28,7 @@ import exudyn as exu
 import numpy as np
 from exudyn.FEM import ObjectFFRFinterface
 
-from benchmarks import page
+from benchmarks import page, pairs
 from benchmarks.question_figure import draw
 from benchmarks.question_scenes import Answer, Question, Run, Setting, Table, ball_joint, rod, tip
 from models import floating, wishbone
@@ -165,6 +165,7 @@ def main(arguments: list[str] | None = None) -> list[Table]:
     scenes = {"tip": (tip, 2.0, 0.02), "rod": (rod, 0.06, 0.0025), "ball joint": (ball_joint, 0.2, 0.002)}
     chosen = [scenes[name] for name in options.only or scenes]
     tables = [answered(make(short if options.quick else end)) for make, end, short in chosen]
+    print(pairs.threads())
     print(text(tables))
     draw(tables, (page.FIGURES if options.docs else options.folder) / "speed_question.png")
     if options.docs:

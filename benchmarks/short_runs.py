@@ -211,6 +211,7 @@ def main(arguments: list[str] | None = None) -> dict[str, list[pairs.Ratio]]:
     if options.child:
         child(options.child, checkout, options.pairs)
         return {}
+    print(pairs.threads())
     found = table(checkout, options.pairs, options.only)
     for title, (bare, ours) in found.items():
         spread = f"{ours.middle:.3f} ({ours.low:.3f}..{ours.high:.3f})"

@@ -216,6 +216,7 @@ def main(arguments: list[str] | None = None) -> tuple[dict[str, str], list[Promi
     options = parser.parse_args(arguments)
     if options.docs and (options.quick or set(options.only) != set(PARTS) or not options.exudyn):
         parser.error("--docs wants all parts in full: leave out --quick and --only, pass --exudyn")
+    print(pairs.threads())
     tables, promises, found = run(options)
     if options.docs:
         for name, table in tables.items():
