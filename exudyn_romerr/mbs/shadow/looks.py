@@ -49,11 +49,10 @@ class Looks:
 
     def at(self, where: np.ndarray) -> None:
         """Look at samples (S,), but for those that are known."""
-        where = where & ~self.known
-        if not where.any() or self.ended:
-            return
-        t, *states = (x[where] for x in self._rows)
-        found = self._residuals((t, *states), self._e[:, where])
+        look_together([(self, where)])
+
+    def _take(self, where: np.ndarray, found: Loads | None) -> None:
+        """Take what was found at samples (S,) that were not known."""
         if found is None:
             self.ended = True
             return
@@ -94,6 +93,23 @@ class Looks:
         """Residuals (S, k) and values of constraints (S, c) at all samples; held after the last that are known."""
         places = np.flatnonzero(np.append(True, self.known))
         return [_linear(self._t[1:], self._t[places], x[places]) for x in self._values]
+
+
+def look_together(wanted: Sequence[tuple[Looks, np.ndarray]]) -> None:
+    """Look at samples (S,) of each, but for those that are known; at all at once, for many cost little more than one.
+
+    All have the same residuals.
+    """
+    wanted = [(one, where & ~one.known) for one, where in wanted if not one.ended]
+    wanted = [(one, where) for one, where in wanted if where.any()]
+    if not wanted:
+        return
+    rows = [np.concatenate(x) for x in zip(*([x[at] for x in one._rows] for one, at in wanted), strict=True)]
+    found = wanted[0][0]._residuals(rows, np.concatenate([one._e[:, where] for one, where in wanted], axis=1))
+    first = 0
+    for one, where in wanted:
+        own = slice(first, first := first + np.count_nonzero(where))
+        one._take(where, None if found is None else tuple(x[own] for x in found))
 
 
 class Jumps:

@@ -12,7 +12,7 @@ from ...errors import RunError
 from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 from ...linalg.blocked_products import rows_times
-from .looks import Jumps, middles
+from .looks import Jumps, look_together, middles
 from .remainder import LOOKED, LOST, SAMPLED, Measured, Remainder, joined, march_together
 from .shadow_mbs import Shadow
 
@@ -142,20 +142,22 @@ class MeasuredRemainder:
 
     def follow(self, steps: Steps, part: slice, e: np.ndarray) -> np.ndarray | None:
         """Return what is added to e, e', e'' (3, S, k) in some of the steps; None: nothing."""
-        newest, drift, work = self._step_errors.newest(len(steps)), None, {}
+        newest, drift, looks = self._step_errors.newest(len(steps)), None, {}
         if newest is not None:
             x, force, values = newest
             none = np.zeros((len(steps), self._constraints))
             drift = None if values is None else (0 * force, values + self._drift.values)
             if self._of_steps.adds or not self._failure:
-                work[self._of_steps] = self._of_steps.columns(steps, part, -x, (-force - self._forces[part], none))
+                own = -force - self._forces[part], none
+                looks[self._of_steps] = self._of_steps.go_to(steps, part, -x, own)
         of_vectors = self._of_vectors
         if self._parts and (of_vectors.adds or not self._failure):
-            work[of_vectors] = of_vectors.columns(steps, part, e, drift)
+            looks[of_vectors] = of_vectors.go_to(steps, part, e, drift)
             sizes = np.maximum.accumulate(np.hstack([self._most[:, None], of_vectors.beside]), axis=1)[:, 1:]
             self._most, (predicted, motion) = sizes[:, -1], sizes
             self._predicted[part] = np.max(predicted / np.maximum(motion, np.finfo(float).tiny), axis=1)
-        march_together(steps, work)
+        look_together([*looks.values()])
+        march_together(steps, {one: one.columns() for one in looks})
         return of_vectors.added
 
     def _finish(self) -> None:

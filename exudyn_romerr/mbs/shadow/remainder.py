@@ -135,8 +135,8 @@ class Remainder:
         self._due, self._restless = (none if which is None else which for which in (due, restless))
         self._motion = self._sizes(np.array(rows[1:]))
 
-    def columns(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> Columns:
-        """Go on to some of the steps, where e, e', e'' (3, S, k) are predicted; return what drives r there.
+    def go_to(self, steps: Steps, part: slice, e: np.ndarray, own: Loads | None = None) -> tuple[Looks, np.ndarray]:
+        """Go on to some of the steps, where e, e', e'' (3, S, k) are predicted; return where these are looked at.
 
         own : loads (S, k) and values of constraints (S, c) that belong to the prediction; None: none.
         """
@@ -144,7 +144,16 @@ class Remainder:
         rows, sizes = [x[part] for x in self._rows], self._sizes_of_loads(steps)
         self._looks = Looks(rows, e, own, self._known, self._residuals, sizes, self._loads)
         self._looks.ended, self._is_close = self._ended, False
-        self._look(part)
+        self._early = (self._count + np.arange(len(e[0])) < DENSE) | self._restless[part]
+        self._wanted = self._now_and_then(part)
+        return self._looks, self._wanted
+
+    def columns(self) -> Columns:
+        """Look at these steps; return what drives r there."""
+        self._looks.at(self._wanted)
+        if self._early.any():
+            largest = np.maximum(self._largest[1], self.beside[0].max(axis=0))
+            self._looks.confirm(self._early, SLIGHT * largest)
         if self._paid:
             self._look_closely()
         return self._columns()
@@ -175,22 +184,19 @@ class Remainder:
         both = np.column_stack([np.ones_like(share), self.adds * share**2 * (3 - 2 * share)])[:, None]
         return Columns(self._moving, *(-x[..., None] * both for x in self._looks.all))
 
-    def _look(self, part: slice) -> None:
-        """Look now and then at some of the steps."""
-        count = len(self._looks.known)
-        restless = (self._count + np.arange(count) < DENSE) | self._restless[part]
-        looked = self._due[part] | (restless & (np.arange(count) % CLOSE == 0))
+    def _now_and_then(self, part: slice) -> np.ndarray:
+        """Where some of the steps are looked at first, (S,)."""
+        count = len(self._early)
+        looked = self._due[part] | (self._early & (np.arange(count) % CLOSE == 0))
         if not self._at_once:
             looked |= self._grown(*self.beside)
-        looked[-1] |= restless[-1]
+        looked[-1] |= self._early[-1]
         is_calm = self._count and not self._matters(self._largest, CALM)
         every, last = EVERY * (FARTHER if is_calm else 1), -1 - self._since
         for place in (*np.flatnonzero(looked), count):
             looked[max(last + every, 0) : place : every] = True
             last = place
-        self._looks.at(looked)
-        if restless.any():
-            self._looks.confirm(restless, SLIGHT * np.maximum(self._largest[1], self.beside[0].max(axis=0)))
+        return looked
 
     def _look_closely(self) -> None:
         """Look at all of the steps; or at those that tell the rest, but for what Newton leaves in single ones."""

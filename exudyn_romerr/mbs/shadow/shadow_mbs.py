@@ -92,8 +92,7 @@ class Shadow:
         Multipliers l are those that leave least of it. To be asked within functions_kept.
         """
         t, *states = rows
-        wide = np.zeros((3, len(t), len(self._places)))
-        wide[:, :, self._places] = states
+        wide = self._wide(states)
         found = [self._at(*at) for at in zip(t, *wide, strict=True)]
         forces, masses, G, g = (np.array(x) for x in zip(*found, strict=True))
         for one in self._inertias:
@@ -105,8 +104,8 @@ class Shadow:
 
     def _at(self, t: float, *state: np.ndarray) -> tuple[np.ndarray, ...]:
         """M q'' - f (k,), the diagonal of M (k,), G (c, k), g (c,) as this mbs has them, in its own order."""
-        self._set(t, state)
         own, mbs = self._equations, self._mbs
+        set_state(mbs.systemData, t, (*state, mbs.systemData.GetAECoordinates()))
         G, g, forces = own.constraints(mbs)[self._rows], own.drift(mbs)[self._rows], own.forces(mbs)
         if self._is_massless:
             return -forces, np.zeros(len(forces)), G, g
@@ -120,7 +119,13 @@ class Shadow:
 
     def _set(self, t: float, state: Sequence[np.ndarray]) -> None:
         system = self._mbs.systemData
-        set_state(system, t, (*state, system.GetAECoordinates()))
+        set_state(system, t, (*self._wide(state), system.GetAECoordinates()))
+
+    def _wide(self, states: Sequence[np.ndarray]) -> np.ndarray:
+        """States (3, ..., k) in the order of this mbs."""
+        wide = np.zeros(np.shape(states))
+        wide[..., self._places] = states
+        return wide
 
     @contextmanager
     def functions_kept(self) -> Iterator[None]:
@@ -148,14 +153,14 @@ class Shadow:
         with state_kept(system):
             set_state(system, t, state)
             wanted = [x.copy() for x in self._equations_of(own, mbs)]
-        wide = np.zeros((3, len(self._places)))
-        wide[:, at] = state[:3]
+        wide = [np.append(x, np.zeros(len(self._places) - own.size)) for x in state[:3]]
         self._set(t, wide)
         M, force, G, g = self._equations_of(self._equations, self._mbs)
         self._is_massless = not M.any()  # closed forms have all of it
         for one in self._inertias:
-            M[np.ix_(one.columns, one.columns)] += one.mass(wide[0, one.columns])
-            force[one.columns] += one.force(*wide[:, one.columns])
+            state = self._wide(wide)[:, one.columns]
+            M[np.ix_(one.columns, one.columns)] += one.mass(state[0])
+            force[one.columns] += one.force(*state)
         found = M[np.ix_(at, at)], force[at], G[:, at], g
         for name, one, other in zip(("masses", "forces", "G", "constraints"), wanted, found, strict=True):
             off = np.abs(one - other).max(initial=0.0) / max(np.abs(one).max(initial=0.0), np.finfo(float).tiny)

@@ -4,21 +4,24 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.mbs.shadow import looks as module
-from exudyn_romerr.mbs.shadow.looks import Looks
+from exudyn_romerr.mbs.shadow.looks import Looks, look_together
 
 S = 64
 t = 0.1 * np.arange(1, S + 1)
 LAST = 0.1 * (S + 1)
 
 
-def looks_at(loads, ends=LAST):
-    """Looks at loads (S, 1) that are 0 before; no constraints."""
+def looks_at(loads, ends=LAST, calls=None, moved=0.0):
+    """Looks at loads (S, 1) that are 0 before, where a prediction moves them, too; no constraints."""
 
-    def residuals(rows, _):
-        return (loads(rows[0])[:, None], np.zeros((len(rows[0]), 0))) if rows[0][-1] < ends else None
+    def residuals(rows, e):
+        if calls is not None:
+            calls.append(len(rows[0]))
+        found = (loads(rows[0])[:, None] + e[0], np.zeros((len(rows[0]), 0)))
+        return found if rows[0][-1] < ends else None
 
     rows, before = (t, *np.zeros((3, S, 1))), (0.0, np.zeros(1), np.zeros(0))
-    return Looks(rows, np.zeros((3, S, 1)), None, before, residuals, lambda F, g: np.abs(F), np.zeros(1))
+    return Looks(rows, np.full((3, S, 1), moved), None, before, residuals, lambda F, g: np.abs(F), np.zeros(1))
 
 
 def every(count):
@@ -31,6 +34,24 @@ def test_lines_are_confirmed_by_one_sample_each():
     looks.confirm(np.ones(S, dtype=bool))
     assert looks.known.sum() == 2 * S / 16
     np.testing.assert_allclose(looks.all[0][:, 0], 2.0 * t, rtol=1e-12)
+
+
+def test_two_are_looked_at_at_once_and_keep_their_own():
+    calls = []
+    one, other = (looks_at(np.cos, LAST, calls, moved) for moved in (1.0, 2.0))
+    one.at(every(32))
+    for _ in range(2):  # the second time all of them are known
+        look_together([(one, every(16)), (other, every(8))])
+    assert calls == [S // 32, S // 16 - S // 32 + S // 8]
+    for looks, moved, where in ((one, 1.0, every(16)), (other, 2.0, every(8))):
+        np.testing.assert_array_equal(looks.known, where)
+        np.testing.assert_array_equal(looks.all[0][where, 0], np.cos(t[where]) + moved)
+
+
+def test_what_fails_ends_both():
+    looks = [looks_at(np.cos, 3.0), looks_at(np.cos, 3.0)]
+    look_together([(one, every(16)) for one in looks])
+    assert all(one.ended and not one.known.any() for one in looks)
 
 
 def test_what_sets_in_is_found_to_the_sample():

@@ -68,7 +68,8 @@ class Late:
         return (left, np.zeros((len(now), 0))) if now[-1] < self.ends else None
 
     def follow(self, steps, part, e):
-        march_together(steps, {self.remainder: self.remainder.columns(steps, part, e)})
+        self.remainder.go_to(steps, part, e)
+        march_together(steps, {self.remainder: self.remainder.columns()})
         added, self.multipliers = self.remainder.added, self.remainder.multipliers
         if added is not None:
             self.added[:, part] = added
