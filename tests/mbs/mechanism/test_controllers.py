@@ -230,6 +230,14 @@ def test_gains_that_do_not_stay_what_they_are_are_not_certified(case):
     assert words in doubt.said
 
 
+def test_bounds_by_energy_alone_say_so_too():
+    scene = arm(steps=40)
+    control, words = ALONG["saturates"]
+    add_spring(scene, control)
+    (doubt,) = watched(scene, estimators="energy").uncertified
+    assert words in doubt.said
+
+
 @pytest.mark.parametrize(
     "control",
     [
