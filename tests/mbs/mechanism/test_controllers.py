@@ -182,6 +182,20 @@ REFUSED = {  # what is added, words of the reason, whether there are estimates o
 }
 
 
+def test_memory_of_a_function_from_another_module_is_put_back():
+    """The integral is in a function of this module, which that of the spring, of another one, was made with."""
+    runs = []
+    for attached in (False, True):
+        scene = arm(0, steps=8)
+        remembering(scene)
+        if attached:
+            watched(scene)
+        else:
+            scene.solve()
+        runs.append([scene.mbs.GetSensorStoredData(number) for number in scene.sensors.values()])
+    np.testing.assert_array_equal(*runs)
+
+
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_bounded_is_frozen_and_named(case):
     add, words, answers = REFUSED[case]
