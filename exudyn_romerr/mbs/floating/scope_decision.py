@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import AssumptionError
 from ...report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED
-from ..access.control_functions import Controls, find_controls, is_followed
+from ..access.control_functions import find_controls, is_followed
 from ..access.load_functions import remembering_joints
 from ..access.mbs_items import FFRF
 from ..memory.memory_search import setters_in
@@ -106,9 +106,8 @@ def find_scope(
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
     without = next(_no_feedback(mbs, wanted, model), "")
-    controls = find_controls(mbs)
-    unknown = next(_refusals(mbs, wanted, controls, static, attached, without), "")
-    refusal = others or unknown or next(_refusals_of_bounds(mbs, wanted.options, controls), "")
+    unknown = next(_refusals(mbs, wanted, static, attached, without), "")
+    refusal = others or unknown or next(_refusals_of_bounds(mbs, wanted.options), "")
     if refusal and wanted.scope == COUPLED and not static:
         raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
     frozen = (
@@ -123,9 +122,7 @@ def find_scope(
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 
-def _refusals(
-    mbs: Any, wanted: Wanted, controls: Controls, static: bool, attached: Collection[int], without: str
-) -> Iterator[str]:
+def _refusals(mbs: Any, wanted: Wanted, static: bool, attached: Collection[int], without: str) -> Iterator[str]:
     """Why neither bound nor estimate can cover the feedback of the mechanism."""
     options = wanted.options
     if wanted.scope == OF_A_FILE:
@@ -145,11 +142,11 @@ def _refusals(
     yield from _unattached(objects, attached)
     yield from _switching(objects, attached)
     yield from _controlled(mbs)
-    if controls.refused:
-        yield "; ".join(controls.refused)
+    if refused := find_controls(mbs).refused:
+        yield "; ".join(refused)
 
 
-def _refusals_of_bounds(mbs: Any, options: BoundOptions, controls: Controls) -> Iterator[str]:
+def _refusals_of_bounds(mbs: Any, options: BoundOptions) -> Iterator[str]:
     """Why the bound cannot, where the linearised mechanism is there all the same."""
     watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
     if watched:
@@ -163,8 +160,8 @@ def _refusals_of_bounds(mbs: Any, options: BoundOptions, controls: Controls) -> 
         if "markerNumbers" in item and any(np.any(np.asarray(item.get(key, 0.0)) < 0) for key in PASSIVE):
             name = f"object {i} ({item['name']}, {item['objectType']})"
             yield f"{name} has negative stiffness or damping: it may do work on the error"
-    if controls.active:
-        yield "; ".join(controls.active)
+    if active := find_controls(mbs).active:
+        yield "; ".join(active)
 
 
 def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]:

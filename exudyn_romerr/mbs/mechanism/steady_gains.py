@@ -76,12 +76,20 @@ class SteadyGains:
         for t, *state in rows:
             set_state(mbs.systemData, t, state)
             for along in self._springs:
-                wrong = "" if along in seen else along.follow(mbs, t)
+                wrong = "" if along in seen else _wrong(along, mbs, t)
                 if wrong:
                     seen.add(along)
                     yield along, Doubt(CAUSE, CURE, f"at t = {t:g} s {along.spring.name} {wrong}")
 
 
+def _wrong(along: _Along, mbs: Any, t: float) -> str:
+    try:
+        return along.follow(mbs, t)
+    except Exception as error:  # of the user's function
+        return FAILS.format(error)
+
+
+FAILS = "fails beside a motion that it was asked for: {}"
 CAUSE = "a controller switches, or its gains do work"
 CURE = "let the spring's user function be smooth, within steps too, and passive; or pass scope='inputs frozen'"
 WORKS = "has negative, or coupled, stiffness or damping, which may do work on the error"

@@ -20,8 +20,8 @@ class MemorySearch:
 
     What functions set in an mbs, or functions that they name, is lost, too: its items have too much to be copied.
 
-    Looks into functions, classes and objects of the modules that the functions are of, and of no others: these are
-    libraries, most often.
+    Looks into functions, classes and objects of the modules that the functions are of, and those that these were made
+    with, and of no others: these are libraries, most often.
     """
 
     def __init__(self, functions: Iterable[Callable], copies: Copies):
@@ -31,7 +31,8 @@ class MemorySearch:
         self._copies = copies
         self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
         codes = _codes(functions)
-        self._own = {code.__globals__.get("__name__", "") for code in codes}
+        inner = [f for code in codes for f in map(_content, code.__closure__ or ()) if isinstance(f, FunctionType)]
+        self._own = {code.__globals__.get("__name__", "") for code in (*codes, *inner)}
         self.lost |= setters_in(codes)
 
     def add_space(self, space: MutableMapping) -> None:

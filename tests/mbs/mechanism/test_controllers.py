@@ -59,7 +59,7 @@ def test_stored_truths_are_those_of_the_scene():
 
 @pytest.mark.parametrize("name", SPRINGS)
 def test_error_of_the_controlled_arm_is_below_its_bounds(name):
-    """In the frame and in global axes; sharply: measured within 1.01 of the largest error, 1.2 in global axes."""
+    """In the frame and in global axes; sharply: measured within 1.004 of the largest error, 1.09 in global axes."""
     report, seen = found(name), 0
     assert set(report.scope.values()) == {COUPLED}
     assert not report.uncertified
@@ -69,14 +69,14 @@ def test_error_of_the_controlled_arm_is_below_its_bounds(name):
             assert np.all(np.abs(error) <= bound + noise)
         size = np.abs(error).max(axis=0)
         matters = size > MATTERS * np.abs(out.value).max()
-        assert np.all(out.bound["auxiliary"].max(axis=0)[matters] <= 1.3 * size[matters])
+        assert np.all(out.bound["auxiliary"].max(axis=0)[matters] <= 1.2 * size[matters])
         seen += matters.sum()
     assert seen >= 4
 
 
 @pytest.mark.parametrize("name", [*SPRINGS, *LOADS])
 def test_estimates_are_those_of_the_mechanism(name):
-    """Within 1 % and their half widths; measured 0.3 %, under frozen inputs the loads' are off by 40 to 160 %."""
+    """Within 2 % and their half widths; measured 0.9 %, where the gains by vectors are left out 140 %."""
     seen = 0
     for out, error in errors(name):
         assert out.estimate_scope == COUPLED
@@ -85,7 +85,7 @@ def test_estimates_are_those_of_the_mechanism(name):
         noise = tol.MECHANISM_NEWTON * np.abs(out.value).max()
         assert np.all(np.abs(basis - error) <= out.uncertainty + noise)
         matters = size > MATTERS * np.abs(out.value).max()
-        assert np.all(np.abs(basis - error).max(axis=0)[matters] <= 0.01 * size[matters])
+        assert np.all(np.abs(basis - error).max(axis=0)[matters] <= 0.02 * size[matters])
         seen += matters.sum()
     assert seen >= 4
 
@@ -182,6 +182,20 @@ REFUSED = {  # what is added, words of the reason, whether there are estimates o
 }
 
 
+def test_memory_of_a_function_from_another_module_is_put_back():
+    """The integral is in a function of this module, which that of the spring, of another one, was made with."""
+    runs = []
+    for attached in (False, True):
+        scene = arm(0, steps=8)
+        remembering(scene)
+        if attached:
+            watched(scene)
+        else:
+            scene.solve()
+        runs.append([scene.mbs.GetSensorStoredData(number) for number in scene.sensors.values()])
+    np.testing.assert_array_equal(*runs)
+
+
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_bounded_is_frozen_and_named(case):
     add, words, answers = REFUSED[case]
@@ -227,6 +241,14 @@ def test_gains_that_do_not_stay_what_they_are_are_not_certified(case):
     (doubt,) = report.uncertified
     assert doubt.said.startswith("at t = ")
     assert "motor" in doubt.said
+    assert words in doubt.said
+
+
+def test_bounds_by_energy_alone_say_so_too():
+    scene = arm(steps=40)
+    control, words = ALONG["saturates"]
+    add_spring(scene, control)
+    (doubt,) = watched(scene, estimators="energy").uncertified
     assert words in doubt.said
 
 
