@@ -69,7 +69,7 @@ def test_release_from_a_static_solve_starts_in_its_equilibrium():
 
 
 def test_a_static_solve_that_failed_in_its_first_step_left_no_equilibrium():
-    """Nothing was moved: the full body starts undeformed. It was taken for one in equilibrium: errors above the bound."""
+    """Nothing was moved: the full body starts undeformed. Taken for one in equilibrium, errors were above the bound."""
     load = Load(20.0, fails_at=0.5)
     mbs, monitor, body, B = scene(load)
     with pytest.raises(exu.ExudynError):
@@ -81,7 +81,7 @@ def test_a_static_solve_that_failed_in_its_first_step_left_no_equilibrium():
     truth = (rest + free_motion(body, -rest, report.t))[:, -1]
     found = report.compare("last", report.t, truth)
     assert np.all(np.abs(found.error) <= found.bound["best"] + ROUNDING * np.abs(truth).max())
-    assert found.bound["best"][0] == 0.0
+    assert found.bound["best"][0] <= ROUNDING * np.abs(truth).max()
 
 
 def test_start_in_the_reduced_state_is_said():
