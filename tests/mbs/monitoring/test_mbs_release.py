@@ -69,7 +69,7 @@ def test_release_from_a_static_solve_starts_in_its_equilibrium():
 
 
 def test_a_static_solve_that_failed_in_its_first_step_left_no_equilibrium():
-    """Nothing was moved: the full body starts undeformed. Taken for one in equilibrium, errors were above the bound."""
+    """Nothing was moved: the full body starts undeformed. As if in equilibrium, errors were above the bound."""
     load = Load(20.0, fails_at=0.5)
     mbs, monitor, body, B = scene(load)
     with pytest.raises(exu.ExudynError):
