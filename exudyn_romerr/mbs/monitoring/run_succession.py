@@ -42,11 +42,11 @@ class Succession:
     def before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, bool]:
         """Return the run in whose last state another one starts, and whether the mbs was changed since.
 
-        None if there is none, or the mbs was changed; also a static one, if no initial state was given. A solve that
-        failed in its first step has left nothing to go on from.
+        None if there is none, or the mbs was changed; also a static one, if no initial state was given. A solve,
+        static or not, that failed in its first step has left nothing to go on from.
         """
         before, changed = self._before(offline, t, q, q_t)
-        if before is not None and self._begins and not before.is_static and len(before.times) == 1:
+        if before is not None and (self._begins or before.is_static) and len(before.times) == 1:
             before = None
         self._begins = before is None
         return before, changed

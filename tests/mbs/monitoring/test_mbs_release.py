@@ -68,6 +68,22 @@ def test_release_from_a_static_solve_starts_in_its_equilibrium():
     assert report.output("last").causes["initial"][0] > 0
 
 
+def test_a_static_solve_that_failed_in_its_first_step_left_no_equilibrium():
+    """Nothing was moved: the full body starts undeformed. As if in equilibrium, errors were above the bound."""
+    load = Load(20.0, fails_at=0.5)
+    mbs, monitor, body, B = scene(load)
+    with pytest.raises(exu.ExudynError):
+        mbs.SolveStatic(settings())
+    load.fails_at = np.inf
+    mbs.SolveDynamic(settings())
+    report = monitor.report()
+    rest = 20.0 * np.linalg.solve(body.K.toarray(), B[:, 0])
+    truth = (rest + free_motion(body, -rest, report.t))[:, -1]
+    found = report.compare("last", report.t, truth)
+    assert np.all(np.abs(found.error) <= found.bound["best"] + ROUNDING * np.abs(truth).max())
+    assert found.bound["best"][0] <= ROUNDING * np.abs(truth).max()
+
+
 def test_start_in_the_reduced_state_is_said():
     """A run that starts displaced, with initial=None: the report says what was assumed."""
     mbs, monitor, _, _ = scene(Load(0.0))
