@@ -87,9 +87,9 @@ class CarriedTurn:
     """What accelerations that a run starts with do to the energy of its error later on, where the mechanism turns.
 
     Generalised-alpha goes on with the accelerations a of the step before, in coordinates of which some turn with the
-    bodies and some do not: a step from n - 1 to n feels f_n = (M_n - M_n-1) (a_n - a_n-1) / 4 beside all forces. Where
-    steps do not resolve what moves, a changes its sign from step to step, and dies out with the spectral radius. For f
-    of alternating sign modes of any frequency have, |f| in the M^-1 norm (spectral radius 1; below it, tried),
+    bodies and some do not: a step feels f_n = (M_n - M_n-1) (a_n - a_n-1) / 4 beside all forces. Where steps do not
+    resolve what moves, a changes its sign from step to step, and dies out with the spectral radius. Under f of
+    alternating sign modes of any frequency have, |f| in the M^-1 norm (spectral radius 1; below it, tried),
 
         |e + K^-1 R|_K , |e'|_M <= h (|f_n| + sum | |f_k| - |f_k-1| |) .
 
