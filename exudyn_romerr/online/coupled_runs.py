@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..estimates.overshoot import Overshoot, overshoots
+from ..estimates.overshoot import CarriedTurn, Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
 from ..residual.felt_residuals import FeltResiduals
 from .run_messages import BEGUN_ANEW, ROUGH_RADIUS, STARTS_DAMPED, STARTS_HELD_BACK, STARTS_ROUGHLY, UNKNOWN_SCHEME
@@ -65,6 +65,7 @@ class FirstSteps:
         self._times, self._is_lost = np.zeros(0), False  # the last two
         self._starts: list[tuple[AtStart, Opening]] = []  # until the first step
         self._overshoot: Overshoot | None = None
+        self._carried: CarriedTurn | None = None
         self._positions = np.zeros(0)
 
     def open(self, runs: Sequence[Run], openings: Sequence[Opening]) -> str:
@@ -74,14 +75,19 @@ class FirstSteps:
         self._times = openings[0].first.t
         if self._scheme is None:
             return UNKNOWN_SCHEME
-        if not overshoots(self._scheme):
-            return ""
         if any(opening.start is None for opening in openings):
-            return BEGUN_ANEW
+            return BEGUN_ANEW if overshoots(self._scheme) else ""
         starts = [shared_energy(run, "reduction").at_start for run in runs]
-        self._starts = list(zip(starts, openings, strict=True))
-        self._push = float(np.linalg.norm([_push(*start) for start in self._starts]))
+        starts = list(zip(starts, openings, strict=True))
+        if push := float(np.linalg.norm([_push(*start) for start in starts])):
+            self._carried = CarriedTurn(self._scheme, push * (1.0 + max(at.wrench for at, _ in starts)))
+        if overshoots(self._scheme):
+            self._starts, self._push = starts, push
         return ""
+
+    def carried(self, h: np.ndarray, turned: np.ndarray) -> np.ndarray:
+        """Return what accelerations at the start make of the energy's root (S,) where the mechanism turns."""
+        return np.zeros(len(h)) if self._carried is None else self._carried.advance(h, turned)
 
     def _begin(self, h: float) -> None:
         """Begin with a first step h; what is not certified is in the bound as far as damping may join modes."""
@@ -169,6 +175,8 @@ def join_extensions(
         joint, felt = joint_growth(energies, blocks), first_steps.felt(stream, energies)
         notes = notes + first_steps.doubts(overshoot, joint[0])
         joint = joint if felt is None else _sharpened(joint, felt, energies, blocks, turned)
+        if np.any(turned):
+            joint = _with_carried(joint, first_steps.carried(blocks[0].h, turned))
         joint = tuple(np.where(is_lost, np.inf, x) for x in joint)
         for block in blocks:
             block.joint, block.overshoot = joint, overshoot
@@ -191,3 +199,9 @@ def _sharpened(
     g, rough = felt.advance(blocks[0].h, [block.chain for block in blocks], missed, turned)
     peak = np.minimum(peak, np.maximum(g, np.append(before, g[:-1])))
     return np.minimum(own, g), np.minimum(own_rough, rough), peak, own, own_rough
+
+
+def _with_carried(joint: tuple[np.ndarray, ...], more: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return g, rough and the largest g with what is beside them (S,), and what two go on with."""
+    g, rough, peak, *own = joint
+    return g + more, rough + more, peak + more, *(own or (g, rough))

@@ -96,6 +96,14 @@ class AtStart:
             found += [np.full(len(view.axes), np.sqrt(np.linalg.eigvalsh(gram)[-1])) for gram in places]
         return np.concatenate([*found, np.zeros(0)])
 
+    @cached_property
+    def wrench(self) -> float:
+        """How many times |R|_{M^-1} what the frame's own acceleration moves of the body may be, as a rigid one."""
+        body = self._residual.body
+        Rg = rigid_modes(body.positions)
+        inertia = cholesky(Rg.T @ (body.mass @ Rg), lower=True)
+        return float(np.sqrt(np.linalg.eigvalsh(inertia.T @ self._mass.gram(_frame_rows(body)) @ inertia)[-1]))
+
     def coordinates(self, *sample: np.ndarray) -> np.ndarray:
         """Return z (k,) of q, q', q'' (n,) and inputs (p,) as they are."""
         return self._residual.coordinates(*sample)
@@ -120,11 +128,15 @@ class AtStart:
 
 def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
     """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
-    space, positions = body.space, body.positions
-    held = space.conditions
-    if held is None:
-        held = mean_motion(np.unique(space.fixed // 3)).rows(positions)
-    rows, Rg = np.zeros((len(C), body.N)), rigid_modes(positions)
-    rows[:, space.free] = C
-    rows -= (rows @ Rg) @ np.linalg.solve(held @ Rg, held)
+    rows = np.zeros((len(C), body.N))
+    rows[:, body.space.free] = C
+    rows -= (rows @ rigid_modes(body.positions)) @ _frame_rows(body)
     return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
+
+
+def _frame_rows(body: ElasticBody) -> np.ndarray:
+    """(C_0 Rg)^-1 C_0 (6, N): the motion of the frame in a motion of the body."""
+    held = body.space.conditions
+    if held is None:
+        held = mean_motion(np.unique(body.space.fixed // 3)).rows(body.positions)
+    return np.linalg.solve(held @ rigid_modes(body.positions), held)

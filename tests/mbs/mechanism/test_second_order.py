@@ -53,17 +53,28 @@ def test_corrected_outputs_of_a_bar_that_spins_near_its_first_frequency_are_cove
         assert np.all(np.abs(y - out.value) <= out.bound["best"] + noise)
 
 
-@pytest.mark.parametrize(("driven", "h", "steps"), [(0.1, 4e-3, 26), (0.003, 8e-3, 14)])
-def test_what_turns_far_is_not_sharpened_by_averages(driven, h, steps, monkeypatch):
+@pytest.mark.parametrize(
+    ("driven", "h", "steps", "n", "rho"),
+    [
+        (0.1, 4e-3, 26, 0, 1.0),
+        (0.003, 8e-3, 14, 0, 1.0),
+        (0.1, 8e-3, 14, 0, 1.0),
+        (0.1, 8e-3, 14, 0, 0.9),
+        (0.1, 12e-3, 14, 1, 1.0),
+    ],
+)
+def test_bounds_hold_where_much_turns_in_a_step(driven, h, steps, n, rho, monkeypatch):
     """Two undamped bars on a driven joint, up to 0.04 rad a step: errors were 1.05 times the bound, corrected 2.3.
 
-    Up to 0.015 rad a step, ringing from step to step since a sudden start: 1.01 and 1.3 times.
+    Up to 0.015 rad a step, ringing from step to step since a sudden start: 1.01 and 1.3 times. Both by averages.
+    Up to 0.08 rad a step, accelerations of the start that go on in coordinates that turn: 1.03 and 1.7 times, with
+    spectral radius 0.9 1.02 and 1.5; certified, with a mode of each bar, 1.003 and 1.4.
     """
     monkeypatch.setattr(mechanism_builder, "DRIVEN", driven)
     one = drawn(37)
-    bars = tuple(replace(bar, n=0, damping=(0.0, 0.0)) for bar in one.bars[:2])
+    bars = tuple(replace(bar, n=n, damping=(0.0, 0.0)) for bar in one.bars[:2])
     loads = tuple(replace(load, shape=replace(load.shape, kind="at once")) for load in one.loads if load.bar < 2)
-    changed = {"bars": bars, "links": one.links[:2], "loads": loads, "h": h, "steps": steps, "rho": 1.0}
+    changed = {"bars": bars, "links": one.links[:2], "loads": loads, "h": h, "steps": steps, "rho": rho}
     result = sweep_mechanisms.measured(replace(one, **changed))
     assert result["scopes"] == [sweep_mechanisms.COUPLED]
     assert not sweep_mechanisms_table.violated(result)
