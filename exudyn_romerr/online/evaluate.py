@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..checks import check_array, check_type, real_array
-from ..compiled.blas_threads import one_thread
 from ..errors import InputError
 from ..model.matrix_input import precision
 from ..offline.options import BoundOptions
 from ..offline.prepare import prepare
+from ..process.blas_threads import one_thread
 from .run import BLOCK, Run
 
 if TYPE_CHECKING:

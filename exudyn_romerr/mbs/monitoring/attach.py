@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
-from ...compiled.blas_threads import one_thread
 from ...errors import InputError
 from ...offline.options import BoundOptions
+from ...process.blas_threads import one_thread
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
 from ..floating.scope_decision import ASKABLE

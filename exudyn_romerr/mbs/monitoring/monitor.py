@@ -6,8 +6,8 @@ from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
-from ...compiled.blas_threads import one_thread
 from ...errors import InputError, RunError
+from ...process.blas_threads import one_thread
 from ...report.mechanism_report import joined, joined_plan
 from .live_output import sensor_of
 from .requests import UNNAMED

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
-from ...compiled.blas_threads import one_thread
 from ...errors import InputError
 from ...online.run import BLOCK
+from ...process.blas_threads import one_thread
+from ...process.interrupts import interrupt_deferred
 from ...report.scope import FROZEN
 from ..access.mbs_items import end_time, is_verbose, running_static_solver
 from ..mechanism.extended_tangents import FixedFreedoms
-from ..memory.standstill import interrupt_deferred, no_step_is_made
+from ..memory.standstill import no_step_is_made
 from .joint_evaluation import Mechanism
 from .live_output import live_line
 from .run_succession import SAME_TIME

@@ -5,8 +5,8 @@ from threading import Event, Thread
 
 import pytest
 
-from exudyn_romerr.compiled import blas_threads
-from exudyn_romerr.compiled.blas_threads import one_thread
+from exudyn_romerr.process import blas_threads
+from exudyn_romerr.process.blas_threads import one_thread
 from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
 
 
