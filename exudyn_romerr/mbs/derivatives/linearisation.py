@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ..access.control_functions import find_controls
 from ..access.equations import Equations
 from ..access.load_functions import controllers, loads_with_functions
 from ..access.state_guard import current_state, of_coordinates, set_state, state_kept, state_set
+from ..control.control_functions import find_controls
 from ..memory.kept_values import Copies
 from .dependence import moved_by
 from .reader import DIFFERENCE, FAILED, TangentReader

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...errors import AssumptionError
 from ...report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED
-from ..access.control_functions import find_controls, is_followed
 from ..access.load_functions import remembering_joints
 from ..access.mbs_items import FFRF
+from ..control.control_functions import find_controls, is_followed
 from ..memory.memory_search import setters_in
 
 if TYPE_CHECKING:

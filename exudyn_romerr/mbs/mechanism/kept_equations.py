@@ -11,10 +11,10 @@ from ...online.run_messages import CHANGED, changed, unseen
 from ...report.scope import Doubt
 from ..access.mbs_items import newton_tolerance
 from ..access.state_guard import state_kept
+from ..control.steady_gains import SteadyGains
 from ..derivatives.linearisation import Tangents
 from ..derivatives.twin import Place
 from ..memory.user_memory import memory_kept
-from .steady_gains import SteadyGains
 from .stored_residuals import BALANCED, user_functions
 
 TRIED = 8  # rows of a block with the largest residuals, of which the forces are asked for, too

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import exudyn as exu
 import numpy as np
 
+from ..access.load_functions import LATER, MOVED, as_given, controllers, load_functions, loads_with_functions
+from ..access.state_guard import state_kept
 from ..memory.standstill import look_up, note
 from ..memory.user_memory import memory_kept
-from .load_functions import LATER, MOVED, as_given, controllers, load_functions, loads_with_functions
-from .state_guard import state_kept
 
 OUTPUT = exu.OutputVariableType
 SPRINGS = {  # type of object: its function, what that is given after displacement and velocity, outputs of these

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...report.scope import Doubt
-from ..access.control_functions import Spring, are_passive, find_controls
 from ..access.state_guard import set_state, state_kept
 from ..memory.user_memory import memory_kept
+from .control_functions import Spring, are_passive, find_controls
 
 # within a step, of a gain's largest value: a saturation that begins changes it by all of it
 JUMP = 0.5

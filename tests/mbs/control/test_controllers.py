@@ -10,7 +10,7 @@ import pytest
 from exudyn import itemInterface
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.access import control_functions
+from exudyn_romerr.mbs.control import control_functions
 from models import controlled_arm
 from models.controlled_arm import add_load, add_spring, arm, controlled, pd, truth
 from tests.helpers import tolerances as tol
