@@ -50,9 +50,9 @@ def _why_not_by_time_alone(mbs: Any, numbers: list[int], copies: Copies | None =
             return f", whose function can reach: {memory.lost}"
         keep()
         with state_kept(system) as (q, q_t, q_tt, multipliers):
-            system.SetODE2Coordinates(q + MOVED * (1 + np.sin(np.arange(len(q)))))
+            system.SetODE2Coordinates(q + shifts(len(q)))
             system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
-            system.SetODE2Coordinates_tt(q_tt + MOVED * (1 + np.sin(np.arange(len(q)))))
+            system.SetODE2Coordinates_tt(q_tt + shifts(len(q)))
             system.SetAECoordinates(multipliers + MOVED)
             keep()
         for load, own in zip(loads, functions, strict=True):
@@ -85,6 +85,11 @@ def load_functions(load: dict[str, Any]) -> list[Callable]:
     """Return the user functions of a load, as mbs.GetLoad gives it; symbolic ones keep nothing."""
     found = (load[key]["function"] for key in LOAD_FUNCTIONS if load.get(key))
     return [f for f in found if callable(f)]
+
+
+def shifts(n: int) -> np.ndarray:
+    """Return what coordinates (n,) are moved by to see what functions of the motion do: each by another amount."""
+    return MOVED * (1 + np.sin(np.arange(n)))
 
 
 def as_given(values: Any) -> Any:

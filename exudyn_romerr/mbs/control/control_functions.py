@@ -13,23 +13,46 @@ from typing import Any, NamedTuple
 import exudyn as exu
 import numpy as np
 
-from ..access.load_functions import LATER, MOVED, as_given, controllers, load_functions, loads_with_functions
+from ..access.load_functions import LATER, MOVED, as_given, controllers, load_functions, loads_with_functions, shifts
 from ..access.state_guard import state_kept
 from ..memory.standstill import look_up, note
 from ..memory.user_memory import memory_kept
 
 OUTPUT = exu.OutputVariableType
-SPRINGS = {  # type of object: its function, what that is given after displacement and velocity, outputs of these
-    "ConnectorTorsionalSpringDamper": ("springTorqueUserFunction", "offset", OUTPUT.Rotation, "AngularVelocityLocal"),
-    "ConnectorCoordinateSpringDamper": ("springForceUserFunction", "offset", OUTPUT.Displacement, "Velocity"),
-    "ConnectorCartesianSpringDamper": ("springForceUserFunction", "offset", OUTPUT.Displacement, "Velocity"),
-    "ConnectorLinearSpringDamper": ("springForceUserFunction", "offset", OUTPUT.DisplacementLocal, "VelocityLocal"),
-    "ConnectorSpringDamper": ("springForceUserFunction", "force", OUTPUT.Displacement, "Velocity"),
-}
-DIFFERENCE = 1e-6  # of displacements and velocities, to differentiate by; 10 times as much tells what is not smooth
 Force = Callable[[float, float], np.ndarray]  # of a time, of what displacement and velocity are moved by
+DIFFERENCE = 1e-6  # of displacements and velocities, to differentiate by; 10 times as much tells what is not smooth
 SMOOTH = 0.1  # of the largest gain: what both may differ by
 PASSIVE = 1e-6  # of the largest gain: rounding of differences
+KEEPS = "depends on earlier calls: a controller may do work on the error, and cannot be asked beside the run"
+REACHES = "may depend on earlier calls, for its function can reach what no call beside the run could put back: {}"
+FAILS = "has a function that fails where it is tried: {}"
+BY_FORCES = "has a function of accelerations or forces: a linearised mechanism has none of these"
+JUMPS = "has a function that is not smooth where the run begins: a linearised mechanism is"
+LOOKS = "is a controller that looks at the motion elsewhere: it may do work on the error"
+WORKS = "is a controller with negative, or coupled, stiffness or damping: it may do work on the error"
+MAY_WORK = (LOOKS, WORKS)
+
+
+class SpringType(NamedTuple):
+    """A type of object: its user function, what this is given last, and which outputs it is given as its motion."""
+
+    function: str
+    last: str
+    displacement: str
+    velocity: str
+
+
+SPRINGS = {
+    "ConnectorTorsionalSpringDamper": SpringType(
+        "springTorqueUserFunction", "offset", "Rotation", "AngularVelocityLocal"
+    ),
+    "ConnectorCoordinateSpringDamper": SpringType("springForceUserFunction", "offset", "Displacement", "Velocity"),
+    "ConnectorCartesianSpringDamper": SpringType("springForceUserFunction", "offset", "Displacement", "Velocity"),
+    "ConnectorLinearSpringDamper": SpringType(
+        "springForceUserFunction", "offset", "DisplacementLocal", "VelocityLocal"
+    ),
+    "ConnectorSpringDamper": SpringType("springForceUserFunction", "force", "Displacement", "Velocity"),
+}
 
 
 class Spring(NamedTuple):
@@ -40,10 +63,15 @@ class Spring(NamedTuple):
     function: Callable
     item: dict[str, Any]
 
+    @property
+    def type(self) -> SpringType:
+        """Of the object."""
+        return SPRINGS[self.item["objectType"]]
+
     def motion(self, mbs: Any) -> np.ndarray:
         """Return displacement and velocity (2, k) that the function is given in the current state."""
-        _, _, of_x, of_v = SPRINGS[self.item["objectType"]]
-        x, v = (mbs.GetObjectOutput(self.number, of) for of in (of_x, getattr(OUTPUT, of_v)))
+        outputs = self.type.displacement, self.type.velocity
+        x, v = (mbs.GetObjectOutput(self.number, getattr(OUTPUT, name)) for name in outputs)
         if self.item["objectType"] == "ConnectorSpringDamper":
             length = np.linalg.norm(x)
             x, v = length - self.item["referenceLength"], np.dot(x, v) / length
@@ -52,8 +80,7 @@ class Spring(NamedTuple):
     def force(self, mbs: Any, t: float, motion: np.ndarray) -> np.ndarray:
         """Return the force (k,) of a motion (2, k), as Exudyn asks for it."""
         x, v = motion if motion.shape[1] > 1 else motion[:, 0]
-        last = SPRINGS[self.item["objectType"]][1]
-        given = [as_given(self.item[name]) for name in ("stiffness", "damping", last)]
+        given = [as_given(self.item[name]) for name in ("stiffness", "damping", self.type.last)]
         return np.ravel(self.function(mbs, t, self.number, as_given(x), as_given(v), *given)).astype(float)
 
     def gains(self, mbs: Any, t: float, motion: np.ndarray, step: float = DIFFERENCE) -> np.ndarray:
@@ -73,14 +100,14 @@ class Controls:
 
     refused : why the motion of errors cannot be told with them. active : why they may do work on the error. springs :
     those that do none, as far as they can be told from the state that they were tried in. loads : numbers of loads
-    that follow the motion. look : whether user functions look at the mbs, beyond what Exudyn gives them.
+    that follow the motion. functions_look : whether user functions look at the mbs, beyond what Exudyn gives them.
     """
 
     refused: tuple[str, ...] = ()
     active: tuple[str, ...] = ()
     springs: tuple[Spring, ...] = ()
     loads: frozenset[int] = frozenset()
-    look: bool = False
+    functions_look: bool = False
 
 
 def find_controls(mbs: Any) -> Controls:
@@ -94,7 +121,7 @@ def find_controls(mbs: Any) -> Controls:
 
 
 def _found(mbs: Any) -> Controls:
-    refused, active, passive, look = [], [], [], False
+    refused, active, passive, functions_look = [], [], [], False
     for spring in _springs(mbs):
         kind = _tried(mbs, [spring.function], lambda spring=spring: _of_spring(mbs, spring))
         looks = kind == LOOKS
@@ -103,19 +130,19 @@ def _found(mbs: Any) -> Controls:
             passive.append(spring)
         else:
             (active if kind in MAY_WORK else refused).append(f"{spring.name} {kind}")
-            look = look or looks
+            functions_look = functions_look or looks
     loads = frozenset(controllers(mbs, loads_with_functions(mbs)))
     for i in sorted(loads):
         item = mbs.GetLoad(i)
         kind = _tried(mbs, load_functions(item), lambda item=item: _of_load(mbs, item))
         (active if kind in MAY_WORK else refused).append(f"load {i} ({item['name']}) {kind or KEEPS}")
-    return Controls(tuple(refused), tuple(active), tuple(passive), loads, look or bool(loads))
+    return Controls(tuple(refused), tuple(active), tuple(passive), loads, functions_look or bool(loads))
 
 
 def is_followed(item: dict[str, Any]) -> bool:
     """Whether an object is a spring whose user function can be followed, if nothing else speaks against it."""
-    key = SPRINGS.get(item["objectType"], ("",))[0]
-    return bool(key and item[key] and callable(item[key]["function"]))
+    kind = SPRINGS.get(item["objectType"])
+    return bool(kind and item[kind.function] and callable(item[kind.function]["function"]))
 
 
 def _springs(mbs: Any) -> list[Spring]:
@@ -124,7 +151,7 @@ def _springs(mbs: Any) -> list[Spring]:
         item = mbs.GetObject(i)
         if is_followed(item):
             name = f"object {i} ({item['name']}, {item['objectType']})"
-            found.append(Spring(i, name, item[SPRINGS[item["objectType"]][0]]["function"], item))
+            found.append(Spring(i, name, item[SPRINGS[item["objectType"]].function]["function"], item))
     return found
 
 
@@ -167,7 +194,7 @@ def _tried(mbs: Any, functions: list[Callable], prepared: Callable[[], Force]) -
 
 
 def _moved(x: np.ndarray) -> np.ndarray:
-    return x + MOVED * (1 + np.sin(np.arange(len(x)))) * np.abs(x).max(initial=1.0)
+    return x + shifts(len(x)) * np.abs(x).max(initial=1.0)
 
 
 def _kind_of_gains(mbs: Any, spring: Spring, looks: bool) -> str:
@@ -188,13 +215,3 @@ def are_passive(gains: np.ndarray) -> bool:
     symmetric = np.abs(stiffness - stiffness.T).max() <= PASSIVE * np.abs(stiffness).max()
     rest = [np.linalg.eigvalsh(x + x.T)[0] >= -PASSIVE * np.abs(x).max() for x in (stiffness, damping)]
     return bool(symmetric and all(rest))
-
-
-KEEPS = "depends on earlier calls: a controller may do work on the error, and cannot be asked beside the run"
-REACHES = "may depend on earlier calls, for its function can reach what no call beside the run could put back: {}"
-FAILS = "has a function that fails where it is tried: {}"
-BY_FORCES = "has a function of accelerations or forces: a linearised mechanism has none of these"
-JUMPS = "has a function that is not smooth where the run begins: a linearised mechanism is"
-LOOKS = "is a controller that looks at the motion elsewhere: it may do work on the error"
-WORKS = "is a controller with negative, or coupled, stiffness or damping: it may do work on the error"
-MAY_WORK = (LOOKS, WORKS)

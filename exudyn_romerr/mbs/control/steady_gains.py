@@ -13,19 +13,24 @@ from ..access.state_guard import set_state, state_kept
 from ..memory.user_memory import memory_kept
 from .control_functions import Spring, are_passive, find_controls
 
-# within a step, of a gain's largest value: a saturation that begins changes it by all of it
-JUMP = 0.5
+JUMP = 0.5  # within a step, of a gain's largest value: a saturation that begins changes it by all of it
 GROWTH = 0.01  # of a stiffness, by time alone: more does work on the error
 ROUGH = 0.25  # of what the gains at both ends of a step move a force by: it may miss the mean of them by less
 ROUNDING = 1e-9  # of the largest force
+CAUSE = "a controller switches, or its gains do work"
+CURE = "let the spring's user function be smooth, within steps too, and passive; or pass scope='inputs frozen'"
+FAILS = "fails beside a motion that it was asked for: {}"
+WORKS = "has negative, or coupled, stiffness or damping, which may do work on the error"
+GROWS = "gets stiffer with time, which does work on the error"
+JUMPS = "jumps or bends within a step, as where it saturates: a linearised mechanism does not"
 
 
 class _Along:
-    """One spring along the run: time, motion (2, k), gains (2, k, k) and force at the last row."""
+    """One spring along the run: motion (2, k) and gains (2, k, k) at the last row, largest gains and force so far."""
 
     def __init__(self, spring: Spring):
         self.spring, self._last = spring, None
-        self._grown, self._largest = 0.0, np.zeros(3)  # largest gains, and force
+        self._grown, self._largest = 0.0, np.zeros(3)
 
     def follow(self, mbs: Any, t: float) -> str:
         """Go on to the current state at time t; return what is wrong there, if something is."""
@@ -40,10 +45,11 @@ class _Along:
         return wrong
 
     def _changes(self, mbs: Any, t: float, motion: np.ndarray, gains: np.ndarray, force: np.ndarray) -> str:
+        """What is wrong with how gains and force (k,) have changed since the last row, if something is."""
         before, gains_before = self._last
         later = self.spring.gains(mbs, t, before)
-        rise = np.linalg.eigvalsh((later[0] - gains_before[0] + (later[0] - gains_before[0]).T) / 2)[-1]
-        self._grown += max(rise, 0.0)
+        rise = later[0] - gains_before[0]
+        self._grown += max(np.linalg.eigvalsh((rise + rise.T) / 2)[-1], 0.0)
         if self._grown > GROWTH * self._largest[0]:
             return GROWS
         change = np.abs(gains - gains_before).max(axis=(1, 2))
@@ -87,11 +93,3 @@ def _wrong(along: _Along, mbs: Any, t: float) -> str:
         return along.follow(mbs, t)
     except Exception as error:  # of the user's function
         return FAILS.format(error)
-
-
-FAILS = "fails beside a motion that it was asked for: {}"
-CAUSE = "a controller switches, or its gains do work"
-CURE = "let the spring's user function be smooth, within steps too, and passive; or pass scope='inputs frozen'"
-WORKS = "has negative, or coupled, stiffness or damping, which may do work on the error"
-GROWS = "gets stiffer with time, which does work on the error"
-JUMPS = "jumps or bends within a step, as where it saturates: a linearised mechanism does not"

@@ -19,7 +19,7 @@ def copy_items(
     to: Any,
     wider: Mapping[int, dict[str, Any]] | None = None,
     hollow: Collection[int] = (),
-    look: bool = False,
+    functions_look: bool = False,
 ) -> None:
     """Add all items of an mbs to another one; sensors, and whole meshes, only if its functions look at them.
 
@@ -33,7 +33,7 @@ def copy_items(
     for i, item in enumerate(objects):
         if item["objectType"] == FFRF:
             on_it = [one for one in markers if int(one.get("bodyNumber", -1)) == i]
-            light = {} if look else lightened(item, on_it)
+            light = {} if functions_look else lightened(item, on_it)
             objects[i] = item | light | ({"computeFFRFterms": False} if i in hollow else {})
     counts = {int(objects[i]["nodeNumbers"][1]): np.shape(objects[i]["modeBasis"])[1] for i in wider}
     for i in range(system.NumberOfNodes()):
@@ -50,7 +50,7 @@ def copy_items(
         to.AddMarker(item)
     for i in range(system.NumberOfLoads()):
         to.AddLoad(_bare(mbs.GetLoad(i)))
-    for i in range(system.NumberOfSensors() if look else 0):
+    for i in range(system.NumberOfSensors() if functions_look else 0):
         to.AddSensor(_bare(mbs.GetSensor(i)) | {"storeInternal": False, "writeToFile": False})
 
 

@@ -42,15 +42,16 @@ class Tangents:
     Attributes
     ----------
     equations : in any state. size : number of coordinates. readings : list of Reading, in the order of time.
-    carried : list of Carried, where G has turned since. look : whether user functions look at the mbs.
+    carried : list of Carried, where G has turned since. functions_look : whether user functions look at
+    the mbs, beyond what Exudyn gives them.
     """
 
     def __init__(self, mbs: Any, threads: int = 1):
         self.equations = Equations(mbs, threads)
         self.size = self.equations.size
         controls = find_controls(mbs)
-        self.look = controls.look
-        self._reader, self._twin = TangentReader(mbs, self.size, controls.look), None
+        self.functions_look = controls.functions_look
+        self._reader, self._twin = TangentReader(mbs, self.size, controls.functions_look), None
         self._loads = [i for i in loads_with_functions(mbs) if i not in controls.loads]
         self._copies = Copies()
         self.readings: list[Reading] = []
@@ -155,7 +156,7 @@ class Tangents:
     def _beside(self, mbs: Any, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]) -> Place:
         """The twin in this state, if it shows what the mbs has shown; else the mbs from now on."""
         if not self.readings:
-            self._twin = Twin.of(mbs, self.equations.threads, self.look, t, state, seen)
+            self._twin = Twin.of(mbs, self.equations.threads, self.functions_look, t, state, seen)
         elif self._twin is not None and not self._twin.light.shows(t, state, seen):
             self._twin = None
         return Place(self.equations, mbs) if self._twin is None else self._twin.hollow.at(t, state)

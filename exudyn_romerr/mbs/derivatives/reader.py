@@ -38,9 +38,9 @@ class TangentReader:
     independent constraints, None before the first reading. redundant : number of those that follow from others.
     """
 
-    def __init__(self, mbs: Any, size: int, look: bool):
-        """Look : whether user functions look at the mbs, which Exudyn's Jacobians do not see."""
-        self.size, self._look = size, look
+    def __init__(self, mbs: Any, size: int, functions_look: bool):
+        """Functions_look : whether user functions look at the mbs, which Exudyn's Jacobians do not see."""
+        self.size, self._functions_look = size, functions_look
         increments = {j for rotation in rotations_of(mbs, INCREMENTS) for j in rotation}
         self.differentiable = np.array([j not in increments for j in range(size)])
         self._rotations, self.quaternions = rotations_of(mbs, PARAMETERS), quaternions_of(mbs)
@@ -107,7 +107,7 @@ class TangentReader:
         return Dependences.at(q, np.flatnonzero(self.differentiable), self.rows, self.quaternions, of)
 
     def _jacobians(self, at: Place) -> tuple[np.ndarray, np.ndarray]:
-        if self._look:
+        if self._functions_look:
             return self._differences(at)
         return at.equations.jacobian(at.mbs, 0.0, -1.0, 0), at.equations.jacobian(at.mbs, -1.0, 0.0, 1)
 

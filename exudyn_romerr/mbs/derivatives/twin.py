@@ -32,11 +32,13 @@ class Place(NamedTuple):
     container: Any = None
 
     @classmethod
-    def copied(cls, mbs: Any, threads: int, inertias: tuple[FrameInertia, ...] = (), look: bool = False) -> Place:
-        """Copy an mbs, but for the inertia of some bodies; look : whether its functions look at it."""
+    def copied(
+        cls, mbs: Any, threads: int, inertias: tuple[FrameInertia, ...] = (), functions_look: bool = False
+    ) -> Place:
+        """Copy an mbs, but for the inertia of some bodies; functions_look : see Tangents."""
         container = exu.SystemContainer()
         copy = container.AddSystem()
-        copy_items(mbs, copy, hollow=[one.number for one in inertias], look=look)
+        copy_items(mbs, copy, hollow=[one.number for one in inertias], functions_look=functions_look)
         copy.Assemble()
         return cls(Equations(copy, threads), copy, inertias, container)
 
@@ -96,11 +98,17 @@ class Twin(NamedTuple):
 
     @classmethod
     def of(
-        cls, mbs: Any, threads: int, look: bool, t: float, state: Sequence[np.ndarray], seen: list[np.ndarray]
+        cls,
+        mbs: Any,
+        threads: int,
+        functions_look: bool,
+        t: float,
+        state: Sequence[np.ndarray],
+        seen: list[np.ndarray],
     ) -> Twin | None:
         """Make it of an mbs whose states tell all its coordinates; None: none is needed, or none can be had.
 
-        look : whether its user functions look at the mbs that they are given.
+        functions_look : see Tangents.
         """
         if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
             return None
@@ -108,8 +116,8 @@ class Twin(NamedTuple):
             inertias = tuple(FrameInertia.all_of(mbs))
             if not (inertias or may_be_lighter(mbs)):
                 return None
-            light = Place.copied(mbs, threads, look=look)
-            twin = cls(light, Place.copied(mbs, threads, inertias, look) if inertias else light)
+            light = Place.copied(mbs, threads, functions_look=functions_look)
+            twin = cls(light, Place.copied(mbs, threads, inertias, functions_look) if inertias else light)
         except Exception:  # of Exudyn, for an item that cannot be copied
             return None
         return twin if all(place.shows(t, state, seen) for place in {id(x): x for x in twin}.values()) else None

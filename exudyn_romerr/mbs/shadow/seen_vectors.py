@@ -1,8 +1,7 @@
-"""SeenVectors: what controllers that look at a mechanism make of motions that its modes lack."""
+"""What controllers that look at a mechanism make of motions that its modes lack: derivatives by auxiliary vectors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +10,14 @@ from ..derivatives.reader import CENTRAL
 from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ..derivatives.linearisation import Tangents
+    from ..mechanism.extended_tangents import Seen
     from .shadow_mbs import Parts
 
 
-def seen_vectors(mbs: Any, parts: Parts, tangents: Tangents) -> Callable | None:
+def seen_vectors(mbs: Any, parts: Parts, tangents: Tangents) -> Seen | None:
     """Return what gives parts of D and K by vectors, of a time and a state; None: no controller looks at the mbs.
 
     Raises
@@ -23,7 +25,7 @@ def seen_vectors(mbs: Any, parts: Parts, tangents: Tangents) -> Callable | None:
     RunError
         As Shadow: where functions look at another mbs than the one that they are given, too.
     """
-    return _SeenVectors(mbs, parts, tangents).at if tangents.look else None
+    return _SeenVectors(mbs, parts, tangents).at if tangents.functions_look else None
 
 
 class _SeenVectors:

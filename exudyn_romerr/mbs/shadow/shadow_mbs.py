@@ -56,13 +56,14 @@ class Shadow:
             raise RunError(GONE)
         self._original, self._functions = tangents.equations, user_functions(mbs)
         self._rows = slice(0) if tangents.independent is None else tangents.independent  # None: nothing was read yet
+        self._is_massless = False  # in this mbs, until all are found in closed forms
         if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
             raise RunError(MORE)
         try:
             self._container = exu.SystemContainer()  # goes when nobody holds it, and what is in it
             self._mbs = self._container.AddSystem()
             wider = {b.flex.number: object_terms(b) for b, _ in parts}
-            copy_items(mbs, self._mbs, wider, wider if hollow else (), tangents.look)
+            copy_items(mbs, self._mbs, wider, wider if hollow else (), tangents.functions_look)
             self._mbs.Assemble()
             self._inertias = list(FrameInertia.all_of(self._mbs))
             for one in self._inertias:
