@@ -204,9 +204,10 @@ class LateReadings:
         for interval in [i for i in self._intervals() if i.count >= LONG]:
             motions = interval.last.motions * self._tangents.differentiable[:, None]
             direction = motions @ rng.choice([-1.0, 1.0], motions.shape[1])
-            rows = self._to_try(interval)
-            off = self._missing(rows, motions, direction) if rows else np.zeros(1)
-            self._tried.update(self._t[row] for row, x in zip(rows, off, strict=False) if x <= OFF)
+            if not (rows := self._to_try(interval)):
+                continue
+            off = self._missing(rows, motions, direction)
+            self._tried.update(self._t[row] for row, x in zip(rows, off, strict=True) if x <= OFF)
             if off.max() > OFF:
                 yield rows[off.argmax()]
 

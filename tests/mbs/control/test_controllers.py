@@ -99,7 +99,7 @@ def test_load_that_looks_elsewhere_has_no_coupled_bound(name):
 
 @pytest.mark.parametrize("name", ["spring", "load"])
 def test_part_by_time_steps_is_within_its_half_width(name):
-    """Truth: Richardson's, of 2 and 4 times as many steps, no eigenmodes, whose signs differ from scene to scene."""
+    """Truth: Richardson's, of 2 and 4 times as many steps; measured 0.4 % off."""
     out, runs = found(name).outputs["tip 1"], []
     for finer in (2, 4):
         scene = controlled(name, steps=finer * controlled_arm.STEPS, h=controlled_arm.STEP / finer)
@@ -107,22 +107,24 @@ def test_part_by_time_steps_is_within_its_half_width(name):
         runs.append(scene.mbs.GetSensorStoredData(scene.sensors["tip 1"])[::finer, 1:])
     error = runs[1] + (runs[1] - runs[0]) / 3 - out.value
     left = error - out.estimate_parts["time step"]
-    assert np.abs(left).max() <= 0.05 * np.abs(error).max()
+    assert np.abs(left).max() <= 0.02 * np.abs(error).max()
     noise = tol.MECHANISM_NEWTON * np.abs(out.value).max()
     assert np.all(np.abs(left) <= out.uncertainty + noise)
 
 
-def test_nothing_of_the_run_changes():
-    """Bit for bit, with a controller that is called beside the run."""
+def with_and_without_bounds(make):
+    """What all sensors of a scene show, twice."""
     runs = []
-    for attached in (False, True):
-        scene = controlled("load by a node", 0, steps=20)  # eigenmodes differ in the last bits each time
-        if attached:
-            watched(scene)
-        else:
-            scene.solve()
+    for solve in (watched, lambda scene: scene.solve()):
+        scene = make()
+        solve(scene)
         runs.append([scene.mbs.GetSensorStoredData(number) for number in scene.sensors.values()])
-    np.testing.assert_array_equal(*runs)
+    return runs
+
+
+def test_nothing_of_the_run_changes():
+    """Bit for bit, with a controller that is called beside the run; eigenmodes differ in the last bits each time."""
+    np.testing.assert_array_equal(*with_and_without_bounds(lambda: controlled("load by a node", 0, steps=20)))
 
 
 # --- what is smooth, passive, without memory; and what is not -----------------------
@@ -184,16 +186,13 @@ REFUSED = {  # what is added, words of the reason, whether there are estimates o
 
 def test_memory_of_a_function_from_another_module_is_put_back():
     """The integral is in a function of this module, which that of the spring, of another one, was made with."""
-    runs = []
-    for attached in (False, True):
+
+    def make():
         scene = arm(0, steps=8)
         remembering(scene)
-        if attached:
-            watched(scene)
-        else:
-            scene.solve()
-        runs.append([scene.mbs.GetSensorStoredData(number) for number in scene.sensors.values()])
-    np.testing.assert_array_equal(*runs)
+        return scene
+
+    np.testing.assert_array_equal(*with_and_without_bounds(make))
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -314,7 +313,7 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_springs_by_functions_have_the_bounds_of_springs(kind):
-    """Gains are differences, good to 1e-9, and Exudyn's own Jacobians of functions are, good to 1e-6."""
+    """Measured 5e-14 of a bound; a torsional spring of half the gains makes 2e-4, all others more than 1 %."""
     item, markers, parameters, function = KINDS[kind]
     runs = []
     for by_function in (False, True):
@@ -327,7 +326,7 @@ def test_springs_by_functions_have_the_bounds_of_springs(kind):
     for one, other in zip(*runs, strict=True):
         assert one.scope == other.scope == dict.fromkeys(("energy", "auxiliary"), COUPLED)
         assert not [doubt for doubt in other.uncertified if "gains" in doubt.cause]
-        assert_same_bounds(one, other, rtol=1e-4, share=1e-6)
+        assert_same_bounds(one, other, rtol=1e-9, share=1e-12)
 
 
 # --- PreStep functions --------------------------------------------------------------

@@ -13,22 +13,25 @@ from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
 OURS = {(Mechanism, name) for name in ("begin", "read_tangent", "evaluate")} | {(Run, "report")}
 
 
+def noting(found, module, name, original):
+    """Return original, which notes under a name how many threads it has."""
+
+    def noted(*arguments, **options):
+        found.setdefault(name, set()).update(counts(module))
+        return original(*arguments, **options)
+
+    return noted
+
+
 @pytest.fixture
 def seen(several_threads, monkeypatch):  # noqa: F811
     """Numbers of threads, by who had them."""
     found = {}
-
-    def noting(name, original):
-        def noted(*arguments, **options):
-            found.setdefault(name, set()).update(counts(several_threads))
-            return original(*arguments, **options)
-
-        return noted
-
     for owner, name in OURS:
-        monkeypatch.setattr(owner, name, noting(name, getattr(owner, name)))
-    monkeypatch.setattr(prepare.Problem, "__init__", noting("offline", prepare.Problem.__init__))
-    found["noting"] = noting
+        monkeypatch.setattr(owner, name, noting(found, several_threads, name, getattr(owner, name)))
+    monkeypatch.setattr(
+        prepare.Problem, "__init__", noting(found, several_threads, "offline", prepare.Problem.__init__)
+    )
     return found
 
 
@@ -41,8 +44,8 @@ def solved(hook=None):
     return scene, monitor
 
 
-def test_one_thread_in_all_that_is_ours_and_the_users_own_in_theirs(seen):
-    _, monitor = solved(seen.pop("noting")("PostStep", lambda mbs, t: True))
+def test_one_thread_in_all_that_is_ours_and_the_users_own_in_theirs(seen, several_threads):  # noqa: F811
+    _, monitor = solved(noting(seen, several_threads, "PostStep", lambda mbs, t: True))
     monitor.report()
     assert seen.pop("PostStep") == {THREADS}
     assert seen == {name: {1} for name in ("offline", "begin", "read_tangent", "evaluate", "report")}
