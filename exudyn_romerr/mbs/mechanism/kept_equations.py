@@ -11,7 +11,6 @@ from ...online.run_messages import CHANGED, changed, unseen
 from ...report.scope import Doubt
 from ..access.mbs_items import newton_tolerance
 from ..access.state_guard import state_kept
-from ..control.steady_gains import SteadyGains
 from ..derivatives.linearisation import Tangents
 from ..derivatives.twin import Place
 from ..memory.user_memory import memory_kept
@@ -29,11 +28,11 @@ class KeptEquations:
     One residual a step, in the light copy of the mbs, which is as it was, if it shows what the mbs shows now; and
     what the user's function does to coordinates.
 
-    may_change : whether there is a function that may do so. gains : those of controllers, whatever may change.
+    may_change : whether there is a function that may do so.
     """
 
     def __init__(self, mbs: Any, may_change: bool):
-        self._may_change, self.gains = may_change, SteadyGains(mbs)
+        self._may_change = may_change
         self._functions = user_functions(mbs) if may_change else []
         self._balanced = BALANCED + TOLERANCES * newton_tolerance(mbs, static=False)
         self._until, self._largest = -np.inf, 0.0

@@ -13,6 +13,7 @@ from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
 from ..access.mbs_items import has_dampers, scheme_of, share_of
+from ..control.steady_gains import SteadyGains
 from ..derivatives.linearisation import Tangents
 from ..mechanism.kept_equations import KeptEquations
 from ..mechanism.late_readings import LateReadings
@@ -21,7 +22,7 @@ from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
 from ..shadow.seen_vectors import seen_vectors
 from .feedback_runs import Reaction
-from .run_succession import check_extensions, check_openings, end_with, fall_back, require_vectors
+from .run_succession import check_extensions, check_openings, end_with, fall_back, open_together, require_vectors
 
 if TYPE_CHECKING:
     from .body_monitor import Watch
@@ -55,7 +56,7 @@ class Mechanism:
 
     def begin(self, mbs: Any, may_change: bool) -> None:
         """A solve begins, and the watches have read the mbs; may_change: by a PostStep function, along the run."""
-        self.equations = KeptEquations(mbs, may_change)
+        self.equations, self._gains = KeptEquations(mbs, may_change), SteadyGains(mbs)
         self._coupled = [watch for watch in self._watches if watch.is_coupled]
         self._check_others(self._watches)
         self._first_steps = FirstSteps(scheme_of(mbs), None, has_dampers(mbs))
@@ -85,7 +86,7 @@ class Mechanism:
     def evaluate(self, mbs: Any, *rows: np.ndarray) -> None:
         """Evaluate accepted steps: t (S,) and q, q_t, q_tt, multipliers (S, ...)."""
         self.read_late(mbs, *rows)
-        self.equations.gains.look(self._coupled, mbs, *rows)
+        self._gains.look(self._coupled, mbs, *rows)
         self._at_hand = mbs, rows[-1]
         try:
             self.take(*rows[:-1])
@@ -109,7 +110,7 @@ class Mechanism:
         rows = self._before_failure(rows)
         for watch in self._watches:
             watch.receive(*rows)
-        self._wait_for_all()
+        open_together(self._coupled)
         self._together(self._join_openings)
         for watch in self._watches:
             watch.open()
@@ -136,13 +137,6 @@ class Mechanism:
         good = self.tangents.readings[-1].t if self.tangents.readings else -np.inf
         return tuple(x[rows[0] <= good] for x in rows)
 
-    def _wait_for_all(self) -> None:
-        """Open the runs of all bodies together: solvers without accelerations may hold back some."""
-        opening = [watch for watch in self._coupled if watch.opening is not None]
-        if len(opening) < len(self._coupled) and not any(watch.error for watch in self._coupled):
-            for watch in opening:
-                watch.postpone()
-
     def _prepare(self, mbs: Any) -> None:
         kinds = {(watch.enriched is None, *watch.kind) for watch in self._coupled}
         if len(kinds) > 1:
@@ -154,7 +148,8 @@ class Mechanism:
             self._prepare_reaction(mbs)
 
     def _prepare_reaction(self, mbs: Any) -> None:
-        require_vectors([] if self._coupled else self._watches)
+        if not self._coupled:
+            require_vectors(self._watches)
         if (of_solver := scheme_of(mbs)) is None:
             raise AssumptionError("the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False")
         settings = mbs.sys["simulationSettings"]

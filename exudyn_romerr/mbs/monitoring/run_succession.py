@@ -108,6 +108,14 @@ def require_vectors(watches: Sequence[Any]) -> None:
         raise AssumptionError(f"it needs all bodies, and has no vectors of object {without[0].item}")
 
 
+def open_together(watches: Sequence[Any]) -> None:
+    """Postpone openings until all bodies have one: solvers without accelerations may hold back some."""
+    opening = [watch for watch in watches if watch.opening is not None]
+    if len(opening) < len(watches) and not any(watch.error for watch in watches):
+        for watch in opening:
+            watch.postpone()
+
+
 def end_with(failed: Sequence[Any], watches: Sequence[Any]) -> None:
     """End coupled bounds where watches have failed: they need all bodies."""
     for watch in watches if failed else ():
