@@ -31,15 +31,15 @@ def test_no_mode_has_more_energy(seed):
     bound = CarriedTurn(Scheme.of_radius(1.0), 3.0).advance(np.full(STEPS, H), turned)
     energy = swung(omega, 3.0 * turned / 4 * (-1.0) ** np.arange(STEPS)).max(axis=1)
     assert np.all(energy <= bound)
-    assert energy.max() > 0.07 * bound[-1]  # measured 0.078 to 0.093: changes are summed as if all were in phase
+    assert energy.max() > 0.3 * bound[-1] / 4  # the sum of changes is of the worst case
 
 
-def test_a_constant_turn_attains_half_of_it():
+def test_a_constant_turn_is_nearly_attained():
     omega = np.geomspace(RESOLVED, STIFF, 300) / H
     bound = CarriedTurn(Scheme.of_radius(1.0), 1.0).advance(np.full(STEPS, H), np.full(STEPS, 0.1))
     energy = swung(omega, 0.1 / 4 * (-1.0) ** np.arange(STEPS))
     assert np.all(energy.max(axis=1) <= bound)
-    assert energy.max() > 0.49 * bound[-1]  # |f_1| once at the start, once as the first change: 1/2
+    assert energy.max() > 0.4 * bound[-1]
 
 
 def test_chunks_of_steps_say_the_same():
