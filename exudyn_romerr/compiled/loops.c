@@ -25,6 +25,7 @@ typedef Py_ssize_t Size;
 
 #include "march.h"
 #include "norms.h"
+#include "curves.h"
 #include "oscillators.h"
 #include "products.h"
 #include "recorder.h"
@@ -33,16 +34,25 @@ static int march_anywhere(March *all) { return march(all); }
 static void oscillate_anywhere(const Oscillators *all) { oscillate(all); }
 static void multiply_anywhere(const Products *all) { multiply(all); }
 static void square_anywhere(const Squares *all) { add_all_squares(all); }
+static void draw_anywhere(const Curves *all) { draw(all); }
+static int measure_anywhere(Lengths *all) { return measure(all); }
+static void look_inside_anywhere(const Inside *all) { look_inside(all); }
 static int (*march_here)(March *) = march_anywhere;
 static void (*oscillate_here)(const Oscillators *) = oscillate_anywhere;
 static void (*multiply_here)(const Products *) = multiply_anywhere;
 static void (*square_here)(const Squares *) = square_anywhere;
+static void (*draw_here)(const Curves *) = draw_anywhere;
+static int (*measure_here)(Lengths *) = measure_anywhere;
+static void (*look_inside_here)(const Inside *) = look_inside_anywhere;
 
 #ifdef WIDE
 WIDE static int march_wide(March *all) { return march(all); }
 WIDE static void oscillate_wide(const Oscillators *all) { oscillate(all); }
 WIDE static void multiply_wide(const Products *all) { multiply(all); }
 WIDE static void square_wide(const Squares *all) { add_all_squares(all); }
+WIDE static void draw_wide(const Curves *all) { draw(all); }
+WIDE static int measure_wide(Lengths *all) { return measure(all); }
+WIDE static void look_inside_wide(const Inside *all) { look_inside(all); }
 #endif
 
 /* Buffers that are held until the march has ended. */
@@ -204,10 +214,15 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
     return result;
 }
 
+#include "curve_calls.h"
+
 static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"oscillators", oscillated, METH_VARARGS, OSCILLATORS},
                                 {"rows_times", multiplied, METH_VARARGS, PRODUCTS},
                                 {"squares", squared, METH_VARARGS, SQUARES},
+                                {"curves", curved, METH_VARARGS, CURVES},
+                                {"lengths", measured, METH_VARARGS, LENGTHS},
+                                {"inside", looked_inside, METH_VARARGS, INSIDE},
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
@@ -217,11 +232,12 @@ PyMODINIT_FUNC PyInit__loops(void)
     __builtin_cpu_init();
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
         march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide,
-        square_here = square_wide;
+        square_here = square_wide, draw_here = draw_wide, measure_here = measure_wide,
+        look_inside_here = look_inside_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
-                 PyModule_AddIntConstant(made, "VERSION", 3) < 0)) /* as in loops.py */
+                 PyModule_AddIntConstant(made, "VERSION", 4) < 0)) /* as in loops.py */
         Py_CLEAR(made);
     return made;
 }

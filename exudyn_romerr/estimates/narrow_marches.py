@@ -60,24 +60,26 @@ class NarrowMarches:
 
     def begin(self, force: np.ndarray) -> None:
         """Steps under forces (S, k) follow."""
-        self._force, self._found, self._forces = force, [], []
+        shape = len(self._left_out), len(force)
+        self._force, self._count = force, 0
+        self._found = np.empty((shape[0], 3, *force.shape))
+        self.multipliers = np.empty((*shape, self.multipliers.shape[2]))
 
     def columns(self, steps: Steps) -> Columns:
         """Right-hand sides in the next of the steps."""
-        count = sum(len(found) for found in self._found)
-        force = self._force[count : count + len(steps), :, None]
+        force = self._force[self._count : self._count + len(steps), :, None]
         return Columns(self._moving, force, held=self._held)
 
     def take(self, steps: Steps, found: np.ndarray, multipliers: np.ndarray) -> None:
         """Take states (S, 4, k, marches) and multipliers (S, c, marches) at the samples."""
-        self._found.append(found)
-        self._forces.append(multipliers)
-        self._moving = found[-1]
+        part = slice(self._count, self._count + len(found))
+        self._found[:, :, part] = found[:, :3].transpose(3, 1, 0, 2)
+        self.multipliers[:, part] = multipliers.transpose(2, 0, 1)
+        self._moving, self._count = found[-1].copy(), part.stop
 
     def found(self) -> np.ndarray:
         """Return e, e', e'' of each march at all steps since `begin`, (marches, 3, S, k)."""
-        self.multipliers = np.moveaxis(np.concatenate(self._forces), 2, 0)
-        return np.moveaxis(np.concatenate(self._found)[:, :3], 3, 0).swapaxes(1, 2)
+        return self._found
 
 
 def _part(tangent: Tangent, kept: np.ndarray) -> Tangent:

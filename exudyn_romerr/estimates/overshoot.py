@@ -89,15 +89,18 @@ class CarriedTurn:
     Generalised-alpha goes on with the accelerations a of the step before, in coordinates of which some turn with the
     bodies and some do not: a step feels f_n = (M_n - M_n-1) (a_n - a_n-1) / 4 beside all forces. Where steps do not
     resolve what moves, a changes its sign from step to step, and dies out with the spectral radius. Under f of
-    alternating sign modes of any frequency have, |f| in the M^-1 norm (spectral radius 1; below it, tried),
+    alternating sign modes of any frequency have, |f| in the M^-1 norm,
 
-        |e + K^-1 R|_K , |e'|_M <= h (|f_n| + sum | |f_k| - |f_k-1| |) .
+        |e + K^-1 R|_K , |e'|_M <= h/2 (|f_n| + sum | |f_k| - |f_k-1| |)       (spectral radius 1) ,
 
-    push : |R(0)|_{M^-1} times how many times larger the wrench on a frame may be that goes on.
+    and below radius 1 less than twice as much, which was tried.
+
+    push : |R(0)|_{M^-1} times |dM a|_{M^-1} of accelerations |a|_M = 1, a radian.
     """
 
     def __init__(self, scheme: Scheme, push: float):
         self._sizes, self._push, self._n = _carried(scheme), push, 0
+        self._share = 1.0 if overshoots(scheme) else 0.5
         self._force = self._changes = 0.0
 
     def advance(self, h: np.ndarray, turned: np.ndarray) -> np.ndarray:
@@ -106,7 +109,7 @@ class CarriedTurn:
         forces = self._push * np.broadcast_to(turned, h.shape) / 4 * self._sizes[n]
         changes = self._changes + np.cumsum(np.abs(np.diff(forces, prepend=self._force)))
         self._n, self._force, self._changes = self._n + len(h), float(forces[-1]), float(changes[-1])
-        return h * (forces + changes)
+        return self._share * h * (forces + changes)
 
 
 @cache

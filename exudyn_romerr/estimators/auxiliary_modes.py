@@ -98,7 +98,7 @@ class Auxiliary:
         and what inexact modes feel of the whole error, |K phi - omega^2 M phi|_{K^-1} (|e|_K + beta |e'|_K).
         """
         omega, duration = self.oscillators.omega, block.h.sum()
-        terms = np.abs(self.forcing) @ np.abs(block.c).max(axis=(0, 1))
+        terms = np.abs(self.forcing) @ block.largest()
         added = 8 * EPS * ((len(block.h) + omega * duration) * (eta + eta_t / omega) + duration / omega * terms)
         d_K = smallest(self.rates, g)[0].max()
         static = float(self.growth.norm(block.c[-1, -1])) + (g[0].max() if len(g) else 0.0)  # the variation is in g

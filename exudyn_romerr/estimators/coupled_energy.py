@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from ..residual.problem import Problem
 
-
 # of what auxiliary vectors add, where what linear equations leave out is not measured; it was up to 0.007 right after
 # a static solve, up to 0.002 else, and more where springs are short beside the motion
 LINEARISED = 0.01
@@ -93,7 +92,7 @@ class MechanismEnergy:
         ends = block.norms(self.norm)[:, [0, -1]]
         if not self.beta:
             return np.zeros(len(ends)), 0 * ends
-        middle = self.norm(block.c[:, [0, -1]].mean(axis=1))
+        middle = self.norm((block.c[:, 0] + block.c[:, -1]) / 2)
         return block.h * ((ends**2).sum(axis=1) + 4 * middle**2) / (12 * damping_in_steps(self.beta, block.h)), ends
 
     def start(self, start: Start) -> Bounds:
@@ -112,7 +111,7 @@ class MechanismEnergy:
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        return tuple(x[i : i + 1] for x in self._given)
+        return tuple(x[i : i + 1].copy() for x in self._given)  # kept for long, the block's are not
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
@@ -197,8 +196,8 @@ class CorrectedEnergy(MechanismEnergy):
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
         left = self._added.left
-        left = None if left is None else [tuple(x[i : i + 1] for x in states) for states in left]
-        return super().instant(i), Added(*(x[i : i + 1] for x in self._added[:3]), left=left)
+        left = None if left is None else [tuple(x[i : i + 1].copy() for x in states) for states in left]
+        return super().instant(i), Added(*(x[i : i + 1].copy() for x in self._added[:3]), left=left)
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
@@ -233,12 +232,14 @@ def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -
     known = [energy.roughness(block) for energy, block in zip(energies, blocks, strict=True)]
     others = [x[:, -1:] if energy.beta else x for x, energy in zip(varied, energies, strict=True)]
     work, R = sum(x for x, _ in known), np.sqrt(sum(ends**2 for _, ends in known))
-    g, rough, found = energies[0].g, energies[0].rough, []
-    for more, W, rest, first, last in np.column_stack([_joint(varied), work, _joint(others), R]).tolist():
-        one, other = g + more, hypot(rough, W**0.5) + rest
-        g, rough = min(one, other + last), min(other, one + last)  # either may go on from the other
-        found.append((g, rough, min(one, other + max(first, last))))
-    return tuple(np.array(found).reshape(-1, 3).T)
+    g, rough, peaks = [energies[0].g], [energies[0].rough], []  # not a list a step: many set off garbage collection
+    steps = (x.tolist() for x in (_joint(varied), work, _joint(others), R[:, 1], R.max(axis=1)))
+    for more, W, rest, last, largest in zip(*steps, strict=True):
+        one, other = g[-1] + more, hypot(rough[-1], W**0.5) + rest
+        g.append(min(one, other + last))  # either may go on from the other
+        rough.append(min(other, one + last))
+        peaks.append(min(one, other + largest))
+    return tuple(map(np.array, (g[1:], rough[1:], peaks)))
 
 
 def _joint(columns: list[np.ndarray]) -> np.ndarray:

@@ -132,7 +132,7 @@ class Growth:
             g_jump = np.zeros_like(g)
         smooth = self.smooth
         if smooth is not None:
-            more = inside - block.pieces(self.norm).sum(axis=1)
+            more = inside - block.length(self.norm)
             smooth, last = smooth.advanced(block, self.norm, jumps, more) if smooth.pays(block.h) else (smooth, g[0])
             g, g_jump = np.vstack([g, last]), np.vstack([g_jump, g_jump[0]])
             smooth = smooth if smooth is not self.smooth else Smooth(smooth.bound, float(g[0, -1]))

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from math import comb
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..compiled.loops import loops
 from .blocked_products import combined
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 DEGREE = 5
 NODES = np.arange(DEGREE + 1) / DEGREE  # where a function is interpolated
@@ -58,6 +63,42 @@ def hermite_controls(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarra
     acceleration = [a0, bend - (8 * v1 + 12 * v0) / h + a1 - 2 * a0, -bend + (12 * v1 + 8 * v0) / h + a0 - 2 * a1, a1]
     points = np.stack(position), combined(RAISE[4], velocity), combined(RAISE[3], acceleration)
     return tuple(x.swapaxes(0, 1) for x in points)
+
+
+def hermite_bends(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far control points of hermite_controls, 1 to 4, are from the chords, (4, S, n): of q, and of q'."""
+    v0, v1, a0, a1 = (x[part] for x in (q_t, q_tt) for part in (slice(None, -1), slice(1, None)))
+    h, dq, dv = h[:, None], np.diff(q, axis=0), np.diff(q_t, axis=0)
+    first, last, bend = (h * v0 - dq) / 5, (dq - h * v1) / 5, h**2 / 20
+    position = np.stack([first, 2 * first + bend * a0, 2 * last + bend * a1, last])
+    velocity = [(h * a0 - dv) / 4, 5 * (dq / h - (v0 + v1) / 2) + h * (a1 - a0) / 4, (dv - h * a1) / 4]
+    return position, combined(RAISE[4][1:-1, 1:-1], velocity)
+
+
+def hermite_rows(
+    layout: Callable, rayleigh: tuple[float, float] | None, T: np.ndarray | None, h: np.ndarray, q, q_t, q_tt, u
+) -> np.ndarray:
+    """Return control points (S, 6, .) of layout(q, q', q'', u) between samples, which are as in hermite_controls.
+
+    u : control points (S, 6, p), or samples (S + 1, p) with straight lines between. rayleigh, T : where not None, alpha
+    and beta of z = (q'' + alpha q', q + beta q'), and the layout is (z, u), or T z + u if T (p, 2 n) is not None.
+    First and last control points are the layout of samples, the same in both steps bit for bit.
+    """
+    if loops is None or rayleigh is None:
+        return layout(*hermite_controls(h, q, q_t, q_tt), straight(u[:-1], u[1:]) if u.ndim == 2 else u)
+    rows = np.empty((len(h), DEGREE + 1, u.shape[-1] + (2 * q.shape[1] if T is None else 0)))
+    arrays = [np.ascontiguousarray(x, dtype=float) for x in (h, q, q_t, q_tt, u)]
+    loops.curves(len(h), q.shape[1], u.shape[-1], u.ndim == 2, *rayleigh, *arrays, T, rows)
+    return rows
+
+
+def straight(first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Return control points (S, 6, n) of straight lines between first and last (S, n)."""
+    controls, part = np.empty((len(first), len(NODES), first.shape[1])), np.empty_like(first)
+    for j, share in enumerate(NODES):  # one by one, for they stay in the cache: four times as fast as all at once
+        np.multiply(first, 1 - share, out=controls[:, j])
+        controls[:, j] += np.multiply(last, share, out=part)
+    return controls
 
 
 def subdivided(c: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

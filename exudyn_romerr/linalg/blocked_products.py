@@ -75,6 +75,22 @@ def norms_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     return row_norms(rows_times(rows, matrix))
 
 
+def polygon_lengths(c: np.ndarray, matrix: np.ndarray | None = None, first: int = 0) -> np.ndarray:
+    """Return the sums (S,) of the 2-norms of (c_j+1 - c_j) @ matrix for c (S, d + 1, k), numbers before `first` left out.
+
+    matrix : (k - first, m), None: the identity.
+    """
+    if loops is not None:
+        columns = None if matrix is None else np.ascontiguousarray(matrix.T, dtype=float)
+        S, points, k = c.shape
+        lengths = np.empty(S)
+        sizes = S, points - 1, k, first, 0 if columns is None else len(columns)
+        if loops.lengths(*sizes, np.ascontiguousarray(c, dtype=float), columns, lengths):
+            return lengths
+    pieces = np.diff(c[..., first:], axis=1)
+    return (row_norms(pieces) if matrix is None else norms_times(pieces, matrix)).sum(axis=1)
+
+
 def row_norms(rows: np.ndarray) -> np.ndarray:
     """Return the 2-norms (...) of rows (..., m); scaled first where squares would overflow or vanish."""
     square = np.einsum("...j,...j->...", rows, rows)

@@ -80,7 +80,7 @@ class FirstSteps:
         starts = [shared_energy(run, "reduction").at_start for run in runs]
         starts = list(zip(starts, openings, strict=True))
         if push := float(np.linalg.norm([_push(*start) for start in starts])):
-            self._carried = CarriedTurn(self._scheme, push * (1.0 + max(at.wrench for at, _ in starts)))
+            self._carried = CarriedTurn(self._scheme, push * max(at.turning for at, _ in starts))
         if overshoots(self._scheme):
             self._starts, self._push = starts, push
         return ""

@@ -240,11 +240,11 @@ class Run:
                 self._rest = frame[0] if self._last is None else self._rest
                 z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
             self.balance.measure(rows, z, self.offline.rounding.in_balance(states[0]))
-        self._inputs_given = u[-1:]  # as they are, also where they are packed below
+        self._inputs_given = u[-1:].copy()  # as they are, also where they are packed below
         if self.offline.packing is not None:
             u, cut = self.offline.packing(u)
         return Samples(t, *states, u, frame, cut)
 
     def _record(self, new: Samples, rounded: Rounded, driven: np.ndarray | None = None) -> None:
         self._recorded.append(new, rounded, self._own, new.frame if driven is None else driven)
-        self._last = new.part(slice(-1, None))
+        self._last = Samples(*(x[-1:].copy() for x in vars(new).values()))  # or all of a block are kept

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from ..linalg.blocked_products import by_columns
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
+from ..model.floating_frame import skew
 
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
@@ -97,12 +98,9 @@ class AtStart:
         return np.concatenate([*found, np.zeros(0)])
 
     @cached_property
-    def wrench(self) -> float:
-        """How many times |R|_{M^-1} what the frame's own acceleration moves of the body may be, as a rigid one."""
-        body = self._residual.body
-        Rg = rigid_modes(body.positions)
-        inertia = cholesky(Rg.T @ (body.mass @ Rg), lower=True)
-        return float(np.sqrt(np.linalg.eigvalsh(inertia.T @ self._mass.gram(_frame_rows(body)) @ inertia)[-1]))
+    def turning(self) -> float:
+        """See turned_mass."""
+        return turned_mass(self._residual.body, self._mass)
 
     def coordinates(self, *sample: np.ndarray) -> np.ndarray:
         """Return z (k,) of q, q', q'' (n,) and inputs (p,) as they are."""
@@ -132,6 +130,27 @@ def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
     rows[:, body.space.free] = C
     rows -= (rows @ rigid_modes(body.positions)) @ _frame_rows(body)
     return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
+
+
+def turned_mass(body: ElasticBody, mass: FreeMass) -> float:
+    """|dM a|_{M^-1} over |a|_M at most, by a radian: of M where places are in global axes, the rest in the body's.
+
+    Where it turns by t, an acceleration whose frame has c is another one by S c = (t x c_1, t x c_2 / 2) of places
+    and Euler parameters (rotation vectors: none, they are in the body's axes in Exudyn). With momenta P of the body
+
+        v^T dM a = P(v)^T S c(a) + c(v)^T S^T P(a) ,
+
+    the same to second order in t. Of all three axes, one upon another, which is at least what any axis has.
+    """
+    Rg, none, one = rigid_modes(body.positions), np.zeros((RIGID_MODES, RIGID_MODES)), np.eye(RIGID_MODES)
+    L = cholesky(Rg.T @ (body.mass @ Rg), lower=True)  # momenta times L^-1 have the Gram matrix 1, and no units
+    gram = np.block([[L.T @ mass.gram(_frame_rows(body)) @ L, one], [one, one]])
+    squares = 0.0 * gram
+    for axis in np.eye(3):
+        S = solve_triangular(L, block_diag(skew(axis), skew(axis) / 2).T @ L, lower=True).T
+        form = np.block([[none, S.T], [S, none]])
+        squares += form @ gram @ form
+    return float(np.sqrt(np.linalg.eigvals(gram @ squares).real.max()))
 
 
 def _frame_rows(body: ElasticBody) -> np.ndarray:

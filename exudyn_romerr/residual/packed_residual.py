@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg as la
 
-from ..linalg.blocked_products import row_norms, rows_times
+from ..linalg.bezier import hermite_rows
+from ..linalg.blocked_products import polygon_lengths, row_norms, rows_times
 from ..linalg.orthogonalise import ROUNDED_AWAY, orthonormal, sharpened, take_out
 from .dual_norms import OutputNorms
 from .modal_split import Split
@@ -59,6 +60,10 @@ class PackedCoordinates:
         none = np.zeros((*q.shape[:-1], 0))
         return rows_times(self.plain(q, q_t, q_tt, none), self.T_q.T) + u
 
+    def between(self, h: np.ndarray, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return control points (S, 6, k) of y between samples, see hermite_rows, which tells what u may be."""
+        return hermite_rows(self, self.plain.rayleigh, self.T_q, h, q, q_t, q_tt, u)
+
 
 @dataclass(frozen=True)
 class Packing:
@@ -90,6 +95,12 @@ class ScaledNorm:
         """Norms (...) of y (..., k)."""
         kept = y[..., self.first :]
         return row_norms(kept if self.factor is ONE else kept * self.factor)
+
+    def lengths(self, c: np.ndarray) -> np.ndarray:
+        """Lengths (S,) of polygons with corners y, c (S, d + 1, k)."""
+        if self.factor is not ONE:
+            return self(np.diff(c, axis=1)).sum(axis=1)
+        return polygon_lengths(c, first=self.first)
 
 
 @dataclass(frozen=True)

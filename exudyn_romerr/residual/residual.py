@@ -13,7 +13,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from ..checks import check_array, check_choice
-from ..linalg.blocked_products import norms_times
+from ..linalg.bezier import hermite_rows
+from ..linalg.blocked_products import norms_times, polygon_lengths
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -69,6 +70,10 @@ class Coordinates:
         alpha, beta = self.rayleigh
         return np.concatenate([q_tt + alpha * q_t, q + beta * q_t, u], axis=-1)
 
+    def between(self, h: np.ndarray, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return control points (S, 6, k) of z between samples, see hermite_rows, which tells what u may be."""
+        return hermite_rows(self, self.rayleigh, None, h, q, q_t, q_tt, u)
+
 
 class ResidualMap:
     """R = L z on the free coordinates: L = [M V, K V, -B] (Rayleigh, merged) or [M V, D V, K V, -B].
@@ -122,6 +127,11 @@ class OrthonormalNorm:
         """Norms (...) of z (..., k); trailing entries that are left out count as zero."""
         k = z.shape[-1]
         return norms_times(z, self.T[:k, :k].T)
+
+    def lengths(self, c: np.ndarray) -> np.ndarray:
+        """Lengths (S,) of polygons with corners z, c (S, d + 1, k)."""
+        k = c.shape[-1]
+        return polygon_lengths(c, self.T[:k, :k].T)
 
 
 class DirectNorm:

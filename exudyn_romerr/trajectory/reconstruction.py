@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linalg.bezier import AT_CHECKS, CHECKS, FROM_NODES, NODES, hermite_controls, subdivided
-from ..linalg.blocked_products import row_norms, rows_times
+from ..linalg.bezier import AT_CHECKS, CHECKS, FROM_NODES, NODES, hermite_bends, hermite_controls, straight, subdivided
+from ..linalg.blocked_products import norms_times
 from .samples import by_steps, piece_ends, without_empty
 from .segments import Block
 
@@ -115,7 +115,7 @@ class Quintic:
         every = np.arange(len(s.t))
         if np.diff(s.t).max() * self.omega_1 >= SHORT or len(s.t) == 2:
             return self._through(s, every)
-        inputs = None if self.driven else self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
+        inputs = None if self.driven else self._inputs_of(s)
         best, stride = self._choice(s, every, inputs), 2
         while best.rounds and stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG:
             choice = self._choice(s, np.unique(np.append(every[::stride], every[-1])), inputs)
@@ -131,19 +131,29 @@ class Quintic:
 
     def _through(self, s: Samples, knots: np.ndarray, inputs: tuple | None = None) -> Block:
         """Segments between all samples, of the interpolant through those at the knots."""
-        h = np.diff(s.t)
-        curves = hermite_controls(np.diff(s.t[knots]), s.q[knots], s.q_t[knots], s.q_tt[knots])
+        h, states = np.diff(s.t), (s.q, s.q_t, s.q_tt)
+        if len(knots) == len(s.t) and self.driven is None:
+            u, *missed = inputs or self._inputs_of(s)
+            block = Block(s.t[1:], h, self.layout.between(h, *states, u), *missed)
+            if self.mass_root is not None:
+                bends = hermite_bends(h, *states)
+                block.bent = np.stack([self._sizes(bend).sum(axis=0) / len(NODES) for bend in bends], axis=1)
+                block.moved = np.stack([self._sizes(np.diff(x, axis=0)) for x in states[:2]], axis=1)
+            return block
+        curves = hermite_controls(np.diff(s.t[knots]), *(x[knots] for x in states))
         skipped = None
         if len(knots) < len(s.t):
             curves = [_cut(s.t, knots, c) for c in curves]
             skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
         if self.driven is not None:
             return self._driven(s, curves, skipped)
-        u, missed, variation = inputs or self._inputs(s.t[:-1], h, s.u[:-1], s.u[1:])
-        block = Block(s.t[1:], h, self.layout(*curves, u), missed, variation, skipped)
+        u, *missed = inputs or self._inputs_of(s)
+        u = straight(u[:-1], u[1:]) if u.ndim == 2 else u
+        block = Block(s.t[1:], h, self.layout(*curves, u), *missed, skipped)
         if self.mass_root is not None:
-            pairs = [self._distance(*pair) for pair in zip(curves, (s.q, s.q_t), strict=False)]
-            block.bent, block.moved = np.swapaxes(pairs, 0, 1).swapaxes(1, 2)
+            offs = [c - straight(x[:-1], x[1:]) for c, x in zip(curves, states[:2], strict=False)]
+            block.bent = np.stack([self._sizes(off).mean(axis=1) for off in offs], axis=1)
+            block.moved = np.stack([self._sizes(np.diff(x, axis=0)) for x in states[:2]], axis=1)
         return block
 
     def _driven(self, s: Samples, curves: Sequence[np.ndarray], skipped: np.ndarray | None) -> Block:
@@ -155,11 +165,9 @@ class Quintic:
         self._size = max(self._size, np.abs(found.controls).max(initial=0.0))
         return block
 
-    def _distance(self, curve: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean of |V (curve less the chords of the samples)|_M over each step, and |V chord|_M, each (S,)."""
-        off = curve - _chords(samples[:-1], samples[1:])
-        norms = row_norms(rows_times(off, self.mass_root.T))
-        return norms.mean(axis=1), row_norms(rows_times(np.diff(samples, axis=0), self.mass_root.T))
+    def _sizes(self, x: np.ndarray) -> np.ndarray:
+        """|V x|_M (...) of x (..., n)."""
+        return norms_times(x, self.mass_root.T)
 
     def _size_of(self, block: Block) -> float:
         """Variation of R over a block and the size of the differences at skipped samples, in the measure's norm."""
@@ -191,10 +199,16 @@ class Quintic:
         u, missed, variation = self._inputs(edges[:-1], np.diff(edges), starts, ends)
         return without_empty(edges, self.layout(*pieces, u), self.layout.p, missed, variation)
 
+    def _inputs_of(self, s: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Inputs between samples: those at samples (S + 1, p) where straight lines lead on, else as `_inputs`."""
+        if self.signal is None or not self.layout.p:
+            return s.u, *np.zeros((2, len(s.t) - 1, 0))
+        return self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
+
     def _inputs(self, start, h, first, last) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Control points (S, 6, p) of the inputs' interpolant with given ends; bounds of what it misses."""
         if self.signal is None or not self.layout.p:
-            return _chords(first, last), *np.zeros((2, len(h), 0))
+            return straight(first, last), *np.zeros((2, len(h), 0))
         inner = np.sort(np.concatenate([NODES[1:-1], CHECKS]))
         times = start[:, None] + h[:, None] * inner
         values = self.signal(times.ravel()).reshape(*times.shape, -1)
@@ -204,15 +218,6 @@ class Quintic:
         miss = np.abs(values[:, 0::2] - AT_CHECKS @ controls)
         self._miss, self._size = max(self._miss, miss.max()), max(self._size, np.abs(at_nodes).max())
         return controls, SAFETY * miss.max(axis=1), SAFETY * 2 * miss.sum(axis=1)
-
-
-def _chords(first: np.ndarray, last: np.ndarray) -> np.ndarray:
-    """Control points (S, 6, n) of straight lines."""
-    controls, part = np.empty((len(first), len(NODES), first.shape[1])), np.empty_like(first)
-    for j, share in enumerate(NODES):  # one by one, for they stay in the cache: four times as fast as all at once
-        np.multiply(first, 1 - share, out=controls[:, j])
-        controls[:, j] += np.multiply(last, share, out=part)
-    return controls
 
 
 def _cut(t: np.ndarray, knots: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -133,6 +133,12 @@ class Block:
         size = norm(self.chain)
         return np.stack([size[:-1], size[1:]], axis=1)
 
+    def largest(self) -> np.ndarray:
+        """Largest size (k,) of every entry of the control points."""
+        k, rows = self.c.shape[2], self.c.reshape(len(self.h), -1) if self.chain is None else self.chain
+        # long rows, and no array of sizes: three times as fast
+        return np.maximum(rows.max(axis=0), -rows.min(axis=0)).reshape(-1, k).max(axis=0)
+
     def integral(self, norm: Callable) -> np.ndarray:
         """Upper bounds (S,) of int |R| over each segment: |R| <= sum_j B_j |c_j| and int B_j = h/(d + 1)."""
         return self._once((norm, "integral"), lambda: self._integral(norm))
@@ -145,10 +151,14 @@ class Block:
 
         Inside: the length of the control polygon. before (k,): z at the end of the segment before this block.
         """
-        inside = self.pieces(norm).sum(axis=1)
+        inside = self.length(norm)
         steps = self.c[:, 0] - np.vstack([before, self.c[:-1, -1]])
         jumps = norm(steps) if steps.any() else np.zeros(len(self.h))
         return inside + self.of_inputs(norm, self.unresolved_variation), jumps
+
+    def length(self, norm: Callable) -> np.ndarray:
+        """Lengths (S,) of the control polygon."""
+        return norm.lengths(self.c) if hasattr(norm, "lengths") else self.pieces(norm).sum(axis=1)
 
     def pieces(self, norm: Callable) -> np.ndarray:
         """Lengths (S, d) of the pieces of the control polygon."""

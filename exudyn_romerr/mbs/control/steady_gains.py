@@ -18,9 +18,12 @@ GROWTH = 0.01  # of a stiffness, by time alone: more does work on the error
 ROUGH = 0.25  # of what the gains at both ends of a step move a force by: it may miss the mean of them by less
 ROUNDING = 1e-9  # of the largest force
 CAUSE = "a controller switches, or its gains do work"
-CURE = "let the spring's user function be smooth, within steps too, and passive; or pass scope='inputs frozen'"
+CURE = "let the user function be smooth, within steps too, passive, without memory; or pass scope='inputs frozen'"
 FAILS = "fails beside a motion that it was asked for: {}"
 WORKS = "has negative, or coupled, stiffness or damping, which may do work on the error"
+KEEPS = (
+    "gives another force for the same motion and time than before: it keeps something, and may do work on the error"
+)
 GROWS = "gets stiffer with time, which does work on the error"
 JUMPS = "jumps or bends within a step, as where it saturates: a linearised mechanism does not"
 
@@ -30,6 +33,7 @@ class _Along:
 
     def __init__(self, spring: Spring):
         self.spring, self._last = spring, None
+        self._asked: tuple[float, np.ndarray, np.ndarray] | None = None  # time, motion, force of the last row
         self._grown, self._largest = 0.0, np.zeros(3)
 
     def follow(self, mbs: Any, t: float) -> str:
@@ -41,8 +45,15 @@ class _Along:
         wrong = "" if are_passive(gains) else WORKS
         if self._last is not None and not wrong:
             wrong = self._changes(mbs, t, motion, gains, force)
-        self._last = motion, gains
+        self._last, self._asked = (motion, gains), (t, motion, force)
         return wrong
+
+    def remembers(self, mbs: Any) -> bool:
+        """Whether the force at the row that was looked at last is another one, after further steps of the run."""
+        if self._asked is None:
+            return False
+        t, motion, force = self._asked
+        return not np.array_equal(self.spring.force(mbs, t, motion), force)
 
     def _changes(self, mbs: Any, t: float, motion: np.ndarray, gains: np.ndarray, force: np.ndarray) -> str:
         """What is wrong with how gains and force (k,) have changed since the last row, if something is."""
@@ -71,25 +82,26 @@ class SteadyGains:
             return
         functions = [along.spring.function for along in self._springs]
         with memory_kept(mbs, functions), state_kept(mbs.systemData):
-            found = list(self._found(mbs, zip(t.tolist(), *states, strict=True)))
+            found = list(self._found(mbs, list(zip(t.tolist(), *states, strict=True))))
         gone = {along for along, _ in found}
         self._springs = [along for along in self._springs if along not in gone]
         for (_, doubt), watch in product(found, watches):
             watch.note(doubt)
 
-    def _found(self, mbs: Any, rows: Sequence) -> Iterator[tuple[_Along, Doubt]]:
+    def _found(self, mbs: Any, rows: Sequence[tuple]) -> Iterator[tuple[_Along, Doubt]]:
         seen: set[_Along] = set()
-        for t, *state in rows:
+        for i, (t, *state) in enumerate(rows):
             set_state(mbs.systemData, t, state)
             for along in self._springs:
-                wrong = "" if along in seen else _wrong(along, mbs, t)
+                wrong = "" if along in seen else _wrong(along, mbs, t, first=i == 0)
                 if wrong:
                     seen.add(along)
                     yield along, Doubt(CAUSE, CURE, f"at t = {t:g} s {along.spring.name} {wrong}")
 
 
-def _wrong(along: _Along, mbs: Any, t: float) -> str:
+def _wrong(along: _Along, mbs: Any, t: float, first: bool) -> str:
+    """What is wrong at time t, the first one since steps of the run were made."""
     try:
-        return along.follow(mbs, t)
+        return KEEPS if first and along.remembers(mbs) else along.follow(mbs, t)
     except Exception as error:  # of the user's function
         return FAILS.format(error)

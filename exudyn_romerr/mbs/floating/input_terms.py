@@ -56,15 +56,17 @@ class InputTerms:
 
     def values(self, actions: Actions, t: np.ndarray, motion: FrameMotion, q, q_t) -> np.ndarray:
         """Return u (S, p) of times t (S,) and states q, q_t (S, n), with zeros for the wrenches."""
-        parts = self._inertia(actions, t, motion, q, q_t)
-        for load, turn in zip(actions.loads, self._turns, strict=True):
-            parts.append(load.local(t, motion, None if turn is None else q @ turn.T))
-        return np.hstack([*parts, np.zeros((len(t), self.unknown))])
+        u = np.empty((len(t), self.first_load + 3 * len(self._turns) + self.unknown))
+        if self.weighs:
+            self._inertia(actions.gravity_at(t), motion, q, q_t, u[:, : self.first_load])
+        for i, (load, turn) in enumerate(zip(actions.loads, self._turns, strict=True)):
+            first = self.first_load + 3 * i
+            u[:, first : first + 3] = load.local(t, motion, None if turn is None else q @ turn.T)
+        u[:, u.shape[1] - self.unknown :] = 0.0
+        return u
 
-    def _inertia(self, actions: Actions, t, motion: FrameMotion, q, q_t) -> list[np.ndarray]:
-        if not self.weighs:
-            return []
-        gravity = actions.gravity_at(t)
+    def _inertia(self, gravity: np.ndarray, motion: FrameMotion, q, q_t, out: np.ndarray) -> None:
         if self.at_rest:
-            return [motion.local(-gravity)]
-        return [inertia_coordinates(motion.local(motion.r_tt - gravity), motion, q, q_t)]
+            out[:] = motion.local(-gravity)
+        else:
+            inertia_coordinates(motion.local(motion.r_tt - gravity), motion, q, q_t, out)

@@ -107,7 +107,7 @@ class Reaction:
             self._passes.start(tangent, first, self._feedback.state, start[-1] is not None)
             self._remainder.open(mbs, tangent, first, (self._feedback.state + self._passes.state)[:, None])
         e = (self._feedback.state + self._passes.state + self._drift.state + self._remainder.state)[:, None]
-        runs, openings = [], []
+        runs, openings, lacks = [], [], self._remainder.lacks
         for i, (watch, (body, own)) in enumerate(zip(self._watches, self.parts, strict=True)):
             rest = watch.opening.rest
             after = watch.opening.before.companion if goes_on else None
@@ -118,7 +118,7 @@ class Reaction:
             sample = (None if x is None else x[0] for x in body.sampler(first[0], *states))
             opening = runs[-1].opening(first[0][0], *sample, after=after, rest=rest)
             if rest is not None:
-                opening = opening._replace(start=replace(opening.start, added=self._added(i, e, np.zeros(1))))
+                opening = opening._replace(start=replace(opening.start, added=self._added(i, lacks, e, np.zeros(1))))
             openings.append(opening)
         self._say(list(filter(None, [self._first_steps.open(runs, openings) if runs else ""])))
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
@@ -135,7 +135,7 @@ class Reaction:
         for one in self._sensors:
             one.open([watch.run for watch in self._watches], goes_on)
         self._feedback.multipliers = self._feedback.multipliers[-1:]
-        self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None])
+        self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None], lacks)
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
         self._say(self._step_errors.notes)
@@ -156,7 +156,7 @@ class Reaction:
         steps.finish()
         self._say(steps.notes)
         self._say(self._remainder.notes)
-        runs, extensions = [watch.run.companion for watch in self._watches], []
+        runs, extensions, lacks = [watch.run.companion for watch in self._watches], [], self._remainder.lacks
         self._fixed.check(self._tangents.readings, runs)
         for i, (watch, run, (body, own)) in enumerate(zip(self._watches, runs, self.parts, strict=True)):
             sample = body.sampler(rows[0], *body.moved(own, rows[1:], e))
@@ -164,7 +164,7 @@ class Reaction:
             veer = Veer.between(u[:, :3], e[2][:, body.columns[:3]], frame, sample[-1])
             beside = self._passes.residuals.size_beside(i, self._passes.beside)
             for block, _ in extension.segments.values():
-                block.added = self._added(i, e, speed)._replace(veer=veer, beside=beside)
+                block.added = self._added(i, lacks, e, speed)._replace(veer=veer, beside=beside)
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
@@ -174,7 +174,7 @@ class Reaction:
         for run, extension in zip(runs, extensions, strict=True):
             run.advance(extension)
         self.extended.forget()
-        self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found())
+        self._take_errors(mbs, (*rows, multipliers), e, self._narrow.found(), lacks)
 
     def _energy_at_rest(self, openings: Sequence[Opening]) -> float | None:
         """|R|_{K^-1} of all bodies in the equilibrium that the full ones start in; None: they start without error."""
@@ -202,9 +202,9 @@ class Reaction:
             watch.run.estimate.left.append(rows)
         self._say([NO_POSITIONS.format(self._positions.failure)] if self._positions.failure else [])
 
-    def _take_errors(self, mbs: Any, rows: Sequence[np.ndarray], e: np.ndarray, narrow: np.ndarray) -> None:
+    def _take_errors(self, mbs: Any, rows: Sequence, e: np.ndarray, narrow: np.ndarray, lacks: list | None) -> None:
         """Let estimates of outputs have what vectors predict, all and fewer, and what time steps make wrong."""
-        (t, *states, _), missed, lacks = rows, self._remainder.found, self._remainder.lacks
+        (t, *states, _), missed = rows, self._remainder.found
         narrow = narrow + np.where(np.reshape(self._left_out(), (-1, 1, 1, self.size)), 0.0, self._passes.added)
         narrow, step = narrow + self._drift.added + (0.0 if missed is None else missed.added), self.time_step
         for i, (watch, outputs) in enumerate(zip(self._watches, self._estimates, strict=True)):
@@ -242,9 +242,9 @@ class Reaction:
         samples = [(x.first.q, *np.zeros((2, *x.first.q.shape)), x.rest[None]) for x in openings]
         return self._forces(samples, 1)[0]
 
-    def _added(self, i: int, e: np.ndarray, speed: np.ndarray) -> Added:
+    def _added(self, i: int, lacks: list[np.ndarray] | None, e: np.ndarray, speed: np.ndarray) -> Added:
         """What is added to body i, and what that may lack."""
-        lacks, (body, own) = self._remainder.lacks, self.parts[i]
+        body, own = self.parts[i]
         columns = consecutive(np.r_[body.modal, own])
         of_all, *left = (tuple(x[:, columns] for x in of[:2]) for of in (e, *(lacks or ())))
         return Added(*of_all, speed, left=None if lacks is None else left)

@@ -232,7 +232,8 @@ class Remainder:
 
     def found(self) -> Measured | None:
         """Return what was found since `begin`; None: it did not follow."""
-        return joined(self._found) if self._found else None
+        found, self._found = self._found, []  # memory for the next block
+        return joined(found) if found else None
 
 
 def march_together(steps: Steps, work: dict[Remainder, Columns]) -> None:

@@ -243,6 +243,34 @@ def test_gains_that_do_not_stay_what_they_are_are_not_certified(case):
     assert words in doubt.said
 
 
+def held(every):
+    """A PD controller that is sampled: its torque stays what it was until so many seconds are over."""
+    kept = {"t": 0.0, "torque": 0.0}
+
+    def control(t, angle, rate):
+        if t - kept["t"] >= 0.99 * every:  # not a moment after the start, when it is tried
+            kept.update(t=t, torque=pd(2e3, 20.0)(t, angle, rate))
+        return kept["torque"]
+
+    return control
+
+
+def test_memory_that_shows_during_the_run_only_is_not_certified():
+    """No tangent is read where energy alone is asked for, so no residual tells that the torque is held."""
+    runs = []
+    for options in (None, {"estimators": "energy"}):
+        scene = arm(0, steps=8)
+        add_spring(scene, held(controlled_arm.STEP))
+        if options:
+            (doubt,) = watched(scene, **options).uncertified
+            assert "motor" in doubt.said
+            assert "keeps something" in doubt.said
+        else:
+            scene.solve()
+        runs.append([scene.mbs.GetSensorStoredData(number) for number in scene.sensors.values()])
+    np.testing.assert_array_equal(*runs)
+
+
 def test_bounds_by_energy_alone_say_so_too():
     scene = arm(steps=40)
     control, words = ALONG["saturates"]

@@ -1,0 +1,101 @@
+/* What calls the loops in curves.h. */
+
+#define CURVES                                                                                                       \
+    "curves(S, n, k, p, straight, alpha, beta, h, q, q_t, q_tt, u, T, y)\n\nWrite y (S, 6, k + p), or (S, 6, p) with " \
+    "T (p, k): control points between samples q, q_t, q_tt (S + 1,\nn), h (S,) apart, k = 2 n. hermite_rows tells the " \
+    "rest. u: (S + 1, p) if straight, else (S, 6, p)."
+
+static PyObject *curved(PyObject *self, PyObject *arguments)
+{
+    Curves all = {0};
+    PyObject *given[7], *result = NULL;
+    int straight;
+    if (!PyArg_ParseTuple(arguments, "nnniddOOOOOOO", &all.S, &all.n, &all.p, &straight, &all.alpha, &all.beta, given,
+                          given + 1, given + 2, given + 3, given + 4, given + 5, given + 6))
+        return NULL;
+    Py_buffer views[7];
+    Held held = {views, 0};
+    const Size S = all.S, n = all.n, p = all.p, size = sizeof(double), samples = (S + 1) * n;
+    const Size row = given[5] == Py_None ? 2 * n + p : p;
+    all.straight = straight;
+    const Size rows = STEPS * POINTS, of_z = rows * 2 * n;
+    if (!(all.z = PyMem_Calloc(of_z + rows * p + row + 1, size))) {
+        PyErr_NoMemory();
+    } else if ((all.h = numbers(given[0], &held, S, size, 0)) && (all.q = numbers(given[1], &held, samples, size, 0)) &&
+               (all.q_t = numbers(given[2], &held, samples, size, 0)) &&
+               (all.q_tt = numbers(given[3], &held, samples, size, 0)) &&
+               (all.u = numbers(given[4], &held, (straight ? S + 1 : S * POINTS) * p, size, 0)) &&
+               (given[5] == Py_None || (all.T = numbers(given[5], &held, p * 2 * n, size, 0))) &&
+               (all.y = numbers(given[6], &held, S * POINTS * row, size, PyBUF_WRITABLE))) {
+        all.product = all.z + of_z, all.last = all.product + rows * p;
+        draw_here(&all);
+        result = Py_NewRef(Py_None);
+    }
+    while (held.count) PyBuffer_Release(views + --held.count);
+    PyMem_Free(all.z);
+    return result;
+}
+
+#define LENGTHS                                                                                                   \
+    "lengths(S, d, k, first, m, c, columns, y)\n\nWrite y (S,), lengths of polygons c (S, d + 1, k), of their numbers from " \
+    "`first` on, as columns (m, k - first) of a\nmatrix make them, None: as they are. Return whether no square lost " \
+    "digits."
+
+static PyObject *measured(PyObject *self, PyObject *arguments)
+{
+    Lengths all = {0};
+    Size m;
+    const double *columns = NULL;
+    PyObject *given[3], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnnnOOO", &all.S, &all.d, &all.k, &all.first, &m, given, given + 1, given + 2))
+        return NULL;
+    Py_buffer views[3];
+    Held held = {views, 0};
+    Squares *squares = &all.squares;
+    const Size size = sizeof(double), rows = STEPS * all.d, left = squares->k = all.k - all.first;
+    squares->blocks = (m + WIDTH * LANES - 1) / (WIDTH * LANES);
+    double *work = PyMem_Calloc(rows * (left + 1) + squares->blocks * left * WIDTH * LANES + 1, size);
+    squares->begins = PyMem_Calloc(squares->blocks + 1, sizeof(Size));
+    if (!work || !squares->begins) {
+        PyErr_NoMemory();
+    } else if ((all.c = numbers(given[0], &held, all.S * (all.d + 1) * all.k, size, 0)) &&
+               (given[1] == Py_None || (columns = numbers(given[1], &held, m * left, size, 0))) &&
+               (all.y = numbers(given[2], &held, all.S, size, PyBUF_WRITABLE))) {
+        squares->rows = all.rows = work, squares->y = work + rows * left;
+        squares->columns = columns ? squares->y + rows : NULL;
+        if (columns) arrange(squares, m, columns);
+        result = PyBool_FromLong(measure_here(&all));
+    }
+    while (held.count) PyBuffer_Release(views + --held.count);
+    PyMem_Free(work), PyMem_Free(squares->begins);
+    return result;
+}
+
+#define INSIDE                                                                                                       \
+    "inside(S, points, m, omega, h, before, F, y)\n\nWrite y (S, 2, m) of ModalOscillators.inside, which tells the " \
+    "rest: omega (m,), h (S,), states before (S, 2, m), F (S, points, m)."
+
+static PyObject *looked_inside(PyObject *self, PyObject *arguments)
+{
+    Inside all = {0};
+    PyObject *given[5], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnOOOOO", &all.S, &all.points, &all.m, given, given + 1, given + 2, given + 3,
+                          given + 4))
+        return NULL;
+    Py_buffer views[5];
+    Held held = {views, 0};
+    const Size S = all.S, m = all.m, size = sizeof(double);
+    if (!(all.largest = PyMem_Calloc(3 * m + 1, size))) {
+        PyErr_NoMemory();
+    } else if ((all.omega = numbers(given[0], &held, m, size, 0)) && (all.h = numbers(given[1], &held, S, size, 0)) &&
+               (all.before = numbers(given[2], &held, S * 2 * m, size, 0)) &&
+               (all.F = numbers(given[3], &held, S * all.points * m, size, 0)) &&
+               (all.y = numbers(given[4], &held, S * 2 * m, size, PyBUF_WRITABLE))) {
+        all.varied = all.largest + m, all.mean = all.varied + m;
+        look_inside_here(&all);
+        result = Py_NewRef(Py_None);
+    }
+    while (held.count) PyBuffer_Release(views + --held.count);
+    PyMem_Free(all.largest);
+    return result;
+}
