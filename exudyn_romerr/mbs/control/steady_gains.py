@@ -29,11 +29,11 @@ JUMPS = "jumps or bends within a step, as where it saturates: a linearised mecha
 
 
 class _Along:
-    """One spring along the run: motion (2, k) and gains (2, k, k) at the last row, largest gains and force so far."""
+    """One spring along the run: time, motion (2, k), gains (2, k, k), force (k,) at the last row; the largest so far."""
 
     def __init__(self, spring: Spring):
-        self.spring, self._last = spring, None
-        self._asked: tuple[float, np.ndarray, np.ndarray] | None = None  # time, motion, force of the last row
+        self.spring = spring
+        self._last: tuple[float, np.ndarray, np.ndarray, np.ndarray] | None = None
         self._grown, self._largest = 0.0, np.zeros(3)
 
     def follow(self, mbs: Any, t: float) -> str:
@@ -45,19 +45,19 @@ class _Along:
         wrong = "" if are_passive(gains) else WORKS
         if self._last is not None and not wrong:
             wrong = self._changes(mbs, t, motion, gains, force)
-        self._last, self._asked = (motion, gains), (t, motion, force)
+        self._last = t, motion, gains, force
         return wrong
 
     def remembers(self, mbs: Any) -> bool:
         """Whether the force at the row that was looked at last is another one, after further steps of the run."""
-        if self._asked is None:
+        if self._last is None:
             return False
-        t, motion, force = self._asked
+        t, motion, _, force = self._last
         return not np.array_equal(self.spring.force(mbs, t, motion), force)
 
     def _changes(self, mbs: Any, t: float, motion: np.ndarray, gains: np.ndarray, force: np.ndarray) -> str:
         """What is wrong with how gains and force (k,) have changed since the last row, if something is."""
-        before, gains_before = self._last
+        _, before, gains_before, _ = self._last
         later = self.spring.gains(mbs, t, before)
         rise = later[0] - gains_before[0]
         self._grown += max(np.linalg.eigvalsh((rise + rise.T) / 2)[-1], 0.0)
