@@ -3,6 +3,9 @@
 from setuptools import Extension, setup
 
 C = "exudyn_romerr/compiled/"
-HEADERS = [C + name for name in ("curve_calls.h", "curves.h", "march.h", "norms.h", "oscillators.h", "products.h", "recorder.h")]
+HEADERS = [
+    C + name
+    for name in ("curve_calls.h", "curves.h", "march.h", "norms.h", "oscillators.h", "products.h", "recorder.h")
+]
 
 setup(ext_modules=[Extension("exudyn_romerr.compiled._loops", [C + "loops.c"], depends=HEADERS, optional=True)])

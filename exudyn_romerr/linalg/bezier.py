@@ -80,7 +80,7 @@ def hermite_rows(
 ) -> np.ndarray:
     """Return control points (S, 6, .) of layout(q, q', q'', u) between samples, which are as in hermite_controls.
 
-    u : control points (S, 6, p), or samples (S + 1, p) with straight lines between. rayleigh, T : where not None, alpha
+    u : control points (S, 6, p), or samples (S + 1, p) with straight lines between. rayleigh, T : if not None, alpha
     and beta of z = (q'' + alpha q', q + beta q'), and the layout is (z, u), or T z + u if T (p, 2 n) is not None.
     First and last control points are the layout of samples, the same in both steps bit for bit.
     """

@@ -76,7 +76,7 @@ def norms_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 
 def polygon_lengths(c: np.ndarray, matrix: np.ndarray | None = None, first: int = 0) -> np.ndarray:
-    """Return the sums (S,) of the 2-norms of (c_j+1 - c_j) @ matrix for c (S, d + 1, k), numbers before `first` left out.
+    """Return sums (S,) of the 2-norms of (c_j+1 - c_j) @ matrix for c (S, d + 1, k), numbers before `first` left out.
 
     matrix : (k - first, m), None: the identity.
     """

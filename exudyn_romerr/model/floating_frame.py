@@ -206,11 +206,10 @@ def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -
     return sp.hstack([translations(mass), _unit_products(mass @ x), _unit_products(mass @ V)], format="csc")
 
 
-def inertia_coordinates(b: np.ndarray, motion: FrameMotion, q: np.ndarray, q_t: np.ndarray, out=None) -> np.ndarray:
-    """Return b, S_ij, S_ij q_k + 2 w~_ij q'_k at every sample, (S, 12 + 9 n); b (S, 3), q and q_t (S, n).
-
-    out : where to put it, for rows are long.
-    """
+def inertia_coordinates(
+    b: np.ndarray, motion: FrameMotion, q: np.ndarray, q_t: np.ndarray, out: np.ndarray | None = None
+) -> np.ndarray:
+    """Return b, S_ij, S_ij q_k + 2 w~_ij q'_k at every sample, (S, 12 + 9 n), in `out`; b (S, 3), q, q_t (S, n)."""
     S, w, n = motion.S.reshape(-1, 9), 2 * skew(motion.w).reshape(-1, 9), q.shape[1]
     out = np.empty((len(q), RIGID_INERTIA + 9 * n)) if out is None else out
     out[:, :3], out[:, 3:RIGID_INERTIA] = b, S

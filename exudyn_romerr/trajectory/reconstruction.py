@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linalg.bezier import AT_CHECKS, CHECKS, FROM_NODES, NODES, hermite_bends, hermite_controls, straight, subdivided
+from ..linalg.bezier import (
+    AT_CHECKS,
+    CHECKS,
+    FROM_NODES,
+    NODES,
+    hermite_bends,
+    hermite_controls,
+    straight,
+    subdivided,
+)
 from ..linalg.blocked_products import norms_times
 from .samples import by_steps, piece_ends, without_empty
 from .segments import Block

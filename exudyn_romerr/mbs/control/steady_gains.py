@@ -29,7 +29,7 @@ JUMPS = "jumps or bends within a step, as where it saturates: a linearised mecha
 
 
 class _Along:
-    """One spring along the run: time, motion (2, k), gains (2, k, k), force (k,) at the last row; the largest so far."""
+    """A spring along the run: time, motion (2, k), gains (2, k, k), force (k,) of the last row; largest so far."""
 
     def __init__(self, spring: Spring):
         self.spring = spring
