@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
+from weakref import proxy  # a mechanism that keeps itself waits for garbage collection, with all that it holds
 
 import numpy as np
 
@@ -155,7 +156,7 @@ class Mechanism:
         settings = mbs.sys["simulationSettings"]
         self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
-        make = partial(self._reaction_of, TRAPEZOIDAL if holds_rates else of_solver, holds_rates)
+        make = partial(Mechanism._reaction_of, proxy(self), TRAPEZOIDAL if holds_rates else of_solver, holds_rates)
         self._reaction = make(mbs, self._sensors)
         self._reaction.extended.seen = seen_vectors(mbs, self._reaction.parts, self.tangents)
         self._more = MoreVectors(self._coupled, self.tangents, make, self._sensors)
@@ -233,8 +234,7 @@ class Mechanism:
             self._end_estimates(error)
 
     def _end_estimates(self, error: Exception) -> None:
-        self.tangents = self._reaction = self._failure = None
-        self._ended = error
+        self.tangents, self._reaction, self._failure, self._ended = None, None, None, error
 
     def _fail(self, error: Exception | None) -> None:
         for watch in self._coupled if error is not None else ():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,13 +48,13 @@ class MeasuredRemainder:
         self._tangents, self._parts, self._size, self._step_errors = tangents, parts, size, step_errors
         self._drift, self._predicted = drift, np.zeros(1)
         self._most = np.zeros((2, len(parts) + 1))  # sizes so far of what is predicted, and of the motion
-        self._roots, self._of_body = _mass_roots(parts, size)
+        sizes = partial(_sizes, tangents, *_mass_roots(parts, size))
         self._shadow: Shadow | None = None
         self._mbs, self._is_compared = None, True  # while rows are evaluated: the mbs, whether it is as it was
         self._of_vectors, self._of_steps = (
-            Remainder(size, len(parts) + 1, self._sizes, at_once) for at_once in (False, True)
+            Remainder(size, len(parts) + 1, sizes, at_once) for at_once in (False, True)
         )
-        self._jumps, self._failure = Jumps(size, self._sizes), ""
+        self._jumps, self._failure = Jumps(size, sizes), ""
         self.found: Measured | None = None
         self.notes: list[str] = []
 
@@ -217,11 +218,12 @@ class MeasuredRemainder:
         t, *states = rows
         return [t, *(np.hstack([x, np.zeros((len(t), self._size - x.shape[1]))]) for x in states)]
 
-    def _sizes(self, x: np.ndarray) -> np.ndarray:
-        """Sizes (S, bodies + 1) of changes (3, S, k): of deformations in the mass norm, of all motion about so."""
-        masses = self._tangents.readings[-1].masses
-        of_bodies = rows_times(rows_times(x[0], self._roots) ** 2, self._of_body)
-        return np.sqrt(np.column_stack([of_bodies, rows_times(x[0][:, : len(masses)] ** 2, masses[:, None])]))
+
+def _sizes(tangents: Tangents, roots: np.ndarray, of_body: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Sizes (S, bodies + 1) of changes (3, S, k): of deformations in the mass norm, of all motion about so."""
+    masses = tangents.readings[-1].masses
+    of_bodies = rows_times(rows_times(x[0], roots) ** 2, of_body)
+    return np.sqrt(np.column_stack([of_bodies, rows_times(x[0][:, : len(masses)] ** 2, masses[:, None])]))
 
 
 def _mass_roots(parts: Parts, size: int) -> tuple[np.ndarray, np.ndarray]:

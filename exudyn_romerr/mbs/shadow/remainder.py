@@ -152,8 +152,7 @@ class Remainder:
         """Look at these steps; return what drives r there."""
         self._looks.at(self._wanted)
         if self._early.any():
-            largest = np.maximum(self._largest[1], self.beside[0].max(axis=0))
-            self._looks.confirm(self._early, SLIGHT * largest)
+            self._looks.confirm(self._early, SLIGHT * np.maximum(self._largest[1], self.beside[0].max(axis=0)))
         if self._paid:
             self._look_closely()
         return self._columns()
@@ -232,8 +231,9 @@ class Remainder:
 
     def found(self) -> Measured | None:
         """Return what was found since `begin`; None: it did not follow."""
-        found, self._found = self._found, []  # memory for the next block
-        return joined(found) if found else None
+        found = joined(self._found) if self._found else None
+        self._rows = self._residuals = self._looks = self._found = None  # memory for the next block, and no cycles
+        return found
 
 
 def march_together(steps: Steps, work: dict[Remainder, Columns]) -> None:

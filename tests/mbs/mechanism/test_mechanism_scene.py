@@ -192,3 +192,19 @@ def test_mbs_is_freed_when_dropped():
     gc.collect()
     assert mbs() is None
     assert len(runs[0].report().t) == 11
+
+
+def test_what_a_solve_has_made_goes_with_the_next_but_one():
+    """With the shadow mbs and arrays of blocks, and before garbage is collected; the next solve goes on from it."""
+    scene = pendulum()
+    watch(scene)
+    hook = scene.mbs.GetPostStepUserFunction()["function"].hook
+    gc.disable()
+    try:
+        solve(scene)
+        first = weakref.ref(hook._mechanism._reaction), weakref.ref(hook._mechanism._reaction._remainder._shadow)
+        for _ in range(2):
+            solve(scene)
+        assert [one() for one in first] == [None, None]
+    finally:
+        gc.enable()

@@ -39,11 +39,11 @@ class Watched:
         )
         take = Reaction._take_errors
 
-        def kept(reaction, mbs, rows, e, narrow):
+        def kept(reaction, mbs, rows, e, *others):
             self.reaction = reaction
             self.blocks.append((e, reaction._remainder.found))
             self.rows.append([x.copy() for x in rows[1:4]])
-            take(reaction, mbs, rows, e, narrow)
+            take(reaction, mbs, rows, e, *others)
 
         with mock.patch.object(Reaction, "_take_errors", kept):
             solve(scene)
