@@ -3,9 +3,7 @@
 from setuptools import Extension, setup
 
 C = "exudyn_romerr/compiled/"
-HEADERS = [
-    C + name
-    for name in ("curve_calls.h", "curves.h", "march.h", "norms.h", "oscillators.h", "products.h", "recorder.h")
-]
+NAMES = ("curve_calls", "curves", "march", "norms", "oscillators", "products", "recorder")
+HEADERS = [f"{C}{name}.h" for name in NAMES]
 
 setup(ext_modules=[Extension("exudyn_romerr.compiled._loops", [C + "loops.c"], depends=HEADERS, optional=True)])

@@ -1,33 +1,32 @@
 /* What calls the loops in curves.h. */
 
-#define CURVES                                                                                                       \
-    "curves(S, n, k, p, straight, alpha, beta, h, q, q_t, q_tt, u, T, y)\n\nWrite y (S, 6, k + p), or (S, 6, p) with " \
-    "T (p, k): control points between samples q, q_t, q_tt (S + 1,\nn), h (S,) apart, k = 2 n. hermite_rows tells the " \
-    "rest. u: (S + 1, p) if straight, else (S, 6, p)."
+#define CURVES                                                                                                         \
+    "curves(S, n, p, alpha, beta, h, q, q_t, q_tt, u, controls, T, ends, y)\n\nWrite y (S, 6, row), row = 2 n + p or, "  \
+    "with T (p, 2 n), p: control points between samples q, q_t, q_tt\n(S + 1, n), u (S + 1, p), ends (S + 1, row), h (S,) " \
+    "apart. controls (S, 6, p): of u, None: straight lines.\nhermite_rows tells the rest."
 
 static PyObject *curved(PyObject *self, PyObject *arguments)
 {
     Curves all = {0};
-    PyObject *given[7], *result = NULL;
-    int straight;
-    if (!PyArg_ParseTuple(arguments, "nnniddOOOOOOO", &all.S, &all.n, &all.p, &straight, &all.alpha, &all.beta, given,
-                          given + 1, given + 2, given + 3, given + 4, given + 5, given + 6))
+    PyObject *given[9], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnddOOOOOOOOO", &all.S, &all.n, &all.p, &all.alpha, &all.beta, given, given + 1,
+                          given + 2, given + 3, given + 4, given + 5, given + 6, given + 7, given + 8))
         return NULL;
-    Py_buffer views[7];
+    Py_buffer views[9];
     Held held = {views, 0};
     const Size S = all.S, n = all.n, p = all.p, size = sizeof(double), samples = (S + 1) * n;
-    const Size row = given[5] == Py_None ? 2 * n + p : p;
-    all.straight = straight;
-    const Size rows = STEPS * POINTS, of_z = rows * 2 * n;
-    if (!(all.z = PyMem_Calloc(of_z + rows * p + row + 1, size))) {
+    const Size row = all.row = given[6] == Py_None ? 2 * n + p : p;
+    if (!(all.z = PyMem_Calloc(POINTS * (2 * n + p) + 1, size))) {
         PyErr_NoMemory();
     } else if ((all.h = numbers(given[0], &held, S, size, 0)) && (all.q = numbers(given[1], &held, samples, size, 0)) &&
                (all.q_t = numbers(given[2], &held, samples, size, 0)) &&
                (all.q_tt = numbers(given[3], &held, samples, size, 0)) &&
-               (all.u = numbers(given[4], &held, (straight ? S + 1 : S * POINTS) * p, size, 0)) &&
-               (given[5] == Py_None || (all.T = numbers(given[5], &held, p * 2 * n, size, 0))) &&
-               (all.y = numbers(given[6], &held, S * POINTS * row, size, PyBUF_WRITABLE))) {
-        all.product = all.z + of_z, all.last = all.product + rows * p;
+               (all.u = numbers(given[4], &held, (S + 1) * p, size, 0)) &&
+               (given[5] == Py_None || (all.controls = numbers(given[5], &held, S * POINTS * p, size, 0))) &&
+               (given[6] == Py_None || (all.T = numbers(given[6], &held, p * 2 * n, size, 0))) &&
+               (all.ends = numbers(given[7], &held, (S + 1) * row, size, 0)) &&
+               (all.y = numbers(given[8], &held, S * POINTS * row, size, PyBUF_WRITABLE))) {
+        all.product = all.z + POINTS * 2 * n;
         draw_here(&all);
         result = Py_NewRef(Py_None);
     }
@@ -49,6 +48,8 @@ static PyObject *measured(PyObject *self, PyObject *arguments)
     PyObject *given[3], *result = NULL;
     if (!PyArg_ParseTuple(arguments, "nnnnnOOO", &all.S, &all.d, &all.k, &all.first, &m, given, given + 1, given + 2))
         return NULL;
+    if (all.S < 0 || all.d < 0 || m < 0 || all.first < 0 || all.first > all.k)
+        return PyErr_Format(PyExc_ValueError, "sizes are negative, or `first` is larger than k");
     Py_buffer views[3];
     Held held = {views, 0};
     Squares *squares = &all.squares;

@@ -6,69 +6,57 @@
 
 /* What the text of curves() in loops.c says. */
 typedef struct {
-    Size S, n, p, straight;
+    Size S, n, p, row;
     double alpha, beta;
-    const double *h, *q, *q_t, *q_tt, *u, *T;
+    const double *h, *q, *q_t, *q_tt, *u, *controls, *T, *ends;
     double *y;
-    double *z, *product, *last; /* (STEPS POINTS, 2 n), (STEPS POINTS, k), and of these the row of a sample */
+    double *z, *product; /* of the inner control points of a step: (4, 2 n) and (4, p) */
 } Curves;
 
-/* Write z of the control points 1..5 of step s, each (2 n). */
-INLINE void merged(const Curves *all, Size s, double *RESTRICT z)
+/* Write z of the inner control points of step s. */
+INLINE void merged(const Curves *all, Size s)
 {
     const Size n = all->n;
-    const double h = all->h[s], rate_of = 1 / h, alpha = all->alpha, beta = all->beta;
+    const double h = all->h[s], per_h = 1 / h, alpha = all->alpha, beta = all->beta;
     const double *q = all->q + s * n, *q_t = all->q_t + s * n, *q_tt = all->q_tt + s * n;
+    double *RESTRICT z = all->z;
     for (Size i = 0; i < n; i++) {
         const double q0 = q[i], q1 = q[n + i], v0 = q_t[i], v1 = q_t[n + i], a0 = q_tt[i], a1 = q_tt[n + i], dq = q1 - q0;
-        const double velocity[] = {v0, v0 + h * a0 * 0.25, 5 * dq * rate_of - 2 * (v0 + v1) + h * (a1 - a0) * 0.25, v1 - h * a1 * 0.25, v1};
-        const double bend = 20 * dq * rate_of * rate_of, left = bend - (8 * v1 + 12 * v0) * rate_of + a1 - 2 * a0;
-        const double right = -bend + (12 * v1 + 8 * v0) * rate_of + a0 - 2 * a1;
+        const double velocity[] = {v0, v0 + 0.25 * h * a0, 5 * dq * per_h - 2 * (v0 + v1) + 0.25 * h * (a1 - a0),
+                                   v1 - 0.25 * h * a1, v1};
+        const double bend = 20 * dq * per_h * per_h, left = bend - (8 * v1 + 12 * v0) * per_h + a1 - 2 * a0;
+        const double right = -bend + (12 * v1 + 8 * v0) * per_h + a0 - 2 * a1;
         /* of degree 5, as positions are: see _elevation in bezier.py */
         const double acceleration[] = {0.4 * a0 + 0.6 * left, 0.1 * a0 + 0.6 * left + 0.3 * right,
-                                       0.3 * left + 0.6 * right + 0.1 * a1, 0.6 * right + 0.4 * a1, a1};
-        const double position[] = {q0 + h * v0 * 0.2, q0 + 0.4 * h * v0 + h * h * a0 * 0.05,
-                                   q1 - 0.4 * h * v1 + h * h * a1 * 0.05, q1 - h * v1 * 0.2, q1};
+                                       0.3 * left + 0.6 * right + 0.1 * a1, 0.6 * right + 0.4 * a1};
+        const double position[] = {q0 + 0.2 * h * v0, q0 + 0.4 * h * v0 + 0.05 * h * h * a0,
+                                   q1 - 0.4 * h * v1 + 0.05 * h * h * a1, q1 - 0.2 * h * v1};
         UNROLLED
-        for (int j = 1; j < POINTS; j++) {
-            const double rate = j < POINTS - 1 ? 0.2 * j * velocity[j - 1] + (1 - 0.2 * j) * velocity[j] : v1;
-            z[(j - 1) * 2 * n + i] = acceleration[j - 1] + alpha * rate;
-            z[(j - 1) * 2 * n + n + i] = position[j - 1] + beta * rate;
+        for (int j = 0; j < POINTS - 2; j++) {
+            const double share = 0.2 * (j + 1), rate = share * velocity[j] + (1 - share) * velocity[j + 1];
+            z[j * 2 * n + i] = acceleration[j] + alpha * rate;
+            z[j * 2 * n + n + i] = position[j] + beta * rate;
         }
     }
-}
-
-/* Write control point j of step s, of z (width), which is what `T` makes of it already. */
-INLINE void put(const Curves *all, Size s, Size j, Size width, const double *z)
-{
-    const Size p = all->p, begin = all->T ? 0 : width, row = begin + p;
-    const double share = 0.2 * j, *u = all->u + s * (all->straight ? 1 : POINTS) * p + (all->straight ? 0 : j) * p;
-    double *y = all->y + (s * POINTS + j) * row;
-    memset(y, 0, row * sizeof(double));
-    for (Size i = 0; i < p; i++) y[begin + i] = all->straight ? (1 - share) * u[i] + share * u[p + i] : u[i];
-    for (Size i = 0; i < width; i++) y[i] += z[i];
 }
 
 INLINE void draw(const Curves *all)
 {
-    const Size n = all->n, wide = 2 * n, width = all->T ? all->p : wide, inner = POINTS - 1;
-    for (Size i = 0; i < n; i++) { /* the first sample; all others are the end of a step */
-        all->z[i] = all->q_tt[i] + all->alpha * all->q_t[i];
-        all->z[n + i] = all->q[i] + all->beta * all->q_t[i];
-    }
-    for (Size s = 0; s < all->S; s += STEPS) {
-        const Size first = s == 0, steps = all->S - s < STEPS ? all->S - s : STEPS, rows = first + steps * inner;
-        for (Size i = 0; i < steps; i++) merged(all, s + i, all->z + (first + i * inner) * wide);
-        /* always four together, so that equal rows make equal numbers to the last bit */
-        if (all->T)
-            product(width, wide, (rows + TOGETHER - 1) / TOGETHER * TOGETHER, all->T, all->z, wide, all->product, width);
-        const double *z = all->T ? all->product : all->z;
-        if (first) memcpy(all->last, z, width * sizeof(double)), z += width;
-        for (Size i = 0; i < steps; i++, z += inner * width) {
-            put(all, s + i, 0, width, all->last);
-            for (Size j = 1; j < POINTS; j++) put(all, s + i, j, width, z + (j - 1) * width);
-            memcpy(all->last, z + (inner - 1) * width, width * sizeof(double));
+    const Size p = all->p, row = all->row, begin = row - p, wide = 2 * all->n;
+    for (Size s = 0; s < all->S; s++) {
+        double *y = all->y + s * POINTS * row;
+        merged(all, s);
+        if (all->T) product(p, wide, POINTS - 2, all->T, all->z, wide, all->product, p);
+        memcpy(y, all->ends + s * row, row * sizeof(double));
+        for (Size j = 1; j < POINTS - 1; j++) {
+            const double share = 0.2 * j, *u = all->u + s * p, *control = all->controls + (s * POINTS + j) * p;
+            const double *z = all->z + (j - 1) * wide, *add = all->product + (j - 1) * p;
+            y += row;
+            memcpy(y, z, begin * sizeof(double));
+            for (Size i = 0; i < p; i++) y[begin + i] = all->controls ? control[i] : (1 - share) * u[i] + share * u[p + i];
+            for (Size i = 0; all->T && i < p; i++) y[i] += add[i];
         }
+        memcpy(y + row, all->ends + (s + 1) * row, row * sizeof(double));
     }
 }
 

@@ -42,6 +42,8 @@ class Auxiliary:
         self.norm_static = split.norm_static
         self.start_norms = split.start_norms
         self.forcing = -split.PL[:, : problem.map.coordinates.k]
+        own = np.diagonal(self.forcing)  # of a packed residual, which has the modes' entries first, that is all
+        self.own_forcing = own if np.count_nonzero(self.forcing) == np.count_nonzero(own) else None
         self.start_rows = split.PL
         above = NormsAbove(problem.rows, split.modes)
         self.CP, self.C_K, self.C_M = above.C @ split.modes.P, above.C_K, above.C_M
@@ -69,7 +71,8 @@ class Auxiliary:
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        forces = rows_times(block.c, self.forcing.T)
+        own = self.own_forcing
+        forces = rows_times(block.c, self.forcing.T) if own is None else block.c[..., : len(own)] * own
         states = self.oscillators.advance(self.state, block.t, block.h, forces)
         before, missed = self.growth, self._unresolved(block)
         self.growth, g, g_jump = self.growth.advanced(block)

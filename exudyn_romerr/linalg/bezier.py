@@ -76,19 +76,26 @@ def hermite_bends(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarray]:
 
 
 def hermite_rows(
-    layout: Callable, rayleigh: tuple[float, float] | None, T: np.ndarray | None, h: np.ndarray, q, q_t, q_tt, u
+    layout: Callable,
+    rayleigh: tuple | None,
+    T: np.ndarray | None,
+    h: np.ndarray,
+    samples: tuple,
+    controls: np.ndarray | None,
 ) -> np.ndarray:
-    """Return control points (S, 6, .) of layout(q, q', q'', u) between samples, which are as in hermite_controls.
+    """Return control points (S, 6, .) of layout(q, q', q'', u) between samples, each (S + 1, .).
 
-    u : control points (S, 6, p), or samples (S + 1, p) with straight lines between. rayleigh, T : if not None, alpha
-    and beta of z = (q'' + alpha q', q + beta q'), and the layout is (z, u), or T z + u if T (p, 2 n) is not None.
-    First and last control points are the layout of samples, the same in both steps bit for bit.
+    controls : of u (S, 6, p); None: straight lines. rayleigh : alpha and beta where the layout is (z, u), or T z + u
+    if T (p, 2 n) is not None, with z = (q'' + alpha q', q + beta q'); None: it is another one. First and last control
+    points are the layout of samples, bit for bit.
     """
+    *states, u = samples
     if loops is None or rayleigh is None:
-        return layout(*hermite_controls(h, q, q_t, q_tt), straight(u[:-1], u[1:]) if u.ndim == 2 else u)
-    rows = np.empty((len(h), DEGREE + 1, u.shape[-1] + (2 * q.shape[1] if T is None else 0)))
-    arrays = [np.ascontiguousarray(x, dtype=float) for x in (h, q, q_t, q_tt, u)]
-    loops.curves(len(h), q.shape[1], u.shape[-1], u.ndim == 2, *rayleigh, *arrays, T, rows)
+        return layout(*hermite_controls(h, *states), straight(u[:-1], u[1:]) if controls is None else controls)
+    ends = layout(*samples)
+    rows = np.empty((len(h), DEGREE + 1, ends.shape[1]))
+    given = [None if x is None else np.ascontiguousarray(x, dtype=float) for x in (h, *samples, controls, T, ends)]
+    loops.curves(len(h), states[0].shape[1], u.shape[1], *rayleigh, *given, rows)
     return rows
 
 

@@ -76,9 +76,9 @@ def norms_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 
 def polygon_lengths(c: np.ndarray, matrix: np.ndarray | None = None, first: int = 0) -> np.ndarray:
-    """Return sums (S,) of the 2-norms of (c_j+1 - c_j) @ matrix for c (S, d + 1, k), numbers before `first` left out.
+    """Return the sums (S,) of the 2-norms of (c_j+1 - c_j) @ matrix for corners c (S, d + 1, k).
 
-    matrix : (k - first, m), None: the identity.
+    matrix : (k - first, m), None: the identity; numbers of c before `first` are left out.
     """
     if loops is not None:
         columns = None if matrix is None else np.ascontiguousarray(matrix.T, dtype=float)

@@ -40,6 +40,8 @@ class FrameMotion:
 
     def local(self, vectors: np.ndarray) -> np.ndarray:
         """Return global vectors (S, 3) or (3,) in body axes (S, 3)."""
+        if self.A.strides[0] == 0 and len(self.A):  # of a frame at rest: the same at all samples
+            return np.broadcast_to(vectors @ self.A[0], self.r.shape)
         return np.einsum("sji,sj->si", self.A, np.broadcast_to(vectors, self.r.shape))
 
     @property

@@ -60,9 +60,9 @@ class PackedCoordinates:
         none = np.zeros((*q.shape[:-1], 0))
         return rows_times(self.plain(q, q_t, q_tt, none), self.T_q.T) + u
 
-    def between(self, h: np.ndarray, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return control points (S, 6, k) of y between samples, see hermite_rows, which tells what u may be."""
-        return hermite_rows(self, self.plain.rayleigh, self.T_q, h, q, q_t, q_tt, u)
+    def between(self, h: np.ndarray, samples: tuple, controls: np.ndarray | None) -> np.ndarray:
+        """Return control points (S, 6, k) between samples (q, q_t, q_tt, u), see hermite_rows."""
+        return hermite_rows(self, self.plain.rayleigh, self.T_q, h, samples, controls)
 
 
 @dataclass(frozen=True)

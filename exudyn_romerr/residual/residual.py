@@ -70,9 +70,9 @@ class Coordinates:
         alpha, beta = self.rayleigh
         return np.concatenate([q_tt + alpha * q_t, q + beta * q_t, u], axis=-1)
 
-    def between(self, h: np.ndarray, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return control points (S, 6, k) of z between samples, see hermite_rows, which tells what u may be."""
-        return hermite_rows(self, self.rayleigh, None, h, q, q_t, q_tt, u)
+    def between(self, h: np.ndarray, samples: tuple, controls: np.ndarray | None) -> np.ndarray:
+        """Return control points (S, 6, k) between samples (q, q_t, q_tt, u), see hermite_rows."""
+        return hermite_rows(self, self.rayleigh, None, h, samples, controls)
 
 
 class ResidualMap:

@@ -143,7 +143,7 @@ class Quintic:
         h, states = np.diff(s.t), (s.q, s.q_t, s.q_tt)
         if len(knots) == len(s.t) and self.driven is None:
             u, *missed = inputs or self._inputs_of(s)
-            block = Block(s.t[1:], h, self.layout.between(h, *states, u), *missed)
+            block = Block(s.t[1:], h, self.layout.between(h, (*states, s.u), u), *missed)
             if self.mass_root is not None:
                 bends = hermite_bends(h, *states)
                 block.bent = np.stack([self._sizes(bend).sum(axis=0) / len(NODES) for bend in bends], axis=1)
@@ -157,7 +157,7 @@ class Quintic:
         if self.driven is not None:
             return self._driven(s, curves, skipped)
         u, *missed = inputs or self._inputs_of(s)
-        u = straight(u[:-1], u[1:]) if u.ndim == 2 else u
+        u = straight(s.u[:-1], s.u[1:]) if u is None else u
         block = Block(s.t[1:], h, self.layout(*curves, u), *missed, skipped)
         if self.mass_root is not None:
             offs = [c - straight(x[:-1], x[1:]) for c, x in zip(curves, states[:2], strict=False)]
@@ -208,10 +208,10 @@ class Quintic:
         u, missed, variation = self._inputs(edges[:-1], np.diff(edges), starts, ends)
         return without_empty(edges, self.layout(*pieces, u), self.layout.p, missed, variation)
 
-    def _inputs_of(self, s: Samples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Inputs between samples: those at samples (S + 1, p) where straight lines lead on, else as `_inputs`."""
+    def _inputs_of(self, s: Samples) -> tuple[np.ndarray | None, np.ndarray, np.ndarray]:
+        """As `_inputs`, between all samples; no control points where lines are straight."""
         if self.signal is None or not self.layout.p:
-            return s.u, *np.zeros((2, len(s.t) - 1, 0))
+            return None, *np.zeros((2, len(s.t) - 1, 0))
         return self._inputs(s.t[:-1], np.diff(s.t), s.u[:-1], s.u[1:])
 
     def _inputs(self, start, h, first, last) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

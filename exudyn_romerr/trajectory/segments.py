@@ -151,10 +151,14 @@ class Block:
 
         Inside: the length of the control polygon. before (k,): z at the end of the segment before this block.
         """
-        inside = self.length(norm)
-        steps = self.c[:, 0] - np.vstack([before, self.c[:-1, -1]])
-        jumps = norm(steps) if steps.any() else np.zeros(len(self.h))
+        inside, jumps = self.length(norm), np.zeros(len(self.h))
+        if not (self._is_continuous and np.array_equal(self.c[0, 0], before)):
+            jumps = norm(self.c[:, 0] - np.vstack([before, self.c[:-1, -1]]))
         return inside + self.of_inputs(norm, self.unresolved_variation), jumps
+
+    @cached_property
+    def _is_continuous(self) -> bool:
+        return self.chain is not None or np.array_equal(self.c[1:, 0], self.c[:-1, -1])
 
     def length(self, norm: Callable) -> np.ndarray:
         """Lengths (S,) of the control polygon."""

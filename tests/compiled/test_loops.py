@@ -17,9 +17,11 @@ from exudyn_romerr.compiled.loops import VERSION
 from exudyn_romerr.compiled.loops import loops as installed
 from exudyn_romerr.estimates import march
 from exudyn_romerr.estimates.march import Columns, Scheme, Steps
-from exudyn_romerr.linalg import blocked_products, modal_oscillators
-from exudyn_romerr.linalg.blocked_products import norms_times, rows_times
+from exudyn_romerr.linalg import bezier, blocked_products, modal_oscillators
+from exudyn_romerr.linalg.blocked_products import norms_times, polygon_lengths, rows_times
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
+from exudyn_romerr.residual.packed_residual import PackedCoordinates
+from exudyn_romerr.residual.residual import Coordinates
 from models import floating
 from tests.helpers import tolerances as tol
 
@@ -259,3 +261,74 @@ def test_products_refuse_other_shapes(compiled):
         wrong[i] = right[i][:-1]
         with pytest.raises(ValueError, match="in place of"):
             compiled.rows_times(7, 5, 3, *wrong)
+
+
+@pytest.mark.parametrize("straight", [True, False])
+@pytest.mark.parametrize(("n", "p"), [(1, 0), (7, 3), (14, 6)])
+def test_control_points_are_those_of_numpy(n, p, straight, compiled, monkeypatch):
+    """Of both layouts; those at samples to the last bit, or every step would seem to begin with a jump."""
+    rng, S = np.random.default_rng([n, p]), 21
+    h, samples = rng.uniform(0.5, 1.0, S), (*rng.standard_normal((3, S + 1, n)), rng.standard_normal((S + 1, p)))
+    controls = None if straight else rng.standard_normal((S, 6, p))
+    if not straight:
+        controls[:, 0], controls[:, -1] = samples[-1][:-1], samples[-1][1:]
+    plain = Coordinates(n, p, (0.3, 0.02), has_damping=False)
+    packed = PackedCoordinates(Coordinates(n, 0, (0.3, 0.02), has_damping=False), rng.standard_normal((p, 2 * n)))
+    for layout in (plain, packed):
+        found = []
+        for one in (None, compiled):
+            monkeypatch.setattr(bezier, "loops", one)
+            found.append(layout.between(h, samples, controls))
+        assert off(*found) < SAME
+        ends = layout(*samples)
+        np.testing.assert_array_equal(found[1][:, 0], ends[:-1])
+        np.testing.assert_array_equal(found[1][:, -1], ends[1:])
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-200, 1e200])
+@pytest.mark.parametrize("first", [0, 3])
+def test_lengths_of_polygons_are_those_of_numpy(first, size, compiled, monkeypatch):
+    """With a matrix and without, also where squares vanish or overflow."""
+    rng = np.random.default_rng(8)
+    for S, d, k in ((1, 1, 4), (9, 5, 34), (20, 3, 13)):
+        c, matrix = size * rng.standard_normal((S, d + 1, k)), np.tril(rng.standard_normal((k - first, 25)))
+        for of in (matrix, None):
+            found = []
+            for one in (None, compiled):
+                monkeypatch.setattr(blocked_products, "loops", one)
+                found.append(polygon_lengths(c, of, first))
+            np.testing.assert_allclose(found[1], found[0], rtol=SAME)
+
+
+@pytest.mark.parametrize(("degree", "count"), [(1, 3), (5, 20)])
+def test_what_oscillators_do_within_steps_is_the_same(degree, count, compiled, monkeypatch):
+    """Slow and fast ones; and nan stays nan, wherever it is."""
+    rng = np.random.default_rng(degree)
+    oscillators = ModalOscillators(np.geomspace(1.0, 1e5, count), np.zeros(count))
+    h, state, F = np.full(30, 1e-3), rng.standard_normal((2, count)), rng.standard_normal((30, degree + 1, count))
+    states = rng.standard_normal((30, 2, count))
+    F[3, -1, 0], F[4, 0, 1], states[7, 1, 2] = np.nan, np.nan, np.nan
+    found = []
+    for one in (None, compiled):
+        monkeypatch.setattr(modal_oscillators, "loops", one)
+        found.append(np.array(oscillators.inside(state, states, h, F)))
+    assert np.isnan(found[0]).sum() == 6
+    np.testing.assert_allclose(found[1], found[0], rtol=SAME)
+
+
+def test_loops_over_steps_refuse_other_shapes(compiled):
+    """Nothing is read or written beyond the end of an array."""
+    of_curves = [(5,), (6, 2), (6, 2), (6, 2), (6, 3), (5, 6, 3), (3, 4), (6, 3), (5, 6, 3)]
+    for call, shapes in (
+        (lambda *x: compiled.curves(5, 2, 3, 0.1, 0.2, *x), of_curves),
+        (lambda *x: compiled.lengths(5, 2, 4, 1, 7, *x), [(5, 3, 4), (7, 3), (5,)]),
+        (lambda *x: compiled.inside(5, 4, 3, *x), [(3,), (5,), (5, 2, 3), (5, 4, 3), (5, 2, 3)]),
+    ):
+        right = [np.zeros(shape) for shape in shapes]
+        call(*right)
+        for i in range(len(right)):
+            with pytest.raises(ValueError, match="in place of"):
+                call(*right[:i], right[i][:-1], *right[i + 1 :])
+    for wrong in ((5, 2, 4, 5, 7), (5, -1, 4, 1, 7), (-5, 2, 4, 1, 7)):
+        with pytest.raises(ValueError, match="negative"):
+            compiled.lengths(*wrong, np.zeros(60), np.zeros(21), np.zeros(5))

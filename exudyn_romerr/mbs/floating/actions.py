@@ -152,6 +152,8 @@ class Actions:
 
     def gravity_at(self, t: np.ndarray) -> np.ndarray:
         """Return the acceleration of gravity at times t (S,), in global axes: (S, 3)."""
+        if all(g.at is None for g in self.gravity):
+            return np.broadcast_to(sum((np.array(g.given) for g in self.gravity), np.zeros(3)), (len(t), 3))
         return sum((over_time(g, t) for g in self.gravity), np.zeros((len(t), 3)))
 
     def sizes_of_gravity(self) -> np.ndarray:
