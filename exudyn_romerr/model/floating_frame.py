@@ -37,7 +37,6 @@ class FrameMotion:
     A: np.ndarray
     w: np.ndarray
     al: np.ndarray
-
     def local(self, vectors: np.ndarray) -> np.ndarray:
         """Return global vectors (S, 3) or (3,) in body axes (S, 3)."""
         if self.A.strides[0] == 0 and len(self.A):  # of a frame at rest: the same at all samples
@@ -214,10 +213,9 @@ def inertia_coordinates(
     """Return b, S_ij, S_ij q_k + 2 w~_ij q'_k at every sample, (S, 12 + 9 n), in `out`; b (S, 3), q, q_t (S, n)."""
     S, w, n = motion.S.reshape(-1, 9), 2 * skew(motion.w).reshape(-1, 9), q.shape[1]
     out = np.empty((len(q), RIGID_INERTIA + 9 * n)) if out is None else out
-    out[:, :3], out[:, 3:RIGID_INERTIA] = b, S
-    turned = out[:, RIGID_INERTIA:].reshape(-1, 9, n)
-    # both products at once take a quarter of the time that one after the other does
-    np.matmul(np.stack([S, w], axis=2), np.stack([q, q_t], axis=1), out=turned)
+    out[:, :RIGID_INERTIA] = np.hstack([b, S])
+    pairs = np.stack([S, w], axis=2), np.stack([q, q_t], axis=1)  # at once: a quarter of the time of two products
+    np.matmul(*pairs, out=out[:, RIGID_INERTIA:].reshape(-1, 9, n))
     return out
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Any
@@ -13,7 +14,8 @@ from ..access.state_guard import set_state, state_kept
 from ..memory.user_memory import memory_kept
 from .control_functions import Spring, are_passive, find_controls
 
-JUMP = 0.5  # within a step, of a gain's largest value: a saturation that begins changes it by all of it
+JUMP = 0.5  # of a gain's largest value: a saturation that begins changes it by all of it
+LOOKED = 32  # steps within that: what linear equations leave out is looked for once in as many
 GROWTH = 0.01  # of a stiffness, by time alone: more does work on the error
 ROUGH = 0.25  # of what the gains at both ends of a step move a force by: it may miss the mean of them by less
 ROUNDING = 1e-9  # of the largest force
@@ -25,7 +27,7 @@ KEEPS = (
     "gives another force for the same motion and time than before: it keeps something, and may do work on the error"
 )
 GROWS = "gets stiffer with time, which does work on the error"
-JUMPS = "jumps or bends within a step, as where it saturates: a linearised mechanism does not"
+JUMPS = "jumps or bends within a few steps, as where it saturates, or rubs: a linearised mechanism does not"
 
 
 class _Along:
@@ -34,6 +36,7 @@ class _Along:
     def __init__(self, spring: Spring):
         self.spring = spring
         self._last: tuple[float, np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._lately: deque[np.ndarray] = deque(maxlen=LOOKED)
         self._grown, self._largest = 0.0, np.zeros(3)
 
     def follow(self, mbs: Any, t: float) -> str:
@@ -44,8 +47,9 @@ class _Along:
         self._largest = np.maximum(self._largest, sizes)
         wrong = "" if are_passive(gains) else WORKS
         if self._last is not None and not wrong:
-            wrong = self._changes(mbs, t, motion, gains, force)
+            wrong = self._changes(mbs, t, motion, gains)
         self._last = t, motion, gains, force
+        self._lately.append(gains)
         return wrong
 
     def remembers(self, mbs: Any) -> bool:
@@ -55,19 +59,24 @@ class _Along:
         t, motion, _, force = self._last
         return not np.array_equal(self.spring.force(mbs, t, motion), force)
 
-    def _changes(self, mbs: Any, t: float, motion: np.ndarray, gains: np.ndarray, force: np.ndarray) -> str:
-        """What is wrong with how gains and force (k,) have changed since the last row, if something is."""
-        _, before, gains_before, _ = self._last
-        later = self.spring.gains(mbs, t, before)
-        rise = later[0] - gains_before[0]
+    def _changes(self, mbs: Any, t: float, motion: np.ndarray, gains: np.ndarray) -> str:
+        """What is wrong with how gains and force have changed since the last row, if something is."""
+        t_before, before, gains_before, _ = self._last
+        rise = self.spring.gains(mbs, t, before)[0] - gains_before[0]
         self._grown += max(np.linalg.eigvalsh((rise + rise.T) / 2)[-1], 0.0)
         if self._grown > GROWTH * self._largest[0]:
             return GROWS
-        change = np.abs(gains - gains_before).max(axis=(1, 2))
-        moves = [np.einsum("akl,al->k", x, motion - before) for x in (later, gains)]
-        off = np.abs(force - self.spring.force(mbs, t, before) - (moves[0] + moves[1]) / 2).max()
-        rough = off > ROUGH * np.abs(moves).max() + ROUNDING * self._largest[2]
-        return JUMPS if rough or np.any(change > JUMP * self._largest[:2]) else ""
+        # at either time alone one end is off the path where a set point moves, and may be beyond a limit
+        rough = all(self._is_rough(mbs, now, before, motion) for now in (t, t_before))
+        since = np.abs(gains - self._lately).max(axis=(0, 2, 3))
+        return JUMPS if rough or np.any(since > JUMP * self._largest[:2]) else ""
+
+    def _is_rough(self, mbs: Any, t: float, *ends: np.ndarray) -> bool:
+        """Whether gains at both ends (2, k) do not tell how the force changes from one to the other."""
+        moves = [np.einsum("akl,al->k", self.spring.gains(mbs, t, x), ends[1] - ends[0]) for x in ends]
+        first, last = (self.spring.force(mbs, t, x) for x in ends)
+        off = np.abs(last - first - (moves[0] + moves[1]) / 2).max()
+        return bool(off > ROUGH * np.abs(moves).max() + ROUNDING * self._largest[2])
 
 
 class SteadyGains:

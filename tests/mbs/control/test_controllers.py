@@ -222,11 +222,12 @@ def test_function_that_looks_at_another_mbs_is_said():
 
 
 ALONG = {
-    "saturates": (pd(2e3, 20.0, limit=5.0), "jumps or bends within a step"),
+    "saturates": (pd(2e3, 20.0, limit=5.0), "jumps or bends within a few steps"),
     "switches": (lambda t, x, v: (1e3 if t < 0.0105 else 2e3) * x, "gets stiffer with time"),
     "gets stiffer": (lambda t, x, v: 1e3 * (1.0 + 10.0 * t) * x, "gets stiffer with time"),
-    "rubs": (lambda t, x, v: 1e2 * x + (0.1 if v > 0.05 else 0.0), "jumps or bends within a step"),
-    "softens": (lambda t, x, v: 10.0 * float(np.sin(1e3 * x)), "negative"),
+    "rubs": (lambda t, x, v: 1e2 * x + (0.1 if v > 0.05 else 0.0), "jumps or bends within a few steps"),
+    "rubs smoothly": (lambda t, x, v: 1e2 * x + 3.0 * float(np.tanh(v / 0.02)), "jumps or bends within a few steps"),
+    "drives": (lambda t, x, v: (1e3 if t < 0.0105 else -1e3) * x, "negative"),
 }
 
 
@@ -283,10 +284,11 @@ def test_bounds_by_energy_alone_say_so_too():
     "control",
     [
         pd(2e3, 20.0, limit=1e4),
+        pd(2e3, 20.0, limit=280.0),  # largest 269 Nm; 290 with the motion of the step before
         lambda t, x, v: 10.0 * x + 1e3 * x**3 + v,
         lambda t, x, v: x + 5.0 * float(np.tanh(v)),
     ],
-    ids=["limit that is not reached", "cubic", "smooth friction"],
+    ids=["limit that is not reached", "limit that is nearly reached", "cubic", "smooth friction"],
 )
 def test_smooth_gains_are_not_doubted(control):
     scene = arm(steps=40)
