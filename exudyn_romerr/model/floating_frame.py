@@ -37,6 +37,7 @@ class FrameMotion:
     A: np.ndarray
     w: np.ndarray
     al: np.ndarray
+
     def local(self, vectors: np.ndarray) -> np.ndarray:
         """Return global vectors (S, 3) or (3,) in body axes (S, 3)."""
         if self.A.strides[0] == 0 and len(self.A):  # of a frame at rest: the same at all samples
@@ -203,8 +204,8 @@ def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -
 
     M E_ij = E_ij M, for M is the same in all directions (require_isotropic_mass).
     """
-    x = positions.reshape(-1, 1)
-    return sp.hstack([translations(mass), _unit_products(mass @ x), _unit_products(mass @ V)], format="csc")
+    products = (_unit_products(mass @ X) for X in (positions.reshape(-1, 1), V))
+    return sp.hstack([translations(mass), *products], format="csc")
 
 
 def inertia_coordinates(
@@ -214,8 +215,8 @@ def inertia_coordinates(
     S, w, n = motion.S.reshape(-1, 9), 2 * skew(motion.w).reshape(-1, 9), q.shape[1]
     out = np.empty((len(q), RIGID_INERTIA + 9 * n)) if out is None else out
     out[:, :RIGID_INERTIA] = np.hstack([b, S])
-    pairs = np.stack([S, w], axis=2), np.stack([q, q_t], axis=1)  # at once: a quarter of the time of two products
-    np.matmul(*pairs, out=out[:, RIGID_INERTIA:].reshape(-1, 9, n))
+    both = np.stack([S, w], axis=2), np.stack([q, q_t], axis=1)  # at once: a quarter of the time of two products
+    np.matmul(*both, out=out[:, RIGID_INERTIA:].reshape(-1, 9, n))
     return out
 
 
@@ -233,8 +234,7 @@ def require_isotropic_mass(mass: sp.csc_matrix) -> None:
     parts = [[mass[i::3, j::3] for j in range(3)] for i in range(3)]
     coupling = max(abs(parts[i][j]).max() for i in range(3) for j in range(3) if i != j)
     uneven = max(abs(parts[i][i] - parts[0][0]).max() for i in (1, 2))
-    found = max(coupling, uneven) / abs(mass).max()
-    if found > ISOTROPY:
+    if (found := max(coupling, uneven) / abs(mass).max()) > ISOTROPY:
         raise AssumptionError(
             f"mass is not the same in x, y, z at every node ({found:.1e} of its largest entry; allowed "
             f"{ISOTROPY:g}): bounds in a moving frame need solid elements, not beams, shells or point inertias"
@@ -243,8 +243,8 @@ def require_isotropic_mass(mass: sp.csc_matrix) -> None:
 
 def unit_inertia(mass: sp.csc_matrix, positions: np.ndarray) -> np.ndarray:
     """Return M e_j (3) and M E_ij x (9), of unit mass norm each (N, 12)."""
-    x = positions.reshape(-1, 1)
-    motions = np.hstack([np.tile(np.eye(3), (len(positions), 1)), _unit_products(x).toarray()])
+    turns = _unit_products(positions.reshape(-1, 1)).toarray()
+    motions = np.hstack([np.tile(np.eye(3), (len(positions), 1)), turns])
     columns = mass @ motions
     size = np.sqrt(np.einsum("ij,ij->j", motions, columns))
     return columns / np.where(size > 0, size, 1.0)
