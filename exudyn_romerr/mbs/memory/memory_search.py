@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, MutableMapping
 from functools import partial
-from types import CodeType, FunctionType, MethodType, ModuleType
+from types import FunctionType, MethodType, ModuleType
 from typing import Any
 
 from .contents import Contents
 from .kept_values import CACHED, WRAPPERS, Copies, Frozen, spaces_of
+from .own_modules import content, modules_of, names_in
 from .variables import Generator, Variable, generators, is_constant
 
 SETS = re.compile(r"Set(\w+Parameter|(ODE1|ODE2|AE|Data)Coordinates(_t|_tt)?|SystemState|Time)$")  # of an mbs
@@ -20,8 +21,8 @@ class MemorySearch:
 
     What functions set in an mbs, or functions that they name, is lost, too: its items have too much to be copied.
 
-    Looks into functions, classes and objects of the modules that the functions are of, and those that these were made
-    with, and of no others: these are libraries, most often.
+    Looks into functions, classes and objects of the modules that the functions are of, of those that these were made
+    with, and of those that they name and that are the user's own, and of no others: these are libraries.
     """
 
     def __init__(self, functions: Iterable[Callable], copies: Copies):
@@ -31,8 +32,8 @@ class MemorySearch:
         self._copies = copies
         self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
         codes = _codes(functions)
-        inner = [f for code in codes for f in map(_content, code.__closure__ or ()) if isinstance(f, FunctionType)]
-        self._own = {code.__globals__.get("__name__", "") for code in (*codes, *inner)}
+        inner = [f for code in codes for f in map(content, code.__closure__ or ()) if isinstance(f, FunctionType)]
+        self._own = modules_of([*codes, *inner])
         self.lost |= setters_in(codes)
 
     def add_space(self, space: MutableMapping) -> None:
@@ -102,20 +103,20 @@ class MemorySearch:
             self.add_variable(lambda name=name: space.get(name), lambda x, name=name: space.__setitem__(name, x))
 
     def _add_function(self, function: FunctionType) -> None:
-        names = _names(function.__code__)
+        names = names_in(function.__code__)
         for cell in function.__closure__ or ():
-            self.add_variable(partial(_content, cell), partial(setattr, cell, "cell_contents"))
+            self.add_variable(partial(content, cell), partial(setattr, cell, "cell_contents"))
         self._add_values((*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()))
         self._add_names(function.__globals__, names)
         values = [function.__globals__.get(name) for name in names]
-        for value in (*values, *map(_content, function.__closure__ or ())):
+        for value in (*values, *map(content, function.__closure__ or ())):
             if isinstance(value, ModuleType):
                 self._add_names(vars(value), names)
 
 
 def setters_in(functions: Iterable[Callable]) -> set[str]:
     """Return the names of what these functions, and those that they name, set in an mbs."""
-    return {name for code in _called(_codes(functions)) for name in _names(code.__code__) if SETS.match(name)}
+    return {name for code in _called(_codes(functions)) for name in names_in(code.__code__) if SETS.match(name)}
 
 
 def _codes(functions: Iterable[Callable]) -> list[FunctionType]:
@@ -139,24 +140,11 @@ def _called(functions: list[FunctionType]) -> list[FunctionType]:
         f, *functions = functions
         if f not in found:
             found.append(f)
-            known = [f.__globals__.get(name) for name in _names(f.__code__)]
-            known += map(_content, f.__closure__ or ())
+            known = [f.__globals__.get(name) for name in names_in(f.__code__)]
+            known += map(content, f.__closure__ or ())
             functions += [other for other in known if isinstance(other, FunctionType) and _is_beside(f, other)]
     return found
 
 
 def _is_beside(f: FunctionType, other: FunctionType) -> bool:
     return f.__module__ == other.__module__
-
-
-def _names(code: CodeType) -> list[str]:
-    """Names of globals and attributes in a function, and in those defined in it."""
-    inner = [name for own in code.co_consts if isinstance(own, CodeType) for name in _names(own)]
-    return list(dict.fromkeys([*code.co_names, *inner]))
-
-
-def _content(cell: Any) -> Any:
-    try:
-        return cell.cell_contents
-    except ValueError:  # empty: the variable is assigned later
-        return None

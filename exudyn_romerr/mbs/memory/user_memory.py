@@ -50,10 +50,10 @@ class _Snapshot:
 class UserMemory:
     """The variables that some functions can change: mbs.variables, mbs.sys, closures, globals, attributes, defaults.
 
-    Those of functions that they call too, if these are of the same modules; attributes that they name of modules; and
-    the generators of random numbers of random and numpy. Objects are put back in place, since other functions may
-    hold them. Those of Exudyn, and of ours, stay what they are. Does not cover: what functions of other modules keep,
-    attributes that a call adds to a class or a module.
+    Those of functions that they call too, if these are of the same modules or others of the user's; attributes that
+    they name of modules; and the generators of random numbers of random and numpy. Objects are put back in place,
+    since other functions may hold them. Those of Exudyn, and of ours, stay what they are. Does not cover: what
+    functions of libraries keep, attributes that a call adds to a class or a module.
 
     While no step is made, variables are searched once, and compared after that: where one is another, once more.
     Functions that only compute have none.
