@@ -62,18 +62,21 @@ class _Along:
     def _changes(self, mbs: Any, t: float, motion: np.ndarray, gains: np.ndarray) -> str:
         """What is wrong with how gains and force have changed since the last row, if something is."""
         t_before, before, gains_before, _ = self._last
-        rise = self.spring.gains(mbs, t, before)[0] - gains_before[0]
+        later = self.spring.gains(mbs, t, before)
+        rise = later[0] - gains_before[0]
         self._grown += max(np.linalg.eigvalsh((rise + rise.T) / 2)[-1], 0.0)
         if self._grown > GROWTH * self._largest[0]:
             return GROWS
         # at either time alone one end is off the path where a set point moves, and may be beyond a limit
-        rough = all(self._is_rough(mbs, now, before, motion) for now in (t, t_before))
+        rough = self._is_rough(mbs, t, (before, motion), (later, gains)) and self._is_rough(
+            mbs, t_before, (before, motion), (gains_before, self.spring.gains(mbs, t_before, motion))
+        )
         since = np.abs(gains - self._lately).max(axis=(0, 2, 3))
         return JUMPS if rough or np.any(since > JUMP * self._largest[:2]) else ""
 
-    def _is_rough(self, mbs: Any, t: float, *ends: np.ndarray) -> bool:
-        """Whether gains at both ends (2, k) do not tell how the force changes from one to the other."""
-        moves = [np.einsum("akl,al->k", self.spring.gains(mbs, t, x), ends[1] - ends[0]) for x in ends]
+    def _is_rough(self, mbs: Any, t: float, ends: Sequence[np.ndarray], gains: Sequence[np.ndarray]) -> bool:
+        """Whether gains (2, k, k) at both ends (2, k) do not tell how the force changes from one to the other."""
+        moves = [np.einsum("akl,al->k", x, ends[1] - ends[0]) for x in gains]
         first, last = (self.spring.force(mbs, t, x) for x in ends)
         off = np.abs(last - first - (moves[0] + moves[1]) / 2).max()
         return bool(off > ROUGH * np.abs(moves).max() + ROUNDING * self._largest[2])
