@@ -10,7 +10,7 @@ from typing import Any
 
 from .contents import Contents
 from .kept_values import CACHED, WRAPPERS, Copies, Frozen, spaces_of
-from .own_modules import content, modules_of, names_in
+from .own_modules import content, module_of, names_in, reached
 from .variables import Generator, Variable, generators, is_constant
 
 SETS = re.compile(r"Set(\w+Parameter|(ODE1|ODE2|AE|Data)Coordinates(_t|_tt)?|SystemState|Time)$")  # of an mbs
@@ -33,7 +33,7 @@ class MemorySearch:
         self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
         codes = _codes(functions)
         inner = [f for code in codes for f in map(content, code.__closure__ or ()) if isinstance(f, FunctionType)]
-        self._own = modules_of([*codes, *inner])
+        self._own = {module_of(f) for f in reached([*codes, *inner])}
         self.lost |= setters_in(codes)
 
     def add_space(self, space: MutableMapping) -> None:
@@ -116,7 +116,7 @@ class MemorySearch:
 
 def setters_in(functions: Iterable[Callable]) -> set[str]:
     """Return the names of what these functions, and those that they name, set in an mbs."""
-    return {name for code in _called(_codes(functions)) for name in names_in(code.__code__) if SETS.match(name)}
+    return {name for code in reached(_codes(functions)) for name in names_in(code.__code__) if SETS.match(name)}
 
 
 def _codes(functions: Iterable[Callable]) -> list[FunctionType]:
@@ -131,20 +131,3 @@ def _code(f: Callable) -> FunctionType | None:
     """Return the Python function behind a function, a method or a callable object."""
     candidates = (f, getattr(f, "__func__", None), type(f).__call__)
     return next((of for of in candidates if isinstance(of, FunctionType)), None)
-
-
-def _called(functions: list[FunctionType]) -> list[FunctionType]:
-    """Return functions, and those that they know by name and may call."""
-    found = []
-    while functions:
-        f, *functions = functions
-        if f not in found:
-            found.append(f)
-            known = [f.__globals__.get(name) for name in names_in(f.__code__)]
-            known += map(content, f.__closure__ or ())
-            functions += [other for other in known if isinstance(other, FunctionType) and _is_beside(f, other)]
-    return found
-
-
-def _is_beside(f: FunctionType, other: FunctionType) -> bool:
-    return f.__module__ == other.__module__

@@ -1,4 +1,4 @@
-"""Modules that functions are of, and those that they name, where these are the user's own."""
+"""Functions that functions know by name, in modules that are the user's own."""
 
 from __future__ import annotations
 
@@ -15,21 +15,19 @@ PLACES = ("stdlib", "platstdlib", "purelib", "platlib")
 INSTALLED = tuple({str(Path(sysconfig.get_path(place)).resolve()) for place in PLACES})
 
 
-def modules_of(functions: list[FunctionType]) -> set[str]:
-    """Return names of modules of functions, and of what these name, and so on, if neither installed nor ours."""
-    found, waiting, seen = {_module(f) for f in functions}, [*functions], set()
-    while waiting:
-        f = waiting.pop()
-        if f.__code__ in seen:
-            continue
-        seen.add(f.__code__)
-        names = names_in(f.__code__)
-        values = [*(f.__globals__.get(name) for name in names), *map(content, f.__closure__ or ())]
-        spaces = [vars(value) for value in values if isinstance(value, ModuleType) and _is_users(value.__name__)]
-        values += [space.get(name) for space in spaces for name in names]
-        others = [value for value in values if isinstance(value, FunctionType) and _is_users(_module(value))]
-        found |= {_module(other) for other in others}
-        waiting += others
+def reached(functions: list[FunctionType]) -> list[FunctionType]:
+    """Return functions, and those that they know by name and may call: of the same module or one of the user's."""
+    found = []
+    while functions:
+        f, *functions = functions
+        if f not in found:
+            found.append(f)
+            names = names_in(f.__code__)
+            values = [*(f.__globals__.get(name) for name in names), *map(content, f.__closure__ or ())]
+            spaces = [vars(value) for value in values if isinstance(value, ModuleType) and _is_users(value.__name__)]
+            values += [space.get(name) for space in spaces for name in names]
+            others = [value for value in values if isinstance(value, FunctionType)]
+            functions += [g for g in others if module_of(g) == module_of(f) or _is_users(module_of(g))]
     return found
 
 
@@ -47,7 +45,8 @@ def content(cell: Any) -> Any:
         return None
 
 
-def _module(f: FunctionType) -> str:
+def module_of(f: FunctionType) -> str:
+    """Return the name of the module that a function is of."""
     return f.__globals__.get("__name__", "")
 
 

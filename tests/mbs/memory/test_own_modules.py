@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from exudyn_romerr.mbs.memory.own_modules import modules_of
+from exudyn_romerr.mbs.memory.own_modules import module_of, reached
 from exudyn_romerr.mbs.memory.user_memory import memory_kept
 
 SOURCE = """
@@ -17,6 +17,10 @@ kept = {"sum": 0.0, "calls": []}
 def integral(t):
     kept["sum"] += t
     return _noted(t)
+
+
+def switched(mbs, t):
+    mbs.SetObjectParameter(0, "activeConnector", t > 1.0)
 
 
 def _noted(t):
@@ -49,5 +53,12 @@ def test_what_a_module_of_the_user_keeps_is_put_back(helpers, way):
     assert helpers.kept == {"sum": 1.0, "calls": [1.0]}
 
 
+def test_what_a_module_of_the_user_sets_in_an_mbs_is_lost(helpers):
+    """Or a call beside the run would set it."""
+    with memory_kept(None, [lambda mbs, t: helpers.switched(mbs, t)]) as memory:
+        assert memory.lost == "SetObjectParameter"
+
+
 def test_libraries_are_left_alone():
-    assert modules_of([lambda t: np.linalg.norm([t, pytest.approx(t).expected])]) == {__name__}
+    found = reached([lambda t: np.linalg.norm([t, pytest.approx(t).expected])])
+    assert {module_of(f) for f in found} == {__name__}
