@@ -181,15 +181,18 @@ class MoreVectors:
             watch.run.messages[:] = messages
 
     def _result(self, reaction: Reaction, factor: float) -> Result:
-        left, bounds, far = [], {}, {}
+        left, bounds, times, named = [], {}, {}, set()
         for i, watch in enumerate(self._watches):
             run = watch.run
             left.append((watch.subject.enriched, run.companion, run.estimate, list(run.messages)))
             run.settle()
             for name, out in run.report().outputs.items():
                 bounds[i, name] = float(np.max(out.bound["best"], initial=0.0))
-                times, total = times_the_estimate(out)
-                far |= {(i, name): times} if factor < total < np.inf else {}
+                times[i, name] = times_the_estimate(out)
+                if name not in watch.subject.sensors.unnamed and bounds[i, name] < np.inf:
+                    named.add((i, name))
+        # what nobody named asks for nothing, but where nothing else is bounded
+        far = {key: times[key][0] for key in named or times if factor < times[key][1] < np.inf}
         return Result(reaction, left, bounds, far)
 
 

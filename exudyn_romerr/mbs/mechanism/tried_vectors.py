@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from ...online.run import Opening, Run
     from ...report.data import OutputData
+    from ..floating.sensor_outputs import BodySensors
 
     Rows = tuple[np.ndarray, ...]
 
@@ -27,10 +28,11 @@ class Vectors(Protocol):
 
 
 class Subject(Protocol):
-    """A body. more : makes it with so many vectors; None: their number was asked for."""
+    """A body. more : makes it with so many vectors; None: their number was asked for. sensors : it shows."""
 
     enriched: Vectors
     more: Callable[[int], Vectors] | None
+    sensors: BodySensors
 
 
 class Watch(Protocol):

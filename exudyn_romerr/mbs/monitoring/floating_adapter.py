@@ -53,12 +53,12 @@ BY_MECHANISM = "estimate by the linearised mechanism"
 class MovingSubject:
     """Reads the mbs when a solve begins, and turns rows of its coordinates into samples of a run.
 
-    alone : whether nobody else estimates the other sensors of the mbs.
+    alone : whether nobody else estimates the other sensors of the mbs. sensors : on the body, if they are outputs.
     """
 
     def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool):
         self.item, self._flex, self._options, self._alone = flex.number, flex, options, alone
-        self._by_sensors, self._sensors = options.outputs is None, BodySensors((), ())
+        self._by_sensors, self.sensors = options.outputs is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
         if scope != FROZEN:  # imported in the solve, when tangents are read, it takes as long as some runs
             import scipy.integrate
@@ -83,7 +83,7 @@ class MovingSubject:
         support = support if static else self._motion.taken(mbs, model, support, body, self._wanted)
         columns = np.concatenate([node_coordinates(mbs, node) for node in model.nodes])
         scope = self._find_scope(mbs, model, actions, support, static, attached, others)
-        signature = (model.V.tobytes(), id(body), support, scope, self._sensors, *actions.signature())
+        signature = (model.V.tobytes(), id(body), support, scope, self.sensors, *actions.signature())
         if signature != self._signature:
             now = (self._signature, self._sampler, self.enriched, self.more) if self._signature else ()
             before, self._before, self._signature = self._before, now, ()  # until all of what follows was done
@@ -151,14 +151,14 @@ class MovingSubject:
             return find_scope(mbs, self._wanted, *scene)
         scope, sensors = find_scope(mbs, self._wanted, *scene), body_sensors(mbs, self._flex, self._alone)
         sensors = sensors if scope.name == COMPLETE else sensors.in_the_frame_too()
-        if sensors != self._sensors:
-            options, self._sensors = self._options_with(sensors), sensors
+        if sensors != self.sensors:
+            options, self.sensors = self._options_with(sensors), sensors
             self._use(options.outputs)
         return scope
 
     def _options_with(self, sensors: BodySensors) -> BoundOptions:
         """Return the options with other sensors as outputs; those that were added stay."""
-        added = self._options.outputs[len(self._sensors.measured) :]
+        added = self._options.outputs[len(self.sensors.measured) :]
         return replace(self._options, outputs=(*(item.output() for item in sensors.measured), *added))
 
     def _use(self, outputs: Sequence[Output]) -> None:
@@ -224,7 +224,7 @@ class MovingSubject:
         left_out += [(f"wrench at {name}", "no load, joint or connector acts there") for name in actions.free]
         left_out += [("terms of a turning frame", support.text)] if support.at_rest else []
         if self._by_sensors:
-            left_out += [*self._sensors.left_out, *(() if self._sensors.measured else [("outputs", NO_SENSOR)])]
+            left_out += [*self.sensors.left_out, *(() if self.sensors.measured else [("outputs", NO_SENSOR)])]
         return Scene(
             scope=scope.name,
             reason=f"{scope.reason}. {full}",

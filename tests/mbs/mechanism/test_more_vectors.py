@@ -5,12 +5,14 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy.sparse.linalg
+from exudyn import OutputVariableType
 
 import exudyn_romerr as romerr
 from benchmarks.exudyn_recorder import started
 from exudyn_romerr.errors import AssumptionError
 from exudyn_romerr.mbs.mechanism import more_vectors
 from exudyn_romerr.mbs.mechanism.more_vectors import FIRST, MORE
+from exudyn_romerr.mbs.mechanism.tried_vectors import times_the_estimate
 from exudyn_romerr.mbs.monitoring import step_hook
 from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
 from models import estimate_scenes
@@ -153,6 +155,38 @@ def test_what_time_steps_rule_asks_for_nothing(bar, monkeypatch):
     bounded, beside = np.abs(out.estimate - steps).max(), np.abs(steps).max()
     assert bound > 1.2 * bounded
     assert bound - bounded < (bounded + beside) / 20
+
+
+@pytest.mark.parametrize(
+    ("velocities", "outputs", "asks"),
+    [
+        (["tip local"], None, False),
+        (["tip local"], ["middle local", "tip local in the frame"], True),
+        (["tip", "tip local", "middle", "middle local"], None, True),
+    ],
+    ids=["beside named rows", "named itself", "nothing else is bounded"],
+)
+def test_what_nobody_named_asks_for_nothing_beside_what_somebody_did(bar, monkeypatch, velocities, outputs, asks):
+    """The frame's view of a global velocity is at 1.6 times the estimate with steps; displacements are at 1.04."""
+    monkeypatch.setattr(more_vectors, "FAR_IN_SHORT_RUNS", 1.2)
+    found = []
+    for options in ({}, {"auxiliary_modes": FIRST}):
+        scene = bar()
+        for name, number in scene.sensors.items():
+            scene.mbs.SetSensorParameter(number, "name", name)
+            if name in velocities:
+                scene.mbs.SetSensorParameter(number, "outputVariableType", OutputVariableType.Velocity)
+        flex = romerr.floating_body(scene.fem, scene.bodies[0])
+        monitor = romerr.attach(scene.mbs, flex, outputs=outputs, **options)
+        scene.solve()
+        found.append(monitor.report())
+    auto, few = found
+    unnamed = "tip local in the frame"
+    assert times_the_estimate(few.output(unnamed))[1] > 1.2
+    assert [f"the bound of {unnamed!r} is " in text for text in told(auto)] == [True] * asks
+    smaller = np.max(few.output(unnamed).bound["best"]) / np.max(auto.output(unnamed).bound["best"])
+    assert (smaller > more_vectors.PAYS) == asks
+    assert asks or abs(smaller - 1) < AGAIN
 
 
 def test_smooth_loads_ask_for_nothing():
