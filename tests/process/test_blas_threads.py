@@ -1,12 +1,13 @@
 """Threads of BLAS: one inside, what was there before afterwards."""
 
+import os
 import sys
 from threading import Event, Thread
 
 import pytest
 
 from exudyn_romerr.process import blas_threads
-from exudyn_romerr.process.blas_threads import one_thread
+from exudyn_romerr.process.blas_threads import LIMITS, PATIENCE, OtherThreads, one_thread, threads
 from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
 
 
@@ -88,3 +89,64 @@ def test_nothing_happens_without_threadpoolctl(count, monkeypatch):
         with one_thread():
             assert count() == {THREADS}
     blas_threads._controller.cache_clear()
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """Without limits of threads, on a machine of four processors."""
+    for name in LIMITS:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2, 3}, raising=False)
+    monkeypatch.delitem(sys.modules, "pymklpardiso", raising=False)
+    return monkeypatch
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, 4),
+        ({"OPENBLAS_NUM_THREADS": "1"}, 1),
+        ({"OMP_NUM_THREADS": "1"}, 1),
+        ({"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "1"}, 2),
+        ({"OPENBLAS_NUM_THREADS": "0", "OMP_NUM_THREADS": "3"}, 3),
+        ({"OPENBLAS_NUM_THREADS": "16"}, 4),
+        ({"OPENBLAS_NUM_THREADS": "many"}, 4),
+    ],
+)
+def test_threads_as_openblas_takes_them_from_the_environment(environment, given, expected):
+    for name, value in given.items():
+        environment.setenv(name, value)
+    assert threads() == expected
+
+
+def test_threads_where_only_the_processors_of_the_machine_are_known(environment):
+    environment.delattr(os, "sched_getaffinity")
+    environment.setattr(os, "cpu_count", lambda: None)
+    assert threads() == 1
+
+
+def taken(environment, seconds):
+    """Other threads, which have taken so much of what was watched; 1 s of ours goes by with it."""
+    clocks = iter([5.0, 2.0, 6.0 + seconds, 3.0])  # of process and thread, before and after
+    environment.setattr(blas_threads, "time", type("Clocks", (), {"process_time": lambda: next(clocks)}))
+    blas_threads.time.thread_time = blas_threads.time.process_time
+    others = OtherThreads()
+    with pytest.raises(ZeroDivisionError), others.watched():
+        1 / 0  # noqa: B018
+    return others
+
+
+def test_what_other_threads_take_is_told_once(environment):
+    others = taken(environment, PATIENCE + 0.1)
+    assert f"have taken {PATIENCE + 0.1:.2g} s" in others.hint()
+    assert others.hint() == ""
+
+
+@pytest.mark.parametrize("why", ["little", "one thread", "PARDISO"])
+def test_nothing_is_told_where_it_is_none_or_no_waste(environment, why):
+    others = taken(environment, PATIENCE * (0.9 if why == "little" else 2))
+    if why == "one thread":
+        environment.setenv("OPENBLAS_NUM_THREADS", "1")
+    if why == "PARDISO":
+        environment.setitem(sys.modules, "pymklpardiso", None)
+    assert others.hint() == ""

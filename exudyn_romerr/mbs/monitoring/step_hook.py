@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...online.run import BLOCK
-from ...process.blas_threads import one_thread
+from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
 from ...report.scope import FROZEN
 from ..access.mbs_items import end_time, is_verbose, running_static_solver
@@ -98,18 +98,23 @@ class StepHook:
     def flush(self) -> None:
         """Evaluate the rows stored so far."""
         with interrupt_deferred(), one_thread(), no_step_is_made():
-            *rows, multipliers = self._drain() or ((),)
-            if not rows:
-                return
-            with self._run_goes_on():
-                self._mechanism.evaluate(self._mbs(), *rows, multipliers)
-                if self._verbose:
-                    exu.Print(live_line(self.watches, rows[0][-1]))
-            for watch in self.watches:
-                watch.note_error(rows[0][-1])
-                if self._is_over and watch.run is not None:
-                    watch.run.solver = watch.run.solver._replace(is_stopped=True)
-            self._say_failures(rows[0][-1])
+            self._evaluate()
+        if hint := OTHERS.hint():
+            exu.Print(f"exudyn_romerr: {hint}")
+
+    def _evaluate(self) -> None:
+        *rows, multipliers = self._drain() or ((),)
+        if not rows:
+            return
+        with self._run_goes_on():
+            self._mechanism.evaluate(self._mbs(), *rows, multipliers)
+            if self._verbose:
+                exu.Print(live_line(self.watches, rows[0][-1]))
+        for watch in self.watches:
+            watch.note_error(rows[0][-1])
+            if self._is_over and watch.run is not None:
+                watch.run.solver = watch.run.solver._replace(is_stopped=True)
+        self._say_failures(rows[0][-1])
 
     def _say_failures(self, t: float) -> None:
         """Say once what cannot be bounded: SolveDynamic does not raise, only report() will."""

@@ -1,12 +1,18 @@
 """Threads of BLAS beside a run: one while bounds are evaluated, the user's own in all else, and the same numbers."""
 
+from contextlib import nullcontext
+from itertools import count
+
+import exudyn as exu
 import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.mbs.monitoring import step_hook
 from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
 from exudyn_romerr.offline import prepare
 from exudyn_romerr.online.run import Run
+from exudyn_romerr.process import blas_threads
 from models import floating
 from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
 
@@ -81,3 +87,45 @@ def test_bounds_do_not_depend_on_it(several_threads):  # noqa: F811
         one, other = first.output(name), second.output(name)
         np.testing.assert_array_equal(one.bound["best"], other.bound["best"])
         np.testing.assert_array_equal(one.estimate, other.estimate)
+
+
+class Clocks:
+    """Other threads take PATIENCE each time that somebody looks."""
+
+    def __init__(self):
+        self.of_process = count(step=blas_threads.PATIENCE)
+
+    def process_time(self):
+        """CPU time of all threads."""
+        return next(self.of_process)
+
+    def thread_time(self):
+        """CPU time of this one."""
+        return 0.0
+
+
+class Limiting:
+    """Stands for threadpoolctl's controller."""
+
+    def limit(self, limits):
+        """Nothing is taken by others."""
+        return nullcontext()
+
+
+@pytest.mark.parametrize(
+    ("controller", "told"), [(None, 1), (Limiting(), 0)], ids=["without threadpoolctl", "with it"]
+)
+def test_runs_tell_once_what_other_threads_take(capfd, monkeypatch, controller, told):
+    """Without threadpoolctl alone, on the console, not in reports: it is no matter of their numbers."""
+    others = blas_threads.OtherThreads()
+    for module in (blas_threads, step_hook):
+        monkeypatch.setattr(module, "OTHERS", others)
+    monkeypatch.setattr(blas_threads, "time", Clocks())
+    monkeypatch.setattr(blas_threads, "threads", lambda: 2)
+    monkeypatch.setattr(blas_threads, "_controller", lambda: controller)
+    scene, monitor = solved()
+    scene.mbs.SolveDynamic(scene.settings)
+    reports = [str(monitor.report(i)) for i in range(2)]
+    exu.Print("end")
+    assert capfd.readouterr().out.count("exudyn_romerr: other threads have taken ") == told
+    assert not any("threads" in text for text in reports)
