@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .advice import advice, beyond, by_bound, judged, next_step
+from .advice import advice, by_bound, judged, next_step
 from .estimate_wording import about_all, estimated_kind, estimated_under
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
 from .wording import (
@@ -104,7 +104,7 @@ def _what_to_do(report: ReportData, out: OutputData) -> str:
     step = _step(report, out)
     if "enough" in step:
         of_its_size = f"{100 * ENOUGH:g} % of the largest {'change' if out.of == 'position' else 'value'}"
-        return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}{beyond(step)}"
+        return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}"
     if step not in next_step(out, report.time, report.scope):  # of the run, not of this output
         return step
     cause = judged(out, report.time, report.scope)

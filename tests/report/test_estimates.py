@@ -342,10 +342,9 @@ def test_largest_error_is_where_the_line_says(seed, half):
         (
             estimated(2.0, 0.004, {"basis": 1.9e-3}, covers=FROZEN),
             "reconstructed",
-            "about enough, inputs frozen",
-            "about enough, inputs frozen: the estimate of the error is within 0.1 % of the largest value, the bound, "
-            "inputs frozen, is not; the mechanism's answer is not in it: compare with a run of the mechanism with "
-            "more modes",
+            "compare with a run of the mechanism with more modes, for the mechanism's answer is not covered",
+            "under this run's forces the estimate of the error is within 0.1 % of the largest value, but the "
+            "mechanism's answer is not covered: compare with a run of the mechanism with more modes",
         ),
         (
             estimated(2.0, 0.002, {"basis": 1.9e-3}),
