@@ -114,6 +114,11 @@ def under(scope: dict[str, str], e: str = "best", doubts: Iterable[Doubt] = ()) 
     return f"{condition}, {NOT_CERTIFIED}" if doubts else condition
 
 
+def for_run_alone(scope: dict[str, str]) -> str:
+    """Return that bounds leave out the mechanism's answer; empty: they do not."""
+    return f"{AS_IN_THIS_RUN}; {NOT_THE_MECHANISM}" if widest_scope(scope) == FROZEN else ""
+
+
 def at_most(out: OutputData, bound: str, share: str = "") -> str:
     """Return the largest bound of an output in words, with why it is not certified: "at most" is said if it is."""
     notes = "; ".join(filter(None, [share, not_certified(out.uncertified)]))
