@@ -375,3 +375,12 @@ def test_everything_but_mbs_works_without_exudyn(report, tmp_path):
     assert run.returncode == 0, run.stderr
     assert run.stdout.strip() == f"{report}\nattach needs exudyn"
     assert (tmp_path / "run.png").stat().st_size > 0
+
+
+def test_an_output_is_told_in_a_line(report):
+    """Not its arrays: of a run of 400 steps they were 9000 lines."""
+    out = report.output("y")
+    said = str(out)
+    assert said == repr(out)
+    assert len(said.splitlines()) == 1
+    assert said.startswith(f"<OutputReport 'y row 1', 'y row 2': {out.of} in m, {len(report.t)} instants; value, ")
