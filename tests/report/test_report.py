@@ -384,3 +384,13 @@ def test_an_output_is_told_in_a_line(report):
     assert said == repr(out)
     assert len(said.splitlines()) == 1
     assert said.startswith(f"<OutputReport 'y row 1', 'y row 2': {out.of} in m, {len(report.t)} instants; value, ")
+
+
+def test_what_frozen_inputs_mean_is_said_in_full_once(report):
+    """24 lines of 200 letters are not read; each has its condition in the same breath."""
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    first, *others = [line for line in report.details.splitlines() if ": up to " in line]
+    assert "under the frame motion, loads and joint forces of this run the" in first
+    assert "the mechanism's answer is not covered and may be many times larger" in first
+    assert len(others) == 3
+    assert all("; inputs frozen, the reduction error is at most" in line for line in others)
