@@ -21,7 +21,7 @@ ROUGH_RADIUS = 0.2  # with 0 an error was 2.9 times its bound at the first insta
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 RADIUS_OF_ONE = "set generalizedAlpha.spectralRadius = 1"
 # the first is by far the better one: a radius of 1 made a bound 2.9 times as large
-SMOOTHLY_OR_UNDAMPED = f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, which widens bounds"
+SMOOTHLY_OR_UNDAMPED = f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, which may widen bounds"
 BEGUN_ANEW = Doubt(
     "a solve that goes on from another one, with a spectral radius below 1",
     f"{RADIUS_OF_ONE}, or make one solve of both",
