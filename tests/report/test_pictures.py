@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from copy import deepcopy
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -457,6 +458,18 @@ def test_titles_stay_in_their_panels():
             box, width = ax.title.get_window_extent(), figure.bbox.width / 2
             assert int(box.x0 // width) == int(box.x1 // width)
             assert box.x0 >= 0
+
+
+@pytest.mark.parametrize("end", [1.0, 0.02, 0.06, 123.4])
+def test_times_do_not_run_into_each_other(end):
+    report = several(4, 1)
+    report.t = end * report.t
+    figure = plot_report(report)
+    figure.draw_without_rendering()
+    for ax in figure.axes:
+        boxes = [label.get_window_extent() for label in ax.get_xticklabels()]
+        assert len(boxes) > 2
+        assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
 @pytest.mark.parametrize("scope", [FROZEN, COUPLED])
