@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .estimate_wording import covers_more, estimated_kind, estimated_under, is_enough, known, rest
+from .estimate_wording import covers_more, estimate_scope, estimated_kind, is_enough, known, rest
 from .scope import FROZEN, cures_of
 from .wording import (
     CURES_OF_CAUSES,
     MORE_MODES,
     MORE_VECTORS,
-    SHORT,
     STEPS,
     at_round_off,
     digits,
@@ -24,6 +23,7 @@ from .wording import (
     permitted,
     rounded_up,
     under,
+    widest_scope,
 )
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ HALVED = 4.0  # times smaller errors of steps half as long
 FAR = 3.0  # times the estimate with its half width: below it both say much the same, and modes lower both
 ABOUT_ENOUGH, NOT_RESOLVED = "about enough", "not resolved"
 RUN_ON = "run on without tolerance="
+NOT_COVERED = "the mechanism's answer is not covered"
+WITH_MORE_MODES = f"{MORE_MODES}, for {NOT_COVERED}"
 NO_BOUND = "no finite bound: the messages or reasons say why"
 
 
@@ -55,12 +57,14 @@ def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
     if out.stopped is not None:
         return _lowers_bound(out, None) or RUN_ON
     verdict, found = judged(out, time, scope), known(out)
+    if holds_for_run_alone(out, scope, verdict):
+        return WITH_MORE_MODES
     if verdict == "enough":
         return f"enough{under(scope)}"
     if verdict == ABOUT_ENOUGH:
         by = "a smooth start" if found.rings else "more vectors"
         sharper = f"; {by} for the bound" if _slack(out, time, scope, None) else ""
-        return f"{verdict}{estimated_under(out, scope)}{sharper}"
+        return f"{verdict}{sharper}"
     if verdict == NOT_RESOLVED:
         return found.cure
     return (found and _shorter_steps(out, verdict, None, found)) or STEPS[verdict]
@@ -73,6 +77,8 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
     if out.stopped is not None:
         return f"{stop(out, time)}: {cure_of_stop(out, row)}"
     verdict, found = judged(out, time, scope, row), known(out, row)
+    if holds_for_run_alone(out, scope, verdict):
+        return _for_run_alone(out, time, row, verdict)
     if verdict == "round-off":
         return "nothing to improve: more modes or shorter steps do not show above rounding of the input"
     if verdict == "zero":
@@ -80,8 +86,7 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
     if verdict == "infinite":
         return NO_BOUND
     if verdict == "enough":
-        said = f"enough{under(scope)}: the bound of the {error_kind(time)} is within {permitted(out)[1]}"
-        return said + beyond(said)
+        return f"enough{under(scope)}: the bound of the {error_kind(time)} is within {permitted(out)[1]}"
     if found is None:
         return _of_bound(out, verdict, row)
     if verdict == ABOUT_ENOUGH:
@@ -96,9 +101,14 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
     return "; ".join(filter(None, [said, sharper, unbounded]))
 
 
-def beyond(enough: str) -> str:
-    """Return what has to follow where something is enough under the forces of a run: the mechanism may be far off."""
-    return f"; the mechanism's answer is not in it: {MORE_MODES}" if SHORT[FROZEN] in enough else ""
+def holds_for_run_alone(out: OutputData, scope: dict[str, str], verdict: str) -> bool:
+    """Return whether what makes the verdict that nothing is to be done leaves the mechanism's answer out.
+
+    Nobody knows then whether that is so: a controller's answer to the error, say, may be many times larger.
+    """
+    if verdict == ABOUT_ENOUGH:
+        return estimate_scope(out, scope) == FROZEN
+    return verdict in ("enough", "round-off", "zero") and widest_scope(scope) == FROZEN
 
 
 def largest_part(out: OutputData, row: int) -> str:
@@ -151,17 +161,26 @@ def _shorter_steps(out: OutputData, cause: str, row: int | None, found: Known) -
     return f"take steps {ceil(sqrt(found.parts[cause] / (out.tolerance - left)))} times as short"
 
 
+def _for_run_alone(out: OutputData, time: str, row: int | None, verdict: str) -> str:
+    """What is small enough under the forces of a run, and that the mechanism's answer to it is not known."""
+    estimated = verdict == ABOUT_ENOUGH
+    of = f"the estimate of the {estimated_kind(out, time)}" if estimated else f"the bound of the {error_kind(time)}"
+    at_floor = verdict == "round-off" or (estimated and not is_enough(out, known(out, row)))
+    size = "zero" if verdict == "zero" else "at round-off" if at_floor else f"within {permitted(out)[1]}"
+    return f"under this run's forces {of} is {size}, but {NOT_COVERED}: {MORE_MODES}"
+
+
 def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:
     """The estimate is small enough; whether the bound is too, if it is of less."""
     kind, of_bound, (allowed, of) = estimated_kind(out, time), error_kind(time), permitted(out)
-    said = f"about enough{estimated_under(out, scope)}: the estimate of the {kind} is"
+    said = f"about enough: the estimate of the {kind} is"
     if not is_enough(out, known(out, row)):
         return f"{said} at round-off"
     bound = np.max((out.bound["best"] + out.round_off)[:, _rows(row)])
     condition = f"{under(scope)}," if under(scope) else ""
     which = f" of the {of_bound}" if kind != of_bound else ""
     too = f", the bound{which}{condition} is {'too' if bound <= allowed else 'not'}" if np.isfinite(bound) else ""
-    return f"{said} within {of}{too}{beyond(said)}"
+    return f"{said} within {of}{too}"
 
 
 def _slack(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:

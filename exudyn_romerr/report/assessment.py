@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from .wording import (
     advises,
     digits,
     instant,
+    listed,
     rounded_down,
     rounded_up,
     widest_scope,
@@ -42,17 +43,24 @@ UNCERTIFIED = "what is computed of this run is not certified ({})"
 class Assessment:
     """Whether the error of an output is within a tolerance; see BoundReport.assess.
 
-    answer : "proven", "likely", "unknown", "unlikely" or "disproven". said, todo : why, and what to do next.
+    answer : "proven", "likely", "unknown", "unlikely" or "disproven", that of the worst row. said, todo : why, and
+    what to do next. rows : the answer of every row, by its name.
     """
 
     answer: str
     said: str
     todo: str
+    rows: dict[str, str] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
-        """A sentence of both."""
-        return f"{self.said}: {self.todo}."
+        """A sentence of all: the worst row, what to do, the answers of other rows."""
+        others: dict[str, list[str]] = {}
+        for name, answer in self.rows.items():
+            if not self.said.startswith(f"{name}: "):
+                others.setdefault(answer, []).append(name)
+        told = ", ".join(f"{listed(others[answer])} {answer}" for answer in ANSWERS if answer in others)
+        return f"{self.said}: {self.todo}{told and f' (other rows: {told})'}."
 
     def __str__(self) -> str:
         return self.text
@@ -64,7 +72,8 @@ def assess(report: ReportData, name: str, tolerance: float, relative: bool = Fal
     limits = _limits(out, tolerance, relative)
     found = [_of_row(report, replace(out, tolerance=limit), row) for row, limit in enumerate(limits)]
     worst = _worst(out, found, limits)
-    return _with_small_row(out, tolerance, found, found.index(worst)) if relative else worst
+    told = _with_small_row(out, tolerance, found, found.index(worst)) if relative else worst
+    return replace(told, rows={name: row.answer for name, row in zip(out.row_names, found, strict=True)})
 
 
 def _worst(out: OutputData, found: Sequence[Assessment], limits: Sequence[float]) -> Assessment:
@@ -74,7 +83,7 @@ def _worst(out: OutputData, found: Sequence[Assessment], limits: Sequence[float]
 
 
 def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], row: int) -> Assessment:
-    """The answer of the worst row, which, where rows that hardly move make it, says what is known of the others.
+    """The answer of the worst row, which, where rows that hardly move make it, says what to ask of all instead.
 
     A share of what is next to nothing asks for more than anybody needs, and often for more than rounding leaves.
     """
@@ -82,12 +91,8 @@ def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], 
     largest = int(np.argmax(sizes))
     if sizes[row] >= SMALL * sizes[largest]:
         return found[row]
-    others = min((found[i].answer for i in np.flatnonzero(sizes >= SMALL * sizes[largest])), key=ANSWERS.index)
     small, large = (f"up to {digits(sizes[i])}" for i in (row, largest))
-    why = (
-        f"this row is {small} {out.unit}, {out.row_names[largest]} {large}; "
-        f"for rows above {SMALL:g} of that the answer is '{others}'"
-    )
+    why = f"this row is {small} {out.unit}, {out.row_names[largest]} {large}"
     absolute = rounded_down(tolerance * sizes[largest])
     return replace(found[row], todo=f"{why}; assess({out.name!r}, {absolute}) asks for the same of all rows")
 

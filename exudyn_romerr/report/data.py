@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from .scope import Doubt
 
+IN_THE_FRAME = " in the frame"  # ends the name of what the body's frame sees of an output in global axes, beside it
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -136,3 +138,8 @@ class ReportData:
         """Return the output of that name; InputError lists the known ones."""
         check_choice("output", name, self.outputs)
         return self.outputs[name]
+
+
+def is_beside(report: ReportData, name: str) -> bool:
+    """Return whether an output is there for another one's sake: nobody asked for it by its name."""
+    return name.removesuffix(IN_THE_FRAME) in report.outputs.keys() - {name}

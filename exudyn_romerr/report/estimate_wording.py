@@ -78,12 +78,14 @@ class Known(NamedTuple):
 
     @property
     def first_cure(self) -> str:
-        """The same in a few words: the one that helps most, alone."""
+        """The same in a few words: the one that helps most, alone, or first."""
         if self.rings:
             return self.beside_steps[0]
         steps, modes = self.parts.get("time step", 0.0), self.of_modes[0]
-        if self.check == "linearisation" and min(steps, modes) < SMALL * max(steps, modes):
-            return f"{'more modes' if steps < modes else 'shorter steps'}, {NOT_LINEAR}"
+        if self.check == "linearisation":
+            cures = ("more modes", "shorter steps") if steps < modes else ("shorter steps", "more modes")
+            count = 1 if min(steps, modes) < SMALL * max(steps, modes) else 2
+            return f"{', then '.join(cures[:count])}, {NOT_LINEAR}"
         return self._shorter_steps if self.check == "steps" else CURES_OF_CHECKS[self.check]
 
     @property
@@ -183,17 +185,16 @@ def about_all(out: OutputData, scope: dict[str, str]) -> str:
     if found is None:
         return "not known"
     largest = _largest(out.value)
+    share = _share(found.size if found.is_resolved else found.most, largest)
     if found.is_at_round_off:
         said = f"{rounded_up(found.most, 1)} {unit} or less, at round-off"
     elif found.is_resolved:
-        share = _share(found.size, largest)
         said = f"{number(found)} {unit}{share and f' ({share})'}"
     elif is_enough(out, found):
         said = f"{digits(found.most, 2)} {unit} or less"
     elif found.tells_nothing:
         said = "not known"
     else:
-        share = _share(found.most, largest)
         said = f"{digits(found.most, 2)} {unit} or less{share and f' ({share})'}, not resolved"
     return f"{said}{estimated_under(out, scope)}"
 
@@ -230,9 +231,9 @@ def rest(out: OutputData, cause: str, row: int | None) -> str:
     size, most = _largest(left), _largest(left + half)
     if not 0 < most < np.inf:
         return ""
-    if _largest(half) <= RESOLVED * size:
-        return f"; the rest is about {digits(size, 2)} {out.unit}"
-    return f"; the rest is about {digits(most, 2)} {out.unit} or less"
+    is_resolved = _largest(half) <= RESOLVED * size
+    left = digits(size if is_resolved else most, 2)
+    return f"; the rest is about {left} {out.unit}{'' if is_resolved else ' or less'}"
 
 
 def _share(x: float, of: float) -> str:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .advice import advice, beyond, by_bound, judged, next_step
+from .advice import advice, by_bound, judged, next_step
 from .estimate_wording import about_all, estimated_kind, estimated_under
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
 from .wording import (
@@ -16,6 +16,7 @@ from .wording import (
     advises,
     digits,
     error_kind,
+    listed,
     not_certified,
     percent,
     permitted,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from .data import OutputData, ReportData
 
 NO_BOUND = "not bounded"
-NAMES = 8  # of outputs that share a next step: more are counted
 
 
 def overview(report: ReportData) -> list[tuple[str, ...]]:
@@ -61,7 +61,7 @@ def next_steps(report: ReportData) -> list[str]:
         shared.setdefault(_what_to_do(report, out), []).append(out.name)
     if len(shared) == 1:
         return [f"next step: {todo}" for todo in shared]
-    return [f"next step, {_listed(names)}: {todo}" for todo, names in shared.items()]
+    return [f"next step, {listed(names)}: {todo}" for todo, names in shared.items()]
 
 
 def aligned(rows: list[tuple[str, ...]]) -> list[str]:
@@ -104,16 +104,12 @@ def _what_to_do(report: ReportData, out: OutputData) -> str:
     step = _step(report, out)
     if "enough" in step:
         of_its_size = f"{100 * ENOUGH:g} % of the largest {'change' if out.of == 'position' else 'value'}"
-        return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}{beyond(step)}"
+        return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}"
     if step not in next_step(out, report.time, report.scope):  # of the run, not of this output
         return step
     cause = judged(out, report.time, report.scope)
     because = f", for {cause!r} makes most of the error" if cause in CURES_OF_CAUSES else ""
     return f"{next_step(out, report.time, report.scope)}{because}"
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:NAMES]) + (f" and {len(names) - NAMES} more" if names[NAMES:] else "")
 
 
 def _step(report: ReportData, out: OutputData) -> str:

@@ -21,7 +21,7 @@ from .verdict import row_verdict
 from .wording import at_round_off, estimator_lines, reason_of
 
 
-@dataclass
+@dataclass(repr=False)
 class OutputReport(OutputData):
     """One output along a run.
 
@@ -43,6 +43,18 @@ class OutputReport(OutputData):
     which such a tolerance, of this or another output, stopped the run before its end; None: none did. beside_steps :
     what helps beside shorter steps where these do not resolve what starts at once. uncertified : see BoundReport.
     """
+
+    def __repr__(self) -> str:
+        """In a line what it is and which arrays it has: they would fill screens, and need the report's scope."""
+        of_all = (f"bound[{e!r}]" for e in self.bound)
+        known = (
+            name for name in ("estimate", "uncertainty", "corrected", "error") if getattr(self, name) is not None
+        )
+        arrays = ", ".join(["value", *of_all, *known])
+        return (
+            f"<OutputReport {', '.join(map(repr, self.row_names))}: {self.of} in {self.unit}, {len(self.value)} "
+            f"instants; {arrays}; print(report) says what they mean>"
+        )
 
     def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
         """Return a line for each row: largest value, estimate of its error, largest bound, whose bound that is."""

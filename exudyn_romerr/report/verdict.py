@@ -33,11 +33,14 @@ if TYPE_CHECKING:
     from .data import OutputData
 
 
-def row_verdict(out: OutputData, row: int, time: str, scope: dict[str, str]) -> str:
-    """Return one line of the summary: largest value, estimate, bound at the worst instant, whose bound that is."""
+def row_verdict(out: OutputData, row: int, time: str, scope: dict[str, str], is_first: bool = True) -> str:
+    """Return one line of the summary: largest value, estimate, bound at the worst instant, whose bound that is.
+
+    is_first : of lines below each other; the others say in two words what inputs that are frozen mean.
+    """
     by = f", by '{best_estimator(out, row, scope)}'"
     size = f"{digits(largest(out.value, row), 4)} {out.unit}"
-    return f"{out.row_names[row]}: up to {size}{_error(out, row, time, scope, by)}"
+    return f"{out.row_names[row]}: up to {size}{_error(out, row, time, scope, by, is_first)}"
 
 
 def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
@@ -47,33 +50,38 @@ def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advise
     return f"{out.row_names[row]} is up to {size}{_error(out, row, time, scope)}{todo and f'; {todo}'}."
 
 
-def _error(out: OutputData, row: int, time: str, scope: dict[str, str], by: str = "") -> str:
+def _error(out: OutputData, row: int, time: str, scope: dict[str, str], by: str = "", is_first: bool = True) -> str:
     """Estimate and bound, each with what it is of and what it holds under: said once where that is the same."""
     found, kind, covers = known(out, row), error_kind(time), widest_scope(scope)
     bounded, is_bounded = _bounded(out, row, scope, by, found is None), np.isfinite(largest(out.bound["best"], row))
     bound_holds_under = covers if is_bounded else ""
     if found is None or (found.is_at_round_off and at_round_off(out)[row]):
-        return _bound_alone(kind, bounded, bound_holds_under, ", ")
+        return _bound_alone(kind, bounded, bound_holds_under, ", ", is_first)
     estimate, of, is_frozen = about(out, found), estimated_kind(out, time), estimate_scope(out, scope) == FROZEN
     if of != kind or is_frozen != (covers == FROZEN):
-        return _estimate_alone(of, estimate, is_frozen) + _bound_alone(kind, bounded, bound_holds_under, "; ")
+        bound = _bound_alone(kind, bounded, bound_holds_under, "; ", is_first)
+        return _estimate_alone(of, estimate, is_frozen, is_first) + bound
     if not is_bounded:
-        return f"{_estimate_alone(of, estimate, is_frozen)}, {bounded}"
+        return f"{_estimate_alone(of, estimate, is_frozen, is_first)}, {bounded}"
     if is_frozen:
-        return f"; {AS_IN_THIS_RUN} the {kind} is {estimate}, {bounded} ({NOT_THE_MECHANISM})"
+        return _for_run_alone(kind, f"{estimate}, {bounded}", is_first)
     return f", {kind} {estimate}, {'to first order ' if covers == COUPLED else ''}{bounded}"
 
 
-def _estimate_alone(kind: str, estimate: str, is_frozen: bool) -> str:
-    if is_frozen:
-        return f"; {AS_IN_THIS_RUN} the {kind} is {estimate} ({NOT_THE_MECHANISM})"
-    return f", {kind} {estimate}"
+def _for_run_alone(kind: str, said: str, is_first: bool) -> str:
+    if is_first:
+        return f"; {AS_IN_THIS_RUN} the {kind} is {said} ({NOT_THE_MECHANISM})"
+    return f"; inputs frozen, the {kind} is {said}"
 
 
-def _bound_alone(kind: str, bounded: str, covers: str, begin: str) -> str:
+def _estimate_alone(kind: str, estimate: str, is_frozen: bool, is_first: bool) -> str:
+    return _for_run_alone(kind, estimate, is_first) if is_frozen else f", {kind} {estimate}"
+
+
+def _bound_alone(kind: str, bounded: str, covers: str, begin: str, is_first: bool) -> str:
     """What is not bounded holds under nothing: covers is empty."""
     if covers == FROZEN:
-        return f"; {AS_IN_THIS_RUN} the {kind} is {bounded} ({NOT_THE_MECHANISM})"
+        return _for_run_alone(kind, bounded, is_first)
     return f"{begin}{kind}{', to first order, ' if covers == COUPLED else ' '}{bounded}"
 
 

@@ -42,10 +42,10 @@ SMOOTHLY = "let loads begin smoothly"
 CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
     "steps": "halve the step",
     "vectors": MORE_VECTORS,
-    "linearisation": f"more modes and shorter steps, {NOT_LINEAR}",
     "loads": "smoother loads",
     "proved": "add modes",  # what is left is of modes above all that "auto" follows: more vectors bring nothing
 }
+NAMES = 8  # of outputs or rows of which the same is said
 LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
@@ -62,6 +62,11 @@ SAMPLED = (
 )
 MORE_MODES = "compare with a run of the mechanism with more modes"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
+
+
+def listed(names: list[str]) -> str:
+    """Return names with commas; more than NAMES are counted."""
+    return ", ".join(names[:NAMES]) + (f" and {len(names) - NAMES} more" if names[NAMES:] else "")
 
 
 def digits(x: float, count: int = 3) -> str:
@@ -112,6 +117,11 @@ def under(scope: dict[str, str], e: str = "best", doubts: Iterable[Doubt] = ()) 
     """Return what must be said with a bound, in few words: nothing where the scope is complete, without doubts."""
     condition = SHORT.get(widest_scope(scope) if e == "best" else scope[e], "")
     return f"{condition}, {NOT_CERTIFIED}" if doubts else condition
+
+
+def for_run_alone(scope: dict[str, str]) -> str:
+    """Return that bounds leave out the mechanism's answer; empty: they do not."""
+    return f"{AS_IN_THIS_RUN}; {NOT_THE_MECHANISM}" if widest_scope(scope) == FROZEN else ""
 
 
 def at_most(out: OutputData, bound: str, share: str = "") -> str:

@@ -140,6 +140,8 @@ def test_the_worst_row_counts_by_its_own_size():
     assert found.text.startswith("tip z y: unlikely")
     assert "the tolerance of 0.0004 m" in found.text
     assert "this row is up to" not in found.text
+    assert found.rows == {"tip z x": "likely", "tip z y": "unlikely"}
+    assert found.text.endswith("(other rows: tip z x likely).")  # who asked for two rows reads of two
 
 
 def test_a_row_that_hardly_moves_is_told_of():
@@ -149,9 +151,9 @@ def test_a_row_that_hardly_moves_is_told_of():
     assert found.answer == "unlikely"
     assert "the tolerance of 2e-07 m" in found.text
     assert found.todo == (
-        "this row is up to 1e-05 m, tip z x up to 1; for rows above 0.01 of that the answer is 'likely'; "
-        "assess('tip z', 0.02) asks for the same of all rows"
+        "this row is up to 1e-05 m, tip z x up to 1; assess('tip z', 0.02) asks for the same of all rows"
     )
+    assert found.text.endswith(f"{found.todo} (other rows: tip z x likely).")
     assert assess(made, "tip z", 0.02).answer == "likely"
     assert "this row" not in assess(made, "tip z", 0.005, relative=True).text  # the first is no better
     still = two_rows(0.0)

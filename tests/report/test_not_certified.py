@@ -156,7 +156,7 @@ def test_assessments_name_cause_and_cure(plain, cause):
     found = doubted(plain, doubt).assess("y", 1e9)
     assert plain.assess("y", 1e9).answer != "unknown"
     assert found.answer == "unknown"
-    assert f"({doubt.cause}): {doubt.cure}." in found.text
+    assert f"({doubt.cause}): {doubt.cure} (other rows: y row 2 unknown)." in found.text
     assert "balance" not in found.text or cause == "not balanced"
 
 

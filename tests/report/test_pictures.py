@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from copy import deepcopy
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ from exudyn_romerr.report.plots.style import (
     spread,
 )
 from exudyn_romerr.report.report import BoundReport, OutputReport
-from exudyn_romerr.report.scope import FROZEN
+from exudyn_romerr.report.scope import COUPLED, FROZEN, Doubt
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "pictures.md").read_text(encoding="utf-8")
@@ -94,7 +95,8 @@ def axes_of(draw, *arguments, **options):
 
 
 def legend(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
+    """Labels, however many lines they take."""
+    return [" ".join(text.get_text().split("\n")) for text in ax.get_legend().get_texts()]
 
 
 def line(ax, label):
@@ -398,6 +400,27 @@ def test_outputs_at_round_off_are_left_out_first():
     assert drawn(plot_report(report)) == [f"out {number}" for number in range(PANELS)]
 
 
+def test_outputs_that_nobody_asked_for_are_left_out_first():
+    """What the body's frame sees stands beside an output in global axes: its bound is a larger share of less."""
+    report = several(PANELS + 1, 1)
+    report.outputs = {
+        name if i else "out 4 in the frame": out for i, (name, out) in enumerate(report.outputs.items())
+    }
+    report.output("out 4 in the frame").name = "out 4 in the frame"
+    report.output("out 4 in the frame").bound["best"] *= 1e3
+    assert drawn(plot_report(report)) == [f"out {number}" for number in range(1, PANELS + 1)]
+    del report.outputs["out 4"]  # nothing of this name is asked for: then this one was
+    assert drawn(plot_report(report))[0] == "out 4 in the frame"
+
+
+def test_pictures_say_that_the_mechanisms_answer_is_not_covered():
+    report = made_up()
+    assert "answer" not in plot_report(report).get_suptitle()
+    report.scope = dict.fromkeys(report.scope, FROZEN)
+    for plot in (plot_report, plot_causes):
+        assert "the mechanism's answer is not covered and may be" in plot(report).get_suptitle()
+
+
 def test_outputs_without_a_bound_are_drawn_by_their_estimate():
     """An infinite bound is not the largest error; there are no causes of it."""
     report = several(PANELS + 1, 2)
@@ -437,11 +460,29 @@ def test_titles_stay_in_their_panels():
             assert box.x0 >= 0
 
 
-@pytest.mark.parametrize(("count", "rows"), [(1, 1), (2, 1), (4, 1)])
-def test_legends_stay_in_their_panels(count, rows):
-    """What bounds hold under makes them wide."""
-    report = several(count, rows)
-    report.scope = dict.fromkeys(report.scope, FROZEN)
+@pytest.mark.parametrize("end", [1.0, 0.02, 0.06, 123.4])
+def test_times_do_not_run_into_each_other(end):
+    report = several(4, 1)
+    report.t = end * report.t
+    figure = plot_report(report)
+    figure.draw_without_rendering()
+    for ax in figure.axes:
+        boxes = [label.get_window_extent() for label in ax.get_xticklabels()]
+        assert len(boxes) > 2
+        assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+
+
+@pytest.mark.parametrize("scope", [FROZEN, COUPLED])
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_legends_stay_in_their_panels(count, scope):
+    """What bounds hold under makes them wide, more so where they are not certified and the estimate is of more."""
+    report = several(count, 1)
+    report.scope, report.time = dict.fromkeys(report.scope, scope), "sampled"
+    for out in report.outputs.values():
+        out.uncertified = (Doubt("of a cause", "do something"),)
+        out.unit = "microns"  # as long as units are
+        out.estimate, out.uncertainty = 0.5 * out.bound["best"], 0.1 * out.bound["best"]
+        out.estimate_parts, out.uncertainty_parts = {"time step": out.estimate}, {"steps": out.uncertainty}
     figure = plot_report(report)
     figure.draw_without_rendering()
     columns = min(count, 2)

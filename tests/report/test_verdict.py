@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exudyn_romerr.report.advice import next_step
 from exudyn_romerr.report.plots.style import CAUSE_STYLES
 from exudyn_romerr.report.report import OutputReport
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, PAGE, SCOPES
@@ -148,18 +149,25 @@ def test_rows_are_measured_by_the_largest_of_their_output():
     assert sentence(out, 1, "static", ONE).endswith("is within 0.1 % of the largest value of tip z.")
 
 
+def test_enough_is_said_with_what_it_holds_under():
+    scope = {"auxiliary": COUPLED}
+    advice = output(2.0, {"auxiliary": 1e-3}, scope).advice("sampled", scope)
+    assert advice.startswith("enough, to first order: the bound of the reduction error is within ")
+
+
 @pytest.mark.parametrize(
-    ("scope", "time", "said"),
-    [
-        (FROZEN, "reconstructed", "enough, inputs frozen: the bound of the error is within "),
-        (COUPLED, "sampled", "enough, to first order: the bound of the reduction error is within "),
-    ],
+    ("bound", "round_off", "size"),
+    [(1e-3, 0.0, "within 0.1 % of the largest value"), (1e-3, 1e-3, "at round-off"), (0.0, 0.0, "zero")],
 )
-def test_enough_is_said_with_what_it_holds_under(scope, time, said):
-    scope = {"auxiliary": scope}
-    advice = output(2.0, {"auxiliary": 1e-3}, scope).advice(time, scope)
-    assert advice.startswith(said)
-    assert advice.endswith("compare with a run of the mechanism with more modes") == (time == "reconstructed")
+def test_nothing_is_enough_without_the_mechanisms_answer(bound, round_off, size):
+    """A PreStep controller answered with 3.5 times the bound beside which "enough" stood."""
+    scope = {"auxiliary": FROZEN}
+    out = output(2.0, {"auxiliary": bound}, scope, round_off)
+    assert out.advice("reconstructed", scope) == (
+        f"under this run's forces the bound of the error is {size}, but the mechanism's answer is not covered: "
+        "compare with a run of the mechanism with more modes"
+    )
+    assert next_step(out, "reconstructed", scope).startswith("compare with a run of the mechanism with more modes")
 
 
 @pytest.mark.parametrize(("bound", "share"), [(0.5, " (25 %)"), (2.8, " (140 %)"), (20.0, " (1000 %)"), (20.5, "")])

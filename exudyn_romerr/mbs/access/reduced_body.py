@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,14 +66,14 @@ class ReducedBody:
     items holds the Exudyn numbers: 'nGenericODE2' (node) and 'oGenericODE2' (object).
     """
 
-    mbs: Any
-    body: ElasticBody
-    basis: Basis
-    inputs: np.ndarray | None
+    mbs: Any = field(repr=False)
+    body: ElasticBody = field(repr=False)
+    basis: Basis = field(repr=False)
+    inputs: np.ndarray | None = field(repr=False)
     input_function: Callable | None
     items: dict[str, Any]
-    initial: tuple[np.ndarray, np.ndarray] | None
-    model: ReducedModel
+    initial: tuple[np.ndarray, np.ndarray] | None = field(repr=False)
+    model: ReducedModel = field(repr=False)
 
 
 def add_reduced_body(

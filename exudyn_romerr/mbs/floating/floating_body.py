@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
@@ -35,13 +35,13 @@ class FloatingBody:
     lowest modes, a float: of all, None: damping is Rayleigh's.
     """
 
-    fem: Any
+    fem: Any = field(repr=False)
     items: dict[str, Any]
     reference: MeanMotion | MassOrthogonal | None
     interfaces: str
-    mass: sp.csc_matrix
-    stiffness: sp.csc_matrix
-    positions: np.ndarray
+    mass: sp.csc_matrix = field(repr=False)
+    stiffness: sp.csc_matrix = field(repr=False)
+    positions: np.ndarray = field(repr=False)
     modal_damping: tuple[float, ...] | float | None = None
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...model.outputs import Output, nodes_output
+from ...report.data import IN_THE_FRAME
 from .loads_and_joints import MESH_MARKERS
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ QUANTITIES = {
 }
 OF_NO_STATE = ("Load", "UserFunction")  # types of sensors that nobody estimates
 ELSEWHERE = "attach(mbs, [flex]), with a list, estimates other sensors, those of joint forces too"
-IN_THE_FRAME = " in the frame"  # ends the name of what the body's frame sees
 KNOWN = ", ".join(quantity.name for quantity in QUANTITIES)
 NO_SENSOR = (
     f"no sensor of {KNOWN} on a mesh node of the body; add one, or pass "

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import exudyn as exu
 import numpy as np
 from exudyn.itemInterface import SensorUserFunction
 
-from ...report.wording import rounded_up, under
+from ...report.scope import cures_of
+from ...report.wording import for_run_alone, not_certified, rounded_up, under
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -37,25 +39,38 @@ def live_line(watches: Sequence[Watch], t: float) -> str:
 
 def condition_of(watch: Watch) -> str:
     """Return what must be said with the bounds of a watch: nothing where their scope is complete, and certified."""
-    run = watch.run
-    scope = {name: run.offline.scene.scope_of(name) for name in run.assumptions()}
-    return under(scope, doubts=run.doubts())
+    return under(_scope_of(watch), doubts=watch.run.doubts())
+
+
+def _scope_of(watch: Watch) -> dict[str, str]:
+    return {name: watch.run.offline.scene.scope_of(name) for name in watch.run.assumptions()}
+
+
+def _what_numbers_cannot_say(watch: Watch) -> str:
+    """Return in words why the bounds of a run so far are not certified, what they leave out; empty: nothing."""
+    doubts, alone = watch.run.doubts(), for_run_alone(_scope_of(watch))
+    said = [alone and f"it holds {alone}", doubts and f"{not_certified(doubts)}: {cures_of(doubts)}"]
+    return "; ".join(filter(None, said))
 
 
 def sensor_of(look: Callable[[], None], watch: Watch, out: Output, options: dict[str, Any]) -> SensorUserFunction:
     """Return a sensor that shows the bound of an output of a watch; look() evaluates the rows stored so far.
 
-    Exudyn writes sensors after PostStep, so that this step's row is among those stored.
+    Exudyn writes sensors after PostStep, so that this step's row is among those stored. What holds for its numbers,
+    which they cannot say, is printed once a run, and when more is known.
     """
-    name, rows = out.name, rows_of(out)
+    name, rows, heard = out.name, rows_of(out), (0, 0)
 
     def bound(mbs: Any, t: float, sensorNumbers: Any, factors: Any, configuration: Any) -> list[float]:
-        nonlocal rows
+        nonlocal rows, heard
         look()
         found = bounds_at(watch, t).get(name)
         if found is None:  # before the first step, which is how Exudyn asks for the size, or bounds have ended
             return [np.inf] * rows
-        rows = len(found)
+        rows, now = len(found), (len(watch.runs), len(watch.run.doubts()))
+        if now != heard and (said := _what_numbers_cannot_say(watch)):
+            exu.Print(f"exudyn_romerr at t = {t:g}: {given['name']!r}: {said}")
+        heard = now
         return found.tolist()
 
     given = {"name": f"bound of {name}", "storeInternal": True, **options}

@@ -93,7 +93,9 @@ class Monitor:
 
         Notes
         -----
-        Steps are evaluated whenever sensors are written, in smaller blocks than without.
+        Steps are evaluated whenever sensors are written, in smaller blocks than without. Numbers cannot say that they
+        are not certified, or hold with inputs frozen: a line is printed then, once a run. The report has the last
+        word, for some of that is known at the end of a run only.
         """
         outputs = {out.name: out for out in self._watch.subject.outputs}
         if not outputs:

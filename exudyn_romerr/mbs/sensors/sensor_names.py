@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from ...errors import InputError
+from ...report.data import IN_THE_FRAME
 from ..floating.floating_body import FloatingBody
-from ..floating.sensor_outputs import IN_THE_FRAME, framed_output, is_on
+from ..floating.sensor_outputs import framed_output, is_on
 
 WITHOUT = "romerr.node_displacement({!r}, node=..., component='z')"
 OF_NODES = "romerr.mean_displacement({!r}, nodes=...)"

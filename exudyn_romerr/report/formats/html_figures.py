@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..data import is_beside
 from ..estimate_wording import known
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
+from ..wording import for_run_alone
 from .html_elements import paragraph
 
 if TYPE_CHECKING:
@@ -31,23 +33,27 @@ def rows_of(report: ReportData) -> Iterator[tuple[OutputData, int, str]]:
 
 def figures(report: ReportData) -> Iterator[str]:
     """Yield the figures of all rows; where these are many, of the worst rows, the worst of every output first."""
-    drawn = _worst(list(rows_of(report)))
+    condition = for_run_alone(report.scope) and f" (bounds hold {for_run_alone(report.scope)})"
+    drawn = _worst(report, list(rows_of(report)))
     for out, row, name in drawn:
-        text = f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}"
+        text = f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}{condition}"
         source = _picture(report, out.name, row)
         yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
     left = [name for _, _, name in rows_of(report) if name not in {name for _, _, name in drawn}]
     if left:
         yield paragraph(
-            "Drawn are the rows whose errors are the largest shares of their outputs, one of every output first. Not "
-            f"drawn: {', '.join(left)}. "
+            "Drawn are the rows whose errors are the largest shares of their outputs, one of every output first, "
+            f"what was not asked for last. Not drawn: {', '.join(left)}. "
             'report.plot("one.png", outputs=["NAME"]) draws all rows of an output.'
         )
 
 
-def _worst(rows: list[tuple[OutputData, int, str]]) -> list[tuple[OutputData, int, str]]:
-    """At most MOST rows, in their order: the worst of as many outputs as there is room for, then others."""
-    by_error = sorted(range(len(rows)), key=lambda i: -_share(*rows[i][:2]))
+def _worst(report: ReportData, rows: list[tuple[OutputData, int, str]]) -> list[tuple[OutputData, int, str]]:
+    """At most MOST rows, in their order: the worst of as many outputs as there is room for, then others.
+
+    What nobody asked for comes last.
+    """
+    by_error = sorted(range(len(rows)), key=lambda i: (is_beside(report, rows[i][0].name), -_share(*rows[i][:2])))
     names = [rows[i][0].name for i in by_error]
     firsts = [i for place, i in enumerate(by_error) if names[place] not in names[:place]]
     others = [i for i in by_error if i not in firsts]

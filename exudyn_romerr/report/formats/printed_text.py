@@ -45,8 +45,9 @@ def summary(report: ReportData, scope_lines: Sequence[str]) -> str:
 def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
     """Return a line for every row of every output, advice, corrected outputs; estimator_lines : of the whole body."""
     lines = [_extent(report), *_messages(report)]
-    for out in report.outputs.values():
-        lines += [row_verdict(out, row, report.time, report.scope) for row in range(out.value.shape[1])]
+    for place, out in enumerate(report.outputs.values()):
+        rows = range(out.value.shape[1])
+        lines += [row_verdict(out, row, report.time, report.scope, place + row == 0) for row in rows]
         if advises(report):
             lines.append(f"  {advice(out, report.time, report.scope)}")
         if out.corrected is not None:

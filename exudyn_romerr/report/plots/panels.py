@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError
-from ..wording import at_round_off, not_certified
+from ..data import is_beside
+from ..wording import at_round_off, for_run_alone, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
 from .style import SIZE, new_figure, of_one_size, save
 
@@ -32,8 +33,8 @@ def plot_report(report: ReportData, path: str | os.PathLike | None = None, outpu
     """Draw a panel for each output, the signal with its band; of one or two, bound and true error (semilog) below.
 
     Of one output every row has a panel, of several the row with the largest bound. At most PANELS, those with the
-    largest bounds for their size; where there is no bound the estimate, half width included, stands for it. A line
-    above says what is left out.
+    largest bounds for their size, what nobody asked for ("NAME in the frame" beside NAME) last; where there is no
+    bound the estimate, half width included, stands for it. A line above says what is left out.
 
     Returns
     -------
@@ -84,7 +85,11 @@ def _chosen(report: ReportData, outputs: str | list[str]) -> tuple[list[tuple[st
     if not rows:
         raise InputError("the report has no outputs to plot; pass outputs= to attach or evaluate")
     kept = rows if len(names) == 1 else [(name, _worst_row(report.output(name))) for name in names]
-    largest = sorted(kept, key=lambda row: _for_its_size(report.output(row[0]), row[1]), reverse=True)[:PANELS]
+
+    def rank(row: tuple[str, int]) -> tuple:
+        return not is_beside(report, row[0]), _for_its_size(report.output(row[0]), row[1])
+
+    largest = sorted(kept, key=rank, reverse=True)[:PANELS]
     kept = [row for row in kept if row in largest]
     return kept, [report.output(name).row_names[i] for name, i in rows if (name, i) not in kept]
 
@@ -130,15 +135,18 @@ def _wrap(ax: Any, count: int) -> None:
 
 
 def _notes(report: ReportData, rows: list[tuple[str, int]], left_out: str | list[str]) -> str:
-    """What is said above all panels: why bounds that are drawn are not certified, what is not drawn."""
+    """What is said above all panels: what bounds leave out, why they are not certified, what is not drawn."""
     doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.output(name).uncertified)
-    return "\n".join(filter(None, [doubts and fill(f"Bounds are {not_certified(doubts)}", LINE), left_out or ""]))
+    condition = for_run_alone(report.scope)
+    said = [condition and f"Bounds hold {condition}", doubts and f"Bounds are {not_certified(doubts)}"]
+    return "\n".join([*(fill(words, LINE) for words in said if words), *([left_out] if left_out else [])])
 
 
 def _note(left_out: list[str], smaller: str) -> str:
     names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
     more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
-    return fill(f"Not shown, with {smaller} for their size or none: {', '.join(names)}{more}; outputs= chooses", LINE)
+    why = f"{smaller} for their size, none, or not asked for"
+    return fill(f"Not shown ({why}): {', '.join(names)}{more}; outputs= chooses", LINE)
 
 
 def _saved(figure: Any, path: str | os.PathLike | None) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import wraps
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,6 +60,8 @@ WIDE, THIN = 2.5, 1.0  # a sharp bound lies on the true error: the wide line sho
 SIZE = (6.4, 3.6)  # inches of one pair of axes: a column of a report
 DPI = 150
 NARROW = 4.0  # inches: a legend of two columns is wider where it says what bounds hold under
+LEGEND_LINE = {1: 72, 2: 46}  # letters in a line of a legend, by its columns: more run off a picture of our sizes
+TICKS = 5  # intervals of an axis of time: labels such as 0.0175 of more run into each other in narrow panels
 LEGEND_BELOW = 0.5  # inches under the axes: below tick labels and the axis' own
 EDGES = (  # of the axes: what it means, where, marker
     ("lower edge: exactly zero", 0.0, "v"),
@@ -153,6 +156,7 @@ def spread(count: int, place: int) -> range:
 
 def finish(ax: Any) -> None:
     """Grid, and a legend below the axes, where it hides nothing."""
+    from matplotlib.ticker import AutoLocator
     from matplotlib.transforms import ScaledTranslation
 
     drawn = {line.get_gid() for line in ax.lines}
@@ -161,7 +165,11 @@ def finish(ax: Any) -> None:
             ax.plot([], [], marker, color="#777777", label=words)
     ax.grid(which="major", alpha=0.3)
     ax.tick_params(labelsize=LETTERS)  # of ticks that are made later, too
+    if isinstance(ax.xaxis.get_major_locator(), AutoLocator):
+        ax.locator_params(axis="x", nbins=TICKS)
     below = ax.transAxes + ScaledTranslation(0, -LEGEND_BELOW, ax.figure.dpi_scale_trans)
     place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": below, "borderaxespad": 0}
     columns = 1 if ax.bbox.width / ax.figure.dpi < NARROW else 2
-    ax.legend(ncols=columns, fontsize="small", frameon=False, **place)
+    lines, labels = ax.get_legend_handles_labels()
+    labels = [fill(label, LEGEND_LINE[columns], break_on_hyphens=False) for label in labels]
+    ax.legend(lines, labels, ncols=columns, fontsize="small", frameon=False, **place)

@@ -5,6 +5,7 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr import ElasticBody
+from models import floating
 from tests.helpers.mbs_scenes import INPUTS, TIP, N, chain_body, new_mbs, settings
 
 RATIOS = [0.05, 0.0, 0.2, 0.01]
@@ -81,3 +82,12 @@ def test_what_an_input_function_keeps_is_as_the_run_leaves_it(attached):
         assert np.all(np.isfinite(monitor.report().output("tip").bound["best"]))
     assert [type(x) for x in kept.values()] == [float, float]
     assert kept["t"] == pytest.approx(END, rel=1e-12)
+
+
+def test_bodies_are_told_in_a_line():
+    """Not their matrices, nor the mbs: these fill screens."""
+    flex = romerr.add_reduced_body(new_mbs(), chain_body(), romerr.modal_basis(chain_body(), 3))
+    scene = floating.clamped_bar(1)
+    for body in (flex, romerr.floating_body(scene.fem, scene.items)):
+        assert len(repr(body).splitlines()) == 1
+        assert f"items={body.items}" in repr(body)

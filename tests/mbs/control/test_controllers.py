@@ -3,6 +3,7 @@
 Truth: the same simulation with all modes, same steps, stored (models/controlled_arm.py); of time steps, Richardson's.
 """
 
+import re
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ from exudyn import itemInterface
 
 import exudyn_romerr as romerr
 from exudyn_romerr.mbs.control import control_functions
+from exudyn_romerr.report.formats.html_page import page
 from models import controlled_arm
 from models.controlled_arm import add_load, add_spring, arm, controlled, pd, truth
 from tests.helpers import tolerances as tol
@@ -377,3 +379,6 @@ def test_function_before_steps_is_named_with_what_it_sets():
     assert set(report.scope.values()) == {FROZEN}
     assert "aim calls SetObjectParameter" in report.scope_reason
     assert "springTorqueUserFunction" in report.scope_reason
+    for said in (str(report), report.details, page(report)):  # what the controller answers with is in no bound
+        assert "compare with a run of the mechanism with more modes" in said
+        assert not re.search(r"\benough\b", said)

@@ -20,6 +20,7 @@ from examples import bound_sensor
 from exudyn_romerr import progress as bars
 from exudyn_romerr.errors import InputError
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
+from exudyn_romerr.online import run_messages
 from exudyn_romerr.online.run import Run
 from exudyn_romerr.report.scope import FROZEN
 from exudyn_romerr.report.wording import rounded_up
@@ -209,6 +210,32 @@ def test_mbs_with_a_sensor_is_freed_when_dropped():
     mbs, _ = run()
     gc.collect()
     assert mbs() is None
+
+
+def test_sensor_says_once_a_run_that_its_numbers_are_not_certified(capfd, monkeypatch):
+    """They cannot say so themselves; the share in the message changes with every step."""
+    mbs, monitor, _ = chain([TIP])
+    mbs.SolveDynamic(written())
+    monkeypatch.setattr(run_messages, "_limit", lambda run: 0.0)  # as if a load were not known
+    for _ in range(2):
+        mbs.SolveDynamic(written())
+    assert "Galerkin" in str(monitor.report().uncertified)
+    exu.Print("end")
+    told = [line for line in capfd.readouterr().out.splitlines() if "'bound of tip'" in line]
+    assert len(told) == 2
+    assert all("not certified: the run is not balanced" in line for line in told)
+
+
+def test_sensor_says_what_frozen_inputs_leave_out(capfd):
+    scene = floating.pendulum(1, t_end=0.003)
+    scene.mbs.SetSensorParameter(scene.sensors["tip local"], "name", "tip")
+    flex = romerr.floating_body(scene.fem, scene.items)
+    monitor = romerr.attach(scene.mbs, flex, outputs=["tip"], scope=FROZEN)
+    scene.mbs.AddSensor(monitor.bound_sensor("tip"))
+    scene.solve()
+    exu.Print("end")
+    (told,) = (line for line in capfd.readouterr().out.splitlines() if "'bound of tip'" in line)
+    assert told.endswith("the mechanism's answer is not covered and may be many times larger")
 
 
 def largest_bound(parameters):
