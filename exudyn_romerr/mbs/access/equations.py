@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.linalg import null_space
 
 from .state_guard import own_solver, set_state, state_kept
 
-SHARE = 1e-6  # of a force that redundant constraints share: one with less is determined
 TOGETHER = 64  # rows whose matrices are solved at once
 AHEAD = 1e-4  # of coordinates, to differentiate twice by: constraints are of low degree
 
@@ -40,12 +38,6 @@ class Equations:
         if self._solver.GetAEsize():
             self._solver.ComputeJacobianAE(mbs, 1.0, 0.0, 0.0, False)
         return self._solver.GetSystemJacobian()[self._first_constraint :, : self.size]
-
-    def shared(self, mbs: Any) -> np.ndarray:
-        """Numbers of redundant constraints, and of those that imply them."""
-        G = self.constraints(mbs)
-        rows = np.flatnonzero(G.any(axis=1))
-        return rows[np.abs(null_space(G[rows].T)).max(axis=1, initial=0.0) > SHARE] if rows.size else rows
 
     def drift(self, mbs: Any) -> np.ndarray:
         """Return g (all,): 0, or what a solver that keeps its rate zero has let it come to."""
