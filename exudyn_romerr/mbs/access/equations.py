@@ -10,7 +10,9 @@ import numpy as np
 from .state_guard import own_solver, set_state, state_kept
 
 TOGETHER = 64  # rows whose matrices are solved at once
-AHEAD = 1e-4  # of coordinates, to differentiate twice by: constraints are of low degree
+# of coordinates, to differentiate twice by: constraints are of low degree. And what accelerations may add to these: a
+# quarter of it, and rounding over it, is what the second derivative is off by beside accelerations
+AHEAD, BENT = 1e-4, 2e-8
 
 
 class Equations:
@@ -95,7 +97,8 @@ class Equations:
 
     def _bend(self, mbs: Any, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> np.ndarray:
         """Second derivative over time (all,) of what constraints keep zero, along a motion that is set; moves it."""
-        dt, found = AHEAD / max(1.0, np.abs(q_t).max(initial=0.0)), [self.drift(mbs)]
+        rate, bend = (np.abs(x).max(initial=0.0) for x in (q_t, q_tt))
+        dt, found = min(AHEAD / max(1.0, rate), np.sqrt(BENT / max(1.0, bend))), [self.drift(mbs)]
         for step in (-dt, dt):
             mbs.systemData.SetTime(t + step)
             mbs.systemData.SetODE2Coordinates(q + step * q_t + step**2 / 2 * q_tt)
