@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...estimates.kept_estimate import LOST
 from ...estimates.march import Columns
 from ...estimates.mechanism_feedback import held
 from .looks import DENSE, Loads, Looks, Residuals, Sizes
@@ -33,7 +34,6 @@ SLIGHT = 1e-6  # of the prediction: what less moves within a step comes to 0.2 %
 GROWS = 1.5  # times what it was: where the prediction has grown to, it is looked at, for r is of second order
 # of the prediction: steps in which r is larger are looked at as close as that needs, and r is added from there on
 PAYS = 0.02
-LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
 ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
 NEWTON = 1e-8  # of the motion, Exudyn's default tolerance: less of r is what Newton's iteration leaves
 RAMP = 32  # steps within which r sets in
