@@ -57,8 +57,8 @@ class Enrichment:
     ----------
     P : (n_free, count), orthonormal in M; where V makes interfaces rigid, vectors that keep them so among themselves,
     and vectors that deform them. omega : (count,) rad/s, Ritz frequencies of blocks of P. keeps : (count,) bool,
-    those that leave the interfaces rigid that V makes rigid. first : (count,) bool, those that a share FEWER of m
-    would be, and all that deform interfaces: with a few of these less much of a static response is missing.
+    those that leave the interfaces rigid that V makes rigid. first : (count,) bool, those that a share FEWER of the
+    vectors of either kind would be, and static modes.
 
     Raises
     ------
@@ -82,7 +82,7 @@ class Enrichment:
             part.add_static(wrenches)
             static, room = part.count, len(V) - V.shape[1] - sum(part.count for part in parts)
             part.add_responses(columns, min(-(-m // DEFORMING) if i else m, room), body.M)
-            border = part.count if i else static + round(FEWER * (part.count - static))
+            border = static + round(FEWER * (part.count - static))
             before = np.zeros((len(V), 0))
             for own in (slice(0, border), slice(border, None)):
                 P = part.P[:, own] - V @ self._moved(wrenches, part.P[:, own])

@@ -25,6 +25,9 @@ FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay
 # what the error by time steps and its checks depend on samples after it for: what they say of these holds before them
 AHEAD = PROVISIONAL
 BY_STEPS = ("time step", "steps", "linearisation", "loads", RINGING)
+# of the prediction: what linear equations leave out, and is larger, is not added, for what it misses itself is larger
+# still; corrections of corrections grow then, and nothing is known of the prediction
+LOST = 1.0
 # An error of phase is 2 A at most, A what rings. Where steps do not resolve it, its estimate x grows like A phi and
 # the check like A phi^2 / 2, without end; but then x is 2 A or more, and off by 2 x at most. Where x does not see
 # what rings yet, A shows in the output: its fourth differences are 16 A where its sign alternates from step to step;
@@ -43,7 +46,8 @@ class KeptEstimate:
     Where a check has ended, nothing is known: its half width is inf from there on. What linear equations may have
     missed is handed over as "linearisation" of the error by time steps, as REMAINDER of what vectors predict. It is
     LINEARISED of the largest of each part beside the former; at least, beside the latter, for what time steps make of
-    the vectors' own motion is in no check.
+    the vectors' own motion is in no check. Where the share `remainder` is above LOST, what vectors predict is as
+    uncertain as it is large.
 
     rings : outputs (r,), bool, that show what steps do not resolve more than others do: forces of constraints. Where
     the check of steps is above RESOLVED of what it checks, it is as large as that.
@@ -70,6 +74,9 @@ class KeptEstimate:
 
     def put(self, parts: Mapping[str, np.ndarray], sizes: Mapping[str, np.ndarray], replaced: int = 0) -> None:
         """Add instants: parts by cause and sizes by check, (S, r) each, the first of them in place of the last."""
+        if self.remainder is not None and self.remainder > LOST and "basis" in parts:
+            predicted = sum(np.abs(x) for x in parts.values())
+            sizes = {**sizes, REMAINDER: np.maximum(sizes.get(REMAINDER, 0.0), predicted)}
         for kept, given in ((self._parts, parts), (self._sizes, sizes)):
             for name, rows in given.items():
                 kept[name].cut(len(kept[name]) - replaced)

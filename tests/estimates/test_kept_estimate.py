@@ -6,7 +6,16 @@ Runs here are longer than FEW but where a test is about that: instants of zeros 
 import numpy as np
 
 from exudyn_romerr.estimates.estimate import CAUSES
-from exudyn_romerr.estimates.kept_estimate import AHEAD, ALTERNATES, FEW, FIRST, PHASE_LOST, KeptEstimate
+from exudyn_romerr.estimates.kept_estimate import (
+    AHEAD,
+    ALTERNATES,
+    FEW,
+    FIRST,
+    LOST,
+    PHASE_LOST,
+    REMAINDER,
+    KeptEstimate,
+)
 from exudyn_romerr.estimates.time_step_error import TimeStep
 from exudyn_romerr.estimators.coupled_energy import LINEARISED
 
@@ -65,6 +74,18 @@ def test_half_widths_of_time_steps_count_some_instants_before():
     assert np.flatnonzero(widths["steps"])[0] == np.flatnonzero(widths["linearisation"])[0] == 2 * FEW - AHEAD
     assert np.flatnonzero(widths["vectors"])[0] == 2 * FEW
     np.testing.assert_array_equal(widths["steps"][2 * FEW - AHEAD :], 1.0)
+
+
+def test_what_linear_equations_miss_more_of_than_they_tell_is_not_known():
+    """The remainder of an output may be small beside what is predicted of it, as that of a static rest."""
+    none, one = np.zeros((2 * FEW, 1)), np.ones((2 * FEW, 1))
+    for share, wide in ((0.5 * LOST, LINEARISED * 7), (2 * LOST, 7.0)):
+        run = KeptEstimate()
+        run.remainder = share
+        run.put({"basis": -3 * one, "interfaces": 4 * one}, {"vectors": none, REMAINDER: 0.02 * one})
+        run.put({"time step": none}, {"steps": none})
+        found = run.read(slice(None), rough).half_widths["linearisation"]
+        np.testing.assert_allclose(found, wide, rtol=1e-12)
 
 
 def test_what_steps_do_not_resolve_is_off_by_its_amplitude_at_most():

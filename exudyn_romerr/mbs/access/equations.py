@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.linalg import null_space
 
 from .state_guard import own_solver, set_state, state_kept
 
-SHARE = 1e-6  # of a force that redundant constraints share: one with less is determined
 TOGETHER = 64  # rows whose matrices are solved at once
-AHEAD = 1e-4  # of coordinates, to differentiate twice by: constraints are of low degree
+# of coordinates, to differentiate twice by: constraints are of low degree. And what accelerations may add to these: a
+# quarter of it, and rounding over it, is what the second derivative is off by beside accelerations
+AHEAD, BENT = 1e-4, 2e-8
 
 
 class Equations:
@@ -40,12 +40,6 @@ class Equations:
         if self._solver.GetAEsize():
             self._solver.ComputeJacobianAE(mbs, 1.0, 0.0, 0.0, False)
         return self._solver.GetSystemJacobian()[self._first_constraint :, : self.size]
-
-    def shared(self, mbs: Any) -> np.ndarray:
-        """Numbers of redundant constraints, and of those that imply them."""
-        G = self.constraints(mbs)
-        rows = np.flatnonzero(G.any(axis=1))
-        return rows[np.abs(null_space(G[rows].T)).max(axis=1, initial=0.0) > SHARE] if rows.size else rows
 
     def drift(self, mbs: Any) -> np.ndarray:
         """Return g (all,): 0, or what a solver that keeps its rate zero has let it come to."""
@@ -103,7 +97,8 @@ class Equations:
 
     def _bend(self, mbs: Any, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> np.ndarray:
         """Second derivative over time (all,) of what constraints keep zero, along a motion that is set; moves it."""
-        dt, found = AHEAD / max(1.0, np.abs(q_t).max(initial=0.0)), [self.drift(mbs)]
+        rate, bend = (np.abs(x).max(initial=0.0) for x in (q_t, q_tt))
+        dt, found = min(AHEAD / max(1.0, rate), np.sqrt(BENT / max(1.0, bend))), [self.drift(mbs)]
         for step in (-dt, dt):
             mbs.systemData.SetTime(t + step)
             mbs.systemData.SetODE2Coordinates(q + step * q_t + step**2 / 2 * q_tt)

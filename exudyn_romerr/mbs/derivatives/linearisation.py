@@ -58,6 +58,10 @@ class Tangents:
         self.carried: list[Carried] = []
         self._stride = 1
 
+    def shared(self, mbs: Any) -> np.ndarray:
+        """Numbers of redundant constraints, and of those that imply them."""
+        return self._reader.shared(Place(self.equations, mbs))
+
     def read(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again."""
         change = self.readings[self.add(self._read(mbs, t))].change

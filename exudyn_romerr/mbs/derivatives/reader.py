@@ -19,6 +19,7 @@ from .tangent_reading import (
     masses_of,
     quaternions_of,
     rotations_of,
+    shared_rows,
     without_units,
 )
 from .twin import Place
@@ -66,6 +67,10 @@ class TangentReader:
         springs = np.abs(np.diag(K))
         springs[[j for rotation in self._rotations for j in rotation]] = 0.0
         return Reading(t, state, M, D, K, G, C, C_t, masses, springs), parts
+
+    def shared(self, at: Place) -> np.ndarray:
+        """Numbers of redundant constraints, and of those that imply them."""
+        return shared_rows(at.equations.constraints(at.mbs), masses_of(at.equations.mass(at.mbs), self._rotations))
 
     def _constraints(self, at: Place, t: float, masses: np.ndarray) -> np.ndarray:
         """G; AssumptionError if other constraints are active than at the first reading."""

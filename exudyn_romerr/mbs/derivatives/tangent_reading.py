@@ -16,6 +16,7 @@ from .frame_inertia import FrameInertia
 
 PARAMETERS = (QUATERNIONS, "RigidBodyRxyz")  # node types whose rotations are coordinates like others
 INCREMENTS = ("RigidBodyRotVecLG", "RigidBodyRotVecDataLG")  # those whose rotations are increments
+SHARE = 1e-6  # of a force that redundant constraints share: one with less is determined
 REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
 LIGHT = 1e12  # beside the heaviest and stiffest coordinate: what has neither mass nor stiffness
 SOFT = 1e-12  # of what single coordinates feel: less is rounding
@@ -175,6 +176,15 @@ def independent_rows(G: np.ndarray, active: np.ndarray, masses: np.ndarray) -> n
     _, triangle, order = la.qr(without_units(G[rows], masses).T, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
     return np.sort(rows[order[: int(np.sum(size > REDUNDANT * size[0]))]])
+
+
+def shared_rows(G: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """Rows of redundant constraints, and of those that imply them; what is zero is no constraint."""
+    rows = np.flatnonzero(G.any(axis=1))
+    if not rows.size:
+        return rows
+    combined = la.null_space(without_units(G[rows], masses).T, rcond=REDUNDANT)
+    return rows[np.abs(combined).max(axis=1, initial=0.0) > SHARE]
 
 
 def hashed(*matrices: np.ndarray) -> int:

@@ -42,8 +42,8 @@ class OutputEstimates:
     ) -> None:
         """Take the computed motion at times t (S,), and where auxiliary vectors move it.
 
-        The static rest -C K^-1 R(u + du) in the frame is part of it. fewer : by so many vectors less that the
-        difference tells how far the prediction can be trusted; rigid : by those that keep interfaces as rigid as the
+        The static rest -C K^-1 R(u + du) in the frame is part of it, and checks it. fewer : by so many vectors less
+        that the difference checks it, too; rigid : by those that keep interfaces as rigid as the
         modes make them, None: these make none rigid. What is above the latter is the part "interfaces". left : what
         `moved` may lack, the sum of the sizes of these; None: it was not measured.
         """
@@ -51,12 +51,14 @@ class OutputEstimates:
         rest, at = run.companion.corrections(len(base)) - (values - base), shown(base, turned)
         change = shown(values + rest, frame) - at
         checked = self._completed(fewer, self._body.static_rest(t, fewer))
-        parts, checks = {"basis": change}, {"vectors": change + at - checked}
+        before = shown(values, frame)
+        # no vector holds the static rest, so its own inertia, and what it makes the mechanism do, are left out
+        sizes = np.maximum(np.abs(change + at - checked), np.abs(change + at - before))
+        parts, checks = {"basis": change}, {"vectors": sizes}
         if rigid is not None:  # R of u + du, whose wrenches are those of all vectors
             parts["basis"] = self._completed(rigid, self._body.static_rest(t, moved, keeps=True)) - at
             parts["interfaces"] = change - parts["basis"]
         if left is not None:
-            before = shown(values, frame)
             checks[REMAINDER] = sum(np.abs(self._moved(moved, x) - before) for x in left)
         run.estimate.put(parts, checks)
 

@@ -59,7 +59,7 @@ class OtherSensors:
 
         is_coupled : whether a linearised mechanism tells how coordinates move; tangents : of this, if there are some.
         """
-        shared = np.zeros(0, int) if tangents is None else tangents.equations.shared(mbs)
+        shared = np.zeros(0, int) if tangents is None else tangents.shared(mbs)
         linear = [
             mbs.GetNodeODE2Index(i) + j for i in self._linear for j in range(len(mbs.GetNodeOutput(i, COORDINATES)))
         ]

@@ -89,6 +89,16 @@ class Looks:
         return self._t[place], *(x[place] for x in self._values)
 
     @property
+    def end(self) -> float:
+        """Time of the last sample."""
+        return float(self._t[-1])
+
+    def known_at(self, t: float) -> list[np.ndarray]:
+        """Residual (k,) and values (c,) at a time before the samples, by the line to the first look."""
+        places = np.flatnonzero(np.append(True, self.known))
+        return [_linear(np.array([t]), self._t[places], x[places])[0] for x in self._values]
+
+    @property
     def all(self) -> list[np.ndarray]:
         """Residuals (S, k) and values of constraints (S, c) at all samples; held after the last that are known."""
         places = np.flatnonzero(np.append(True, self.known))

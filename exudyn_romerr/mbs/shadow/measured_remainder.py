@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
+from ...estimates.kept_estimate import LOST
 from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 from ...linalg.blocked_products import rows_times
 from .looks import Jumps, look_together, middles
-from .remainder import LOOKED, LOST, SAMPLED, Measured, Remainder, joined, march_together
+from .measured import LOOKED, SAMPLED, Measured, joined
+from .remainder import Remainder, march_together
 from .shadow_mbs import Shadow
 
 if TYPE_CHECKING:

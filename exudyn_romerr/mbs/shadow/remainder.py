@@ -9,13 +9,15 @@ tangents that are interpolated miss, too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...estimates.kept_estimate import LOST
 from ...estimates.march import Columns
 from ...estimates.mechanism_feedback import held
 from .looks import DENSE, Loads, Looks, Residuals, Sizes
+from .measured import LOOKED, SAMPLED, Measured, joined
 
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
@@ -32,28 +34,9 @@ SLIGHT = 1e-6  # of the prediction: what less moves within a step comes to 0.2 %
 GROWS = 1.5  # times what it was: where the prediction has grown to, it is looked at, for r is of second order
 # of the prediction: steps in which r is larger are looked at as close as that needs, and r is added from there on
 PAYS = 0.02
-LOST = 1.0  # of the prediction: a larger r is not added, for what it misses itself is larger still
 ROUNDING = 1e-9  # of the motion: what is predicted below may be rounding
 NEWTON = 1e-8  # of the motion, Exudyn's default tolerance: less of r is what Newton's iteration leaves
 RAMP = 32  # steps within which r sets in
-# what may be left, in sizes of r: looked at now and then it came out down to 0.17 of what it is, looked at everywhere
-# within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
-SAMPLED, LOOKED = 8.0, 2.0
-
-
-class Measured(NamedTuple):
-    """What was found at the rows of a block: r and the part of it that was added to the prediction, (3, S, k).
-
-    times : (S,), SAMPLED or LOOKED.
-    """
-
-    r: np.ndarray
-    added: np.ndarray
-    times: np.ndarray
-
-    def left(self) -> list[np.ndarray]:
-        """What the prediction may still lack, the sum of the sizes of these: so many times what was not added."""
-        return [self.times[:, None] * (self.r - self.added), self.added][: 1 + self.added.any()]
 
 
 class Remainder:
@@ -79,7 +62,7 @@ class Remainder:
 
     def start(self, t: float, constraints: int) -> None:
         """Begin at time t, where nothing is predicted."""
-        self._known = t, np.zeros(self._moving.shape[1]), np.zeros(constraints)
+        self._known = self._driven = t, np.zeros(self._moving.shape[1]), np.zeros(constraints)
 
     def rest(self, tangent: Tangent, rows: Sequence[np.ndarray], e: np.ndarray, residuals: Residuals) -> None:
         """Begin at the first of rows t (1,), q, q_t, q_tt (1, k), where e (3, 1, k) is known; e' is 0.
@@ -90,11 +73,11 @@ class Remainder:
         if e[0].any():
             (F, g), (before, _) = (residuals((t, q, none, none), np.array([x, none, none])) for x in (e[0], none))
             self._moving[0, :, 0] = held(tangent.K, tangent, (before - F)[0] + tangent.K @ e[0, 0], -g[0])
-            self._known = t[0], none[0], g[0]
+            self._known = self._driven = t[0], none[0], g[0]
 
     def go_on(self, before: Remainder) -> None:
         """Go on from the state of another run's."""
-        self._moving, self._known = before._moving, before._known
+        self._moving, self._known, self._driven = before._moving, before._known, before._driven
         self._count, self._since = 0, before._since  # a new start is looked at closely
         self._ramp, self.adds, self._paid = before._ramp, before.adds, before._paid
         self._largest, self._loads = before._largest, before._loads
@@ -168,6 +151,7 @@ class Remainder:
         if not self.adds and self._begins_to_add(largest[:, -1]):
             return self._columns()
         self._moving, self._known, self._largest = found[-1], self._looks.last, largest[:, -1]
+        self._driven = self._looks.end, *(x[-1] for x in self._loads_here())
         self._loads, self._ended = self._looks.largest, self._looks.ended
         self._count, known = self._count + len(found), np.flatnonzero(self._looks.known)
         self._since = len(found) - 1 - known[-1] if known.size else self._since + len(found)
@@ -179,9 +163,22 @@ class Remainder:
 
     def _columns(self) -> Columns:
         """R and what is added of it, by what is known."""
-        share = np.minimum((self._ramp + 1 + np.arange(len(self._looks.known))) / RAMP, 1.0)
-        both = np.column_stack([np.ones_like(share), self.adds * share**2 * (3 - 2 * share)])[:, None]
-        return Columns(self._moving, *(-x[..., None] * both for x in self._looks.all))
+        share = _set_in(self._ramp, len(self._looks.known))
+        both = np.column_stack([np.ones_like(share), self.adds * share])[:, None]
+        return Columns(self._moving, *(-x[..., None] * both for x in self._loads_here()))
+
+    def _loads_here(self) -> list[np.ndarray]:
+        """Residuals (S, k) and values (S, c) that drive r.
+
+        Where all of r is added at once, they go on from those before: these were held after the last look, which new
+        ones show wrong then, and a jump of what constraints keep zero strikes the mechanism.
+        """
+        loads = self._looks.all
+        if not self._at_once:
+            return loads
+        t, *driven = self._driven
+        left = 1.0 - _set_in(0, len(self._looks.known))[:, None]
+        return [x + left * (y - z) for x, y, z in zip(loads, driven, self._looks.known_at(t), strict=True)]
 
     def _now_and_then(self, part: slice) -> np.ndarray:
         """Where some of the steps are looked at first, (S,)."""
@@ -236,15 +233,15 @@ class Remainder:
         return found
 
 
+def _set_in(first: int, count: int) -> np.ndarray:
+    """Shares (count,) of what sets in within RAMP steps, after so many of them."""
+    share = np.minimum((first + 1 + np.arange(count)) / RAMP, 1.0)
+    return share**2 * (3 - 2 * share)
+
+
 def march_together(steps: Steps, work: dict[Remainder, Columns]) -> None:
     """March columns through the steps, and what is to be marched instead."""
     while work:
         found = zip(work, steps.march(*work.values(), multipliers=True), strict=True)
         again = {one: one.take(*of) for one, of in found}
         work = {one: columns for one, columns in again.items() if columns is not None}
-
-
-def joined(parts: Sequence[Measured]) -> Measured:
-    """Return what was found in several blocks as one."""
-    r, added, times = zip(*parts, strict=True)
-    return Measured(np.concatenate(r, axis=1), np.concatenate(added, axis=1), np.concatenate(times))

@@ -75,9 +75,12 @@ def test_freedoms_that_are_lost_in_rounding_cost_positions_only(monkeypatch):
             assert np.isfinite(out.bound["best"]).all() != name.startswith("tip of")
 
 
-@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3, 1e6], ids=["km", "m", "mm", "um"])
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3, 1e6, 1e9], ids=["km", "m", "mm", "um", "nm"])
 def test_redundant_are_the_same_constraints(monkeypatch, length):
-    """In micrometres two of the chain's own were taken for redundant: joints' arms are 1e6 times rotations there."""
+    """In micrometres two of the chain's own were taken for redundant: joints' arms are 1e6 times rotations there.
+
+    In nanometres their forces counted as shared by others.
+    """
     side, share = mechanism_builder.CUBE
     monkeypatch.setattr(mechanism_builder, "CUBE", (side * length, share))
     scene = mechanism_builder.built(in_units(drawn(CHAIN), length, 1.0))
@@ -90,3 +93,4 @@ def test_redundant_are_the_same_constraints(monkeypatch, length):
         tangents = Tangents(scene.mbs)
         tangents.read(scene.mbs, 0.0)
         assert tangents.redundant == 6 * twice
+        assert len(tangents.shared(scene.mbs)) == 12 * twice  # those of both welds

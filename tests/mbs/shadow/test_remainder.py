@@ -129,6 +129,27 @@ def test_what_pays_is_added_and_what_does_not_is_not(at_once):
     assert not little.added.any()
 
 
+def test_what_drives_it_goes_on_from_one_block_of_steps_to_the_next(monkeypatch):
+    """Held from the last look on, it jumped by 45 % of its largest where new looks told what had been between."""
+    monkeypatch.setattr(module, "PAYS", np.inf)
+    late = Late(0.1, at_once=True)
+    driven, columns = [], late.remainder.columns
+
+    def kept():
+        found = columns()
+        driven.append(found.force[..., 0])
+        return found
+
+    monkeypatch.setattr(late.remainder, "columns", kept)
+    linear(late.force[1:], [late])
+    assert len(driven) > 2
+    force = np.concatenate(driven)
+    jumps = np.abs(np.diff(force, axis=0)).max(axis=1)
+    borders = np.cumsum([len(x) for x in driven])[:-1] - 1
+    within = np.delete(jumps, borders).max()
+    assert jumps[borders].max() < 1.2 * within
+
+
 def test_what_is_as_large_as_the_prediction_is_not_added(monkeypatch):
     monkeypatch.setattr(module, "LOST", 0.01)
     _, late, found = measured(1.0)
