@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -13,7 +14,7 @@ import scipy.sparse as sp
 from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MassOrthogonal, MeanMotion
-from ...model.floating_frame import require_isotropic_mass
+from ...model.floating_frame import require_isotropic_mass, translations
 from ...model.matrix_input import checked_ratios
 from ..access.mbs_items import FFRF, dense
 from ..access.reduced_damping import rayleigh_factors
@@ -49,6 +50,11 @@ class FloatingBody:
     def number(self) -> int:
         """Exudyn's number of the object."""
         return int(self.items["oFFRFreducedOrder"])
+
+    @cached_property
+    def carried(self) -> np.ndarray:
+        """M e_j (N, 3) of unit translations."""
+        return translations(self.mass)
 
 
 # what was found to be the reduction of a fem, and its Rayleigh factors: a solve finds what its plan has read
