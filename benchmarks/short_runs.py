@@ -4,17 +4,20 @@
 
 The slider crank of models/mechanisms.py and, with a work tree of github.com/jgerstmayr/EXUDYN (needs ngsolve), two of
 its examples: the script runs up to its solve, once. From there processes are forked, so that each solve is the first
-one of its process: without our lines and with them in turn. CPU time: of the solve and the report over that of the
-solve without our lines; what comes before it, the imports, attach and its offline work (monitor.plan), is told apart.
+one of its process: without our lines and with them in turn. They have their memory to themselves before their time is
+taken, as processes that were not forked do. CPU time: of the solve and the report over that of the solve without our
+lines; what comes before it, the imports, attach and its offline work (monitor.plan), is told apart.
 """
 
 import argparse
+import ctypes
 import json
 import os
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
 from time import process_time
 from typing import Any, NamedTuple
@@ -102,6 +105,7 @@ def forked(work: Callable[[], Any]) -> Any:
     process = os.fork()
     if not process:
         try:
+            own_memory()
             os.write(writing, json.dumps(work()).encode())
         finally:
             os._exit(0)
@@ -112,6 +116,29 @@ def forked(work: Callable[[], Any]) -> Any:
     if not text:
         raise RuntimeError("a run ended without a result, see above")
     return json.loads(text)
+
+
+def own_memory() -> None:
+    """Write to all pages, which a fork shares until they are written: copying them is no part of a solve.
+
+    Without this CMSexampleCourse took 30 to 40 ms more than in processes that were never forked, 8 % of it.
+    """
+    size = os.sysconf("SC_PAGE_SIZE")
+    with open("/proc/self/maps") as maps, open("/proc/self/pagemap", "rb", buffering=0) as pages:
+        for line in maps.read().splitlines():
+            places, rights, *_ = line.split()
+            if rights != "rw-p":
+                continue
+            first, end = (int(place, 16) // size for place in places.split("-"))
+            there = _present(pages, first, end)
+            for page in (first + np.flatnonzero(there)).tolist():
+                ctypes.memmove(page * size, page * size, 1)
+
+
+def _present(pages: FileIO, first: int, end: int) -> np.ndarray:
+    """Which pages of a stretch have memory (proc_pid_pagemap(5): the highest bit)."""
+    pages.seek(8 * first)
+    return np.frombuffer(pages.read(8 * (end - first)), dtype=np.uint64) >> 63 > 0
 
 
 def measured(scene: Solve, rounds: int) -> tuple[float, list[tuple[float, float]]]:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class Overshoot:
         self._t = float(t[-1])
         if self._x is None and len(t):
             self._begin(h[0])
-        ahead, onward = self._scheme.ahead(h), self._scheme.next(h)
+        ahead, onward, omega = self._scheme.ahead(h), self._scheme.next(h), np.sqrt(self._K)
         for i, (mass, damping) in enumerate(zip(*self._scheme.mass_and_damping(h), strict=True)):
             if self._quiet > QUIET:
                 break
@@ -60,7 +61,7 @@ class Overshoot:
             left = mass * known[0] + self._D * (damping * known[0] - known[1])
             d = left / (mass + damping * self._D + self._K)  # so that little cancels
             self._x = onward[i] @ np.vstack([known, d - known[0]])
-            self._x[0], omega = d, np.sqrt(self._K)
+            self._x[0] = d
             sizes = np.abs([d, self._x[1] / omega])
             more = np.where(sizes > 1.0 + ROUNDING, sizes - 1.0, 0.0)
             found[i] = (more / [self._K, omega]).max(axis=1)
@@ -118,8 +119,9 @@ def _carried(scheme: Scheme) -> np.ndarray:
     one = np.ones(len(STIFF))
     (mass, _), ahead, onward, K = scheme.mass_and_damping(one), scheme.ahead(one), scheme.next(one), np.square(STIFF)
     step = onward @ np.concatenate([ahead, -(K / (mass + K))[:, None, None] * ahead[:, :1]], axis=1)
-    x, found = np.stack([one, 0 * one, -K, -K], axis=1)[..., None], np.zeros((CARRIED_ON, len(STIFF)))
-    for row in found:
-        x, before = step @ x, x
-        row[:] = np.abs(x - before)[:, 2, 0] / (2 * K)
+    x = np.empty((CARRIED_ON + 1, len(STIFF), 4, 1))
+    x[0] = np.stack([one, 0 * one, -K, -K], axis=1)[..., None]
+    for before, after in pairwise(x):
+        np.matmul(step, before, out=after)
+    found = np.abs(np.diff(x[:, :, 2, 0], axis=0)) / (2 * K)
     return np.maximum.accumulate(found.max(axis=1)[::-1])[::-1]

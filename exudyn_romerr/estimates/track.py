@@ -158,7 +158,7 @@ class Track:
     def _off(self, share: float, of_all: float, values: np.ndarray) -> float:
         """What inverses miss of a solution at a share of a piece, which is one of the time between the tangents."""
         x = np.vander([of_all], 4, increasing=True)[0] @ self._solved
-        off = _weights(np.array([share]), len(values))[0] @ (values @ x) / self._sizes - 1.0
+        off = _weights_of(share, len(values)) @ (values @ x) / self._sizes - 1.0
         return float(np.abs(off).max())
 
     def _inverse(self, share: float) -> np.ndarray:
@@ -228,6 +228,12 @@ def _nodes(count: int) -> np.ndarray:
 def _weights(shares: np.ndarray, count: int) -> np.ndarray:
     """Weights (S, count) of values at the nodes, for polynomials at shares."""
     return chebvander(2 * shares - 1, count - 1) @ _to_chebyshev(count)
+
+
+@cache
+def _weights_of(share: float, count: int) -> np.ndarray:
+    """Weights (count,) at one of the few shares that are tried."""
+    return _weights(np.array([share]), count)[0]
 
 
 @cache

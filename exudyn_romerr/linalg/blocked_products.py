@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import prod
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +23,7 @@ SMALLEST_SQUARE = 1e-280  # well above the numbers that lose digits by underflow
 def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return rows @ matrix for rows (..., k) and matrix (k, m)."""
     k, m = matrix.shape
-    flat = rows.reshape(int(np.prod(rows.shape[:-1])), k)
+    flat = rows.reshape(prod(rows.shape[:-1]), k)
     count = max(1, (ONE_THREAD if m > 1 else OF_A_VECTOR) // max(k * m, 1))
     result = np.empty((len(flat), m))
     if loops is not None and count < min(FEW, len(flat)):

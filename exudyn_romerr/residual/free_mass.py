@@ -13,6 +13,7 @@ from ..linalg.blocked_products import by_columns
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
 from ..model.floating_frame import skew
+from ..model.shared_body import made_once
 
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
@@ -37,6 +38,17 @@ class FreeMass:
         self._of_rigid = cholesky(self._Rg.T @ self._carried, lower=True)
         self._B = self._factor.half_solve(self._space.loads(self._by_rigid(self._carried.T).T))
         self._root = cholesky(np.eye(RIGID_MODES) - self._B.T @ self._B, lower=True)
+        self._body = body
+
+    @classmethod
+    def of(cls, body: ElasticBody) -> FreeMass:
+        """Return that of a body, made once."""
+        return made_once(body, "free mass", (), lambda: cls(body))
+
+    @cached_property
+    def turning(self) -> float:
+        """See turned_mass."""
+        return turned_mass(self._body, self)
 
     def norms(self, columns: np.ndarray) -> np.ndarray:
         """Norms (k,) of columns (n_free, k) that see no rigid motion: balanced loads, or output rows transposed."""
@@ -58,7 +70,7 @@ class FreeMass:
 
 
 class AtStart:
-    """What only a start under a residual needs, made when it does.
+    """What only a start under a residual needs: made with its estimator, and of what runs tell, when one does.
 
     Attributes
     ----------
@@ -69,6 +81,7 @@ class AtStart:
     def __init__(self, problem: Problem):
         self._residual, self._rows, self._outputs = problem.terms, problem.rows.C, problem.outputs
         self._views = problem.views
+        _ = self.factors, self.turning  # now, not within the first run
 
     @property
     def damping(self) -> tuple[float, float] | None:
@@ -77,12 +90,14 @@ class AtStart:
 
     @cached_property
     def _mass(self) -> FreeMass:
-        return FreeMass(self._residual.body)
+        return FreeMass.of(self._residual.body)
 
     @cached_property
     def factors(self) -> np.ndarray:
         """See the class."""
-        return self._mass.norms(self._rows.T)
+        return made_once(
+            self._residual.body, "mass norms of rows", (self._rows,), lambda: self._mass.norms(self._rows.T)
+        )
 
     @cached_property
     def shown(self) -> np.ndarray:
@@ -97,10 +112,10 @@ class AtStart:
             found += [np.full(len(view.axes), np.sqrt(np.linalg.eigvalsh(gram)[-1])) for gram in places]
         return np.concatenate([*found, np.zeros(0)])
 
-    @cached_property
+    @property
     def turning(self) -> float:
         """See turned_mass."""
-        return turned_mass(self._residual.body, self._mass)
+        return self._mass.turning
 
     def coordinates(self, *sample: np.ndarray) -> np.ndarray:
         """Return z (k,) of q, q', q'' (n,) and inputs (p,) as they are."""

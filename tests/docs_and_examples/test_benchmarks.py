@@ -1,5 +1,8 @@
 """The benchmarks, shortened: they run and count what they say. No speed is asserted: machines differ."""
 
+import os
+import resource
+
 import numpy as np
 import pytest
 
@@ -150,6 +153,17 @@ def test_forked_runs_begin_where_they_were_forked():
     assert [before.next(), short_runs.forked(counted), before.next(), short_runs.forked(counted)] == [1, 11, 1, 11]
     before.end()
     assert count == [10]
+
+
+def test_forked_runs_copy_no_memory():
+    memory, page = bytearray(b"1") * 4_000_000, os.sysconf("SC_PAGE_SIZE")
+
+    def written():
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+        memory[::page] = bytes(len(memory[::page]))
+        return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+    assert short_runs.forked(written) < len(memory) / page / 10  # a fault for each page, where it is copied now
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ Applics 13, 1974).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -30,7 +31,7 @@ class Quaternion(NamedTuple):
     def unit(self, q: np.ndarray) -> np.ndarray:
         """Return them, of length 1."""
         p = q[self.own] + self.reference
-        return p / np.linalg.norm(p)
+        return p / math.sqrt(p @ p)
 
 
 class Dependence(NamedTuple):

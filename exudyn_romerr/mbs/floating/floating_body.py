@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import exudyn as exu
 import numpy as np
@@ -12,7 +14,7 @@ import scipy.sparse as sp
 from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MassOrthogonal, MeanMotion
-from ...model.floating_frame import require_isotropic_mass
+from ...model.floating_frame import require_isotropic_mass, translations
 from ...model.matrix_input import checked_ratios
 from ..access.mbs_items import FFRF, dense
 from ..access.reduced_damping import rayleigh_factors
@@ -48,6 +50,15 @@ class FloatingBody:
     def number(self) -> int:
         """Exudyn's number of the object."""
         return int(self.items["oFFRFreducedOrder"])
+
+    @cached_property
+    def carried(self) -> np.ndarray:
+        """M e_j (N, 3) of unit translations."""
+        return translations(self.mass)
+
+
+# what was found to be the reduction of a fem, and its Rayleigh factors: a solve finds what its plan has read
+_CHECKED: WeakKeyDictionary[FloatingBody, tuple] = WeakKeyDictionary()
 
 
 def floating_body(
@@ -167,19 +178,29 @@ def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
     item = _object(mbs, flex)
     V = check_array("modeBasis of the body", item["modeBasis"], (flex.mass.shape[0], None))
     positions = np.asarray(item["referencePositions"]).reshape(-1, 3)
-    if np.max(np.abs(positions - flex.positions)) > SAME_MATRICES * np.max(np.abs(flex.positions)):
-        raise InputError("fem has other node positions than the body: items belong to another fem")
     M, K, D = (dense(item[f"{name}MatrixReduced"], V.shape[1]) for name in ("mass", "stiffness", "damping"))
-    for name, full, reduced in (("mass", flex.mass, M), ("stiffness", flex.stiffness, K)):
-        _check_reduction(name, V.T @ (full @ V), reduced)
     if item["massMatrixUserFunction"] or item["forceUserFunction"]:
         raise AssumptionError(
             "the body has a user function for its mass or forces (AddObjectFFRFreducedOrderWithUserFunctions); what "
             "it adds cannot be read: use AddObjectFFRFreducedOrder"
         )
     nodes = tuple(int(n) for n in item["nodeNumbers"])
-    rayleigh = rayleigh_factors(M, K, D) if flex.modal_damping is None else (0.0, 0.0)
+    numbers, (seen, rayleigh) = (V, positions, M, K, D), _CHECKED.get(flex, ((), None))
+    if seen and all(map(np.array_equal, numbers, seen)):
+        V = seen[0]
+    else:
+        rayleigh = _checked(flex, *numbers)
+        _CHECKED[flex] = numbers, rayleigh
     return ReducedMatrices(V, D, rayleigh, FrameNode(mbs.GetNode(nodes[0])), nodes)
+
+
+def _checked(flex: FloatingBody, V: np.ndarray, positions: np.ndarray, *reduced: np.ndarray) -> tuple[float, float]:
+    """Check that modes, positions and M, K, D of the object are those of the fem; return Rayleigh's factors."""
+    if np.max(np.abs(positions - flex.positions)) > SAME_MATRICES * np.max(np.abs(flex.positions)):
+        raise InputError("fem has other node positions than the body: items belong to another fem")
+    for name, full, matrix in zip(("mass", "stiffness"), (flex.mass, flex.stiffness), reduced, strict=False):
+        _check_reduction(name, V.T @ (full @ V), matrix)
+    return rayleigh_factors(*reduced) if flex.modal_damping is None else (0.0, 0.0)
 
 
 def _object(mbs: Any, flex: FloatingBody) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...linalg.blocked_products import row_norms
-from ...model.admissible_space import rigid_modes
 from ...model.floating_frame import Veer, moment_of, skew
 
 if TYPE_CHECKING:
@@ -117,14 +116,12 @@ class NetInertia:
     """
 
     def __init__(self, body: EnrichedBody):
-        self._frame, positions, mass = body.sampler.frame, body.flex.positions, body.flex.mass
-        of_x, rigid = (mass @ positions.ravel()).reshape(-1, 3), rigid_modes(positions)
-        whole = rigid.T @ (mass @ rigid)
-        self._total, self._first, self._pull = whole[0, 0], of_x.sum(axis=0), body.sums.pull
-        self._root = np.linalg.inv(np.linalg.cholesky(whole))
+        self._frame, sums = body.sampler.frame, body.sums
+        self._total, self._first, self._pull = sums.rigid[0, 0], sums.x, sums.pull
+        self._root = np.linalg.inv(np.linalg.cholesky(sums.rigid))
         # sums of x_i M x_j, x_i M u_j, u_i M u_j
-        self._xx, self._xu = positions.T @ of_x, body.sums.of_x
-        self._uu = np.ascontiguousarray(body.sums.of_U.transpose(2, 0, 1, 3))
+        self._xx, self._xu = sums.xx, sums.of_x
+        self._uu = np.ascontiguousarray(sums.of_U.transpose(2, 0, 1, 3))
 
     @property
     def is_known(self) -> bool:

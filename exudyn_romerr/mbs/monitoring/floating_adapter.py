@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...basis.basis import Basis
-from ...model.floating_frame import FramePose, Jitter, translations
+from ...model.floating_frame import FramePose, Jitter
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
@@ -101,7 +101,7 @@ class MovingSubject:
             self.enriched.use(actions)
         self.columns, self._model = columns, model
         self._now = mbs.systemData.GetODE2Coordinates()[columns][: model.frame.size]
-        self.floor = self._sampler.weight(model.V.T @ translations(self._flex.mass))
+        self.floor = self._sampler.weight(model.V.T @ self._flex.carried)
         return self._sampler.offline
 
     @property

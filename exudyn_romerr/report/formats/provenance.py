@@ -7,6 +7,7 @@ from datetime import datetime, timezone
 from ..._version import __version__
 
 MODULES = ("numpy", "scipy", "exudyn")
+SYSTEM = platform.platform()  # it starts a program, which is better done here than within a solve
 
 
 def made_here() -> dict[str, str]:
@@ -15,7 +16,7 @@ def made_here() -> dict[str, str]:
     return {
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
         "script": sys.argv[0] if sys.argv[0] not in ("", "-", "-c") else "interactive session",
-        "system": platform.platform(),
+        "system": SYSTEM,
         "exudyn_romerr": __version__,
         "python": platform.python_version(),
         **{name: str(module.__version__) for name, module in loaded.items()},
