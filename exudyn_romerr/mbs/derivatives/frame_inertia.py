@@ -46,13 +46,15 @@ class FrameInertia:
         self._once = np.reshape(item["mXRefTildePsiTilde"], (3, n, 3)).swapaxes(0, 1).reshape(9 * n)
 
     @classmethod
-    def all_of(cls, mbs: Any) -> Iterator[FrameInertia]:
-        """Make them of the bodies of an mbs with many modes; of fewer, Exudyn's own differences cost no more.
+    def all_of(cls, mbs: Any, least: int | None = None) -> Iterator[FrameInertia]:
+        """Make them of the bodies of an mbs with many modes, or with so many coordinates at least.
 
-        Not where forces are those of a user, or rotations no Euler parameters.
+        Of fewer modes Exudyn's own differences cost no more. Not where forces are those of a user, or rotations no
+        Euler parameters.
         """
+        least = MANY if least is None else least
         for number in range(mbs.systemData.NumberOfObjects()):
-            if len(mbs.systemData.GetObjectLTGODE2(number)) < MANY:
+            if len(mbs.systemData.GetObjectLTGODE2(number)) < least:
                 continue
             item = mbs.GetObject(number)
             if item["objectType"] != FFRF or item["forceUserFunction"] or item["massMatrixUserFunction"]:

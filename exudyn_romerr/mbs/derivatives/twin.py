@@ -18,6 +18,7 @@ AGREES = 1e-9  # of an entry
 # of the largest entry of M, forces, G and what constraints keep zero: sums of nodes in another order; measured 3e-16,
 # but in G 5e-13 and 4e-12 for faces of 2 cm and 5 mm: rotations are sums of x_i x u_i over those of squared arms
 ROUNDING = (1e-13, 1e-13, 1e-11, 1e-13)
+MANY = 128  # steps, from which on a further copy pays
 
 
 class Place(NamedTuple):
@@ -65,6 +66,19 @@ class Place(NamedTuple):
             found[one.columns] += one.force(*(x[one.columns] for x in state))
         return found
 
+    def residuals(self, t: np.ndarray, states: Sequence[np.ndarray]) -> np.ndarray:
+        """M q'' + G^T l - f (S, n) in states q, q_t, q_tt, multipliers (S, ...) at t (S,), which are set."""
+        own, mbs, has_mass = self.equations, self.mbs, True
+        found = np.empty((len(t), own.size))
+        for i, (now, *state) in enumerate(zip(t, *states, strict=True)):
+            set_state(mbs.systemData, now, state)
+            found[i] = own.residual(mbs, has_mass)
+            if i == 0 and self.inertias:
+                has_mass = bool(own.mass(mbs).any())  # or closed forms have all of it
+        for one in self.inertias:
+            found[:, one.columns] += one.force(*(x[:, one.columns] for x in states[:3]))
+        return found
+
     def look(self, t: float, state: Sequence[np.ndarray]) -> list[np.ndarray]:
         """M, forces, G and what constraints keep zero, near a state."""
         q, q_t, *others = state
@@ -90,11 +104,12 @@ class Place(NamedTuple):
 class Twin(NamedTuple):
     """Copies of an mbs: a light one to ask for forces, one to ask for derivatives, where many modes cost much.
 
-    Both are the mbs as it was when they were made.
+    Both are the mbs as it was when they were made. functions_look : see Tangents.
     """
 
     light: Place
     hollow: Place
+    functions_look: bool
 
     @classmethod
     def of(
@@ -106,10 +121,7 @@ class Twin(NamedTuple):
         state: Sequence[np.ndarray],
         seen: list[np.ndarray],
     ) -> Twin | None:
-        """Make it of an mbs whose states tell all its coordinates; None: none is needed, or none can be had.
-
-        functions_look : see Tangents.
-        """
+        """Make it of an mbs whose states tell all its coordinates; None: none is needed, or none can be had."""
         if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
             return None
         try:
@@ -117,10 +129,21 @@ class Twin(NamedTuple):
             if not (inertias or may_be_lighter(mbs)):
                 return None
             light = Place.copied(mbs, threads, functions_look=functions_look)
-            twin = cls(light, Place.copied(mbs, threads, inertias, functions_look) if inertias else light)
+            hollow = Place.copied(mbs, threads, inertias, functions_look) if inertias else light
         except Exception:  # of Exudyn, for an item that cannot be copied
             return None
-        return twin if all(place.shows(t, state, seen) for place in {id(x): x for x in twin}.values()) else None
+        places = (light,) if hollow is light else (light, hollow)
+        return cls(light, hollow, functions_look) if all(place.shows(t, state, seen) for place in places) else None
+
+    def bare(self, count: int) -> Place:
+        """The one to ask for residuals of about so many steps: a copy without inertia where these are enough."""
+        inertias = tuple(FrameInertia.all_of(self.light.mbs, least=0))
+        if count < MANY or len(inertias) == len(self.hollow.inertias):
+            return self.hollow
+        try:
+            return Place.copied(self.light.mbs, self.light.equations.threads, inertias, self.functions_look)
+        except Exception:  # of Exudyn, for an item that cannot be copied
+            return self.hollow
 
 
 def _near(one: np.ndarray, other: np.ndarray, rounding: float) -> bool:
