@@ -106,7 +106,8 @@ class StoredResiduals:
         if matter.size:
             largest = matter[np.argsort(-sizes[matter])[:TRIED]]  # where an mbs that was changed for a while shows
             self._check(mbs, rows, dv, first + largest + 1)
-            quarter, last = (look(share, matter) for share in QUARTERS)
+            both = look(np.repeat(QUARTERS, len(matter)), np.tile(matter, 2))
+            quarter, last = np.split(both, 2)
             uncertain[matter] = np.tensordot(CLOSER, [quarter, r[matter], last], axes=1)
             uncertain[INNER] = filled(t[INNER], uncertain[INNER], closer[INNER])
         return r, uncertain
@@ -140,8 +141,8 @@ class StoredResiduals:
     def _largest(self, dv: np.ndarray) -> float:
         return float(np.linalg.norm(dv * np.sqrt(self._tangents.readings[-1].masses), axis=1).max())
 
-    def _at(self, mbs: Any, rows: Sequence[np.ndarray], share: float, steps: np.ndarray) -> np.ndarray:
-        """Residuals (S, n) within steps, at a share of each."""
+    def _at(self, mbs: Any, rows: Sequence, share: float | np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Residuals (S, n) within steps (S,), at a share of each."""
         t, *states = rows
         now = t[steps] + share * (t[steps + 1] - t[steps])
         return self._asked(mbs).residuals(now, within(t, states, share, steps))

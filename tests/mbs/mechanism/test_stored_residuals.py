@@ -52,7 +52,7 @@ class Found:
         residuals, at, self.looked = StoredResiduals(tangents, mbs), StoredResiduals._at, []
 
         def counted(of, mbs, rows, share, steps):
-            self.looked += steps.tolist() * (share == module.MIDDLE)
+            self.looked += steps[np.broadcast_to(share, steps.shape) == module.MIDDLE].tolist()
             return at(of, mbs, rows, share, steps)
 
         with monkeypatch.context() as patched:
