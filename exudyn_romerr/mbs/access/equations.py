@@ -57,12 +57,9 @@ class Equations:
         self._solver.ComputeJacobianODE2RHS(mbs, positions, rates, 0.0, with_loads)
         return self._solver.GetSystemJacobian()[: self.size, : self.size]
 
-    def residual(self, mbs: Any, has_mass: bool = True) -> np.ndarray:
+    def residual(self, mbs: Any) -> np.ndarray:
         """M q'' + G^T l - f (n,)."""
         system = mbs.systemData
-        if not has_mass:
-            f = self.forces(mbs)
-            return self.constraints(mbs).T @ system.GetAECoordinates() - f
         return self._made(mbs, system.GetODE2Coordinates_tt(), system.GetAECoordinates())[0]
 
     def _made(self, mbs: Any, q_tt: np.ndarray, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

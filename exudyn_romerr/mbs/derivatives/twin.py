@@ -9,7 +9,7 @@ import exudyn as exu
 import numpy as np
 
 from ..access.equations import Equations
-from ..access.state_guard import current_state, set_state, state_set
+from ..access.state_guard import current_state, set_state, state_in_place, state_set
 from .copied_mbs import copy_items, may_be_lighter
 from .frame_inertia import FrameInertia
 
@@ -68,13 +68,18 @@ class Place(NamedTuple):
 
     def residuals(self, t: np.ndarray, states: Sequence[np.ndarray]) -> np.ndarray:
         """M q'' + G^T l - f (S, n) in states q, q_t, q_tt, multipliers (S, ...) at t (S,), which are set."""
-        own, mbs, has_mass = self.equations, self.mbs, True
-        found = np.empty((len(t), own.size))
-        for i, (now, *state) in enumerate(zip(t, *states, strict=True)):
-            set_state(mbs.systemData, now, state)
-            found[i] = own.residual(mbs, has_mass)
-            if i == 0 and self.inertias:
-                has_mass = bool(own.mass(mbs).any())  # or closed forms have all of it
+        own, mbs, has_mass, has_pull = self.equations, self.mbs, True, bool(np.any(states[3]))
+        found, places, system = np.empty((len(t), own.size)), state_in_place(mbs.systemData), mbs.systemData
+        for i, now in enumerate(t):
+            system.SetTime(now)
+            for place, x in zip(places, states, strict=True):
+                place[:] = x[i]
+            f, pull = own.forces(mbs), own.constraints(mbs).T @ states[3][i] if has_pull else 0.0
+            if has_mass:
+                M = own.mass(mbs)
+                has_mass = not self.inertias or bool(M.any())  # or closed forms have all of it
+                pull = M @ states[2][i] + pull
+            np.subtract(pull, f, out=found[i])
         for one in self.inertias:
             found[:, one.columns] += one.force(*(x[:, one.columns] for x in states[:3]))
         return found

@@ -154,8 +154,7 @@ class StoredResiduals:
         """RunError if the equations of samples are not these: something acts on one that its state does not tell."""
         t, *states = (x[at] for x in rows)
         still = [x * keeps for x, keeps in zip(states, (1, 1, 0, 0), strict=True)]
-        both = [np.concatenate(pair) for pair in zip(states, still, strict=True)]
-        left, forces = np.split(self._asked(mbs).residuals(np.tile(t, 2), both), 2)
+        left, forces = (self._asked(mbs).residuals(t, x) for x in (states, still))
         moved = (t - rows[0][at - 1]) * self._speed(left)
         off = np.abs(left).max(axis=1) > BALANCED * np.abs(forces).max(axis=1)
         off &= moved > MATTERS * self._largest(dv)
