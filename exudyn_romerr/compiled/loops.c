@@ -215,6 +215,7 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
 }
 
 #include "curve_calls.h"
+#include "inertia.h"
 
 static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"oscillators", oscillated, METH_VARARGS, OSCILLATORS},
@@ -223,6 +224,7 @@ static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"curves", curved, METH_VARARGS, CURVES},
                                 {"lengths", measured, METH_VARARGS, LENGTHS},
                                 {"inside", looked_inside, METH_VARARGS, INSIDE},
+                                {"inertia", weighed, METH_VARARGS, INERTIA},
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
@@ -233,11 +235,11 @@ PyMODINIT_FUNC PyInit__loops(void)
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
         march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide,
         square_here = square_wide, draw_here = draw_wide, measure_here = measure_wide,
-        look_inside_here = look_inside_wide;
+        look_inside_here = look_inside_wide, weigh_here = weigh_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
-                 PyModule_AddIntConstant(made, "VERSION", 4) < 0)) /* as in loops.py */
+                 PyModule_AddIntConstant(made, "VERSION", 5) < 0)) /* as in loops.py */
         Py_CLEAR(made);
     return made;
 }

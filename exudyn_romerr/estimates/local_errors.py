@@ -9,7 +9,7 @@ derivatives of q and v. For a step of size h from sample 0 to 1, a_m in its midd
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import numpy as np
 
@@ -25,11 +25,25 @@ STANDS_OUT = 1.5
 
 def in_the_middle(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return x (T - 1, ...) in the middle of the steps between times t (T,), as `within` does."""
-    return within(t, [x], 0.5)[0]
+    T = len(t)
+    if T <= NODES:
+        return within(t, [x], 0.5)[0]
+    first = np.clip(np.arange(T - 1) - (NODES // 2 - 1), 0, T - NODES)
+    nodes = first[:, None] + np.arange(NODES)
+    weights = _weights(t[nodes], t[:-1] + 0.5 * np.diff(t))
+    flat, found = x.reshape(T, -1), np.empty((T - 1, *x.shape[1:]))
+    middle = found.reshape(T - 1, -1)
+    inner = middle[1:-1]
+    np.multiply(weights[1:-1, :1], flat[: T - NODES + 1], out=inner)
+    for j in range(1, NODES):
+        inner += weights[1:-1, j : j + 1] * flat[j : j + T - NODES + 1]
+    for end in (0, -1):
+        middle[end] = weights[end] @ flat[nodes[end]]
+    return found
 
 
 def within(
-    t: np.ndarray, states: Sequence[np.ndarray], share: float, steps: np.ndarray | slice = slice(None)
+    t: np.ndarray, states: Sequence[np.ndarray], share: float | np.ndarray, steps: np.ndarray | slice = slice(None)
 ) -> list[np.ndarray]:
     """Return states (S, ...), each (T, ...) at times t (T,), within S steps between these, at a share of each.
 
@@ -44,20 +58,34 @@ def within(
 
 def _through(t: np.ndarray, states: Sequence[np.ndarray], nodes: np.ndarray, now: np.ndarray) -> list[np.ndarray]:
     """Polynomials (S, ...) at times now (S,), through states (T, ...) at nodes (S, n) of times t (T,)."""
-    times, found = t[nodes], [np.zeros((len(nodes), *x.shape[1:])) for x in states]
-    for j in range(nodes.shape[1]):
-        others = np.delete(times, j, axis=1)
-        weights = np.prod((now[:, None] - others) / (times[:, j : j + 1] - others), axis=1)
-        for x, values in zip(states, found, strict=True):
-            values += weights.reshape(-1, *np.ones(x.ndim - 1, dtype=int)) * x[nodes[:, j]]
-    return found
+    weights = _weights(t[nodes], now)[:, None]
+    found = (weights @ x.reshape(len(x), -1)[nodes] for x in states)
+    return [y.reshape(len(nodes), *x.shape[1:]) for x, y in zip(states, found, strict=True)]
+
+
+def _weights(times: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """Weights (S, n) of values at times (S, n) in the polynomials through them, at times now (S,)."""
+    at, found = np.ascontiguousarray(times.T), np.ones(times.shape[::-1])
+    gone = now - at
+    for j, k in permutations(range(len(at)), 2):
+        found[j] *= gone[k] / (at[j] - at[k])
+    return found.T
 
 
 def defects(t: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return dq and dv (T - 1, ...) of the steps between samples at times t (T,)."""
     h = np.diff(t).reshape(-1, *np.ones(q.ndim - 1, dtype=int))
-    dq = np.diff(q, axis=0) - h / 2 * (v[1:] + v[:-1]) + h**2 / 12 * np.diff(a, axis=0)
-    dv = np.diff(v, axis=0) - h / 6 * (a[1:] + a[:-1] + 4 * in_the_middle(t, a))
+    dq, dv, part, middle = np.diff(q, axis=0), np.diff(v, axis=0), v[1:] + v[:-1], in_the_middle(t, a)
+    part *= h / 2  # in place: fresh memory costs more than what fills it
+    dq -= part
+    np.subtract(a[1:], a[:-1], out=part)
+    part *= h**2 / 12
+    dq += part
+    np.add(a[1:], a[:-1], out=part)
+    middle *= 4
+    part += middle
+    part *= h / 6
+    dv -= part
     return dq, dv
 
 
@@ -110,7 +138,7 @@ def told(
         ends = np.array(gaps)
         # an odd number of steps from the first: what alternates from step to step is the same at even ones
         middle = ends[:, 0] + (np.diff(ends)[:, 0] // 2 | 1)
-        cubic = filled(t[inner], x[inner], looked[inner])[middle - 1]
+        cubic = _cubics(t[inner], x[inner], np.flatnonzero(looked[inner]), middle - 1)
         x[middle], looked[middle] = look(middle), True
         off[middle] = (sizes[middle] * np.abs(x[middle] - cubic)).max(axis=1, initial=0.0)
         bent = off[middle] > least
@@ -123,10 +151,15 @@ def filled(t: np.ndarray, x: np.ndarray, looked: np.ndarray) -> np.ndarray:
     """Return x (S, n) at steps looked at, and at others the cubic through those around."""
     at, others = np.flatnonzero(looked), np.flatnonzero(~looked)
     if others.size:
-        first = np.clip(np.searchsorted(at, others) - NODES // 2, 0, len(at) - NODES)
         x = x.copy()
-        x[others] = _through(t[at], [x[at]], first[:, None] + np.arange(NODES), t[others])[0]
+        x[others] = _cubics(t, x, at, others)
     return x
+
+
+def _cubics(t: np.ndarray, x: np.ndarray, at: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Cubics through x (S, n) at those steps around others, there."""
+    first = np.clip(np.searchsorted(at, others) - NODES // 2, 0, len(at) - NODES)
+    return _through(t, [x], at[first[:, None] + np.arange(NODES)], t[others])[0]
 
 
 def _around(looked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -42,12 +42,15 @@ def set_state(system: Any, t: float, state: Sequence[np.ndarray]) -> None:
 
     In place: Exudyn's functions that set them make a list of numbers first, which takes five times as long.
     """
-    q, q_t, q_tt, multipliers = state
     system.SetTime(t)
-    system.GetODE2Coordinates(*IN_PLACE)[:] = q
-    system.GetODE2Coordinates_t(*IN_PLACE)[:] = q_t
-    system.GetODE2Coordinates_tt(*IN_PLACE)[:] = q_tt
-    system.GetAECoordinates(*IN_PLACE)[:] = multipliers
+    for place, x in zip(state_in_place(system), state, strict=True):
+        place[:] = x
+
+
+def state_in_place(system: Any) -> tuple[np.ndarray, ...]:
+    """Return q, q_t, q_tt and multipliers where they are in the memory of the mbs."""
+    rates = system.GetODE2Coordinates_t(*IN_PLACE), system.GetODE2Coordinates_tt(*IN_PLACE)
+    return system.GetODE2Coordinates(*IN_PLACE), *rates, system.GetAECoordinates(*IN_PLACE)
 
 
 @contextmanager

@@ -8,10 +8,12 @@ its modes: see object_terms in shadow/wider_object.py.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...compiled.loops import loops
 from ...model.floating_frame import skew
 from ..access.euler_parameters import axes_of, rates_of
 from ..access.mbs_items import FFRF, QUATERNIONS, dense
@@ -46,13 +48,15 @@ class FrameInertia:
         self._once = np.reshape(item["mXRefTildePsiTilde"], (3, n, 3)).swapaxes(0, 1).reshape(9 * n)
 
     @classmethod
-    def all_of(cls, mbs: Any) -> Iterator[FrameInertia]:
-        """Make them of the bodies of an mbs with many modes; of fewer, Exudyn's own differences cost no more.
+    def all_of(cls, mbs: Any, least: int | None = None) -> Iterator[FrameInertia]:
+        """Make them of the bodies of an mbs with many modes, or with so many coordinates at least.
 
-        Not where forces are those of a user, or rotations no Euler parameters.
+        Of fewer modes Exudyn's own differences cost no more. Not where forces are those of a user, or rotations no
+        Euler parameters.
         """
+        least = MANY if least is None else least
         for number in range(mbs.systemData.NumberOfObjects()):
-            if len(mbs.systemData.GetObjectLTGODE2(number)) < MANY:
+            if len(mbs.systemData.GetObjectLTGODE2(number)) < least:
                 continue
             item = mbs.GetObject(number)
             if item["objectType"] != FFRF or item["forceUserFunction"] or item["massMatrixUserFunction"]:
@@ -67,12 +71,25 @@ class FrameInertia:
 
     def force_and_masses(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return these forces, and the diagonal of M, both (..., k)."""
+        if loops is not None:
+            found, n = np.empty((2, *q.shape)), len(self.M)
+            states = np.array([x.reshape(-1, n + 7) for x in (q, q_t, q_tt)], order="C")
+            loops.inertia(states.shape[1], n, states, self._constants, np.empty(15 * n), found)
+            return found[0], found[1]
         x = self._here(q)
         place, turn, modes = self._loads(x, self._moving(x, q_t, q_tt))
         masses = np.full(q.shape, self._mass)
         masses[..., 3:7], masses[..., 7:] = (x.G * (x.theta @ x.G)).sum(axis=-2), np.diag(self.M)
         place = self._mass * q_tt[..., :3] + _times(x.A, place)
         return np.concatenate([place, _times(x.G.swapaxes(-1, -2), turn), modes], axis=-1), masses
+
+    @cached_property
+    def _constants(self) -> np.ndarray:
+        """What the compiled loop goes through."""
+        matrices = (self.M.T, self.D.T, self.K.T)
+        sums = self._pull, self._moments, self._once, self._cross, self._twice, *matrices
+        body = self._reference[3:7], self._mass, self._centre, self._inertia
+        return np.concatenate([np.ravel(x).astype(float) for x in (*body, *sums)])
 
     def mass(self, q: np.ndarray) -> np.ndarray:
         """M (k, k)."""

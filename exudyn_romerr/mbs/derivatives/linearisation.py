@@ -53,6 +53,7 @@ class Tangents:
         self.functions_look = controls.functions_look
         self._reader, self._twin = TangentReader(mbs, self.size, controls.functions_look), None
         self._loads = [i for i in loads_with_functions(mbs) if i not in controls.loads]
+        self._bare: Place | None = None
         self._copies = Copies()
         self.readings: list[Reading] = []
         self.carried: list[Carried] = []
@@ -124,6 +125,15 @@ class Tangents:
         own, light = Place(self.equations, mbs), self.light(mbs)
         return light if light.mbs is not mbs and light.shows(t, state, own.look(t, state)) else own
 
+    def without_inertia(self, mbs: Any, t: float, state: Sequence[np.ndarray], count: int) -> Place:
+        """The cheapest for residuals in many states, of about so many steps: inertia in closed forms."""
+        own = Place(self.equations, mbs)
+        if self._twin is None:
+            return own
+        self._bare = self._bare or self._twin.bare(count)
+        seen = own.look(t, state)
+        return next((at for at in (self._bare, self._twin.light) if at.shows(t, state, seen)), own)
+
     def drifts(self, mbs: Any, rows: Sequence[np.ndarray]) -> np.ndarray:
         """What independent constraints keep zero (S, c), in rows of t, q, q_t, q_tt, multipliers."""
         return self.equations.drifts(mbs, rows)[:, self.independent]
@@ -161,6 +171,7 @@ class Tangents:
         """The twin in this state, if it shows what the mbs has shown; else the mbs from now on."""
         if not self.readings:
             self._twin = Twin.of(mbs, self.equations.threads, self.functions_look, t, state, seen)
+            self._bare = None
         elif self._twin is not None and not self._twin.light.shows(t, state, seen):
             self._twin = None
         return Place(self.equations, mbs) if self._twin is None else self._twin.hollow.at(t, state)

@@ -20,6 +20,8 @@ SHARE = 1e-6  # of a force that redundant constraints share: one with less is de
 REDUNDANT = 1e-10  # of the largest singular value: constraints below are redundant
 LIGHT = 1e12  # beside the heaviest and stiffest coordinate: what has neither mass nor stiffness
 SOFT = 1e-12  # of what single coordinates feel: less is rounding
+ITERATIONS = 3  # to come near the smallest mass from above
+RESOLVED = 1e-10  # of masses of coordinates: less is near rounding
 TINY = np.finfo(float).tiny
 Parts = Sequence[tuple[Dependence, np.ndarray]]  # how M and G^T change, see Dependence.forward
 
@@ -139,6 +141,28 @@ def motions_of(reading: Reading, dt: float) -> np.ndarray:
 def admitted(G: np.ndarray) -> np.ndarray:
     """Orthonormal motions (..., n, n - c) that independent constraints G (..., c, n) admit."""
     return np.linalg.qr(G.swapaxes(-1, -2), mode="complete")[0][..., G.shape[-2] :]
+
+
+def is_lighter(M: np.ndarray, C: np.ndarray, scale: np.ndarray, share: float) -> bool:
+    """Whether the smallest mass that C (3, c, k) admit is below a share of the others' in the last of M (3, k, k).
+
+    Coordinates are scaled. Where it is not, a factor of Cholesky's tells, at a tenth of what eigenvalues cost:
+    Rayleigh's quotient is never below the smallest of these.
+    """
+    free = scale[:, None] * admitted(C * scale)
+    masses = free.swapaxes(1, 2) @ M @ free
+    try:
+        factor, x = la.cho_factor(masses[0], check_finite=False), np.ones(masses.shape[1])
+        for _ in range(ITERATIONS):
+            x = la.cho_solve(factor, x / np.linalg.norm(x), check_finite=False)
+        least = share * (x @ masses[0] @ x) / (x @ x)
+        if least > RESOLVED:
+            np.linalg.cholesky([masses[1], masses[2] - least * np.eye(len(x))])
+            return False
+    except np.linalg.LinAlgError:  # it is, or one of them has no mass
+        pass
+    *known, last = np.linalg.eigvalsh(masses)[:, 0]
+    return bool(last / min(known) < share)
 
 
 def masses_of(M: np.ndarray, rotations: Sequence[list[int]]) -> np.ndarray:

@@ -9,7 +9,7 @@ import exudyn as exu
 import numpy as np
 
 from ..access.equations import Equations
-from ..access.state_guard import current_state, set_state, state_set
+from ..access.state_guard import current_state, set_state, state_in_place, state_set
 from .copied_mbs import copy_items, may_be_lighter
 from .frame_inertia import FrameInertia
 
@@ -18,6 +18,7 @@ AGREES = 1e-9  # of an entry
 # of the largest entry of M, forces, G and what constraints keep zero: sums of nodes in another order; measured 3e-16,
 # but in G 5e-13 and 4e-12 for faces of 2 cm and 5 mm: rotations are sums of x_i x u_i over those of squared arms
 ROUNDING = (1e-13, 1e-13, 1e-11, 1e-13)
+MANY = 128  # steps, from which on a further copy pays
 
 
 class Place(NamedTuple):
@@ -65,6 +66,24 @@ class Place(NamedTuple):
             found[one.columns] += one.force(*(x[one.columns] for x in state))
         return found
 
+    def residuals(self, t: np.ndarray, states: Sequence[np.ndarray]) -> np.ndarray:
+        """M q'' + G^T l - f (S, n) in states q, q_t, q_tt, multipliers (S, ...) at t (S,), which are set."""
+        own, mbs, has_mass, has_pull = self.equations, self.mbs, True, bool(np.any(states[3]))
+        found, places, system = np.empty((len(t), own.size)), state_in_place(mbs.systemData), mbs.systemData
+        for i, now in enumerate(t):
+            system.SetTime(now)
+            for place, x in zip(places, states, strict=True):
+                place[:] = x[i]
+            f, pull = own.forces(mbs), own.constraints(mbs).T @ states[3][i] if has_pull else 0.0
+            if has_mass:
+                M = own.mass(mbs)
+                has_mass = not self.inertias or bool(M.any())  # or closed forms have all of it
+                pull = M @ states[2][i] + pull
+            np.subtract(pull, f, out=found[i])
+        for one in self.inertias:
+            found[:, one.columns] += one.force(*(x[:, one.columns] for x in states[:3]))
+        return found
+
     def look(self, t: float, state: Sequence[np.ndarray]) -> list[np.ndarray]:
         """M, forces, G and what constraints keep zero, near a state."""
         q, q_t, *others = state
@@ -90,11 +109,12 @@ class Place(NamedTuple):
 class Twin(NamedTuple):
     """Copies of an mbs: a light one to ask for forces, one to ask for derivatives, where many modes cost much.
 
-    Both are the mbs as it was when they were made.
+    Both are the mbs as it was when they were made. functions_look : see Tangents.
     """
 
     light: Place
     hollow: Place
+    functions_look: bool
 
     @classmethod
     def of(
@@ -106,10 +126,7 @@ class Twin(NamedTuple):
         state: Sequence[np.ndarray],
         seen: list[np.ndarray],
     ) -> Twin | None:
-        """Make it of an mbs whose states tell all its coordinates; None: none is needed, or none can be had.
-
-        functions_look : see Tangents.
-        """
+        """Make it of an mbs whose states tell all its coordinates; None: none is needed, or none can be had."""
         if len(mbs.systemData.GetDataCoordinates()) or len(mbs.systemData.GetODE1Coordinates()):
             return None
         try:
@@ -117,10 +134,21 @@ class Twin(NamedTuple):
             if not (inertias or may_be_lighter(mbs)):
                 return None
             light = Place.copied(mbs, threads, functions_look=functions_look)
-            twin = cls(light, Place.copied(mbs, threads, inertias, functions_look) if inertias else light)
+            hollow = Place.copied(mbs, threads, inertias, functions_look) if inertias else light
         except Exception:  # of Exudyn, for an item that cannot be copied
             return None
-        return twin if all(place.shows(t, state, seen) for place in {id(x): x for x in twin}.values()) else None
+        places = (light,) if hollow is light else (light, hollow)
+        return cls(light, hollow, functions_look) if all(place.shows(t, state, seen) for place in places) else None
+
+    def bare(self, count: int) -> Place:
+        """The one to ask for residuals of about so many steps: a copy without inertia where these are enough."""
+        inertias = tuple(FrameInertia.all_of(self.light.mbs, least=0))
+        if count < MANY or len(inertias) == len(self.hollow.inertias):
+            return self.hollow
+        try:
+            return Place.copied(self.light.mbs, self.light.equations.threads, inertias, self.functions_look)
+        except Exception:  # of Exudyn, for an item that cannot be copied
+            return self.hollow
 
 
 def _near(one: np.ndarray, other: np.ndarray, rounding: float) -> bool:

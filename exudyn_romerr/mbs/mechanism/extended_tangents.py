@@ -11,7 +11,7 @@ import numpy as np
 from ...estimates.march import Tangent
 from ...online.coupled_runs import shared_energy
 from ..access.mbs_items import has_joints_only
-from ..derivatives.tangent_reading import admitted
+from ..derivatives.tangent_reading import is_lighter
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -106,14 +106,13 @@ class ExtendedTangents:
         frames = [block.added.veer.w for e in extensions for block, _ in e.segments.values()]
         return 2 * h * np.maximum(rates, np.max(frames, axis=0))
 
-    def lightness(self, j: int) -> float:
-        """Return the smallest mass that constraints admit half way to the next reading, over that at both of them."""
+    def is_lighter(self, j: int, share: float) -> bool:
+        """Whether the smallest mass that constraints admit half way to the next reading is less of those at both."""
         ends = self[j], self[j + 1]
         eighth, masses = (ends[1].t - ends[0].t) / 8, np.max([np.diag(tangent.M) for tangent in ends], axis=0)
         of_M, of_C = ([getattr(x, name) for x in ends] + [getattr(x.rate, name) for x in ends] for name in "MC")
         M, C = (np.array([x, y, (x + y) / 2 + eighth * (x_t - y_t)]) for x, y, x_t, y_t in (of_M, of_C))
-        *known, middle = _lightest(M, C, 1 / np.sqrt(np.maximum(masses, MASSLESS * masses.max())))
-        return float(middle / min(known))
+        return is_lighter(M, C, 1 / np.sqrt(np.maximum(masses, MASSLESS * masses.max())), share)
 
     def _tangent(self, j: int, order: int) -> Tangent:
         """The tangent, or its rate."""
@@ -139,12 +138,6 @@ class ExtendedTangents:
                 M[own, body.columns] = of.M[i][: len(body.columns)].T
                 D[own, body.columns], K[own, body.columns] = of.D_rows[i], of.K_rows[i]
             self._whole[j, 3 * size :, :n] = reading.G
-
-
-def _lightest(M: np.ndarray, C: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Smallest masses (T,) of what constraints admit, coordinates scaled; of M (T, k, k), C (T, c, k)."""
-    free = scale[:, None] * admitted(C * scale)
-    return np.linalg.eigvalsh(free.swapaxes(1, 2) @ M @ free)[:, 0]
 
 
 class ExtendedReadings:

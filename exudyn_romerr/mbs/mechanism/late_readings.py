@@ -217,7 +217,7 @@ class LateReadings:
         if not long:
             return
         tangents = self._enriched.extended.now()
-        yield from (i.middle for i in long if tangents.lightness(i.j) < LIGHT)
+        yield from (i.middle for i in long if tangents.is_lighter(i.j, LIGHT))
 
     def _to_try(self, interval: _Interval) -> list[int]:
         """Rows of an interval that were not tried, and may be."""

@@ -11,7 +11,7 @@ from ...errors import RunError
 from ...estimates.local_errors import NODES, filled, seldom, standing_out, told, within
 from ...online.run_messages import CHANGED
 from ..access.load_functions import load_functions, loads_with_functions
-from ..access.state_guard import set_state, state_kept
+from ..access.state_guard import state_kept
 from ..derivatives.linearisation import Tangents
 from ..derivatives.twin import Place
 from ..memory.user_memory import memory_kept
@@ -65,7 +65,7 @@ class StoredResiduals:
             with memory_kept(mbs, self._functions) as memory, state_kept(mbs.systemData):
                 if memory.lost:
                     raise RunError(HOLDS.format(memory.lost))
-                self._check(mbs, rows, dv, len(rows[0]) - 1)
+                self._check(mbs, rows, dv, np.array([len(rows[0]) - 1]))
                 self._place = self._cheapest(mbs, rows)
                 found = self._between(mbs, rows, first, dv)
                 self.failure = MEMORY if memory.changed else ""
@@ -81,8 +81,8 @@ class StoredResiduals:
         now, state = (t[-2] + t[-1]) / 2, [x[0] for x in within(t, states, MIDDLE, slice(-1, None))]
         if not self.in_a_copy:
             return Place(self._tangents.equations, mbs)
-        found = self._tangents.cheapest(mbs, now, state)
-        self.in_a_copy = found.mbs is self._tangents.light(mbs).mbs
+        found = self._tangents.without_inertia(mbs, now, state, len(rows[0]))
+        self.in_a_copy = found.mbs is not mbs or self._tangents.light(mbs).mbs is mbs
         return found
 
     def _between(self, mbs: Any, rows: Sequence, first: int, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,10 +103,11 @@ class StoredResiduals:
             r[INNER] = filled(t[INNER], r[INNER], looked[INNER])
         sizes = (moves * np.abs(r)).max(axis=1)
         uncertain, matter = np.zeros_like(r), np.flatnonzero(closer & (sizes > MATTERS))
-        for step in matter[np.argsort(-sizes[matter])[:TRIED]]:  # where an mbs that was changed for a while shows
-            self._check(mbs, rows, dv, first + step + 1)
         if matter.size:
-            quarter, last = (look(share, matter) for share in QUARTERS)
+            largest = matter[np.argsort(-sizes[matter])[:TRIED]]  # where an mbs that was changed for a while shows
+            self._check(mbs, rows, dv, first + largest + 1)
+            both = look(np.repeat(QUARTERS, len(matter)), np.tile(matter, 2))
+            quarter, last = np.split(both, 2)
             uncertain[matter] = np.tensordot(CLOSER, [quarter, r[matter], last], axes=1)
             uncertain[INNER] = filled(t[INNER], uncertain[INNER], closer[INNER])
         return r, uncertain
@@ -140,31 +141,26 @@ class StoredResiduals:
     def _largest(self, dv: np.ndarray) -> float:
         return float(np.linalg.norm(dv * np.sqrt(self._tangents.readings[-1].masses), axis=1).max())
 
-    def _at(self, mbs: Any, rows: Sequence[np.ndarray], share: float, steps: np.ndarray) -> np.ndarray:
-        """Residuals (S, n) within steps, at a share of each."""
+    def _at(self, mbs: Any, rows: Sequence, share: float | np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Residuals (S, n) within steps (S,), at a share of each."""
         t, *states = rows
-        times = t[:-1] + share * np.diff(t)
-        inside = within(t, states, share, steps)
-        at = self._place or Place(self._tangents.equations, mbs)
-        found = [at.at(now, state).residual() for now, *state in zip(times[steps], *inside, strict=True)]
-        return np.reshape(found, (len(steps), self._tangents.size))
+        now = t[steps] + share * (t[steps + 1] - t[steps])
+        return self._asked(mbs).residuals(now, within(t, states, share, steps))
 
-    def _residual(self, mbs: Any, t: float, state: Sequence[np.ndarray]) -> np.ndarray:
-        at = self._place or Place(self._tangents.equations, mbs)
-        set_state(at.mbs.systemData, t, state)
-        return at.residual()
+    def _asked(self, mbs: Any) -> Place:
+        return self._place or Place(self._tangents.equations, mbs)
 
-    def _check(self, mbs: Any, rows: Sequence[np.ndarray], dv: np.ndarray, i: int) -> None:
-        """RunError if the equations of sample i are not these: something acts on it that its state does not tell."""
-        t, q, q_t, q_tt, multipliers = (x[i] for x in rows)
-        left = self._residual(mbs, t, (q, q_t, q_tt, multipliers))
-        forces = self._residual(mbs, t, (q, q_t, 0 * q_tt, 0 * multipliers))
-        moved = (t - rows[0][i - 1]) * self._speed(left[None])[0]
-        self.was_changed = np.abs(left).max() > BALANCED * np.abs(forces).max() and moved > MATTERS * self._largest(
-            dv
-        )
+    def _check(self, mbs: Any, rows: Sequence[np.ndarray], dv: np.ndarray, at: np.ndarray) -> None:
+        """RunError if the equations of samples are not these: something acts on one that its state does not tell."""
+        t, *states = (x[at] for x in rows)
+        still = [x * keeps for x, keeps in zip(states, (1, 1, 0, 0), strict=True)]
+        left, forces = (self._asked(mbs).residuals(t, x) for x in (states, still))
+        moved = (t - rows[0][at - 1]) * self._speed(left)
+        off = np.abs(left).max(axis=1) > BALANCED * np.abs(forces).max(axis=1)
+        off &= moved > MATTERS * self._largest(dv)
+        self.was_changed = bool(off.any())
         if self.was_changed:
-            raise RunError(f"at t = {t:g} s Exudyn's equations do not hold in the state of the sample: {CHANGED}")
+            raise RunError(UNTRUE.format(t[off][0], CHANGED))
 
 
 def user_functions(mbs: Any) -> list[Callable]:
@@ -176,6 +172,7 @@ def user_functions(mbs: Any) -> list[Callable]:
     return found
 
 
+UNTRUE = "at t = {:g} s Exudyn's equations do not hold in the state of the sample: {}"
 GONE = "the mbs is gone"
 MEMORY = "a user function keeps something from call to call"
 HOLDS = "a user function can reach what no call away from the run could put back: {}"

@@ -70,6 +70,21 @@ def test_states_may_be_several():
         check(masses[at], np.diag(own.mass(q)), ROUNDING)
 
 
+@pytest.mark.skipif(frame_inertia.loops is None, reason="nothing is compiled")
+@pytest.mark.parametrize("count", [1, 3])
+def test_compiled_forces_are_those_of_numpy(monkeypatch, count):
+    """Off unit norm, with a damping matrix that is not symmetric."""
+    rng = np.random.default_rng(6)
+    own, _ = body_of(mechanisms.double_pendulum(5, assemble=True), rng, False)
+    own.D = own.D + np.abs(own.D).max() * rng.normal(size=own.D.shape)
+    states = rng.normal(size=(3, count, 2 * len(own.columns)))[..., ::2]  # with gaps
+    found = own.force_and_masses(*states)
+    monkeypatch.setattr(frame_inertia, "loops", None)
+    for some, wanted in zip(found, own.force_and_masses(*states), strict=True):
+        for s in range(count):
+            check(some[s], wanted[s], ROUNDING)
+
+
 def test_bodies_without_damping_have_closed_forms():
     """ObjectFFRFreducedOrder has no damping matrix then."""
     scene = mechanisms.double_pendulum(2, damping=(0.0, 0.0), assemble=True)
@@ -135,8 +150,12 @@ def test_tangents_by_closed_forms_are_those_by_differences():
         assert np.abs(one - other).max() <= EXUDYNS * np.abs(other).max()
 
 
-def test_a_hollow_twin_is_the_same_mechanism():
+@pytest.mark.parametrize("rigid", [False, True], ids=["nothing else has a mass", "something else has a mass"])
+def test_a_hollow_twin_is_the_same_mechanism(rigid):
     scene = mechanisms.double_pendulum(3, assemble=True)
+    if rigid:
+        scene.mbs.CreateMassPoint(mass=2.0)
+        scene.mbs.Assemble()
     with mock.patch.object(frame_inertia, "MANY", 0):
         twin = Place.copied(scene.mbs, 1, tuple(FrameInertia.all_of(scene.mbs)))
     own = Place(Equations(scene.mbs, 1), scene.mbs)
@@ -150,5 +169,11 @@ def test_a_hollow_twin_is_the_same_mechanism():
         set_state(place.mbs.systemData, 0.01, state)
         residuals.append(place.residual())
     assert np.abs(residuals[0] - residuals[1]).max() <= ROUNDING * np.abs(residuals[0]).max()
+    others = [x + rng.normal(size=len(x)) for x in state]
+    both = [np.array(pair) for pair in zip(state, others, strict=True)]
+    wanted, found = (place.residuals(np.array([0.01, 0.02]), both) for place in (own, twin))
+    assert np.abs(wanted - found).max() <= ROUNDING * np.abs(wanted).max()
+    np.testing.assert_array_equal(wanted[0], residuals[0])
     twin.inertias[1].D *= 1.001
+    vars(twin.inertias[1]).pop("_constants", None)  # what is compiled has its own
     assert not twin.shows(0.01, state, own.look(0.01, state))

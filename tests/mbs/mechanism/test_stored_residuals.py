@@ -6,6 +6,7 @@ import pytest
 
 from exudyn_romerr.estimates.local_errors import defects, filled, in_the_middle, seldom, standing_out, told
 from exudyn_romerr.mbs.access.state_guard import state_set
+from exudyn_romerr.mbs.derivatives import twin
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.mechanism import stored_residuals as module
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
@@ -52,7 +53,7 @@ class Found:
         residuals, at, self.looked = StoredResiduals(tangents, mbs), StoredResiduals._at, []
 
         def counted(of, mbs, rows, share, steps):
-            self.looked += steps.tolist() * (share == module.MIDDLE)
+            self.looked += steps[np.broadcast_to(share, steps.shape) == module.MIDDLE].tolist()
             return at(of, mbs, rows, share, steps)
 
         with monkeypatch.context() as patched:
@@ -121,9 +122,14 @@ def gone_on(t, x, least):
 TOLERANCE = 1e-11  # of the largest force: sums over the nodes of meshes in another order; measured 2e-14
 
 
+@pytest.mark.parametrize("least", [0, 1000], ids=["many steps", "few steps"])
 @pytest.mark.parametrize("of_run", [False, True], ids=["time as it is given", "time of the run"])
-def test_bodies_with_meshes_are_looked_at_in_a_lighter_copy_that_shows_the_same(of_run):
-    """And in the mbs of the run, where a function sees that mbs: the copy would be wrong by what it reads there."""
+def test_bodies_with_meshes_are_looked_at_in_a_lighter_copy_that_shows_the_same(monkeypatch, of_run, least):
+    """And in the mbs of the run, where a function sees that mbs: the copy would be wrong by what it reads there.
+
+    Of many steps in a copy without inertia.
+    """
+    monkeypatch.setattr(twin, "MANY", least)
     h, steps = 1e-3, module.FEW
 
     def force(t):
@@ -140,6 +146,7 @@ def test_bodies_with_meshes_are_looked_at_in_a_lighter_copy_that_shows_the_same(
     r, _ = residuals.between(mbs, rows, 0, dv)
     assert residuals.failure == ""
     assert residuals.in_a_copy == (not of_run)
+    assert len(tangents._bare.inertias) == (1 if least == 0 else 0)
     assert tangents.light(mbs).mbs is not mbs
     t, *states = rows
     inside = [in_the_middle(t, x) for x in states]
