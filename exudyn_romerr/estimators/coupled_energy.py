@@ -111,7 +111,8 @@ class MechanismEnergy:
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        return tuple(x[i : i + 1].copy() for x in self._given)  # kept for long, the block's are not
+        given, self._given = self._given, None
+        return tuple(x[i : i + 1].copy() for x in given)
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
@@ -195,8 +196,7 @@ class CorrectedEnergy(MechanismEnergy):
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        left = self._added.left
-        left = None if left is None else [tuple(x[i : i + 1].copy() for x in states) for states in left]
+        left = self._added.left and [tuple(x[i : i + 1].copy() for x in states) for states in self._added.left]
         return super().instant(i), Added(*(x[i : i + 1].copy() for x in self._added[:3]), left=left)
 
     def bounds_at(self, instant: tuple) -> Bounds:
