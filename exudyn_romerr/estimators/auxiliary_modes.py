@@ -86,7 +86,7 @@ class Auxiliary:
             )
         eta, eta_t = np.abs(states).max(axis=0)
         self.rounding = self.rounding + self._rounding_of(block, eta, eta_t, g)
-        self.state = states[-1]
+        self.state = states[-1].copy()
         # of times: steps follow them but for rounding, which does not add up
         of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
         inexact = self.rounding + of_times + missed
@@ -110,15 +110,10 @@ class Auxiliary:
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        z, states, (g, g_jump), inexact, cut = self._given
+        (z, states, growth, inexact, cut), self._given = self._given, None
         one = slice(i, i + 1)
-        return (
-            z[one],
-            states[one],
-            (g[:, one], g_jump[:, one]),
-            inexact[one if len(inexact) > 1 else slice(1)],
-            cut[one],
-        )
+        inexact = inexact[one if len(inexact) > 1 else slice(1)].copy()
+        return z[one].copy(), states[one].copy(), tuple(g[:, one].copy() for g in growth), inexact, cut[one].copy()
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
@@ -148,5 +143,5 @@ class Auxiliary:
         rows = np.abs(self.forcing[:, self.forcing.shape[1] - p :])
         impulse = (block.h[:, None] * block.unresolved) @ rows.T / self.oscillators.omega
         total = self.missed + np.cumsum(impulse, axis=0)
-        self.missed = total[-1]
+        self.missed = total[-1].copy()
         return total

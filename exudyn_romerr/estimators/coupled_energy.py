@@ -50,11 +50,9 @@ class MechanismEnergy:
         self._interfaces = interface_rows(problem, unknown) if problem.has_initial_error else None
         self.norm, self.norm_static = problem.dual.norm_K, problem.dual.norm_static
         self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
-        self.factors = problem.rows.C_K
+        self.factors = problem.rows.C_K.copy()
         if self.velocity_rows.any():
-            seen = free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
-            self.factors = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
-            self.factors[self.velocity_rows] = seen
+            self.factors[self.velocity_rows] = free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
         self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
         self.per_mass = body_rates(problem.body)[0].per_mass
         self.at_start = AtStart(problem)
@@ -111,7 +109,8 @@ class MechanismEnergy:
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        return tuple(x[i : i + 1].copy() for x in self._given)  # kept for long, the block's are not
+        given, self._given = self._given, None
+        return tuple(x[i : i + 1].copy() for x in given)
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
@@ -195,9 +194,9 @@ class CorrectedEnergy(MechanismEnergy):
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        left = self._added.left
-        left = None if left is None else [tuple(x[i : i + 1].copy() for x in states) for states in left]
-        return super().instant(i), Added(*(x[i : i + 1].copy() for x in self._added[:3]), left=left)
+        added, self._added = self._added, None
+        left = added.left and [tuple(x[i : i + 1].copy() for x in states) for states in added.left]
+        return super().instant(i), Added(*(x[i : i + 1].copy() for x in added[:3]), left=left)
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""

@@ -59,9 +59,9 @@ class Energy:
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        z, g, g_jump, cut = self._given
+        (z, g, g_jump, cut), self._given = self._given, None
         one = slice(i, i + 1)
-        return z[one], g[:, one], g_jump[:, one], cut[one]
+        return tuple(x.copy() for x in (z[one], g[:, one], g_jump[:, one], cut[one]))
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
@@ -136,7 +136,7 @@ class Growth:
             smooth, last = smooth.advanced(block, self.norm, jumps, more) if smooth.pays(block.h) else (smooth, g[0])
             g, g_jump = np.vstack([g, last]), np.vstack([g_jump, g_jump[0]])
             smooth = smooth if smooth is not self.smooth else Smooth(smooth.bound, float(g[0, -1]))
-        following = self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1], smooth)
+        following = self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1].copy(), smooth)
         following._varied = inside + jumps
         return following, g, g_jump
 
@@ -194,7 +194,7 @@ class Smooth:
         varied = norm(np.diff(bend, axis=1)).sum(axis=1)
         g = self._g + np.cumsum(more + steps + per_rate * jumps[0] + per_rate**2 * (jumps[1] + varied))
         ends = norm(np.stack([rate[:, -1], bend[:, -1]]))
-        following = Smooth(self.bound, float(g[-1]), (rate[-1, -1], bend[-1, -1]))
+        following = Smooth(self.bound, float(g[-1]), (rate[-1, -1].copy(), bend[-1, -1].copy()))
         return following, g + np.maximum(per_rate * ends[0], per_rate**2 * ends[1])
 
 

@@ -24,7 +24,8 @@ class Estimator(Protocol):
     5. Bounds hold at the ends of segments, and are never nan: inf where there is no bound. They are those of exact
        arithmetic; a run adds what rounding of its input may do. An estimator adds the rounding of its own sums.
     6. instant and bounds_at serve other outputs at one instant, as at every mesh node: the instant of one estimator
-       is given to another, made from the same problem with other displacements as outputs.
+       is given to another, made from the same problem with other displacements as outputs. It is asked for once after
+       start and each advance, is small, and no view of what was made for a block: that is let go with the block.
 
     Attributes
     ----------

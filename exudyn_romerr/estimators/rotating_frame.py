@@ -77,7 +77,7 @@ class Turning:
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        return self.estimator.instant(i), self._seen[:, i : i + 1]
+        return self.estimator.instant(i), self._seen[:, i : i + 1].copy()
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""

@@ -28,7 +28,7 @@ class StaticError:
 
     def instant(self, i: int) -> tuple:
         """Return z at entry i of the errors returned last."""
-        return (self._z[i : i + 1],)
+        return (self._z[i : i + 1].copy(),)
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the errors (1, R) at an instant of an object with other outputs."""

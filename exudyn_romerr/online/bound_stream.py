@@ -59,8 +59,9 @@ class Stream:
 
     def _note(self, name: str, e: Any, bounds: Bounds, widened: float) -> None:
         i = int(np.argmax(bounds.position))
+        instant = e.instant(i)  # lets go of the block, also where it was larger before
         if name not in self.worst or bounds.position[i] > self.worst[name].position:
-            self.worst[name] = Worst(bounds.position[i], e.instant(i), widened)
+            self.worst[name] = Worst(bounds.position[i], instant, widened)
 
     def load_steps(self, z: np.ndarray, *widenings: tuple) -> None:
         """Take load steps z (S, k) of a static solve, which do not depend on one another."""

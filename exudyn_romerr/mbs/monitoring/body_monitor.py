@@ -212,9 +212,9 @@ class Watch:
             return
         if self._kind is StaticRun:  # a static solver leaves old rates behind
             states = [states[0], 0 * states[1], 0 * states[2]]
-        self._newest = (t[-1], *(state[-1] for state in states))
+        self._newest = (t[-1], *(state[-1].copy() for state in states))
         if self.run is None:
-            self._opened = (t[0], *(state[0] for state in states))
+            self._opened = (t[0], *(state[0].copy() for state in states))
             self._start(*self._opened)
             t, *states = (rows[1:] for rows in (t, *states))
         if self.run is not None:

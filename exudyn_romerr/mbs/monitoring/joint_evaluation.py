@@ -127,6 +127,7 @@ class Mechanism:
         self._check_others(self._coupled)
         for watch in self._watches:
             watch.settle()
+            watch.opening, watch.extension, watch.rows = None, None, ()  # blocks are large, and the next is made anew
         self._fail(self._failure)
         if self._ended is not None and fall_back(self._partners, self._ended):
             self._ended = None

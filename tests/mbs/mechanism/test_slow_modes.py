@@ -46,11 +46,12 @@ def bounds(case, free, more=None):
         states = [np.hstack([x, s[:, None]]) for x, s in zip(rows[1:4], signals, strict=True)]
         rows = (rows[0], *states, rows[4])
     run = part.run(V, True)
-    run.open(run.opening(*(x[0] for x in rows)))
+    opening = run.opening(*(x[0] for x in rows))
+    run.open(opening)
     if free is not None:
         energy = shared_energy(run, "reduction")
         energy.slow = energy.slow_modes(free)
-        energy.slow.start(energy._given[0][0], 0.0)
+        energy.slow.start(opening.start.z, 0.0)
     for a, b in pairwise((0, 40, 41, STEPS)):
         run.extend(*(x[a + 1 : b + 1] for x in rows))
     return next(iter(run.streams()["total"].values()))

@@ -1,16 +1,21 @@
 """Static and dynamic solves in turn: what was prepared for both is kept, and changes nothing."""
 
+import tracemalloc
+
 import exudyn as exu
 import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr import attach, floating_body
+from exudyn_romerr import add_reduced_body, attach, floating_body, krylov_basis
 from exudyn_romerr.mbs.monitoring import floating_adapter
 from exudyn_romerr.offline import prepare
+from models import linkage
+from tests.helpers import mbs_scenes
 from tests.mbs.floating.test_floating_scene import HINGE, TIP, Quantity, add_load, add_spring, settings, supported
 
 FORCE = [0.0, 20.0, 30.0]
+KEPT = 400  # bytes a step: 5 numbers of 4 bounds, 5 of samples, and q (12,) of blocks where a bound is largest: 300
 
 
 @pytest.fixture
@@ -94,3 +99,21 @@ def test_what_changed_between_is_prepared_anew(made):
     found = turn(scene)
     assert made
     assert_same(found, turn(scene, anew=True))
+
+
+def test_a_run_before_keeps_its_bounds_and_no_blocks():
+    """Control points and oscillators of its last block, and of those where a bound was largest, were kept, too."""
+    body, inputs, output = linkage.build()
+    mbs, steps, held = exu.SystemContainer().AddSystem(), 1000, []
+    flex = add_reduced_body(
+        mbs, body, krylov_basis(body, inputs, 12), inputs=inputs, input_function=linkage.force, initial=None
+    )
+    monitor = attach(mbs, flex, outputs=[output], auxiliary_modes=40)
+    mbs.Assemble()
+    tracemalloc.start()
+    for _ in range(3):
+        mbs.SolveDynamic(mbs_scenes.settings(steps, 1e-3 * steps))
+        assert len(monitor.report().t) == steps + 1
+        held.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert (held[2] - held[1]) / steps < KEPT
