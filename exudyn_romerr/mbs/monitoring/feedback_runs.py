@@ -91,8 +91,8 @@ class Reaction:
         tangent, samples = extended[0], [watch.sampled(*first) for watch in self._watches]
         forces = self._forces(samples, 1)[0]
         if goes_on:
-            self._feedback, self._fixed = before._feedback, before._fixed
-            self._feedback.begin_anew(tangent, forces)
+            self._fixed = before._fixed
+            self._feedback.go_on(before._feedback, tangent, forces)  # in steps of its own integrator
             self._narrow.go_on(before._narrow, tangent, forces)
             self._passes.go_on(before._passes)
             self._drift.go_on(before._drift)
