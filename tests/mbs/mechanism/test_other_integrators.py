@@ -53,3 +53,34 @@ def test_errors_are_below_their_bounds(second):
         assert floor < 1e-2 * np.max(np.abs(truth[name] - out.value))
         assert np.all(np.abs(truth[name] - out.value) <= out.bound["best"] + floor)
         assert np.all(np.abs(truth[name] - out.corrected) <= out.corrected_bound + floor)
+
+
+def from_index_3_to_2(scene):
+    """Solve 43 steps, and 4 shorter ones with constraints of velocities; return what sensors show then."""
+    mbs, h = scene.mbs, scene.mechanism.h
+    mbs.Assemble()
+    times = scene.settings.timeIntegration
+    times.numberOfSteps, times.endTime = 43, 86 * h
+    mbs.SolveDynamic(scene.settings, updateInitialValues=True)
+    times.numberOfSteps, times.startTime, times.endTime = 4, 86 * h, 90 * h
+    times.generalizedAlpha.useIndex2Constraints = times.generalizedAlpha.useNewmark = True
+    mbs.SolveDynamic(scene.settings)
+    return scene.motion()
+
+
+@pytest.mark.xfail(
+    strict=True, reason="errors are 1.05 times their bounds in the third step after; the cause is not known"
+)
+def test_errors_after_a_change_of_the_index():
+    """The truth: all modes, the same two solves."""
+    whole = drawn(503)
+    bars = replace(whole, bars=whole.bars[:2], links=whole.links[:2], loads=whole.loads[:1], rho=1.0)
+    truth, scene = from_index_3_to_2(built(bars, True)), built(bars)
+    parts = zip(scene.flexible(), scene.sensors, strict=True)
+    monitors = [romerr.attach(scene.mbs, flex, outputs=list(sensors.values())) for flex, sensors in parts]
+    from_index_3_to_2(scene)
+    for report in (monitor.report() for monitor in monitors):
+        assert not any("not certified" in message for message in report.messages)
+        for name, out in report.outputs.items():
+            floor = 1e-3 * np.max(np.abs(truth[name] - out.value))
+            assert np.all(np.abs(truth[name] - out.value) <= out.bound["best"] + floor)
