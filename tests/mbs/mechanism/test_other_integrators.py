@@ -68,19 +68,16 @@ def from_index_3_to_2(scene):
     return scene.motion()
 
 
-@pytest.mark.xfail(
-    strict=True, reason="errors are 1.05 times their bounds in the third step after; the cause is not known"
-)
-def test_errors_after_a_change_of_the_index():
-    """The truth: all modes, the same two solves."""
+def test_after_a_change_of_the_index_nothing_is_certified():
+    """Errors are 1.05 times their bounds: velocities jump to where constraints have them. The truth: all modes."""
     whole = drawn(503)
     bars = replace(whole, bars=whole.bars[:2], links=whole.links[:2], loads=whole.loads[:1], rho=1.0)
     truth, scene = from_index_3_to_2(built(bars, True)), built(bars)
     parts = zip(scene.flexible(), scene.sensors, strict=True)
     monitors = [romerr.attach(scene.mbs, flex, outputs=list(sensors.values())) for flex, sensors in parts]
     from_index_3_to_2(scene)
+    above = []
     for report in (monitor.report() for monitor in monitors):
-        assert not any("not certified" in message for message in report.messages)
-        for name, out in report.outputs.items():
-            floor = 1e-3 * np.max(np.abs(truth[name] - out.value))
-            assert np.all(np.abs(truth[name] - out.value) <= out.bound["best"] + floor)
+        assert any("constraints of velocities" in message for message in report.messages)
+        above += [np.max(np.abs(truth[y] - out.value) / out.bound["best"]) for y, out in report.outputs.items()]
+    assert max(above) > 1.01
