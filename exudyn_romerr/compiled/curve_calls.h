@@ -10,7 +10,8 @@ static PyObject *curved(PyObject *self, PyObject *arguments)
     Curves all = {0};
     PyObject *given[9], *result = NULL;
     if (!PyArg_ParseTuple(arguments, "nnnddOOOOOOOOO", &all.S, &all.n, &all.p, &all.alpha, &all.beta, given, given + 1,
-                          given + 2, given + 3, given + 4, given + 5, given + 6, given + 7, given + 8))
+                          given + 2, given + 3, given + 4, given + 5, given + 6, given + 7, given + 8) ||
+        !are_sizes(3, all.S, all.n, all.p))
         return NULL;
     Py_buffer views[9];
     Held held = {views, 0};
@@ -18,14 +19,14 @@ static PyObject *curved(PyObject *self, PyObject *arguments)
     const Size row = all.row = given[6] == Py_None ? 2 * n + p : p;
     if (!(all.z = PyMem_Calloc(POINTS * (2 * n + p) + 1, size))) {
         PyErr_NoMemory();
-    } else if ((all.h = numbers(given[0], &held, S, size, 0)) && (all.q = numbers(given[1], &held, samples, size, 0)) &&
-               (all.q_t = numbers(given[2], &held, samples, size, 0)) &&
-               (all.q_tt = numbers(given[3], &held, samples, size, 0)) &&
-               (all.u = numbers(given[4], &held, (S + 1) * p, size, 0)) &&
-               (given[5] == Py_None || (all.controls = numbers(given[5], &held, S * POINTS * p, size, 0))) &&
-               (given[6] == Py_None || (all.T = numbers(given[6], &held, p * 2 * n, size, 0))) &&
-               (all.ends = numbers(given[7], &held, (S + 1) * row, size, 0)) &&
-               (all.y = numbers(given[8], &held, S * POINTS * row, size, PyBUF_WRITABLE))) {
+    } else if ((all.h = numbers(given[0], &held, S, 'd', 0)) && (all.q = numbers(given[1], &held, samples, 'd', 0)) &&
+               (all.q_t = numbers(given[2], &held, samples, 'd', 0)) &&
+               (all.q_tt = numbers(given[3], &held, samples, 'd', 0)) &&
+               (all.u = numbers(given[4], &held, (S + 1) * p, 'd', 0)) &&
+               (given[5] == Py_None || (all.controls = numbers(given[5], &held, S * POINTS * p, 'd', 0))) &&
+               (given[6] == Py_None || (all.T = numbers(given[6], &held, p * 2 * n, 'd', 0))) &&
+               (all.ends = numbers(given[7], &held, (S + 1) * row, 'd', 0)) &&
+               (all.y = numbers(given[8], &held, S * POINTS * row, 'd', PyBUF_WRITABLE))) {
         all.product = all.z + POINTS * 2 * n;
         draw_here(&all);
         result = Py_NewRef(Py_None);
@@ -48,8 +49,7 @@ static PyObject *measured(PyObject *self, PyObject *arguments)
     PyObject *given[3], *result = NULL;
     if (!PyArg_ParseTuple(arguments, "nnnnnOOO", &all.S, &all.d, &all.k, &all.first, &m, given, given + 1, given + 2))
         return NULL;
-    if (all.S < 0 || all.d < 0 || m < 0 || all.first < 0 || all.first > all.k)
-        return PyErr_Format(PyExc_ValueError, "sizes are negative, or `first` is larger than k");
+    if (!are_sizes(4, all.S, all.d, all.k, m) || !are_sizes(2, all.first, all.k - all.first)) return NULL;
     Py_buffer views[3];
     Held held = {views, 0};
     Squares *squares = &all.squares;
@@ -59,9 +59,9 @@ static PyObject *measured(PyObject *self, PyObject *arguments)
     squares->begins = PyMem_Calloc(squares->blocks + 1, sizeof(Size));
     if (!work || !squares->begins) {
         PyErr_NoMemory();
-    } else if ((all.c = numbers(given[0], &held, all.S * (all.d + 1) * all.k, size, 0)) &&
-               (given[1] == Py_None || (columns = numbers(given[1], &held, m * left, size, 0))) &&
-               (all.y = numbers(given[2], &held, all.S, size, PyBUF_WRITABLE))) {
+    } else if ((all.c = numbers(given[0], &held, all.S * (all.d + 1) * all.k, 'd', 0)) &&
+               (given[1] == Py_None || (columns = numbers(given[1], &held, m * left, 'd', 0))) &&
+               (all.y = numbers(given[2], &held, all.S, 'd', PyBUF_WRITABLE))) {
         squares->rows = all.rows = work, squares->y = work + rows * left;
         squares->columns = columns ? squares->y + rows : NULL;
         if (columns) arrange(squares, m, columns);
@@ -81,17 +81,18 @@ static PyObject *looked_inside(PyObject *self, PyObject *arguments)
     Inside all = {0};
     PyObject *given[5], *result = NULL;
     if (!PyArg_ParseTuple(arguments, "nnnOOOOO", &all.S, &all.points, &all.m, given, given + 1, given + 2, given + 3,
-                          given + 4))
+                          given + 4) ||
+        !are_sizes(4, all.S, all.points, all.points - 1, all.m))
         return NULL;
     Py_buffer views[5];
     Held held = {views, 0};
     const Size S = all.S, m = all.m, size = sizeof(double);
     if (!(all.largest = PyMem_Calloc(3 * m + 1, size))) {
         PyErr_NoMemory();
-    } else if ((all.omega = numbers(given[0], &held, m, size, 0)) && (all.h = numbers(given[1], &held, S, size, 0)) &&
-               (all.before = numbers(given[2], &held, S * 2 * m, size, 0)) &&
-               (all.F = numbers(given[3], &held, S * all.points * m, size, 0)) &&
-               (all.y = numbers(given[4], &held, S * 2 * m, size, PyBUF_WRITABLE))) {
+    } else if ((all.omega = numbers(given[0], &held, m, 'd', 0)) && (all.h = numbers(given[1], &held, S, 'd', 0)) &&
+               (all.before = numbers(given[2], &held, S * 2 * m, 'd', 0)) &&
+               (all.F = numbers(given[3], &held, S * all.points * m, 'd', 0)) &&
+               (all.y = numbers(given[4], &held, S * 2 * m, 'd', PyBUF_WRITABLE))) {
         all.varied = all.largest + m, all.mean = all.varied + m;
         look_inside_here(&all);
         result = Py_NewRef(Py_None);

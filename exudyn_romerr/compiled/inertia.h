@@ -122,14 +122,16 @@ static PyObject *weighed(PyObject *self, PyObject *arguments)
 {
     Inertia all = {0};
     PyObject *given[4], *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "nnOOOO", &all.S, &all.n, given, given + 1, given + 2, given + 3)) return NULL;
+    if (!PyArg_ParseTuple(arguments, "nnOOOO", &all.S, &all.n, given, given + 1, given + 2, given + 3) ||
+        !are_sizes(4, all.S, all.n, all.n, (Size)1024)) /* 1024: above 15 + 17 and 7 more a state */
+        return NULL;
     Py_buffer views[4];
     Held held = {views, 0};
-    const Size n = all.n, size = sizeof(double), rows = all.S * (n + 7);
-    if ((all.states = numbers(given[0], &held, 3 * rows, size, 0)) &&
-        (all.constants = numbers(given[1], &held, 17 + 15 * n + 15 * n * n, size, 0)) &&
-        (all.work = numbers(given[2], &held, 15 * n, size, PyBUF_WRITABLE)) &&
-        (all.y = numbers(given[3], &held, 2 * rows, size, PyBUF_WRITABLE))) {
+    const Size n = all.n, rows = all.S * (n + 7);
+    if ((all.states = numbers(given[0], &held, 3 * rows, 'd', 0)) &&
+        (all.constants = numbers(given[1], &held, 17 + 15 * n + 15 * n * n, 'd', 0)) &&
+        (all.work = numbers(given[2], &held, 15 * n, 'd', PyBUF_WRITABLE)) &&
+        (all.y = numbers(given[3], &held, 2 * rows, 'd', PyBUF_WRITABLE))) {
         weigh_here(&all);
         result = Py_NewRef(Py_None);
     }

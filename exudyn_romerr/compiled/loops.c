@@ -23,6 +23,7 @@ Arrays come as buffers, so that building this needs nothing but Python. */
 
 typedef Py_ssize_t Size;
 
+#include "buffers.h"
 #include "march.h"
 #include "norms.h"
 #include "curves.h"
@@ -55,50 +56,33 @@ WIDE static int measure_wide(Lengths *all) { return measure(all); }
 WIDE static void look_inside_wide(const Inside *all) { look_inside(all); }
 #endif
 
-/* Buffers that are held until the march has ended. */
-typedef struct {
-    Py_buffer *views;
-    Size count;
-} Held;
-
-/* Numbers of `object`, of so many bytes each, which must be so many; NULL with an error set if they are not. */
-static void *numbers(PyObject *object, Held *held, Size count, Size bytes, int flags)
-{
-    Py_buffer *view = held->views + held->count;
-    if (PyObject_GetBuffer(object, view, PyBUF_C_CONTIGUOUS | flags) < 0) return NULL;
-    held->count++;
-    if (view->itemsize == bytes && view->len == count * bytes) return view->buf;
-    PyErr_Format(PyExc_ValueError, "%zd bytes, %zd a number, in place of %zd numbers of %zd", view->len, view->itemsize,
-                 count, bytes);
-    return NULL;
-}
-
 /* Read the arguments, whose memory is given. */
 static int prepared(March *all, PyObject *const *given, PyObject *holds, Held *held)
 {
-    const Size columns = all->columns, S = all->S, k = all->k, n = all->n, size = sizeof(double);
-    if (!(all->moving = numbers(given[0], held, columns * 4 * k, size, 0)) ||
-        !(all->right = numbers(given[1], held, columns * S * n, size, 0)) ||
-        (given[2] != Py_None && !(all->kicks = numbers(given[2], held, columns * S * 2 * k, size, 0))) ||
-        !(all->ahead = numbers(given[3], held, S * 12, size, 0)) ||
-        !(all->onward = numbers(given[4], held, S * 16, size, 0)) ||
-        !(all->moved = numbers(given[5], held, S * n * 2 * k, size, 0)) ||
-        !(all->whole = numbers(given[6], held, S * n * n, size, 0)) ||
-        !(all->inverses = numbers(given[7], held, S * n * n, size, 0)) ||
-        !(all->once = numbers(given[8], held, S, 1, 0)) ||
-        !(all->states = numbers(given[9], held, S * columns * 4 * k, size, PyBUF_WRITABLE)) ||
-        !(all->multipliers = numbers(given[10], held, S * columns * (n - k), size, PyBUF_WRITABLE)))
+    const Size columns = all->columns, S = all->S, k = all->k, n = all->n;
+    if (!(all->moving = numbers(given[0], held, columns * 4 * k, 'd', 0)) ||
+        !(all->right = numbers(given[1], held, columns * S * n, 'd', 0)) ||
+        (given[2] != Py_None && !(all->kicks = numbers(given[2], held, columns * S * 2 * k, 'd', 0))) ||
+        !(all->ahead = numbers(given[3], held, S * 12, 'd', 0)) ||
+        !(all->onward = numbers(given[4], held, S * 16, 'd', 0)) ||
+        !(all->moved = numbers(given[5], held, S * n * 2 * k, 'd', 0)) ||
+        !(all->whole = numbers(given[6], held, S * n * n, 'd', 0)) ||
+        !(all->inverses = numbers(given[7], held, S * n * n, 'd', 0)) ||
+        !(all->once = numbers(given[8], held, S, '?', 0)) ||
+        !(all->states = numbers(given[9], held, S * columns * 4 * k, 'd', PyBUF_WRITABLE)) ||
+        !(all->multipliers = numbers(given[10], held, S * columns * (n - k), 'd', PyBUF_WRITABLE)))
         return -1;
     for (Hold *hold = all->hold; all->holds < PyList_GET_SIZE(holds); hold++, all->holds++) {
         PyObject *coordinates;
         if (!PyArg_ParseTuple(PyList_GET_ITEM(holds, all->holds), "nO", &hold->column, &coordinates)) return -1;
         hold->count = PyObject_Length(coordinates);
-        if (hold->count < 0 || !(hold->coordinates = numbers(coordinates, held, hold->count, 8, 0))) return -1;
-        for (Size j = 0; j < hold->count; j++)
-            if (hold->column < 0 || hold->column >= columns || hold->coordinates[j] < 0 || hold->coordinates[j] >= k || hold->count > k) {
-                PyErr_SetString(PyExc_ValueError, "there is no such column or coordinate to hold");
-                return -1;
-            }
+        if (hold->count < 0 || !(hold->coordinates = numbers(coordinates, held, hold->count, 'q', 0))) return -1;
+        int is_none = hold->column < 0 || hold->column >= columns || hold->count > k;
+        for (Size j = 0; j < hold->count; j++) is_none |= hold->coordinates[j] < 0 || hold->coordinates[j] >= k;
+        if (is_none) {
+            PyErr_SetString(PyExc_ValueError, "there is no such column or coordinate to hold");
+            return -1;
+        }
     }
     return 0;
 }
@@ -118,6 +102,7 @@ static PyObject *marched(PyObject *self, PyObject *arguments)
                           given + 2, given + 3, given + 4, given + 5, given + 6, given + 7, given + 8, given + 9,
                           given + 10, &PyList_Type, &holds))
         return NULL;
+    if (!are_sizes(5, all.columns, all.S, all.k, all.n, all.n) || !are_sizes(1, all.n - all.k)) return NULL;
     const Size of_all = all.columns * all.n;
     Held held = {PyMem_Calloc(ARRAYS + PyList_GET_SIZE(holds), sizeof(Py_buffer)), 0};
     double *work = PyMem_Calloc(3 * of_all + all.columns * 4 * all.k + all.k * (all.k + 1) + 1, sizeof(double));
@@ -145,15 +130,16 @@ static PyObject *oscillated(PyObject *self, PyObject *arguments)
     Oscillators all = {0};
     PyObject *given[5], *result = NULL;
     if (!PyArg_ParseTuple(arguments, "nnnOOOOO", &all.S, &all.points, &all.m, given, given + 1, given + 2, given + 3,
-                          given + 4))
+                          given + 4) ||
+        !are_sizes(3, all.S, all.points, all.m))
         return NULL;
     Py_buffer views[5];
     Held held = {views, 0};
-    const Size m = all.m, size = sizeof(double);
-    if ((all.state = numbers(given[0], &held, 2 * m, size, 0)) && (all.A = numbers(given[1], &held, 4 * m, size, 0)) &&
-        (all.weights = numbers(given[2], &held, 2 * all.points * m, size, 0)) &&
-        (all.F = numbers(given[3], &held, all.S * all.points * m, size, 0)) &&
-        (all.y = numbers(given[4], &held, all.S * 2 * m, size, PyBUF_WRITABLE))) {
+    const Size m = all.m;
+    if ((all.state = numbers(given[0], &held, 2 * m, 'd', 0)) && (all.A = numbers(given[1], &held, 4 * m, 'd', 0)) &&
+        (all.weights = numbers(given[2], &held, 2 * all.points * m, 'd', 0)) &&
+        (all.F = numbers(given[3], &held, all.S * all.points * m, 'd', 0)) &&
+        (all.y = numbers(given[4], &held, all.S * 2 * m, 'd', PyBUF_WRITABLE))) {
         oscillate_here(&all);
         result = Py_NewRef(Py_None);
     }
@@ -169,13 +155,14 @@ static PyObject *multiplied(PyObject *self, PyObject *arguments)
 {
     Products all = {0};
     PyObject *given[3], *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "nnnOOO", &all.S, &all.k, &all.m, given, given + 1, given + 2)) return NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnOOO", &all.S, &all.k, &all.m, given, given + 1, given + 2) ||
+        !are_sizes(3, all.S, all.k, all.m))
+        return NULL;
     Py_buffer views[3];
     Held held = {views, 0};
-    const Size size = sizeof(double);
-    if ((all.rows = numbers(given[0], &held, all.S * all.k, size, 0)) &&
-        (all.columns = numbers(given[1], &held, all.m * all.k, size, 0)) &&
-        (all.y = numbers(given[2], &held, all.S * all.m, size, PyBUF_WRITABLE))) {
+    if ((all.rows = numbers(given[0], &held, all.S * all.k, 'd', 0)) &&
+        (all.columns = numbers(given[1], &held, all.m * all.k, 'd', 0)) &&
+        (all.y = numbers(given[2], &held, all.S * all.m, 'd', PyBUF_WRITABLE))) {
         multiply_here(&all);
         result = Py_NewRef(Py_None);
     }
@@ -193,7 +180,9 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
     Size m;
     const double *columns;
     PyObject *given[3], *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "nnnOOO", &all.S, &all.k, &m, given, given + 1, given + 2)) return NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnOOO", &all.S, &all.k, &m, given, given + 1, given + 2) ||
+        !are_sizes(3, all.S, all.k, m))
+        return NULL;
     Py_buffer views[3];
     Held held = {views, 0};
     const Size size = sizeof(double);
@@ -202,9 +191,9 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
     all.begins = PyMem_Calloc(all.blocks + 1, sizeof(Size));
     if (!all.columns || !all.begins) {
         PyErr_NoMemory();
-    } else if ((all.rows = numbers(given[0], &held, all.S * all.k, size, 0)) &&
-               (columns = numbers(given[1], &held, m * all.k, size, 0)) &&
-               (all.y = numbers(given[2], &held, all.S, size, PyBUF_WRITABLE))) {
+    } else if ((all.rows = numbers(given[0], &held, all.S * all.k, 'd', 0)) &&
+               (columns = numbers(given[1], &held, m * all.k, 'd', 0)) &&
+               (all.y = numbers(given[2], &held, all.S, 'd', PyBUF_WRITABLE))) {
         arrange(&all, m, columns);
         square_here(&all);
         result = Py_NewRef(Py_None);

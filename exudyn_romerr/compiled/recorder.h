@@ -28,11 +28,11 @@ static int look(Recorder *self, Size i, Py_buffer *found)
 {
     PyObject *arguments[] = {self->current, Py_False}, *given = PyObject_Vectorcall(self->readers[i], arguments, 2, NULL);
     if (given == NULL) return -1;
-    const int failed = PyObject_GetBuffer(given, found, PyBUF_C_CONTIGUOUS);
+    const int failed = PyObject_GetBuffer(given, found, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT);
     Py_DECREF(given);
     if (failed) return -1;
     const Size bytes = self->rows[1 + i].shape[1] * sizeof(double);
-    if (found->len == bytes && found->itemsize == sizeof(double)) return 0;
+    if (found->len == bytes && are_of(found, 'd')) return 0;
     PyErr_Format(PyExc_ValueError, "a state of %zd bytes in place of %zd", found->len, bytes);
     PyBuffer_Release(found);
     return -1;
@@ -100,10 +100,11 @@ static PyObject *go_on(Recorder *self, PyObject *arguments)
                           arrays + 4))
         return NULL;
     release_rows(self);
+    if (!are_sizes(2, first, last)) return NULL;
     for (; self->arrays <= READERS && arrays[self->arrays]; self->arrays++) {
         Py_buffer *rows = self->rows + self->arrays;
-        if (PyObject_GetBuffer(arrays[self->arrays], rows, PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE) < 0) return NULL;
-        if (rows->ndim != 1 + (self->arrays > 0) || rows->itemsize != sizeof(double) || rows->shape[0] < last) {
+        if (PyObject_GetBuffer(arrays[self->arrays], rows, PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE | PyBUF_FORMAT) < 0) return NULL;
+        if (rows->ndim != 1 + (self->arrays > 0) || !are_of(rows, 'd') || rows->shape[0] < last) {
             PyBuffer_Release(rows);
             return PyErr_Format(PyExc_ValueError, "array %zd does not hold %zd rows", self->arrays, last);
         }

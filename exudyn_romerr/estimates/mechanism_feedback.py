@@ -79,11 +79,12 @@ class Feedback:
         """e, e', e'' (3, k) now."""
         return self._moving[:3]
 
-    def begin_anew(self, tangent: Tangent, force: np.ndarray) -> None:
-        """Go on as solvers do where another solve begins, with accelerations under the force (k,) of their own."""
-        e, e_t = self._moving[:2]
-        self._moving[2:], forces = solved(tangent.M, tangent, force - tangent.D @ e_t - tangent.K @ e)
+    def go_on(self, before: Feedback, tangent: Tangent, force: np.ndarray) -> None:
+        """Go on as another solve does from the one before, with accelerations under the force (k,) of its own."""
+        (e, e_t, *_), self.t = before._moving, before.t
+        e_tt, forces = solved(tangent.M, tangent, force - tangent.D @ e_t - tangent.K @ e)
         self.multipliers = forces[None]
+        self._moving = np.array([e, e_t, e_tt, e_tt])
 
     def advance(
         self,

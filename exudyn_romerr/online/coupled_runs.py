@@ -9,14 +9,22 @@ import numpy as np
 
 from ..estimates.overshoot import CarriedTurn, Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
+from ..report.scope import Doubt
 from ..residual.felt_residuals import FeltResiduals
-from .run_messages import BEGUN_ANEW, ROUGH_RADIUS, STARTS_DAMPED, STARTS_HELD_BACK, STARTS_ROUGHLY, UNKNOWN_SCHEME
+from .run_messages import (
+    BEGUN_ANEW,
+    REPEATED,
+    ROUGH_RADIUS,
+    STARTS_DAMPED,
+    STARTS_HELD_BACK,
+    STARTS_ROUGHLY,
+    UNKNOWN_SCHEME,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..estimates.march import Scheme
-    from ..report.scope import Doubt
     from ..residual.free_mass import AtStart
     from ..trajectory.samples import Extension
     from ..trajectory.segments import Block
@@ -24,11 +32,16 @@ if TYPE_CHECKING:
 
 # from one step to the next: Exudyn's adaptive steps grow by 2 at most unless they are told else
 GREW = 2.0 * (1 + 1e-6)
+SAME_STEP = 1e-6  # of a step: solvers add up their steps
 NEGLIGIBLE = 1e-3  # of the energy's root, what the integrator makes of the start
 ROUNDING = 1e-8  # of the terms of R(0): so much may a static solve leave
 # of the first step: what a residual of mass 1 makes velocities of slow modes by way of Rayleigh's alpha. Damping of
 # motion relative to a frame joins modes; with 6e-4 an error was 1.3 times its bound, with 3e-3 3.4 times
 CARRIED = 1e-4
+# velocities jump to where constraints have them; an error was 1.08 times its bound
+OTHER_INDEX = Doubt(
+    "constraints of velocities after a solve without", "use useIndex2Constraints in both solves, or in none"
+)
 TOO_FAST = (
     "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
     "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"
@@ -62,7 +75,7 @@ class FirstSteps:
         self._scheme, self._push, self._share, self.damped = scheme, 0.0, share, damped
         self._doubts: list[Doubt] = []
         self._felt: dict[str, FeltResiduals] = {}
-        self._times, self._is_lost = np.zeros(0), False  # the last two
+        self._times, self._is_lost, self._varies = np.zeros(0), False, False  # the last two
         self._starts: list[tuple[AtStart, Opening]] = []  # until the first step
         self._overshoot: Overshoot | None = None
         self._carried: CarriedTurn | None = None
@@ -126,6 +139,18 @@ class FirstSteps:
         self._positions = more[:, 0]
         return more
 
+    def repeated(self, t: np.ndarray) -> list[Doubt]:
+        """Return once why nothing is certified, if some of the next samples t (S,) show that a step was repeated.
+
+        Before `lost` is asked. Steps are of one size until one is repeated. With a spectral radius of 1 errors were
+        as in other runs.
+        """
+        h = np.diff(np.append(self._times, t))
+        if self._varies or self._scheme is None or not overshoots(self._scheme):
+            return []
+        self._varies = bool(np.any(np.abs(np.diff(h)) > SAME_STEP * h[1:]))
+        return [REPEATED] * self._varies
+
     def lost(self, t: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Return at which of the next samples t (S,) there is no bound any more, and why, once."""
         times, is_lost = np.append(self._times, t), np.full(len(t), self._is_lost)
@@ -168,7 +193,9 @@ def join_extensions(
 
     turned (S,) : angles by which frames and joints turn in the steps.
     """
-    overshoot, (is_lost, notes) = (of(extensions[0].new.t) for of in (first_steps.advance, first_steps.lost))
+    t = extensions[0].new.t
+    overshoot, repeated, (is_lost, notes) = first_steps.advance(t), first_steps.repeated(t), first_steps.lost(t)
+    notes = repeated + notes
     for stream in extensions[0].segments:
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]

@@ -28,6 +28,11 @@ BEGUN_ANEW = Doubt(
     "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
     "that ring and that they do not resolve, is not in the bound",
 )
+REPEATED = Doubt(
+    "adaptive steps that were repeated, with a spectral radius below 1",
+    f"{RADIUS_OF_ONE}, or choose a step that need not be repeated (numberOfSteps)",
+    "steps are of several sizes: what Exudyn repeats with a smaller one goes on with accelerations of the first try",
+)
 STARTS_DAMPED = Doubt(
     "sudden start with dampers and a spectral radius below 1",
     SMOOTHLY_OR_UNDAMPED,
