@@ -101,3 +101,31 @@ static PyObject *looked_inside(PyObject *self, PyObject *arguments)
     PyMem_Free(all.largest);
     return result;
 }
+
+#define INTERPOLATE                                                                                                  \
+    "interpolate(S, p, first, last, values, from_nodes, at_checks, controls, largest, summed)\n\nWrite controls (S, 6, " \
+    "p) of interpolants of values (S, 9, p) at checks and nodes in turn, with ends first, last\n(S, p); largest, " \
+    "summed (S, p): what they miss at checks. Return the largest size at a node."
+
+static PyObject *interpolated(PyObject *self, PyObject *arguments)
+{
+    Interpolants all = {0};
+    PyObject *given[8], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnOOOOOOOO", &all.S, &all.p, given, given + 1, given + 2, given + 3, given + 4,
+                          given + 5, given + 6, given + 7) ||
+        !are_sizes(3, all.S, (Size)(INNER + CHECKED), all.p))
+        return NULL;
+    Py_buffer views[8];
+    Held held = {views, 0};
+    const Size ends = all.S * all.p;
+    if ((all.first = numbers(given[0], &held, ends, 'd', 0)) && (all.last = numbers(given[1], &held, ends, 'd', 0)) &&
+        (all.values = numbers(given[2], &held, ends * (INNER + CHECKED), 'd', 0)) &&
+        (all.from_nodes = numbers(given[3], &held, POINTS * POINTS, 'd', 0)) &&
+        (all.at_checks = numbers(given[4], &held, CHECKED * POINTS, 'd', 0)) &&
+        (all.controls = numbers(given[5], &held, ends * POINTS, 'd', PyBUF_WRITABLE)) &&
+        (all.largest = numbers(given[6], &held, ends, 'd', PyBUF_WRITABLE)) &&
+        (all.summed = numbers(given[7], &held, ends, 'd', PyBUF_WRITABLE)))
+        result = PyFloat_FromDouble(interpolate_here(&all));
+    while (held.count) PyBuffer_Release(views + --held.count);
+    return result;
+}

@@ -1,4 +1,4 @@
-/* The loops of hermite_rows in linalg/bezier.py and of polygon_lengths in linalg/blocked_products.py. */
+/* The loops of hermite_rows and interpolated in linalg/bezier.py, of polygon_lengths in linalg/blocked_products.py. */
 
 #define SMALLEST_SQUARE 1e-280 /* as in blocked_products.py */
 #define POINTS 6 /* control points of a step */
@@ -111,4 +111,54 @@ INLINE int measure(Lengths *all)
         }
     }
     return 1;
+}
+
+#define INNER (POINTS - 2) /* nodes of an interpolant within a step */
+#define CHECKED (POINTS - 1) /* where what it misses is looked at */
+
+/* What the text of interpolate() in loops.c says. */
+typedef struct {
+    Size S, p;
+    const double *first, *last, *values, *from_nodes, *at_checks;
+    double *controls, *largest, *summed;
+} Interpolants;
+
+/* Return the largest size of any value at a node. */
+INLINE double interpolate(const Interpolants *all)
+{
+    const Size p = all->p;
+    double from[POINTS][POINTS], at[POINTS][CHECKED], size = 0.0; /* both turned: sums of columns */
+    for (int i = 0; i < POINTS; i++)
+        for (int j = 0; j < POINTS; j++) from[j][i] = all->from_nodes[i * POINTS + j];
+    for (int i = 0; i < CHECKED; i++)
+        for (int j = 0; j < POINTS; j++) at[j][i] = all->at_checks[i * POINTS + j];
+    for (Size s = 0; s < all->S; s++)
+        for (Size l = 0; l < p; l++) {
+            const double *values = all->values + s * (INNER + CHECKED) * p + l;
+            double *controls = all->controls + s * POINTS * p + l, most = 0.0, sum = 0.0;
+            double nodes[POINTS], control[POINTS] = {0}, missed[CHECKED];
+            nodes[0] = all->first[s * p + l], nodes[POINTS - 1] = all->last[s * p + l];
+            UNROLLED
+            for (int j = 0; j < INNER; j++) nodes[1 + j] = values[(2 * j + 1) * p];
+            for (int j = 0; j < POINTS; j++) {
+                size = fabs(nodes[j]) > size ? fabs(nodes[j]) : size;
+                UNROLLED
+                for (int i = 0; i < POINTS; i++) control[i] += from[j][i] * nodes[j];
+            }
+            control[0] = nodes[0], control[POINTS - 1] = nodes[POINTS - 1];
+            UNROLLED
+            for (int i = 0; i < CHECKED; i++) missed[i] = values[2 * i * p];
+            for (int j = 0; j < POINTS; j++) {
+                controls[j * p] = control[j];
+                UNROLLED
+                for (int i = 0; i < CHECKED; i++) missed[i] -= at[j][i] * control[j];
+            }
+            for (int i = 0; i < CHECKED; i++) {
+                const double miss = fabs(missed[i]);
+                most = miss <= most ? most : miss; /* nan stays in the sum */
+                sum += miss;
+            }
+            all->largest[s * p + l] = most, all->summed[s * p + l] = sum;
+        }
+    return size;
 }

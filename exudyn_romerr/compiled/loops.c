@@ -38,6 +38,8 @@ static void square_anywhere(const Squares *all) { add_all_squares(all); }
 static void draw_anywhere(const Curves *all) { draw(all); }
 static int measure_anywhere(Lengths *all) { return measure(all); }
 static void look_inside_anywhere(const Inside *all) { look_inside(all); }
+static double interpolate_anywhere(const Interpolants *all) { return interpolate(all); }
+static void find_largest_anywhere(const Sizes *all) { find_largest(all); }
 static int (*march_here)(March *) = march_anywhere;
 static void (*oscillate_here)(const Oscillators *) = oscillate_anywhere;
 static void (*multiply_here)(const Products *) = multiply_anywhere;
@@ -45,6 +47,8 @@ static void (*square_here)(const Squares *) = square_anywhere;
 static void (*draw_here)(const Curves *) = draw_anywhere;
 static int (*measure_here)(Lengths *) = measure_anywhere;
 static void (*look_inside_here)(const Inside *) = look_inside_anywhere;
+static double (*interpolate_here)(const Interpolants *) = interpolate_anywhere;
+static void (*find_largest_here)(const Sizes *) = find_largest_anywhere;
 
 #ifdef WIDE
 WIDE static int march_wide(March *all) { return march(all); }
@@ -54,6 +58,8 @@ WIDE static void square_wide(const Squares *all) { add_all_squares(all); }
 WIDE static void draw_wide(const Curves *all) { draw(all); }
 WIDE static int measure_wide(Lengths *all) { return measure(all); }
 WIDE static void look_inside_wide(const Inside *all) { look_inside(all); }
+WIDE static double interpolate_wide(const Interpolants *all) { return interpolate(all); }
+WIDE static void find_largest_wide(const Sizes *all) { find_largest(all); }
 #endif
 
 /* Read the arguments, whose memory is given. */
@@ -203,6 +209,49 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
     return result;
 }
 
+#define LARGEST_SIZES "largest_sizes(S, k, rows, y)\n\nWrite y (k,), the largest size of every entry of rows (S, k)."
+
+static PyObject *sized(PyObject *self, PyObject *arguments)
+{
+    Sizes all = {0};
+    PyObject *given[2], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnOO", &all.S, &all.k, given, given + 1) || !are_sizes(2, all.S, all.k))
+        return NULL;
+    Py_buffer views[2];
+    Held held = {views, 0};
+    if ((all.rows = numbers(given[0], &held, all.S * all.k, 'd', 0)) &&
+        (all.y = numbers(given[1], &held, all.k, 'd', PyBUF_WRITABLE))) {
+        find_largest_here(&all);
+        result = Py_NewRef(Py_None);
+    }
+    while (held.count) PyBuffer_Release(views + --held.count);
+    return result;
+}
+
+#define SUMS                                                                                                       \
+    "decaying_sums(rows, S, decays, added, starts, y)\n\nWrite y (rows, S), y_k = decays_k y_k-1 + added_k (rows, S) " \
+    "from starts (rows,) on; inf from the first number on\nthat is not finite."
+
+static PyObject *summed_up(PyObject *self, PyObject *arguments)
+{
+    Sums all = {0};
+    PyObject *given[4], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnOOOO", &all.rows, &all.S, given, given + 1, given + 2, given + 3) ||
+        !are_sizes(2, all.rows, all.S))
+        return NULL;
+    Py_buffer views[4];
+    Held held = {views, 0};
+    const Size count = all.rows * all.S;
+    if ((all.decays = numbers(given[0], &held, count, 'd', 0)) && (all.added = numbers(given[1], &held, count, 'd', 0)) &&
+        (all.starts = numbers(given[2], &held, all.rows, 'd', 0)) &&
+        (all.y = numbers(given[3], &held, count, 'd', PyBUF_WRITABLE))) {
+        sum_up(&all);
+        result = Py_NewRef(Py_None);
+    }
+    while (held.count) PyBuffer_Release(views + --held.count);
+    return result;
+}
+
 #include "curve_calls.h"
 #include "inertia.h"
 
@@ -214,6 +263,9 @@ static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"lengths", measured, METH_VARARGS, LENGTHS},
                                 {"inside", looked_inside, METH_VARARGS, INSIDE},
                                 {"inertia", weighed, METH_VARARGS, INERTIA},
+                                {"interpolate", interpolated, METH_VARARGS, INTERPOLATE},
+                                {"largest_sizes", sized, METH_VARARGS, LARGEST_SIZES},
+                                {"decaying_sums", summed_up, METH_VARARGS, SUMS},
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
@@ -224,11 +276,12 @@ PyMODINIT_FUNC PyInit__loops(void)
     if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
         march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide,
         square_here = square_wide, draw_here = draw_wide, measure_here = measure_wide,
-        look_inside_here = look_inside_wide, weigh_here = weigh_wide;
+        look_inside_here = look_inside_wide, weigh_here = weigh_wide, interpolate_here = interpolate_wide,
+        find_largest_here = find_largest_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
-                 PyModule_AddIntConstant(made, "VERSION", 5) < 0)) /* as in loops.py */
+                 PyModule_AddIntConstant(made, "VERSION", 6) < 0)) /* as in loops.py */
         Py_CLEAR(made);
     return made;
 }

@@ -122,12 +122,12 @@ class Auxiliary:
     def _bounds(self, z, states, growth, inexact, cut) -> Bounds:
         self._given = z, states, growth, inexact, cut
         g, g_jump = growth
-        _, d_M, v_M = smallest(self.rates, g)
+        _, d_M, v_M = rest = smallest(self.rates, g)
         eta, eta_t = states[:, 0], states[:, 1]
         known = np.where(self.velocity_rows, eta_t @ self.CP.T, eta @ self.CP.T - z @ self.static_rows.T)
         omega = np.where(self.velocity_rows[:, None], self.oscillators.omega, 1.0)
-        rest = output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)
-        slack = rest + inexact @ (np.abs(self.CP) * omega).T + times(cut, self.static_cut)
+        share = output_share(rest, self.C_K, self.C_M, self.velocity_rows)
+        slack = share + inexact @ (np.abs(self.CP) * omega).T + times(cut, self.static_cut)
         static = self.norm_static(z) + cut * self.per_mass
         position = np.hypot(row_norms(eta), static + d_M) + row_norms(inexact)
         turned = row_norms(inexact * self.oscillators.omega)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..decay.decay_rates import DecayRate, body_rates
-from ..linalg.linear_recurrence import decaying_sum
+from ..linalg.linear_recurrence import decaying_sums
 from ..trajectory.bounds import Bounds, times
 from ..trajectory.segments import Block, Start
 
@@ -69,9 +69,9 @@ class Energy:
 
     def _bounds(self, z: np.ndarray, g: np.ndarray, g_jump: np.ndarray, cut: np.ndarray) -> Bounds:
         self._given = z, g, g_jump, cut
-        _, d_M, v_M = smallest(self.rates, g)
+        _, d_M, v_M = rest = smallest(self.rates, g)
         static = np.abs(z @ self.static_rows.T) + times(cut, self.static_cut)
-        outputs = static + output_share(self.rates, g, self.C_K, self.C_M, self.velocity_rows)
+        outputs = static + output_share(rest, self.C_K, self.C_M, self.velocity_rows)
         jumped = jump_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
         position = self.norm_static(z) + cut * self.per_mass + d_M
         return Bounds(position, v_M, outputs, jumped)
@@ -90,6 +90,7 @@ class Growth:
 
     def __init__(self, norm: Callable, rates: Sequence[DecayRate], smooth: Smooth | None = None):
         self.norm, self.rates, self.smooth = norm, rates, smooth
+        self._decay = np.array([rate.r for rate in rates], dtype=float)
         self.bounds = [*rates, *([] if smooth is None else [smooth.bound])]
         self.g = self.g_jump = [0.0] * len(self.bounds)
         self._before: np.ndarray | None = None
@@ -124,10 +125,11 @@ class Growth:
         """Return the growth after a block, and g and g_jump (rates, S) at the ends of its segments."""
         inside, jumps = block.variation(self.norm, self._before)
         inside = inside if block.cut is None else inside + block.cut.variation
-        decays = [np.exp(-rate.r * block.h) for rate in self.rates]
-        g = self._summed(decays, [e * jumps + inside for e in decays], self.g, block)
-        if any(self.g_jump) or jumps.any():
-            g_jump = self._summed(decays, [e * jumps for e in decays], self.g_jump, block)
+        decays, jumping = np.exp(-self._decay[:, None] * block.h), jumps.any()
+        added = decays * jumps + inside if jumping else np.tile(inside, (len(decays), 1))
+        g = decaying_sums(decays, added, self.g[: len(decays)])
+        if jumping or any(self.g_jump):
+            g_jump = decaying_sums(decays, decays * jumps, self.g_jump[: len(decays)])
         else:
             g_jump = np.zeros_like(g)
         smooth = self.smooth
@@ -150,11 +152,6 @@ class Growth:
         static = norm_static(np.vstack([before._before, block.c[:, -1]]))
         per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
         return np.maximum(static[:-1], static[1:]) + per_mass * (self._varied + cut_size(block))
-
-    @staticmethod
-    def _summed(decays, added, starts, block: Block) -> np.ndarray:
-        sums = [decaying_sum(e, a, x) for e, a, x in zip(decays, added, starts[: len(decays)], strict=True)]
-        return np.array(sums).reshape(len(sums), len(block.h))
 
 
 class Smooth:
@@ -216,12 +213,13 @@ def smallest(rates: Sequence[DecayRate], g: np.ndarray) -> np.ndarray:
     return np.min(factors[:, :, None] * g[:, None, :], axis=0)
 
 
-def output_share(rates: Sequence[DecayRate], g: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
-    """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R)."""
-    d_K, _, v_M = smallest(rates, g)
-    return np.where(velocity_rows, times(v_M, C_M), times(d_K, C_K))
+def output_share(rest: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
+    """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R); rest (3, S): see `smallest`."""
+    d_K, _, v_M = rest
+    share = times(d_K, C_K)
+    return np.where(velocity_rows, times(v_M, C_M), share) if velocity_rows.any() else share
 
 
 def jump_share(rates: Sequence[DecayRate], g_jump: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray | None:
     """Return output_share of what load jumps made; None: there were none."""
-    return output_share(rates, g_jump, C_K, C_M, velocity_rows) if g_jump.any() else None
+    return output_share(smallest(rates, g_jump), C_K, C_M, velocity_rows) if g_jump.any() else None

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..decay.decay_rates import body_rates
-from ..linalg.linear_recurrence import decaying_sum
+from ..linalg.linear_recurrence import decaying_sums
 from ..trajectory.bounds import Bounds
 from ..trajectory.segments import Block, Start
 from .energy import output_share, smallest
 
 if TYPE_CHECKING:
-    from ..decay.decay_rates import DecayRate
     from ..residual.problem import Problem
     from .estimator import Estimator
 
@@ -40,6 +39,9 @@ class Turning:
         self.estimator = estimator
         self.assumes = estimator.assumes
         self.rates = body_rates(problem.body)
+        self._r, self._per_mass = (
+            np.array(x)[:, None] for x in zip(*((e.r, e.per_mass) for e in self.rates), strict=True)
+        )
         self.C_K, self.C_M, self.velocity_rows = (
             problem.rows.C_K,
             problem.rows.C_M,
@@ -67,12 +69,13 @@ class Turning:
         if block.turn is None and not any(self.g):
             return bounds
         force = self._force(block, before, bounds)
-        g = np.array([self._grown(rate, x, block, force) for rate, x in zip(self.rates, self.g, strict=True)])
+        left, too_fast = self._left(block)
+        g = self._grown(left, too_fast, block, force)
         self.g = g[:, -1].tolist()
         with np.errstate(over="ignore"):  # inf is the right answer there
-            self._seen = seen = g / np.sqrt([_left(rate, block)[0] for rate in self.rates])
-            _, d_M, v_M = smallest(self.rates, seen)
-            share = output_share(self.rates, seen, self.C_K, self.C_M, self.velocity_rows)
+            self._seen = seen = g / np.sqrt(left)
+            _, d_M, v_M = rest = smallest(self.rates, seen)
+            share = output_share(rest, self.C_K, self.C_M, self.velocity_rows)
         return bounds.widened(d_M, v_M, share)
 
     def instant(self, i: int) -> tuple:
@@ -82,7 +85,7 @@ class Turning:
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         inner, seen = instant
-        share = output_share(self.rates, seen, self.C_K, self.C_M, self.velocity_rows)
+        share = output_share(smallest(self.rates, seen), self.C_K, self.C_M, self.velocity_rows)
         return self.estimator.bounds_at(inner).widened(0.0, 0.0, share)
 
     def _force(self, block: Block, before: Bounds, bounds: Bounds) -> np.ndarray:
@@ -95,21 +98,19 @@ class Turning:
         position, velocity = inside
         return 2 * block.turn.w * velocity + block.turn.S * position + block.turn.missed
 
-    @staticmethod
-    def _grown(rate: DecayRate, g: float, block: Block, force: np.ndarray) -> np.ndarray:
-        left, too_fast = _left(rate, block)
-        if block.turn is None:
-            growth = -rate.r
-        else:
-            w, al, p = block.turn.w, block.turn.al, rate.per_mass / np.sqrt(left)
-            growth = -rate.r + rate.r * w * p + al * p / 2 + w * al * p**2
+    def _grown(self, left: np.ndarray, too_fast: np.ndarray, block: Block, force: np.ndarray) -> np.ndarray:
+        """Return g (rates, S); left, too_fast: see _left."""
+        growth = -self._r
+        if block.turn is not None:
+            w, al, p = block.turn.w, block.turn.al, self._per_mass / np.sqrt(left)
+            growth = growth + self._r * w * p + al * p / 2 + w * al * p**2
         factor = np.exp(np.minimum(growth * block.h, LARGEST))
-        return decaying_sum(factor, np.where(too_fast, np.inf, force * block.h * np.maximum(factor, 1.0)), g)
+        return decaying_sums(factor, np.where(too_fast, np.inf, force * block.h * np.maximum(factor, 1.0)), self.g)
 
-
-def _left(rate: DecayRate, block: Block) -> tuple[np.ndarray, np.ndarray]:
-    """1 - |w|^2 / kappa_r (S,), and where that is not positive: the frame turns too fast (1 there)."""
-    if block.turn is None:
-        return np.ones(len(block.h)), np.zeros(len(block.h), dtype=bool)
-    left = 1 - (block.turn.w * rate.per_mass) ** 2
-    return np.where(left > 0, left, 1.0), left <= 0
+    def _left(self, block: Block) -> tuple[np.ndarray, np.ndarray]:
+        """1 - |w|^2 / kappa_r (rates, S), and where that is not positive: the frame turns too fast (1 there)."""
+        if block.turn is None:
+            shape = len(self.rates), len(block.h)
+            return np.ones(shape), np.zeros(shape, dtype=bool)
+        left = 1 - (block.turn.w * self._per_mass) ** 2
+        return np.where(left > 0, left, 1.0), left <= 0

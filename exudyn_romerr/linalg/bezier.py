@@ -99,6 +99,26 @@ def hermite_rows(
     return rows
 
 
+def interpolated(
+    first: np.ndarray, last: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return control points (S, 6, p) of interpolants with given ends, and what they miss; values (S, 9, p).
+
+    Those are at CHECKS and inner NODES in turn. What is missed: the largest at CHECKS, and the sum of all (S, p).
+    Last: the largest size of a value at NODES.
+    """
+    if loops is not None:
+        S, _, p = values.shape
+        controls, missed = np.empty((S, len(NODES), p)), np.empty((2, S, p))
+        given = [np.ascontiguousarray(x, dtype=float) for x in (first, last, values, FROM_NODES, AT_CHECKS)]
+        return controls, *missed, loops.interpolate(S, p, *given, controls, *missed)
+    at_nodes = np.concatenate([first[:, None], values[:, 1::2], last[:, None]], axis=1)
+    controls = FROM_NODES @ at_nodes
+    controls[:, 0], controls[:, -1] = first, last
+    miss = np.abs(values[:, 0::2] - AT_CHECKS @ controls)
+    return controls, miss.max(axis=1), miss.sum(axis=1), float(np.abs(at_nodes).max())
+
+
 def straight(first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Return control points (S, 6, n) of straight lines between first and last (S, n)."""
     controls, part = np.empty((len(first), len(NODES), first.shape[1])), np.empty_like(first)

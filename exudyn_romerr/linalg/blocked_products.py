@@ -92,6 +92,15 @@ def polygon_lengths(c: np.ndarray, matrix: np.ndarray | None = None, first: int 
     return (row_norms(pieces) if matrix is None else norms_times(pieces, matrix)).sum(axis=1)
 
 
+def largest_sizes(rows: np.ndarray) -> np.ndarray:
+    """Return the largest size (k,) of every entry of rows (S, k), S > 0."""
+    if loops is None:
+        return np.maximum(rows.max(axis=0), -rows.min(axis=0))  # no array of sizes: three times as fast
+    largest = np.empty(rows.shape[1])
+    loops.largest_sizes(*rows.shape, np.ascontiguousarray(rows, dtype=float), largest)
+    return largest
+
+
 def row_norms(rows: np.ndarray) -> np.ndarray:
     """Return the 2-norms (...) of rows (..., m); scaled first where squares would overflow or vanish."""
     square = np.einsum("...j,...j->...", rows, rows)

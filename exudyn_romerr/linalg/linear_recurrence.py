@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.linalg.blas import dtbsv
+
+from ..compiled.loops import loops
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 
 def decaying_sum(decay: np.ndarray, added: np.ndarray, start: float) -> np.ndarray:
@@ -20,3 +27,14 @@ def decaying_sum(decay: np.ndarray, added: np.ndarray, start: float) -> np.ndarr
     x = dtbsv(1, bands, x, lower=1, diag=1, overwrite_x=1)
     finite = np.isfinite(x)
     return x if finite.all() else np.where(np.cumsum(~finite) > 0, np.inf, x)
+
+
+def decaying_sums(decays: np.ndarray, added: np.ndarray, starts: Sequence[float]) -> np.ndarray:
+    """Return decaying_sum of several (rows, S) at once."""
+    sums = np.empty_like(added)
+    if loops is None:
+        for i, row in enumerate(zip(decays, added, starts, strict=True)):
+            sums[i] = decaying_sum(*row)
+    else:
+        loops.decaying_sums(*added.shape, decays, added, np.array(starts, dtype=float), sums)
+    return sums

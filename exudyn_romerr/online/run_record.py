@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..linalg.blocked_products import row_norms
+from ..linalg.blocked_products import norms_times
 from ..report.data import NodeFields
 from ..report.wording import SMOOTHLY
 from ..trajectory.growing_array import GrowingArray
@@ -120,7 +120,8 @@ class RecordedSamples:
         self._motions.append((len(self.t), new.q))
         self.t.append(new.t)
         self._values.append(self._offline.outputs_of(new.q, new.q_t))
-        self._sizes.append(row_norms(np.stack([new.q, new.q_tt], axis=1) @ self._offline.mass_root.T))
+        root = self._offline.mass_root.T
+        self._sizes.append(np.stack([norms_times(x, root) for x in (new.q, new.q_tt)], axis=1))
         of_input = self._offline.input_rounding
         self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u, own) if of_input else rounded).outputs)
         if self._offline.static_errors is not None:
@@ -131,7 +132,7 @@ class RecordedSamples:
             self._driven_frames.append(driven)
 
     def _drop_motions(self) -> None:
-        """Forget q of all samples but those that were appended together with one where a bound is largest."""
+        """Forget q of all samples but those where a bound is largest."""
         for name, b in (pair for of_run in self._bounds() for pair in of_run.items()):
             first = self._looked.get(name, 0)
             if len(b.position) > first:
@@ -139,8 +140,9 @@ class RecordedSamples:
                 if name not in self._worst or b.position[i] > self._worst[name][0]:
                     self._worst[name] = b.position[i], i
                 self._looked[name] = len(b.position)
-        places = [i for _, i in self._worst.values()]
-        self._motions = [(a, q) for a, q in self._motions if any(a <= i < a + len(q) for i in places)]
+        places = sorted({i for _, i in self._worst.values()})
+        # copies: a view would keep all samples of its block
+        self._motions = [(i, q[i - a, None].copy()) for a, q in self._motions for i in places if a <= i < a + len(q)]
 
     def _motion(self, i: int) -> np.ndarray:
         first, q = next(block for block in reversed(self._motions) if block[0] <= i)

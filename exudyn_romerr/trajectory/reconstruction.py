@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..linalg.bezier import (
-    AT_CHECKS,
     CHECKS,
-    FROM_NODES,
     NODES,
     hermite_bends,
     hermite_controls,
+    interpolated,
     straight,
     subdivided,
 )
@@ -221,12 +220,9 @@ class Quintic:
         inner = np.sort(np.concatenate([NODES[1:-1], CHECKS]))
         times = start[:, None] + h[:, None] * inner
         values = self.signal(times.ravel()).reshape(*times.shape, -1)
-        at_nodes = np.concatenate([first[:, None], values[:, 1::2], last[:, None]], axis=1)
-        controls = FROM_NODES @ at_nodes
-        controls[:, 0], controls[:, -1] = first, last
-        miss = np.abs(values[:, 0::2] - AT_CHECKS @ controls)
-        self._miss, self._size = max(self._miss, miss.max()), max(self._size, np.abs(at_nodes).max())
-        return controls, SAFETY * miss.max(axis=1), SAFETY * 2 * miss.sum(axis=1)
+        controls, largest, summed, size = interpolated(first, last, values)
+        self._miss, self._size = max(self._miss, largest.max()), max(self._size, size)
+        return controls, SAFETY * largest, SAFETY * 2 * summed
 
 
 def _cut(t: np.ndarray, knots: np.ndarray, c: np.ndarray) -> np.ndarray:

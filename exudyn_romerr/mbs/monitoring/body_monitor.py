@@ -93,7 +93,7 @@ class Watch:
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt, u and the frame of rows of the mbs."""
-        return self.subject.sampled(t, *(state[:, self._columns] for state in states))
+        return self.subject.sampled(t, *(state[:, self._columns].copy() for state in states))
 
     def begin(self, mbs: Any, static: bool, attached: Collection[int] = (), others: str = "") -> None:
         """A solve begins: read the mbs. The first row taken will open a run."""
@@ -119,8 +119,7 @@ class Watch:
 
         In a mechanism the watches of all bodies take the phases together: bounds of one need the others' segments.
         """
-        self.opening = self.extension = None
-        self.rows: tuple = ()
+        self.opening, self.extension, self.rows = None, None, ()
         if self.error is None and self._listens:
             with self.kept_errors():
                 self._look(t.copy(), *(state[:, self._columns].copy() for state in states))

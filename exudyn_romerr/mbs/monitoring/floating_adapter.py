@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...basis.basis import Basis
+from ...estimates.columns import consecutive
 from ...model.floating_frame import FramePose, Jitter
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
@@ -99,7 +100,7 @@ class MovingSubject:
         self._sampler = replace(self._sampler, actions=actions)  # functions of time may be other ones
         if self.enriched is not None:
             self.enriched.use(actions)
-        self.columns, self._model = columns, model
+        self.columns, self._model = consecutive(columns), model
         self._now = mbs.systemData.GetODE2Coordinates()[columns][: model.frame.size]
         self.floor = self._sampler.weight(model.V.T @ self._flex.carried)
         return self._sampler.offline
