@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linalg.blocked_products import row_norms, rows_times
+from ..linalg.blocked_products import largest_sizes, row_norms, rows_times
 from ..linalg.modal_oscillators import ModalOscillators
 from ..residual.modal_split import NormsAbove
 from ..trajectory.bounds import Bounds, times
@@ -67,7 +67,10 @@ class Auxiliary:
             # modes are M-orthogonal to rounding: each eta sees that much of all the others
             self.rounding = 8 * EPS * (e + np.linalg.norm(e) + (e_t + np.linalg.norm(e_t)) / omega)
         cut = np.array([start.cut])
-        return self._bounds(start.z[None], self.state[None], self.growth.at_start(), self.rounding[None], cut)
+        z = start.z[None]
+        return self._bounds(
+            z, self.norm_static(z), self.state[None], self.growth.at_start(), self.rounding[None], cut
+        )
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
@@ -84,13 +87,14 @@ class Auxiliary:
                 np.hypot(row_norms(eta), static + d_M) + row_norms(missed),
                 np.hypot(row_norms(eta_t), v_M) + row_norms(missed * self.oscillators.omega),
             )
-        eta, eta_t = np.abs(states).max(axis=0)
+        eta, eta_t = largest_sizes(states.reshape(len(states), -1)).reshape(2, -1)
         self.rounding = self.rounding + self._rounding_of(block, eta, eta_t, g)
         self.state = states[-1].copy()
         # of times: steps follow them but for rounding, which does not add up
         of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
         inexact = self.rounding + of_times + missed
-        return self._bounds(block.c[:, -1], states, (g, g_jump), inexact, cut_size(block))
+        static = block.norms_at_ends(self.norm_static)
+        return self._bounds(block.c[:, -1], static, states, (g, g_jump), inexact, cut_size(block))
 
     def _rounding_of(self, block: Block, eta: np.ndarray, eta_t: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.
@@ -110,17 +114,18 @@ class Auxiliary:
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        (z, states, growth, inexact, cut), self._given = self._given, None
+        (z, static, states, growth, inexact, cut), self._given = self._given, None
         one = slice(i, i + 1)
         inexact = inexact[one if len(inexact) > 1 else slice(1)].copy()
-        return z[one].copy(), states[one].copy(), tuple(g[:, one].copy() for g in growth), inexact, cut[one].copy()
+        z, static, states, cut = (x[one].copy() for x in (z, static, states, cut))
+        return z, static, states, tuple(g[:, one].copy() for g in growth), inexact, cut
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z, states, growth, inexact, cut) -> Bounds:
-        self._given = z, states, growth, inexact, cut
+    def _bounds(self, z, static, states, growth, inexact, cut) -> Bounds:
+        self._given = z, static, states, growth, inexact, cut
         g, g_jump = growth
         _, d_M, v_M = rest = smallest(self.rates, g)
         eta, eta_t = states[:, 0], states[:, 1]
@@ -128,7 +133,7 @@ class Auxiliary:
         omega = np.where(self.velocity_rows[:, None], self.oscillators.omega, 1.0)
         share = output_share(rest, self.C_K, self.C_M, self.velocity_rows)
         slack = share + inexact @ (np.abs(self.CP) * omega).T + times(cut, self.static_cut)
-        static = self.norm_static(z) + cut * self.per_mass
+        static = static + cut * self.per_mass
         position = np.hypot(row_norms(eta), static + d_M) + row_norms(inexact)
         turned = row_norms(inexact * self.oscillators.omega)
         velocity = np.hypot(row_norms(eta_t), v_M) + turned
@@ -141,7 +146,9 @@ class Auxiliary:
             return self.missed[None]
         p = block.unresolved.shape[1]
         rows = np.abs(self.forcing[:, self.forcing.shape[1] - p :])
-        impulse = (block.h[:, None] * block.unresolved) @ rows.T / self.oscillators.omega
-        total = self.missed + np.cumsum(impulse, axis=0)
+        impulse = (block.h[:, None] * block.unresolved) @ rows.T
+        impulse /= self.oscillators.omega
+        total = np.cumsum(impulse, axis=0)
+        total += self.missed
         self.missed = total[-1].copy()
         return total

@@ -46,7 +46,8 @@ class Energy:
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.growth = self.growth.started(start, self.start_norms)
-        return self._bounds(start.z[None], *self.growth.at_start(), np.array([start.cut]))
+        z = start.z[None]
+        return self._bounds(z, self.norm_static(z), *self.growth.at_start(), np.array([start.cut]))
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
@@ -55,25 +56,28 @@ class Energy:
         if block.turn is not None:
             d_M, v_M = before.inside(g, self.growth)
             self.inside = self.growth.static_inside(self.norm_static, before, block) + d_M, v_M
-        return self._bounds(block.c[:, -1], g, g_jump, cut_size(block))
+        static = block.norms_at_ends(self.norm_static)
+        return self._bounds(block.c[:, -1], static, g, g_jump, cut_size(block))
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        (z, g, g_jump, cut), self._given = self._given, None
+        (z, static, g, g_jump, cut), self._given = self._given, None
         one = slice(i, i + 1)
-        return tuple(x.copy() for x in (z[one], g[:, one], g_jump[:, one], cut[one]))
+        return tuple(x.copy() for x in (z[one], static[one], g[:, one], g_jump[:, one], cut[one]))
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, g_jump: np.ndarray, cut: np.ndarray) -> Bounds:
-        self._given = z, g, g_jump, cut
+    def _bounds(
+        self, z: np.ndarray, static: np.ndarray, g: np.ndarray, g_jump: np.ndarray, cut: np.ndarray
+    ) -> Bounds:
+        self._given = z, static, g, g_jump, cut
         _, d_M, v_M = rest = smallest(self.rates, g)
-        static = np.abs(z @ self.static_rows.T) + times(cut, self.static_cut)
-        outputs = static + output_share(rest, self.C_K, self.C_M, self.velocity_rows)
+        known = np.abs(z @ self.static_rows.T) + times(cut, self.static_cut)
+        outputs = known + output_share(rest, self.C_K, self.C_M, self.velocity_rows)
         jumped = jump_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
-        position = self.norm_static(z) + cut * self.per_mass + d_M
+        position = static + cut * self.per_mass + d_M
         return Bounds(position, v_M, outputs, jumped)
 
 
@@ -149,7 +153,7 @@ class Growth:
 
     def static_inside(self, norm_static: Callable, before: Growth, block: Block) -> np.ndarray:
         """Return the largest |K^-1 R|_M (S,) within the segments of the block that led here from `before`."""
-        static = norm_static(np.vstack([before._before, block.c[:, -1]]))
+        static = np.append(norm_static(before._before), block.norms_at_ends(norm_static))
         per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
         return np.maximum(static[:-1], static[1:]) + per_mass * (self._varied + cut_size(block))
 

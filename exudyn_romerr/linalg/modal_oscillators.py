@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from functools import cache
 from math import comb, factorial
 from typing import Any, NamedTuple
 
@@ -198,11 +199,7 @@ class _Step(NamedTuple):
 
     def weights(self) -> np.ndarray:
         """Return what control points of a force add to (eta, eta'), (2, d + 1, ..., m)."""
-        d = len(self.J) - 1
-        monomial = np.array(
-            [[(-1) ** (k - j) * comb(d, k) * comb(k, j) * factorial(k) for j in range(d + 1)] for k in range(d + 1)]
-        )
-        return np.einsum("kj,kc...->cj...", np.tril(monomial), self.J)
+        return np.einsum("kj,kc...->cj...", _monomials(range(len(self.J))), self.J)
 
     def nearby(self, h: float, omega: np.ndarray, zeta: np.ndarray) -> _Step:
         """Return the step of length h to first order: A' = Z A, J_k' = Z J_k - k J_k/h + (0, 1)/k!."""
@@ -217,6 +214,12 @@ class _Step(NamedTuple):
         change[:, 1] += np.array([1 / factorial(i) for i in k])[:, None]
         turned = by_Z(self.A.swapaxes(0, 1)).swapaxes(0, 1)
         return _Step(h, self.A + (h - self.h) * turned, self.J + (h - self.h) * change)
+
+
+@cache
+def _monomials(of: range) -> np.ndarray:
+    """Control points to factors of (s/h)^k/k!, (d + 1, d + 1) for range(d + 1)."""
+    return np.tril([[(-1) ** (k - j) * comb(of[-1], k) * comb(k, j) * factorial(k) for j in of] for k in of])
 
 
 def _bands(A: np.ndarray, steps: int) -> np.ndarray:

@@ -54,11 +54,10 @@ class Run:
         self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
         self.messages: list[str] = []
         self.estimate = KeptEstimate()  # of the mechanism, if it answers what is wrong with this body
-        self.balance = Defect()
         self._recorded = RecordedSamples(offline, lambda: (run._total.bounds() for run in self._runs))
         self._last: Samples | None = None
         self._rest: np.ndarray | None = None  # where a frame at rest is
-        self._settled = slice(None)
+        self.balance, self._settled = Defect(), slice(None)
         self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
         self._segmenters = {"reduction": Linear(offline.coordinates, self._jumps)}
@@ -129,8 +128,9 @@ class Run:
         new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
         samples = new.after(self._last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
-        cut = Cut.between(samples.cut)
+        cut, reduction = Cut.between(samples.cut), segments["reduction"][0]
         for block, _ in segments.values():
+            block.share_ends(reduction)
             if not block.is_driven:
                 block.turn, block.cut = turn_of(block, samples.frame) if self.offline.scene.turns else None, cut
         frame = self.offline.driven_frame(samples)

@@ -84,7 +84,7 @@ class PackedMap(NamedTuple):
     coordinates: PackedCoordinates
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ScaledNorm:
     """|factor y|_2 of the entries from `first` on."""
 

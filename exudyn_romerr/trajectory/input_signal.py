@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import check_array
+from ..checks import check_array, check_finite
 from ..errors import InputError
 from .array_functions import with_arrays
 
@@ -66,7 +66,7 @@ def _values_at_once(of_many: Callable, t: np.ndarray, p: int, f: Callable, round
             while parts:
                 part, calls = parts.pop(), calls - 1
                 try:
-                    values[part] = _of_part(of_many, t[part], p)
+                    _put(of_many, t[part], values[part])
                     compared.add(part.stop - 1)
                 except _MixedError:
                     middle = (part.start + part.stop) // 2
@@ -84,16 +84,19 @@ def _values_at_once(of_many: Callable, t: np.ndarray, p: int, f: Callable, round
     return values if np.all(np.abs(values[rows] - single) <= rounding * np.abs(single).max(axis=0)) else None
 
 
-def _of_part(f: Callable, t: np.ndarray, p: int) -> np.ndarray:
-    """Return f at times t (T,), (T, p): few are called one by one."""
+def _put(f: Callable, t: np.ndarray, out: np.ndarray) -> None:
+    """Put f at times t (T,) into `out` (T, p): few are called one by one."""
+    p = out.shape[1]
     if len(t) <= FEW:
-        return np.array([f(x) for x in t.tolist()], dtype=float).reshape(len(t), p)
+        out[:] = np.array([f(x) for x in t.tolist()], dtype=float).reshape(len(t), p)
+        return
     _Times.asked = False
     found = f(t.copy().view(_Times))
     parts = [found] if p == 1 and np.shape(found) in ((), t.shape) else found
     if not _Times.asked and not any(map(np.ndim, parts)):
         raise ValueError("single numbers may be those of the first of many times")
-    return np.stack([np.broadcast_to(np.asarray(x, dtype=float), t.shape) for x in parts], axis=1)
+    for column, x in zip(out.T, parts, strict=True):
+        column[:] = np.broadcast_to(np.asarray(x, dtype=float), t.shape)
 
 
 class InputSignal:
@@ -148,7 +151,9 @@ class SampledSignal(InputSignal):
 
     def __call__(self, t: np.ndarray) -> np.ndarray:
         """Return u (T, p) at times t (T,)."""
-        return check_array("loads over time", self._f(np.asarray(t)), (len(t), self.p))
+        u = self._f(np.asarray(t))
+        check_finite("loads over time", u)
+        return u
 
     def at(self, t: float) -> np.ndarray:
         """Return u (p,) at one time."""

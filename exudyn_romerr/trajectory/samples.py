@@ -80,13 +80,15 @@ def make_jumps(times: Sequence[float], signal: InputSignal, response: np.ndarray
     return jumps
 
 
-def by_steps(s: Samples, jumps: Sequence[Jump], smooth: Callable, with_jumps: Callable) -> tuple[Block, np.ndarray]:
-    """Segments of all steps: the smooth ones at once, those that hold jumps one by one."""
+def by_steps(
+    s: Samples, jumps: Sequence[Jump], smooth: Callable, with_jumps: Callable
+) -> tuple[Block, np.ndarray | slice]:
+    """Segments of all steps, and where each ends: the smooth ones at once, those that hold jumps one by one."""
     before = np.array([[jump.is_before(t, u) for t, u in zip(s.t, s.u, strict=True)] for jump in jumps], dtype=bool)
     crossed = before[:, :-1] & ~before[:, 1:] if len(jumps) else np.zeros((0, len(s.t) - 1), dtype=bool)
     special = np.flatnonzero(crossed.any(axis=0))
     if not special.size:
-        return smooth(s), np.arange(len(s.t) - 1)
+        return smooth(s), slice(None)
     blocks, ends, first = [], [], 0
     for step in [*special.tolist(), len(s.t) - 1]:
         if step > first:

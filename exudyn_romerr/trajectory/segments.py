@@ -104,6 +104,7 @@ class Block:
     overshoot: np.ndarray | None = None
     chain: np.ndarray | None = None
     _made: dict = field(default_factory=dict, init=False)
+    _of_ends: dict = field(default_factory=dict, init=False)
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
@@ -134,6 +135,17 @@ class Block:
         size = norm(self.chain)
         return np.stack([size[:-1], size[1:]], axis=1)
 
+    def norms_at_ends(self, norm: Callable) -> np.ndarray:
+        """Norms (S,) of z at the ends of segments, computed once for all estimators and blocks that share them."""
+        if norm not in self._of_ends:
+            self._of_ends[norm] = norm(self.c[:, -1] if self.chain is None else self.chain[1:])
+        return self._of_ends[norm]
+
+    def share_ends(self, other: Block) -> None:
+        """Share norms at ends with a block, of other curves through the same samples, say, if z is the same there."""
+        if self is not other and np.array_equal(self.c[:, -1], other.c[:, -1]):
+            self._of_ends = other._of_ends
+
     def largest(self) -> np.ndarray:
         """Largest size (k,) of every entry of the control points."""
         k, rows = self.c.shape[2], self.c.reshape(len(self.h), -1) if self.chain is None else self.chain
@@ -152,8 +164,10 @@ class Block:
         Inside: the length of the control polygon. before (k,): z at the end of the segment before this block.
         """
         inside, jumps = self.length(norm), np.zeros(len(self.h))
-        if not (self._is_continuous and np.array_equal(self.c[0, 0], before)):
+        if not self._is_continuous:
             jumps = norm(self.c[:, 0] - np.vstack([before, self.c[:-1, -1]]))
+        elif not np.array_equal(self.c[0, 0], before):  # most often by rounding: products depend on the row's place
+            jumps[0] = norm(self.c[0, 0] - before)
         return inside + self.of_inputs(norm, self.unresolved_variation), jumps
 
     @cached_property

@@ -67,6 +67,6 @@ class InputTerms:
 
     def _inertia(self, gravity: np.ndarray, motion: FrameMotion, q, q_t, out: np.ndarray) -> None:
         if self.at_rest:
-            out[:] = motion.local(-gravity)
+            out[:] = motion.local(-(gravity if gravity.strides[0] else gravity[:1]))  # one, where all are the same
         else:
             inertia_coordinates(motion.local(motion.r_tt - gravity), motion, q, q_t, out)

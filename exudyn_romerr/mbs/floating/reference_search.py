@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -42,8 +43,12 @@ class Reference:
     rigid: tuple[tuple[int, ...], ...] = ()
 
 
+# the last one found at interfaces: they, by name, the modes, and the conditions
+_FOUND: WeakKeyDictionary[FloatingBody, tuple[dict[str, MeanMotion], np.ndarray, Reference]] = WeakKeyDictionary()
+
+
 def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
-    """Return the conditions that every mode meets.
+    """Return the conditions that every mode meets, found before if they are those of the same interfaces.
 
     Parameters
     ----------
@@ -57,6 +62,16 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
     AssumptionError
         No candidate fits, or several that differ.
     """
+    its_interfaces, its_V, found = _FOUND.get(flex, ({}, V, None))
+    same = its_interfaces.keys() == interfaces.keys() and all(its_interfaces[x] is interfaces[x] for x in interfaces)
+    if found is None or not same or not np.array_equal(its_V, V):
+        found = _search(flex, V, interfaces)
+        if found.source in interfaces:  # else node sets, or modes, decided
+            _FOUND[flex] = interfaces, V, found
+    return found
+
+
+def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
     if flex.interfaces == "rigid":
         return _rigid_interfaces(flex, V, [set(motion.nodes.tolist()) for motion in interfaces.values()])
     if flex.reference is not None:
@@ -66,7 +81,8 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
         return Reference(flex.reference, "reference= of floating_body")
     tried = {}
     for candidates in (interfaces, _node_sets(flex.fem), {"rigid motions, M-orthogonal": MassOrthogonal()}):
-        fits = {name: c for name, c in candidates.items() if _note(tried, name, _misfit(c, flex, V)) <= HELD}
+        tried |= {name: _misfit(candidate, flex, V) for name, candidate in candidates.items()}
+        fits = {name: candidate for name, candidate in candidates.items() if tried[name] <= HELD}
         if fits:
             return _the_only(fits, flex)
     still = _still_nodes(flex, V)
@@ -167,11 +183,6 @@ def _too_many(flex: FloatingBody) -> str:
 def _nearly(tried: dict[str, float]) -> bool:
     """Whether some conditions are missed by little: what Exudyn's solver leaves, not another choice of modes."""
     return min(tried.values(), default=np.inf) < NEAR
-
-
-def _note(tried: dict[str, float], name: str, off: float) -> float:
-    tried[name] = off
-    return off
 
 
 def _misfit(candidate: Any, flex: FloatingBody, V: np.ndarray) -> float:
