@@ -98,7 +98,7 @@ class Jitter(NamedTuple):
         return cls(V.T @ units, float(np.linalg.norm(pose.r) + np.linalg.norm(positions, axis=1).max()))
 
     def accelerations(self, frame: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Return A^T r'' and al (S, 6) at samples (S, 24); zero where it has left `start` (24,), for there it moves."""
+        """Return A^T r'' and al (S, 6) at samples (S, 24); zero where it has left `start` (24,): there it moves."""
         rows, first = FrameRows.of(frame), FrameRows.of(start[None])
         far, turned = np.abs(rows.r - first.r), np.abs(rows.A - first.A)
         found = np.hstack([np.einsum("sji,sj->si", rows.A, rows.r_tt), rows.al])
