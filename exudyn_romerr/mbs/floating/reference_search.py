@@ -63,7 +63,7 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
         No candidate fits, or several that differ.
     """
     its_interfaces, its_V, found = _FOUND.get(flex, ({}, V, None))
-    same = its_interfaces.keys() == interfaces.keys() and all(its_interfaces[x] is interfaces[x] for x in interfaces)
+    same = [*its_interfaces] == [*interfaces] and all(its_interfaces[x] is interfaces[x] for x in interfaces)
     if found is None or not same or not np.array_equal(its_V, V):
         found = _search(flex, V, interfaces)
         if found.source in interfaces:  # else node sets, or modes, decided
