@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..linalg.blocked_products import rows_times
+from ..linalg.blocked_products import largest_sizes, rows_times
 
 TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache
 
@@ -22,7 +22,7 @@ class Defect:
         sizes = np.abs(rows).T
         for first in range(0, len(z), TOGETHER):
             part = z[first : first + TOGETHER]
-            self._left = np.maximum(self._left, np.abs(rows_times(part, rows.T)).max(axis=0))
+            self._left = np.maximum(self._left, largest_sizes(rows_times(part, rows.T)))
             self._terms = max(self._terms, float(np.max(rows_times(np.abs(part), sizes))))
         self._noise = max(self._noise, noise)
 
