@@ -9,7 +9,6 @@ import numpy as np
 
 from ..estimates.overshoot import CarriedTurn, Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
-from ..report.scope import Doubt
 from ..residual.felt_residuals import FeltResiduals
 from .run_messages import (
     BEGUN_ANEW,
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..estimates.march import Scheme
+    from ..report.scope import Doubt
     from ..residual.free_mass import AtStart
     from ..trajectory.samples import Extension
     from ..trajectory.segments import Block
@@ -38,10 +38,6 @@ ROUNDING = 1e-8  # of the terms of R(0): so much may a static solve leave
 # of the first step: what a residual of mass 1 makes velocities of slow modes by way of Rayleigh's alpha. Damping of
 # motion relative to a frame joins modes; with 6e-4 an error was 1.3 times its bound, with 3e-3 3.4 times
 CARRIED = 1e-4
-# velocities jump to where constraints have them; an error was 1.08 times its bound
-OTHER_INDEX = Doubt(
-    "constraints of velocities after a solve without", "use useIndex2Constraints in both solves, or in none"
-)
 TOO_FAST = (
     "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
     "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"

@@ -15,7 +15,7 @@ from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice
 from exudyn_romerr.mode_selection.tried_run import TriedRun
-from exudyn_romerr.online import run_messages
+from exudyn_romerr.online import galerkin_defect, run_messages
 from exudyn_romerr.online.initial_condition import begins_late
 from exudyn_romerr.online.run_messages import doubts_of
 from exudyn_romerr.online.run_record import SolverFacts
@@ -44,6 +44,8 @@ MISSED = SimpleNamespace(
 )
 DOUBTS = {
     "goes on": run_messages.BEGUN_ANEW,
+    "goes on by index 2": run_messages.OTHER_INDEX,
+    "steps repeated": run_messages.REPEATED,
     "starts with dampers": run_messages.STARTS_DAMPED,
     "starts with a radius near 0": run_messages.STARTS_ROUGHLY,
     "starts with alpha": run_messages.STARTS_HELD_BACK,
@@ -51,7 +53,7 @@ DOUBTS = {
     "solver not kept": run_messages.UNKNOWN_SCHEME,
     "mbs changed": run_messages.changed("parameters"),
     "begins late": begins_late(0.1),
-    "nothing to check": run_messages.UNCHECKED,
+    "nothing to check": galerkin_defect.UNCHECKED,
     "not balanced": doubts_of(MISSED)[0],
 }
 CLAIM = re.compile(r"at most|bounded by|<= \d|within \d|error bound|\bbound \d")

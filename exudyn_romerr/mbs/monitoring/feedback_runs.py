@@ -13,7 +13,7 @@ from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.residual_passes import JointDrift, ResidualPasses
 from ...model.floating_frame import Veer
-from ...online.coupled_runs import OTHER_INDEX, FirstSteps, join_extensions, joined_openings, shared_energy
+from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedReadings, ExtendedTangents, FixedFreedoms
@@ -120,8 +120,7 @@ class Reaction:
             if rest is not None:
                 opening = opening._replace(start=replace(opening.start, added=self._added(i, lacks, e, np.zeros(1))))
             openings.append(opening)
-        other = OTHER_INDEX if goes_on and self._drifts and not before._drifts else ""
-        self._say(list(filter(None, [self._first_steps.open(runs, openings) if runs else "", other])))
+        self._say(list(filter(None, [self._first_steps.open(runs, openings) if runs else ""])))
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
@@ -139,7 +138,8 @@ class Reaction:
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None], lacks)
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
-        self._say([*self._step_errors.notes, *self._remainder.notes])
+        self._say(self._step_errors.notes)
+        self._say(self._remainder.notes)
 
     def advance(self, rows: tuple[np.ndarray, ...], mbs: Any) -> None:
         """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates), multipliers (S, ...)."""
