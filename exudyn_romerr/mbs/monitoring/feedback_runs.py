@@ -85,8 +85,7 @@ class Reaction:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
         *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
-        t = float(first[0][0])
-        readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
+        readings = [reading for reading in self._tangents.readings if reading.t <= first[0][0]][-1:]
         extended = self.extended.of(readings)
         tangent, samples = extended[0], [watch.sampled(*first) for watch in self._watches]
         forces = self._forces(samples, 1)[0]
@@ -100,7 +99,7 @@ class Reaction:
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             start = tangent, forces, self._forces_at_rest()
-            self._feedback.start(*start, t)
+            self._feedback.start(*start, float(first[0][0]))
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
             self._drift.start(tangent)
@@ -130,7 +129,7 @@ class Reaction:
             if goes_on:
                 self._positions.go_on(before._positions)
             else:
-                self._positions.start(t, extended, readings, g, self._energy_at_rest(openings))
+                self._positions.start(float(first[0][0]), extended, readings, g, self._energy_at_rest(openings))
             self._keep_left(self._positions.opened(first[1], g))
         for one in self._sensors:
             one.open([watch.run for watch in self._watches], goes_on)
