@@ -64,11 +64,14 @@ class FirstSteps:
 
     scheme : of the solver; None: unknown. share : of a residual at a step's begin in what the step feels of it, None:
     not known. damped : whether there are dampers beside those of the bodies. These may have any ratio in a mode, and
-    they join modes: what they carry on into slow ones is in no march of single modes, so it is not certified.
+    they join modes: what they carry on into slow ones is in no march of single modes, so it is not certified. step :
+    that the solver tries first, None: unknown.
     """
 
-    def __init__(self, scheme: Scheme | None, share: float | None = None, damped: bool = False):
-        self._scheme, self._push, self._share, self.damped = scheme, 0.0, share, damped
+    def __init__(
+        self, scheme: Scheme | None, share: float | None = None, damped: bool = False, step: float | None = None
+    ):
+        self._scheme, self._push, self._share, self.damped, self.step = scheme, 0.0, share, damped, step
         self._doubts: list[Doubt] = []
         self._felt: dict[str, FeltResiduals] = {}
         self._times, self._is_lost, self._varies = np.zeros(0), False, False  # the last two
@@ -138,10 +141,11 @@ class FirstSteps:
     def repeated(self, t: np.ndarray) -> list[Doubt]:
         """Return once why nothing is certified, if some of the next samples t (S,) show that a step was repeated.
 
-        Before `lost` is asked. Steps are of one size until one is repeated. With a spectral radius of 1 errors were
-        as in other runs.
+        Before `lost` is asked. Steps are of the size that is tried first until one is repeated. With a spectral
+        radius of 1 errors were as in other runs.
         """
-        h = np.diff(np.append(self._times, t))
+        times, is_first = np.append(self._times, t), len(self._times) < 2
+        h = np.append([self.step] if is_first and self.step is not None else [], np.diff(times))
         if self._varies or self._scheme is None or not overshoots(self._scheme):
             return []
         self._varies = bool(np.any(np.abs(np.diff(h)) > SAME_STEP * h[1:]))

@@ -31,7 +31,8 @@ OTHER_INDEX = Doubt(
 REPEATED = Doubt(
     "adaptive steps that were repeated, with a spectral radius below 1",
     f"{RADIUS_OF_ONE}, or choose a step that need not be repeated (numberOfSteps)",
-    "steps are of several sizes: what Exudyn repeats with a smaller one goes on with accelerations of the first try",
+    "steps are not of the size that was asked for: what Exudyn repeats with a smaller one goes on with accelerations "
+    "of the first try",
 )
 STARTS_DAMPED = Doubt(
     "sudden start with dampers and a spectral radius below 1",
