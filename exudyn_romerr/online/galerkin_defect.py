@@ -69,10 +69,9 @@ class Balanced(Protocol):
 
 def unbalanced(run: Balanced) -> list[Doubt]:
     """Return why the balance of a run speaks against its bounds; empty: no more is left than by the solver."""
-    limit = GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
     if not run.offline.scene.checked:
         return [UNCHECKED]
-    if run.defect <= limit:
+    if run.defect <= (limit := _limit(run)):
         return []
     found = f"Galerkin defect {run.defect:.1e}"
     said = (
@@ -81,3 +80,7 @@ def unbalanced(run: Balanced) -> list[Doubt]:
         "solved well; bounds hold for the loads known"
     )
     return [Doubt(f"the run is not balanced by what is known of it, {found}", KNOW_LOADS, said)]
+
+
+def _limit(run: Balanced) -> float:
+    return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
