@@ -24,9 +24,12 @@ BEGUN_ANEW = Doubt(
     "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
     "that ring and that they do not resolve, is not in the bound",
 )
-# velocities jump to where constraints have them; an error was 1.08 times its bound
+# an error was 1.08 times its bound
 OTHER_INDEX = Doubt(
-    "constraints of velocities after a solve without", "use useIndex2Constraints in both solves, or in none"
+    "useIndex2Constraints in a solve that goes on from one without",
+    "set useIndex2Constraints in both solves, or in none",
+    "a solve with useIndex2Constraints goes on from one without: what it does as velocities jump to where constraints "
+    "of velocities have them is not in the bound",
 )
 REPEATED = Doubt(
     "adaptive steps that were repeated, with a spectral radius below 1",

@@ -4,6 +4,7 @@ import json
 import pickle
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -71,6 +72,13 @@ def plain():
     report.nodes = NodeFields(SHOWN, {}, moved, dict.fromkeys(SHOWN, 0.0), POSITIONS)
     report.compare("y", report.t, case.full[0] @ case.C.T)
     return report
+
+
+@pytest.mark.parametrize("name", DOUBTS)
+def test_the_page_has_every_cause(name):
+    """By its first words: some go on with numbers."""
+    page = (Path(__file__).parents[2] / "docs/reading_a_bound.md").read_text(encoding="utf-8")
+    assert f"\n| {' '.join(DOUBTS[name].cause.split()[:6])}" in page
 
 
 def doubted(report, *doubts, scope=None):
