@@ -28,8 +28,8 @@ BEGUN_ANEW = Doubt(
 OTHER_INDEX = Doubt(
     "useIndex2Constraints in a solve that goes on from one without",
     "set useIndex2Constraints in both solves, or in none",
-    "a solve with useIndex2Constraints goes on from one without: what it does as velocities jump to where constraints "
-    "of velocities have them is not in the bound",
+    "a solve with useIndex2Constraints goes on from one without: what it does as velocities jump to where "
+    "constraints of velocities have them is not in the bound",
 )
 REPEATED = Doubt(
     "adaptive steps that were repeated, with a spectral radius below 1",
