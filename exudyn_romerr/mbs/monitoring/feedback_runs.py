@@ -13,7 +13,7 @@ from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.residual_passes import JointDrift, ResidualPasses
 from ...model.floating_frame import Veer
-from ...online.coupled_runs import OTHER_INDEX, FirstSteps, join_extensions, joined_openings, shared_energy
+from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedReadings, ExtendedTangents, FixedFreedoms
@@ -119,7 +119,6 @@ class Reaction:
             if rest is not None:
                 opening = opening._replace(start=replace(opening.start, added=self._added(i, lacks, e, np.zeros(1))))
             openings.append(opening)
-        self._say([OTHER_INDEX] * (goes_on and self._drifts and not before._drifts))
         self._say(list(filter(None, [self._first_steps.open(runs, openings) if runs else ""])))
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
