@@ -102,7 +102,7 @@ def test_cause_and_cure_are_named(case):
     assert any(message.endswith(f". No bound of this run is certified: {doubt.cure}") for message in report.messages)
     for name in report.outputs:
         assert report.assess(name, 1e9).answer == "unknown"
-        assert f"is not certified ({doubt.cause}): {doubt.cure}." in report.assess(name, 1e9).text
+        assert f"is not certified ({doubt.cause}): {doubt.cure}" in report.assess(name, 1e9).text
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -120,7 +120,7 @@ def test_no_sentence_promises(case, tmp_path, monkeypatch):
         assert cause in text.replace("&#x27;", "'")
         rows = [line for line in text.splitlines() if "bounded by" in line]
         assert rows
-        assert all(f"not certified: {cause}" in line for line in rows)
+        assert all("not certified" in line for line in rows)  # why, in print, is said once
     assert all("not certified" in name for name in report.to_dict() if "bound" in name)
 
 
