@@ -27,7 +27,7 @@ from .wording import (
 )
 
 if TYPE_CHECKING:
-    from .data import OutputData, ReportData
+    from .data import OutputData
     from .estimate_wording import Known
 
 HALVED = 4.0  # times smaller errors of steps half as long
@@ -102,9 +102,9 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
     return "; ".join(filter(None, [said, sharper, unbounded]))
 
 
-def until_its_end(report: ReportData, said: str) -> str:
-    """Return advice; of a run that ended early, that what is enough is so until then."""
-    if report.planned_end is None or not said.startswith(("enough", ABOUT_ENOUGH, "nothing to improve")):
+def until_its_end(planned_end: float | None, said: str) -> str:
+    """Return advice; of a run that ended before planned_end, that what is enough is so until then."""
+    if planned_end is None or not said.startswith(("enough", ABOUT_ENOUGH, "nothing to improve")):
         return said
     return f"until the run ended {said}; {RUN_TO_END}"
 

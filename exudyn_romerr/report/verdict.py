@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..estimates.estimate import RESOLVED
-from .advice import advice
+from .advice import advice, until_its_end
 from .estimate_wording import about, estimate_scope, estimated_kind, known
 from .scope import COUPLED, FROZEN, cures_of
 from .wording import (
@@ -44,9 +44,16 @@ def row_verdict(out: OutputData, row: int, time: str, scope: dict[str, str], is_
     return f"{out.row_names[row]}: up to {size}{_error(out, row, time, scope, by, is_first)}"
 
 
-def sentence(out: OutputData, row: int, time: str, scope: dict[str, str], advised: bool = True) -> str:
+def sentence(
+    out: OutputData,
+    row: int,
+    time: str,
+    scope: dict[str, str],
+    advised: bool = True,
+    planned_end: float | None = None,
+) -> str:
     """Return the verdict on one row of an output as a sentence that can stand alone, with advice or without."""
-    todo = advice(out, time, scope, row) if advised else cures_of(out.uncertified)
+    todo = until_its_end(planned_end, advice(out, time, scope, row)) if advised else cures_of(out.uncertified)
     size = f"{digits(largest(out.value, row), 4)} {out.unit}"
     return f"{out.row_names[row]} is up to {size}{_error(out, row, time, scope)}{todo and f'; {todo}'}."
 

@@ -14,7 +14,7 @@ from exudyn_romerr.report.data import Plan, ReportData
 from exudyn_romerr.report.formats.printed_text import details
 from exudyn_romerr.report.overview import next_steps
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED, Doubt
-from exudyn_romerr.report.verdict import row_verdict
+from exudyn_romerr.report.verdict import row_verdict, sentence
 from exudyn_romerr.report.wording import CURES_OF_CHECKS
 from models import estimate_truths
 from models.estimate_scenes import SCENES, LinearScene
@@ -266,6 +266,9 @@ def test_a_run_that_ended_early_is_not_called_enough():
     begin, end = "until the run ended enough: ", f"; {RUN_TO_END}"
     assert next_steps(early) == [f"next step: {begin}within 0.1 % of the largest value{end}"]
     assert f"\n  {begin}the bound of the error is within 0.1 % of the largest value{end}\n" in details(early, [])
+    told = sentence(early.output("tip z"), 0, early.time, early.scope, planned_end=early.planned_end)  # in HTML
+    assert f"; {begin}" in told
+    assert told.endswith(f"{end}.")
     early.outputs = {"tip z": PROVED[0], "other": replace(PROVED[0], name="other")}
     assert "ended" not in str(next_steps(early))  # what is not enough until then needs its own cure
 

@@ -49,7 +49,7 @@ def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
         rows = range(out.value.shape[1])
         lines += [row_verdict(out, row, report.time, report.scope, place + row == 0) for row in rows]
         if advises(report):
-            lines.append(f"  {until_its_end(report, advice(out, report.time, report.scope))}")
+            lines.append(f"  {until_its_end(report.planned_end, advice(out, report.time, report.scope))}")
         if out.corrected is not None and not _tells_nothing(out):
             lines.append(f"  {corrected_within(out, out.corrected_bound, report.scope, in_full=False)}")
         lines += _compared(out, report.time, "  ")
