@@ -28,6 +28,7 @@ def in_the_middle(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     T = len(t)
     if T <= NODES:
         return within(t, [x], 0.5)[0]
+    # inner steps have their nodes one behind the other: no copies of these are made
     first = np.clip(np.arange(T - 1) - (NODES // 2 - 1), 0, T - NODES)
     nodes = first[:, None] + np.arange(NODES)
     weights = _weights(t[nodes], t[:-1] + 0.5 * np.diff(t))

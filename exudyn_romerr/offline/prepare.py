@@ -74,10 +74,14 @@ def prepare(
     V, W, B = problem.V, problem.W, problem.B
     eps, single = of_input(problem, samples_precision)
     views, blind = _without_sight(problem, scene)
+    estimators = {name: _made(name, problem, scene) for name in names}
+    for estimator in estimators.values():
+        if isinstance(estimator, MechanismEnergy):
+            estimator.at_start.prepare()
     return Offline(
         coordinates=problem.map.coordinates,
         signal=signal,
-        estimators={name: _made(name, problem, scene) for name in names},
+        estimators=estimators,
         outputs=problem.outputs,
         slices=tuple(problem.slices),
         velocity_rows=problem.rows.velocity_rows,

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..estimates.overshoot import CarriedTurn, Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
-from ..report.scope import Doubt
 from ..residual.felt_residuals import FeltResiduals
 from .run_messages import (
     BEGUN_ANEW,
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..estimates.march import Scheme
+    from ..report.scope import Doubt
     from ..residual.free_mass import AtStart
     from ..trajectory.samples import Extension
     from ..trajectory.segments import Block
@@ -38,10 +38,6 @@ ROUNDING = 1e-8  # of the terms of R(0): so much may a static solve leave
 # of the first step: what a residual of mass 1 makes velocities of slow modes by way of Rayleigh's alpha. Damping of
 # motion relative to a frame joins modes; with 6e-4 an error was 1.3 times its bound, with 3e-3 3.4 times
 CARRIED = 1e-4
-# velocities jump to where constraints have them; an error was 1.08 times its bound
-OTHER_INDEX = Doubt(
-    "constraints of velocities after a solve without", "use useIndex2Constraints in both solves, or in none"
-)
 TOO_FAST = (
     "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
     "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"
@@ -68,11 +64,14 @@ class FirstSteps:
 
     scheme : of the solver; None: unknown. share : of a residual at a step's begin in what the step feels of it, None:
     not known. damped : whether there are dampers beside those of the bodies. These may have any ratio in a mode, and
-    they join modes: what they carry on into slow ones is in no march of single modes, so it is not certified.
+    they join modes: what they carry on into slow ones is in no march of single modes, so it is not certified. step :
+    that the solver tries first, None: unknown.
     """
 
-    def __init__(self, scheme: Scheme | None, share: float | None = None, damped: bool = False):
-        self._scheme, self._push, self._share, self.damped = scheme, 0.0, share, damped
+    def __init__(
+        self, scheme: Scheme | None, share: float | None = None, damped: bool = False, step: float | None = None
+    ):
+        self._scheme, self._push, self._share, self.damped, self.step = scheme, 0.0, share, damped, step
         self._doubts: list[Doubt] = []
         self._felt: dict[str, FeltResiduals] = {}
         self._times, self._is_lost, self._varies = np.zeros(0), False, False  # the last two
@@ -142,10 +141,11 @@ class FirstSteps:
     def repeated(self, t: np.ndarray) -> list[Doubt]:
         """Return once why nothing is certified, if some of the next samples t (S,) show that a step was repeated.
 
-        Before `lost` is asked. Steps are of one size until one is repeated. With a spectral radius of 1 errors were
-        as in other runs.
+        Before `lost` is asked. Steps are of the size that is tried first until one is repeated. With a spectral
+        radius of 1 errors were as in other runs.
         """
-        h = np.diff(np.append(self._times, t))
+        times, is_first = np.append(self._times, t), len(self._times) < 2
+        h = np.append([self.step] if is_first and self.step is not None else [], np.diff(times))
         if self._varies or self._scheme is None or not overshoots(self._scheme):
             return []
         self._varies = bool(np.any(np.abs(np.diff(h)) > SAME_STEP * h[1:]))

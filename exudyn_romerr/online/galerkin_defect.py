@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Protocol
+
 import numpy as np
 
 from ..linalg.blocked_products import rows_times
+from ..report.scope import Doubt
+
+if TYPE_CHECKING:
+    from ..offline.prepared import Offline
+    from .run_record import SolverFacts
 
 TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache
+GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
+TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
+UNCHECKED = Doubt(
+    "a load that is not known here would not be noticed",
+    "add eigenmodes",
+    "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
+    "noticed",
+)
+KNOW_LOADS = "make known all loads and the damping that act on the body, or take shorter steps"
 
 
 class Defect:
@@ -40,3 +56,31 @@ class Defect:
     def worst_mode(self) -> int:
         """Row of W^T R that most is left in."""
         return int(np.argmax(self._left))
+
+
+class Balanced(Protocol):
+    """What a run under way has of its balance: see run.py."""
+
+    offline: Offline
+    solver: SolverFacts
+    balance: Defect
+    defect: float
+
+
+def unbalanced(run: Balanced) -> list[Doubt]:
+    """Return why the balance of a run speaks against its bounds; empty: no more is left than by the solver."""
+    if not run.offline.scene.checked:
+        return [UNCHECKED]
+    if run.defect <= (limit := _limit(run)):
+        return []
+    found = f"Galerkin defect {run.defect:.1e}"
+    said = (
+        f"{found} of the largest term, in mode {run.balance.worst_mode} (expected below {limit:.1e}): a load on the "
+        "body is not known here, or depends on more than time, or damping differs, or a step was too long to be "
+        "solved well; bounds hold for the loads known"
+    )
+    return [Doubt(f"the run is not balanced by what is known of it, {found}", KNOW_LOADS, said)]
+
+
+def _limit(run: Balanced) -> float:
+    return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)

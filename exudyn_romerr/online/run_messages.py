@@ -7,31 +7,35 @@ from typing import TYPE_CHECKING, Protocol
 from ..report.scope import Doubt
 from ..report.wording import NO_OUTPUTS, SMOOTHLY
 from ..trajectory.reconstruction import ROUNDING_SHARE
+from .galerkin_defect import Balanced, unbalanced
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from ..offline.prepared import Offline
-    from .galerkin_defect import Defect
     from .run_record import RunRecord, SolverFacts
 
-GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
-TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
 ROUGH_RADIUS = 0.2  # with 0 an error was 2.9 times its bound at the first instant, with 0.3 none was above
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 RADIUS_OF_ONE = "set generalizedAlpha.spectralRadius = 1"
-# the first is by far the better one: a radius of 1 made a bound 2.9 times as large
-SMOOTHLY_OR_UNDAMPED = f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, which may widen bounds"
+SMOOTHLY_OR_UNDAMPED = f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, which may widen bounds"  # once 2.9 times
 BEGUN_ANEW = Doubt(
     "a solve that goes on from another one, with a spectral radius below 1",
     f"{RADIUS_OF_ONE}, or make one solve of both",
     "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
     "that ring and that they do not resolve, is not in the bound",
 )
+# an error was 1.08 times its bound
+OTHER_INDEX = Doubt(
+    "useIndex2Constraints in a solve that goes on from one without",
+    "set useIndex2Constraints in both solves, or in none",
+    "a solve with useIndex2Constraints goes on from one without: what it does as velocities jump to where "
+    "constraints of velocities have them is not in the bound",
+)
 REPEATED = Doubt(
     "adaptive steps that were repeated, with a spectral radius below 1",
     f"{RADIUS_OF_ONE}, or choose a step that need not be repeated (numberOfSteps)",
-    "steps are of several sizes: what Exudyn repeats with a smaller one goes on with accelerations of the first try",
+    "steps are not of the size that was asked for: what Exudyn repeats with a smaller one goes on with accelerations "
+    "of the first try",
 )
 STARTS_DAMPED = Doubt(
     "sudden start with dampers and a spectral radius below 1",
@@ -67,14 +71,6 @@ MOTION_JUMPS = (
     "followed by the reconstruction (estimated, and added to the bounds): let the motion change more smoothly, or "
     "take smaller steps"
 )
-UNCHECKED = Doubt(
-    "a load that is not known here would not be noticed",
-    "add eigenmodes",
-    "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
-    "noticed",
-)
-KNOW_LOADS = "make known all loads and the damping that act on the body, or take shorter steps"
-
 IN_GLOBAL_AXES = (
     "no bound of {} (inf): the motion of the frame is in it, whose error has {}; see the estimate. An output "
     "in the body's frame is bounded ('NAME in the frame' of a sensor, or frame='body'); scope='inputs frozen' gives "
@@ -97,19 +93,10 @@ def run_messages(run: RunRecord) -> list[str]:
     ]
 
 
-class Noted(Protocol):
+class Noted(Balanced, Protocol):
     """What a run under way has of what may speak against its bounds: see run.py."""
 
-    offline: Offline
-    solver: SolverFacts
     messages: list[str]
-    balance: Defect
-    defect: float
-
-
-def is_balanced(run: Noted) -> bool:
-    """Whether the Galerkin defect could be measured, and is what the solver's tolerance leaves."""
-    return run.offline.scene.checked and run.defect <= _limit(run)
 
 
 def changed(said: str) -> Doubt:
@@ -129,8 +116,8 @@ def doubts_of(run: Noted, partners: Iterable[Noted] = ()) -> tuple[Doubt, ...]:
     partners : runs of other bodies whose energy is bounded together with that of its own.
     """
     noted = [doubt for doubt in doubts_in(run.messages) if run.offline.scene.coupled or not _is_change(doubt)]
-    others = [_of_another(doubt) for partner in partners for doubt in _unbalanced(partner)]
-    return tuple(dict.fromkeys([*_unbalanced(run), *others, *noted]))
+    others = [_of_another(doubt) for partner in partners for doubt in unbalanced(partner)]
+    return tuple(dict.fromkeys([*unbalanced(run), *others, *noted]))
 
 
 def doubts_in(messages: Iterable[str]) -> list[Doubt]:
@@ -162,10 +149,6 @@ def stopped_or_ended(t: float, solver: SolverFacts) -> str:
     return "the run ended" if _ends_early(t, solver) is False else "stopped"
 
 
-def _limit(run: Noted) -> float:
-    return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
-
-
 def _first_only(run: RunRecord) -> list[str]:
     return [] if run.time == "static" or len(run.t) > 1 else ["only the first instant was bounded"]
 
@@ -174,20 +157,6 @@ def _noted(run: RunRecord) -> list[str]:
     """What was noted along the run; of doubts that are none of its bounds, what is said but that."""
     is_other = lambda note: isinstance(note, Doubt) and note not in run.doubts  # noqa: E731
     return [note.said if is_other(note) else note for note in dict.fromkeys(run.messages)]
-
-
-def _unbalanced(run: Noted) -> list[Doubt]:
-    if not run.offline.scene.checked:
-        return [UNCHECKED]
-    if is_balanced(run):
-        return []
-    found = f"Galerkin defect {run.defect:.1e}"
-    said = (
-        f"{found} of the largest term, in mode {run.balance.worst_mode} (expected below {_limit(run):.1e}): a load "
-        "on the body is not known here, or depends on more than time, or damping differs, or a step was too long to "
-        "be solved well; bounds hold for the loads known"
-    )
-    return [Doubt(f"the run is not balanced by what is known of it, {found}", KNOW_LOADS, said)]
 
 
 def _no_outputs(run: RunRecord) -> list[str]:
@@ -209,8 +178,7 @@ def _in_global_axes(run: RunRecord) -> list[str]:
 
 
 def _single(run: RunRecord) -> list[str]:
-    names = run.offline.single
-    if not names:
+    if not (names := run.offline.single):
         return []
     return [
         f"{', '.join(names)} came in fewer than 16 digits: bounds are those of the numbers as they are; what their "

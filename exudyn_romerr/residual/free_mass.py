@@ -70,7 +70,7 @@ class FreeMass:
 
 
 class AtStart:
-    """What only a start under a residual needs: made with its estimator, and of what runs tell, when one does.
+    """What only a start under a residual needs, made when one does, or by `prepare`.
 
     Attributes
     ----------
@@ -81,7 +81,10 @@ class AtStart:
     def __init__(self, problem: Problem):
         self._residual, self._rows, self._outputs = problem.terms, problem.rows.C, problem.outputs
         self._views = problem.views
-        _ = self.factors, self.turning  # now, not within the first run
+
+    def prepare(self) -> None:
+        """Make what most runs need before the first one; of all mesh nodes, say, it would take long."""
+        _ = self.factors, self.turning
 
     @property
     def damping(self) -> tuple[float, float] | None:

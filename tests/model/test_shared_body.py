@@ -124,6 +124,16 @@ def test_a_solve_finds_what_its_plan_made(fem):
     assert (len(made), checked.call_count) == offline
 
 
+def test_bounds_at_nodes_make_no_mass_norms_of_all_nodes(fem):
+    """They take as long as the bounds, and with a spectral radius of 1 nothing asks for them."""
+    scene, monitor = falling(fem)
+    scene.settings.timeIntegration.generalizedAlpha.spectralRadius = 1.0
+    scene.solve()
+    report = monitor.report()
+    with mock.patch.object(FreeMass, "norms", side_effect=AssertionError("made")):
+        assert len(report.node_bound["auxiliary"]) == fem.NumberOfNodes()
+
+
 def test_an_object_that_changed_after_its_plan_is_checked_anew(fem):
     scene, monitor = falling(fem)
     _ = monitor.plan

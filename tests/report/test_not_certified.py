@@ -4,6 +4,7 @@ import json
 import pickle
 import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +16,7 @@ from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice
 from exudyn_romerr.mode_selection.tried_run import TriedRun
-from exudyn_romerr.online import run_messages
+from exudyn_romerr.online import galerkin_defect, run_messages
 from exudyn_romerr.online.initial_condition import begins_late
 from exudyn_romerr.online.run_messages import doubts_of
 from exudyn_romerr.online.run_record import SolverFacts
@@ -44,6 +45,8 @@ MISSED = SimpleNamespace(
 )
 DOUBTS = {
     "goes on": run_messages.BEGUN_ANEW,
+    "goes on by index 2": run_messages.OTHER_INDEX,
+    "steps repeated": run_messages.REPEATED,
     "starts with dampers": run_messages.STARTS_DAMPED,
     "starts with a radius near 0": run_messages.STARTS_ROUGHLY,
     "starts with alpha": run_messages.STARTS_HELD_BACK,
@@ -51,7 +54,7 @@ DOUBTS = {
     "solver not kept": run_messages.UNKNOWN_SCHEME,
     "mbs changed": run_messages.changed("parameters"),
     "begins late": begins_late(0.1),
-    "nothing to check": run_messages.UNCHECKED,
+    "nothing to check": galerkin_defect.UNCHECKED,
     "not balanced": doubts_of(MISSED)[0],
 }
 CLAIM = re.compile(r"at most|bounded by|<= \d|within \d|error bound|\bbound \d")
@@ -69,6 +72,13 @@ def plain():
     report.nodes = NodeFields(SHOWN, {}, moved, dict.fromkeys(SHOWN, 0.0), POSITIONS)
     report.compare("y", report.t, case.full[0] @ case.C.T)
     return report
+
+
+@pytest.mark.parametrize("name", DOUBTS)
+def test_the_page_has_every_cause(name):
+    """By its first words: some go on with numbers."""
+    page = (Path(__file__).parents[2] / "docs/reading_a_bound.md").read_text(encoding="utf-8")
+    assert f"\n| {' '.join(DOUBTS[name].cause.split()[:6])}" in page
 
 
 def doubted(report, *doubts, scope=None):

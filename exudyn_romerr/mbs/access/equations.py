@@ -10,9 +10,10 @@ import numpy as np
 from .state_guard import own_solver, set_state, state_kept
 
 TOGETHER = 64  # rows whose matrices are solved at once
-# of coordinates, to differentiate twice by: constraints are of low degree. And what accelerations may add to these: a
-# quarter of it, and rounding over it, is what the second derivative is off by beside accelerations
-AHEAD, BENT = 1e-4, 2e-8
+AHEAD = 1e-4  # of coordinates, to differentiate twice by: constraints are of low degree
+# what accelerations may add to coordinates there: of accelerations, the second derivative is off by a quarter of it,
+# and by rounding over it
+BENT = 2e-8
 
 
 class Equations:

@@ -35,6 +35,12 @@ def end_time(mbs: Any, static: bool) -> float | None:
     return None if solver is None or solver.it.currentStepIndex > 0 else float(solver.it.endTime)
 
 
+def first_step(mbs: Any) -> float | None:
+    """Return the step that the dynamic solver that has just begun tries first; None if it is not kept in mbs.sys."""
+    solver = mbs.sys.get("dynamicSolver")
+    return None if solver is None or solver.it.currentStepIndex > 0 else float(solver.it.currentStepSize)
+
+
 def is_verbose(mbs: Any, static: bool) -> bool:
     """Whether the solver that has just begun was asked to tell of every step (verboseMode = 2)."""
     solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")

@@ -144,10 +144,11 @@ def admitted(G: np.ndarray) -> np.ndarray:
 
 
 def is_lighter(M: np.ndarray, C: np.ndarray, scale: np.ndarray, share: float) -> bool:
-    """Whether the smallest mass that C (3, c, k) admit is below a share of the others' in the last of M (3, k, k).
+    """Whether the smallest mass that constraints admit is, in the last of three states, below a share of the others'.
 
-    Coordinates are scaled. Where it is not, a factor of Cholesky's tells, at a tenth of what eigenvalues cost:
-    Rayleigh's quotient is never below the smallest of these.
+    M (3, k, k), C (3, c, k) : masses and constraints there. scale (k,) : of coordinates. Of the others the lighter
+    one counts. Where it is not, Cholesky's factors tell, at a tenth of what eigenvalues cost: Rayleigh's quotient is
+    never below the smallest of these.
     """
     free = scale[:, None] * admitted(C * scale)
     masses = free.swapaxes(1, 2) @ M @ free

@@ -107,7 +107,7 @@ class ExtendedTangents:
         return 2 * h * np.maximum(rates, np.max(frames, axis=0))
 
     def is_lighter(self, j: int, share: float) -> bool:
-        """Whether the smallest mass that constraints admit half way to the next reading is less of those at both."""
+        """Whether the smallest mass that constraints admit is below a share of both ends' on the way to the next."""
         ends = self[j], self[j + 1]
         eighth, masses = (ends[1].t - ends[0].t) / 8, np.max([np.diag(tangent.M) for tangent in ends], axis=0)
         of_M, of_C = ([getattr(x, name) for x in ends] + [getattr(x.rate, name) for x in ends] for name in "MC")

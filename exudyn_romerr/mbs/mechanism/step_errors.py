@@ -12,7 +12,7 @@ from ...estimates.columns import Columns
 from ...estimates.march import Steps
 from ...estimates.mechanism_feedback import GROWN
 from ...estimates.time_step_error import TimeStep, TimeStepError
-from ...online.run_messages import changed
+from ...online.run_messages import OTHER_INDEX, changed
 from ..derivatives.linearisation import Tangents
 from .kept_equations import KeptEquations
 from .stored_residuals import StoredResiduals
@@ -55,6 +55,8 @@ class StepErrors:
 
     def open(self, size: int, rows: Sequence[np.ndarray], before: StepErrors | None) -> None:
         """Begin with the first of rows t (1,), q, q_t, q_tt, multipliers, or go on from the run before."""
+        if self.holds_rates and before is not None and not before.holds_rates:
+            self.notes.append(OTHER_INDEX)
         if not self._tangents.differentiable.all():
             self.notes.append(INCREMENTS)
             return

@@ -13,7 +13,7 @@ from ...errors import AssumptionError, InputError, RunError
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
-from ..access.mbs_items import has_dampers, scheme_of, share_of
+from ..access.mbs_items import first_step, has_dampers, scheme_of, share_of
 from ..control.steady_gains import SteadyGains
 from ..derivatives.linearisation import Tangents
 from ..mechanism.kept_equations import KeptEquations
@@ -60,7 +60,7 @@ class Mechanism:
         self.equations, self._gains = KeptEquations(mbs, may_change), SteadyGains(mbs)
         self._coupled = [watch for watch in self._watches if watch.is_coupled]
         self._check_others(self._watches)
-        self._first_steps = FirstSteps(scheme_of(mbs), None, has_dampers(mbs))
+        self._first_steps = FirstSteps(scheme_of(mbs), None, has_dampers(mbs), first_step(mbs))
         self._partners = self._coupled or [x for x in self._watches if x.is_frozen and x.enriched is not None]
         if self._coupled:
             self._together(self._prepare, mbs)
@@ -164,7 +164,8 @@ class Mechanism:
 
     def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, sensors: Sequence) -> Reaction:
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
-        first = FirstSteps(scheme, None if holds_rates else share_of(mbs), self._first_steps.damped)
+        share = None if holds_rates else share_of(mbs)
+        first = FirstSteps(scheme, share, self._first_steps.damped, self._first_steps.step)
         steps = first, self.tangents, StepErrors(self.tangents, residuals, holds_rates, self.equations)
         return Reaction(self._partners, Feedback(scheme), *steps, sensors)
 

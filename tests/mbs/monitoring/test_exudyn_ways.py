@@ -20,7 +20,7 @@ from examples import bound_sensor
 from exudyn_romerr import progress as bars
 from exudyn_romerr.errors import InputError
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
-from exudyn_romerr.online import run_messages
+from exudyn_romerr.online import galerkin_defect
 from exudyn_romerr.online.run import Run
 from exudyn_romerr.report.scope import FROZEN
 from exudyn_romerr.report.wording import rounded_up
@@ -216,7 +216,7 @@ def test_sensor_says_once_a_run_that_its_numbers_are_not_certified(capfd, monkey
     """They cannot say so themselves; the share in the message changes with every step."""
     mbs, monitor, _ = chain([TIP])
     mbs.SolveDynamic(written())
-    monkeypatch.setattr(run_messages, "_limit", lambda run: 0.0)  # as if a load were not known
+    monkeypatch.setattr(galerkin_defect, "_limit", lambda run: 0.0)  # as if a load were not known
     for _ in range(2):
         mbs.SolveDynamic(written())
     assert "Galerkin" in str(monitor.report().uncertified)
