@@ -34,6 +34,7 @@ HALVED = 4.0  # times smaller errors of steps half as long
 FAR = 3.0  # times the estimate with its half width: below it both say much the same, and modes lower both
 ABOUT_ENOUGH, NOT_RESOLVED = "about enough", "not resolved"
 RUN_ON = "run on without tolerance="
+RUN_TO_END = "let it run to its end; the messages say what ended it, where that is known"
 NOT_COVERED = "the mechanism's answer is not covered"
 WITH_MORE_MODES = f"{MORE_MODES}, for {NOT_COVERED}"
 NO_BOUND = "no finite bound: the messages or reasons say why"
@@ -99,6 +100,13 @@ def advice(out: OutputData, time: str, scope: dict[str, str], row: int | None = 
     sharper = "" if verdict == NOT_RESOLVED else _slack(out, time, scope, row)
     unbounded = "" if np.isfinite(out.bound["best"][:, _rows(row)]).all() else NO_BOUND
     return "; ".join(filter(None, [said, sharper, unbounded]))
+
+
+def until_its_end(planned_end: float | None, said: str) -> str:
+    """Return advice; of a run that ended before planned_end, that what is enough is so until then."""
+    if planned_end is None or not said.startswith(("enough", ABOUT_ENOUGH, "nothing to improve")):
+        return said
+    return f"until the run ended {said}; {RUN_TO_END}"
 
 
 def holds_for_run_alone(out: OutputData, scope: dict[str, str], verdict: str) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
-from .advice import advice, cure_of_stop, largest_part, stop
+from .advice import RUN_TO_END, advice, cure_of_stop, largest_part, stop
 from .estimate_wording import about, estimate_scope, estimated_kind, is_enough, known
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, causes_of, cures_of
 from .wording import (
@@ -35,7 +35,6 @@ ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several
 SMALL = 0.01  # of the largest row: one below it that decides alone is told of
 TOO_LARGE = ANSWERS[:2]
 NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
-RUN_TO_END = "let it run to its end; the messages say what ended it, where that is known"
 UNCERTIFIED = "what is computed of this run is not certified ({})"
 
 

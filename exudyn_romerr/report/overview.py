@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .advice import advice, by_bound, judged, next_step
+from .advice import advice, by_bound, judged, next_step, until_its_end
 from .estimate_wording import about_all, estimated_kind, estimated_under
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
 from .wording import (
@@ -91,7 +91,7 @@ def _line(report: ReportData, out: OutputData, columns: int) -> tuple[str, ...]:
         *estimate,
         _at_most(report, out, largest),
         scope,
-        _step(report, out),
+        until_its_end(report.planned_end, _step(report, out)),
     )
 
 
@@ -104,7 +104,9 @@ def _what_to_do(report: ReportData, out: OutputData) -> str:
     step = _step(report, out)
     if "enough" in step:
         of_its_size = f"{100 * ENOUGH:g} % of the largest {'change' if out.of == 'position' else 'value'}"
-        return f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}"
+        return until_its_end(
+            report.planned_end, f"{step}: within {of_its_size if out.tolerance is None else permitted(out)[1]}"
+        )
     if step not in next_step(out, report.time, report.scope):  # of the run, not of this output
         return step
     cause = judged(out, report.time, report.scope)

@@ -124,9 +124,9 @@ def for_run_alone(scope: dict[str, str]) -> str:
     return f"{AS_IN_THIS_RUN}; {NOT_THE_MECHANISM}" if widest_scope(scope) == FROZEN else ""
 
 
-def at_most(out: OutputData, bound: str, share: str = "") -> str:
+def at_most(out: OutputData, bound: str, share: str = "", in_full: bool = True) -> str:
     """Return the largest bound of an output in words, with why it is not certified: "at most" is said if it is."""
-    notes = "; ".join(filter(None, [share, not_certified(out.uncertified)]))
+    notes = "; ".join(filter(None, [share, not_certified(out.uncertified, in_full)]))
     return f"{'bounded by' if out.uncertified else 'at most'} {bound}{notes and f' ({notes})'}"
 
 
@@ -135,10 +135,10 @@ def check_name(check: str, doubts: Iterable[Doubt]) -> str:
     return f"{check} ({NOT_CERTIFIED})" if check == "proved" and doubts else check
 
 
-def not_certified(doubts: Iterable[Doubt]) -> str:
-    """Return in words that bounds are not certified, and why; empty: they are."""
+def not_certified(doubts: Iterable[Doubt], in_full: bool = True) -> str:
+    """Return in words that bounds are not certified, and, in full, why; empty: they are."""
     causes = causes_of(doubts)
-    return f"{NOT_CERTIFIED}: {causes}" if causes else ""
+    return f"{NOT_CERTIFIED}{f': {causes}' if in_full else ''}" if causes else ""
 
 
 def bound_column(scope: dict[str, str], e: str = "best") -> str:
@@ -152,12 +152,13 @@ def largest(x: np.ndarray, row: int) -> float:
     return np.max(np.abs(x[:, row]), initial=0.0)
 
 
-def corrected_within(out: OutputData, bound: np.ndarray, scope: dict[str, str]) -> str:
+def corrected_within(out: OutputData, bound: np.ndarray, scope: dict[str, str], in_full: bool = True) -> str:
     """Return in words how far the corrected output is from the full model: "within ..." only if the scope says so."""
     if not np.isfinite(bound).all():
         return "how far the corrected output is from the full model is not known at all instants"
     left, widest = f"{rounded_up(np.max(bound))} {out.unit}", widest_scope(scope)
-    why = not_certified(out.uncertified) and f" ({not_certified(out.uncertified)})"
+    doubt = not_certified(out.uncertified, in_full)
+    why = doubt and f" ({doubt})"
     if widest == FROZEN:
         return f"{AS_IN_THIS_RUN} the corrected output is within {left} of the full body{why}"
     if widest == COUPLED:

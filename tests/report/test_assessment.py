@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.report.advice import advice, next_step
+from exudyn_romerr.report.advice import RUN_TO_END, advice, next_step
 from exudyn_romerr.report.assessment import ANSWERS, TOO_LARGE, assess
 from exudyn_romerr.report.data import Plan, ReportData
+from exudyn_romerr.report.formats.printed_text import details
+from exudyn_romerr.report.overview import next_steps
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED, Doubt
-from exudyn_romerr.report.verdict import row_verdict
+from exudyn_romerr.report.verdict import row_verdict, sentence
 from exudyn_romerr.report.wording import CURES_OF_CHECKS
 from models import estimate_truths
 from models.estimate_scenes import SCENES, LinearScene
@@ -252,6 +254,30 @@ def test_a_run_that_ended_early_says_nothing_good_of_the_rest(made):
     assert good.todo.startswith("let it run to its end")
     assert bad == assess(report(made), "tip z", 0.5)
     assert bad.answer in TOO_LARGE
+
+
+def test_a_run_that_ended_early_is_not_called_enough():
+    """Neither in the table nor in details: what is small enough until then may not be at the end."""
+    early = report(corrected(2.0, 1.2e-3, 1e-3, 1e-4))  # 0.06 % of the largest value
+    early.outputs["other"] = replace(early.output("tip z"), name="other")
+    assert next_steps(early) == ["next step: enough: within 0.1 % of the largest value"]
+    assert "\n  enough: " in details(early, [])
+    early.planned_end = 2.5
+    begin, end = "until the run ended enough: ", f"; {RUN_TO_END}"
+    assert next_steps(early) == [f"next step: {begin}within 0.1 % of the largest value{end}"]
+    assert f"\n  {begin}the bound of the error is within 0.1 % of the largest value{end}\n" in details(early, [])
+    told = sentence(early.output("tip z"), 0, early.time, early.scope, planned_end=early.planned_end)  # in HTML
+    assert f"; {begin}" in told
+    assert told.endswith(f"{end}.")
+    early.outputs = {"tip z": PROVED[0], "other": replace(PROVED[0], name="other")}
+    assert "ended" not in str(next_steps(early))  # what is not enough until then needs its own cure
+
+
+@pytest.mark.parametrize(("left", "is_told"), [(1.9, True), (2.0, False), (np.inf, True)])
+def test_a_corrected_output_that_may_be_off_by_its_size_is_not_offered(left, is_told):
+    """The value is 2; where nothing is known of it that is said."""
+    made = corrected(2.0, 3.0, 1.0, left)
+    assert ("corrected output" in details(report(made), [])) is is_told
 
 
 def test_a_first_instant_is_no_run():

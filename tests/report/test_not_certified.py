@@ -188,6 +188,14 @@ def test_one_cause_that_shows_often_is_told_once(plain):
     assert f"({NOT_CERTIFIED}: {often[0].cause})" in report.details
 
 
+def test_rows_below_the_first_do_not_repeat_the_cause(plain):
+    """It is in the first row, in the advice of each output, and in the report's message and last lines."""
+    doubt = next(iter(DOUBTS.values()))
+    lines = [line for line in doubted(plain, doubt).details.splitlines() if f"({NOT_CERTIFIED}" in line]
+    assert len(lines) >= sum(out.value.shape[1] for out in plain.outputs.values()) > 1
+    assert [doubt.cause in line for line in lines] == [True] + [False] * (len(lines) - 1)
+
+
 def test_table_of_outputs_has_the_cure(plain):
     report = doubted(plain, DOUBTS["mbs changed"], scope=COUPLED)
     head, *lines = overview(report)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from .floating_adapter import MovingSubject
     from .step_hook import StepHook
 
+TO_PRINT = "print(monitor.plan) after mbs.Assemble(), print(monitor.report()) after a solve"
+
 
 class Monitor:
     """Bounds of one body along every solve of its mbs; made by attach.
@@ -43,6 +45,9 @@ class Monitor:
 
     def __init__(self, mbs: Any, hook: StepHook, watch: Watch):
         self._mbs, self._hook, self._watch = mbs, hook, watch
+
+    def __repr__(self) -> str:
+        return f"<Monitor of one body; {TO_PRINT}>"
 
     @property
     def subject(self) -> LinearSubject | MovingSubject:
@@ -146,6 +151,10 @@ class MechanismMonitor:
 
     def __init__(self, mbs: Any, bodies: Sequence[Monitor], sensors: OtherSensors):
         self._mbs, self.bodies, self._sensors = mbs, tuple(bodies), sensors
+
+    def __repr__(self) -> str:
+        count = f"{len(self.bodies)} bod{'y' if len(self.bodies) == 1 else 'ies'}"
+        return f"<MechanismMonitor of {count}; {TO_PRINT}>"
 
     @property
     def runs(self) -> tuple[tuple[Run | StaticRun, ...], ...]:

@@ -107,7 +107,7 @@ def _verdicts(report: ReportData) -> Iterator[str]:
     if lines:
         yield table("All outputs", head, lines)
     for out, row, name in rows_of(report):
-        said = sentence(out, row, report.time, report.scope, advises(report)).removeprefix(name)
+        said = sentence(out, row, report.time, report.scope, advises(report), report.planned_end).removeprefix(name)
         notes = paragraph(" ".join(_notes(report, out, row)), "note")
         yield f'<div class="verdict">\n<p><b>{escape(name)}</b>{words(said)}</p>\n{notes}</div>'
 

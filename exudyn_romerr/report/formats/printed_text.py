@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..advice import advice
+from ..advice import advice, until_its_end
 from ..estimate_wording import covers_time, off_by
 from ..overview import aligned, next_steps, short_table
 from ..scope import FROZEN, NOT_CERTIFIED
@@ -49,11 +49,17 @@ def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
         rows = range(out.value.shape[1])
         lines += [row_verdict(out, row, report.time, report.scope, place + row == 0) for row in rows]
         if advises(report):
-            lines.append(f"  {advice(out, report.time, report.scope)}")
-        if out.corrected is not None:
-            lines.append(f"  {corrected_within(out, out.corrected_bound, report.scope)}")
+            lines.append(f"  {until_its_end(report.planned_end, advice(out, report.time, report.scope))}")
+        if out.corrected is not None and not _tells_nothing(out):
+            lines.append(f"  {corrected_within(out, out.corrected_bound, report.scope, in_full=False)}")
         lines += _compared(out, report.time, "  ")
     return "\n".join([*lines, *estimator_lines])
+
+
+def _tells_nothing(out: OutputData) -> bool:
+    """Whether the corrected output may be as far off as the output is large, for all that is known."""
+    left = np.max(out.corrected_bound)
+    return np.isfinite(left) and bool(left >= np.max(np.abs(out.value)) > 0)
 
 
 def _extent(report: ReportData) -> str:

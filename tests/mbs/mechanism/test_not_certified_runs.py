@@ -120,7 +120,7 @@ def test_no_sentence_promises(case, tmp_path, monkeypatch):
         assert cause in text.replace("&#x27;", "'")
         rows = [line for line in text.splitlines() if "bounded by" in line]
         assert rows
-        assert all(f"not certified: {cause}" in line for line in rows)
+        assert all("not certified" in line for line in rows)  # why, in print, is said once
     assert all("not certified" in name for name in report.to_dict() if "bound" in name)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
-from exudyn_romerr.mbs import add_reduced_body, attach
+from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
 from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
@@ -571,3 +571,11 @@ def test_programming_errors_of_ours_do_not_reach_the_run(monkeypatch, place):
     assert len(calls) == 21
     with pytest.raises(IndexError):
         monitor.report()
+
+
+def test_a_monitor_shows_itself_in_one_line():
+    """With what to print of it, of several bodies how many."""
+    _, _, monitor = scene()
+    todo = "print(monitor.plan) after mbs.Assemble(), print(monitor.report()) after a solve>"
+    assert repr(monitor) == f"<Monitor of one body; {todo}"
+    assert repr(MechanismMonitor(None, (monitor, monitor), None)) == f"<MechanismMonitor of 2 bodies; {todo}"
