@@ -202,8 +202,7 @@ def join_extensions(
         joint, felt = joint_growth(energies, blocks), first_steps.felt(stream, energies)
         notes = notes + first_steps.doubts(overshoot, joint[0])
         joint = joint if felt is None else _sharpened(joint, felt, energies, blocks, turned)
-        if np.any(turned):
-            joint = _with_carried(joint, first_steps.carried(blocks[0].h, turned))
+        joint = _with_carried(joint, first_steps.carried(blocks[0].h, turned))
         joint = tuple(np.where(is_lost, np.inf, x) for x in joint)
         for block in blocks:
             block.joint, block.overshoot = joint, overshoot
