@@ -168,7 +168,7 @@ class MeasuredRemainder:
         self._mbs = None
         self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
         self.found = None if self._failure else self.found
-        if self._parts and not self._is_doubted and self._of_vectors.matters(NOT_LINEAR):
+        if self._parts and not self._is_doubted and self._of_vectors.matters(NOT_LINEAR, slice(-1)):
             self._is_doubted = True
             self.notes.append(TOO_LARGE)
         steps = steps if steps is not None and len(steps.times) == len(self._forces) else None  # it may have failed

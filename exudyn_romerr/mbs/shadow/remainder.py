@@ -144,7 +144,7 @@ class Remainder:
         """Take e, e', e'', a (S, 4, k, 2) of these and multipliers (S, c, 2), or return what to march instead."""
         sizes = np.array([self._sizes(found[:, :3, :, 0].swapaxes(0, 1)), *self.beside])
         largest = np.maximum(np.maximum.accumulate(sizes, axis=1), self._largest[:, None])
-        self._paid = self.matters(PAYS, largest)
+        self._paid = self._matters(largest, PAYS)
         if self._paid and not (self._is_close or self._looks.ended):
             self._look_closely()
             return self._columns()
@@ -214,14 +214,17 @@ class Remainder:
         k, inverse = self._moving.shape[1], steps.inverses[len(steps) // 2]
         return lambda F, g: self._sizes((np.hstack([F, g]) @ inverse[:k].T)[None])
 
-    def matters(self, share: float, largest: np.ndarray | None = None) -> bool:
+    def matters(self, share: float, of: slice = slice(None)) -> bool:
         """Whether r so far is larger than a share of the prediction, and not what Newton's iteration leaves."""
-        r, _, motion = largest = self._largest if largest is None else largest
+        return self._matters(self._largest[:, of], share)
+
+    def _matters(self, largest: np.ndarray, share: float) -> bool:
+        r, _, motion = largest
         return bool(np.any((self._shares(largest) > share) & (r > NEWTON * motion)))
 
     def _begins_to_add(self, largest: np.ndarray) -> bool:
         """Begin to add r if that pays, and helps."""
-        self.adds = not self._ended and self.matters(PAYS, largest) and bool(np.all(self._shares(largest) < LOST))
+        self.adds = not self._ended and self._matters(largest, PAYS) and bool(np.all(self._shares(largest) < LOST))
         if self.adds and self._at_once:
             self._moving[..., 1], self._ramp = self._moving[..., 0], RAMP
         return self.adds
