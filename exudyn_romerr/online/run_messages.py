@@ -20,8 +20,7 @@ TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
 ROUGH_RADIUS = 0.2  # with 0 an error was 2.9 times its bound at the first instant, with 0.3 none was above
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
 RADIUS_OF_ONE = "set generalizedAlpha.spectralRadius = 1"
-# the first is by far the better one: a radius of 1 made a bound 2.9 times as large
-SMOOTHLY_OR_UNDAMPED = f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, which may widen bounds"
+SMOOTHLY_OR_UNDAMPED = f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, which may widen bounds"  # once 2.9 times
 BEGUN_ANEW = Doubt(
     "a solve that goes on from another one, with a spectral radius below 1",
     f"{RADIUS_OF_ONE}, or make one solve of both",
@@ -209,8 +208,7 @@ def _in_global_axes(run: RunRecord) -> list[str]:
 
 
 def _single(run: RunRecord) -> list[str]:
-    names = run.offline.single
-    if not names:
+    if not (names := run.offline.single):
         return []
     return [
         f"{', '.join(names)} came in fewer than 16 digits: bounds are those of the numbers as they are; what their "

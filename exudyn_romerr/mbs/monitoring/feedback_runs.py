@@ -85,8 +85,7 @@ class Reaction:
         """Open the companions of runs that have just opened, at the first of the rows of the mbs: as in advance."""
         *first, multipliers = (x[:1] for x in rows)
         goes_on = before is not None and all(watch.opening.before is not None for watch in self._watches)
-        t = float(first[0][0])
-        readings = [reading for reading in self._tangents.readings if reading.t <= t][-1:]
+        readings = [reading for reading in self._tangents.readings if reading.t <= first[0][0]][-1:]
         extended = self.extended.of(readings)
         tangent, samples = extended[0], [watch.sampled(*first) for watch in self._watches]
         forces = self._forces(samples, 1)[0]
@@ -100,7 +99,7 @@ class Reaction:
             self._step_errors.open(self.size, (*first, multipliers), before._step_errors)
         else:
             start = tangent, forces, self._forces_at_rest()
-            self._feedback.start(*start, t)
+            self._feedback.start(*start, float(first[0][0]))
             self._narrow.start(*start)
             self._step_errors.open(self.size, (*first, multipliers), None)
             self._drift.start(tangent)
@@ -120,8 +119,8 @@ class Reaction:
             if rest is not None:
                 opening = opening._replace(start=replace(opening.start, added=self._added(i, lacks, e, np.zeros(1))))
             openings.append(opening)
-        other = OTHER_INDEX if goes_on and self._drifts and not before._drifts else ""
-        self._say(list(filter(None, [self._first_steps.open(runs, openings) if runs else "", other])))
+        self._say([OTHER_INDEX] * (goes_on and self._drifts and not before._drifts))
+        self._say(list(filter(None, [self._first_steps.open(runs, openings) if runs else ""])))
         for watch, run, opening in zip(self._watches, runs, joined_openings(runs, openings), strict=True):
             run.open(opening)
             watch.run.companion = run
@@ -131,7 +130,7 @@ class Reaction:
             if goes_on:
                 self._positions.go_on(before._positions)
             else:
-                self._positions.start(t, extended, readings, g, self._energy_at_rest(openings))
+                self._positions.start(float(first[0][0]), extended, readings, g, self._energy_at_rest(openings))
             self._keep_left(self._positions.opened(first[1], g))
         for one in self._sensors:
             one.open([watch.run for watch in self._watches], goes_on)
@@ -139,7 +138,8 @@ class Reaction:
         self._take_errors(mbs, (*first, multipliers), e, self._narrow.states[:, :, None], lacks)
         if self._tangents.redundant:
             self._say([f"{self._tangents.redundant} redundant constraints are left out of the linearised mechanism"])
-        self._say([*self._step_errors.notes, *self._remainder.notes])
+        self._say(self._step_errors.notes)
+        self._say(self._remainder.notes)
 
     def advance(self, rows: tuple[np.ndarray, ...], mbs: Any) -> None:
         """Go on by rows of the mbs: t (S,), q, q_t, q_tt (S, all its coordinates), multipliers (S, ...)."""
