@@ -15,7 +15,7 @@ from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 from ...linalg.blocked_products import rows_times
 from .looks import Jumps, look_together, middles
-from .measured import LOOKED, NOT_LINEAR, SAMPLED, TOO_LARGE, Measured, joined
+from .measured import LOOKED, NOT_LINEAR, OF_THIRD_ORDER, SAMPLED, Measured, joined
 from .remainder import Remainder, march_together
 from .shadow_mbs import Shadow
 
@@ -170,7 +170,7 @@ class MeasuredRemainder:
         self.found = None if self._failure else self.found
         if self._parts and not self._is_doubted and self._of_vectors.matters(NOT_LINEAR, slice(-1)):
             self._is_doubted = True
-            self.notes.append(TOO_LARGE)
+            self.notes.append(OF_THIRD_ORDER)
         steps = steps if steps is not None and len(steps.times) == len(self._forces) else None  # it may have failed
         last, self._last = self._last, steps
         if last is not None and steps is not None:  # of the block before, where errors are provisional
