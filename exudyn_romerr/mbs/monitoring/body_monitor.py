@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...online.initial_condition import LOADS_JUMP, begins_late, loads_jump
+from ...online.initial_condition import begins_late, loads_jump
 from ...online.run import Run
 from ...online.run_messages import doubts_in, stopped_or_ended
 from ...online.run_record import UNKNOWN, SolverFacts
@@ -235,8 +235,8 @@ class Watch:
             self._late = True
             return
         self.opening = run.opening(t, *first, after=before)
-        if before is not None and before.is_static and loads_jump(run.offline, self.opening.first, self.opening.rest):
-            run.messages.append(LOADS_JUMP)
+        if before is not None and before.is_static:
+            run.messages += loads_jump(run.offline, self.opening.first, self.opening.rest)
         if self._late and self._kind is Run:
             run.messages.append(begins_late(t))
         goes_on_late = before is not None and not before.is_static and before.begins_late
