@@ -94,7 +94,8 @@ class CarriedTurn:
 
         |e + K^-1 R|_K , |e'|_M <= h/2 (|f_n| + sum | |f_k| - |f_k-1| |)       (spectral radius 1) ,
 
-    and below radius 1 less than twice as much, which was tried.
+    and below radius 1 less than twice as much, which was tried. Steps are counted from the first that turns: what
+    sets in while all is at rest is taken for as young as that. What was moved stays when nothing turns any more.
 
     push : |R(0)|_{M^-1} times |dM a|_{M^-1} of accelerations |a|_M = 1, a radian.
     """
@@ -106,10 +107,12 @@ class CarriedTurn:
 
     def advance(self, h: np.ndarray, turned: np.ndarray) -> np.ndarray:
         """Return it (S,) in steps h (S,) in which the mechanism turns by `turned` / 2 (S,)."""
-        n = np.minimum(self._n + np.arange(len(h)), len(self._sizes) - 1)
-        forces = self._push * np.broadcast_to(turned, h.shape) / 4 * self._sizes[n]
+        turned = np.broadcast_to(turned, h.shape)
+        began = np.logical_or.accumulate(turned > 0) | (self._n > 0)
+        n = self._n + np.cumsum(began)
+        forces = self._push * turned / 4 * self._sizes[np.minimum(n - began, len(self._sizes) - 1)]
         changes = self._changes + np.cumsum(np.abs(np.diff(forces, prepend=self._force)))
-        self._n, self._force, self._changes = self._n + len(h), float(forces[-1]), float(changes[-1])
+        self._n, self._force, self._changes = int(n[-1]), float(forces[-1]), float(changes[-1])
         return self._share * h * (forces + changes)
 
 

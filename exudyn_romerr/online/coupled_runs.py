@@ -9,6 +9,7 @@ import numpy as np
 
 from ..estimates.overshoot import CarriedTurn, Overshoot, overshoots
 from ..estimators.coupled_energy import MechanismEnergy, joint_growth
+from ..model.floating_frame import FrameRows
 from ..residual.felt_residuals import FeltResiduals
 from .run_messages import (
     BEGUN_ANEW,
@@ -187,11 +188,11 @@ def _start(at: AtStart, opening: Opening) -> np.ndarray:
 
 
 def join_extensions(
-    runs: Sequence[Run], extensions: Sequence[Extension], first_steps: FirstSteps, turned: np.ndarray | float = 0.0
+    runs: Sequence[Run], extensions: Sequence[Extension], first_steps: FirstSteps, turned: np.ndarray
 ) -> list[str]:
     """Tell every block what energy all bodies have together at the ends of its segments; return notes.
 
-    turned (S,) : angles by which frames and joints turn in the steps.
+    turned (S,) : of turned_in.
     """
     t = extensions[0].new.t
     overshoot, repeated, (is_lost, notes) = first_steps.advance(t), first_steps.repeated(t), first_steps.lost(t)
@@ -202,14 +203,22 @@ def join_extensions(
         joint, felt = joint_growth(energies, blocks), first_steps.felt(stream, energies)
         notes = notes + first_steps.doubts(overshoot, joint[0])
         joint = joint if felt is None else _sharpened(joint, felt, energies, blocks, turned)
-        if np.any(turned):
-            joint = _with_carried(joint, first_steps.carried(blocks[0].h, turned))
+        joint = _with_carried(joint, first_steps.carried(blocks[0].h, turned))
         joint = tuple(np.where(is_lost, np.inf, x) for x in joint)
         for block in blocks:
             block.joint, block.overshoot = joint, overshoot
     for run in runs:
         run.messages += notes
     return notes
+
+
+def turned_in(extension: Extension, frames: Sequence[np.ndarray], turning: np.ndarray) -> np.ndarray:
+    """Return twice the angles (S,) by which frames of bodies, rows (S, 24), and constraints turn in the next steps.
+
+    turning (S,) : of constraints, in rad/s.
+    """
+    rates = [turning, *(np.linalg.norm(FrameRows.of(rows).w, axis=1) for rows in frames)]
+    return 2 * next(iter(extension.segments.values()))[0].h * np.max(rates, axis=0)
 
 
 def _sharpened(

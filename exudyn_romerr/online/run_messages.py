@@ -100,12 +100,12 @@ class Noted(Balanced, Protocol):
 
 
 def changed(said: str) -> Doubt:
-    """Return the doubt of a mechanism that was changed along its run, with what is said of it."""
+    """Return the doubt of a mechanism that was changed, with what is said of it."""
     return Doubt("the mbs was changed along the run", NO_CHANGES, said)
 
 
 def unseen(why: str) -> Doubt:
-    """Return the doubt of a mechanism whose steps could not be looked at for changes."""
+    """Return the doubt of a mechanism whose steps could not be looked at."""
     said = f"whether the PostStep function changes the mechanism is not known, for its states cannot be asked: {why}"
     return Doubt("changes along the run could not be looked for", NO_CHANGES, said)
 
@@ -116,7 +116,8 @@ def doubts_of(run: Noted, partners: Iterable[Noted] = ()) -> tuple[Doubt, ...]:
     partners : runs of other bodies whose energy is bounded together with that of its own.
     """
     noted = [doubt for doubt in doubts_in(run.messages) if run.offline.scene.coupled or not _is_change(doubt)]
-    others = [_of_another(doubt) for partner in partners for doubt in unbalanced(partner)]
+    of_others = (doubt for other in partners for doubt in (*unbalanced(other), *doubts_in(other.messages)))
+    others = [Doubt(x.cause, x.cure, f"another body: {x.said}") for x in of_others if x not in noted]
     return tuple(dict.fromkeys([*unbalanced(run), *others, *noted]))
 
 
@@ -125,12 +126,8 @@ def doubts_in(messages: Iterable[str]) -> list[Doubt]:
     return [message for message in messages if isinstance(message, Doubt)]
 
 
-def _of_another(doubt: Doubt) -> Doubt:
-    return Doubt(doubt.cause, doubt.cure, f"another body: {doubt.said}")
-
-
 def _is_change(doubt: Doubt) -> bool:
-    """Whether it is one of coupled bounds alone: others follow from the samples of the run."""
+    """Whether only coupled bounds have it: others follow from samples."""
     return doubt.cure == NO_CHANGES
 
 

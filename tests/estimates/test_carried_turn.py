@@ -58,6 +58,24 @@ def test_chunks_of_steps_say_the_same():
     np.testing.assert_allclose(found, whole.advance(h, turned), rtol=1e-14)  # sums in another order
 
 
+def test_what_was_moved_stays_when_nothing_turns_any_more():
+    """A block without any turn let it go: undamped modes go on."""
+    turned = np.append(np.full(20, 0.1), np.zeros(40))
+    carried = CarriedTurn(Scheme.of_radius(1.0), 1.0)
+    found = np.concatenate([carried.advance(np.full(20, H), part) for part in np.split(turned, 3)])
+    omega = np.geomspace(RESOLVED, STIFF, 300) / H
+    energy = swung(omega, turned / 4 * (-1.0) ** np.arange(60)).max(axis=1)
+    assert np.all(energy <= found)
+    assert np.all(found[20:] >= found[19])
+
+
+def test_a_rest_before_makes_nothing_older():
+    rest, turned = np.zeros(30), np.full(30, 0.1)
+    late, at_once = (CarriedTurn(Scheme.of_radius(0.8), 1.0) for _ in range(2))
+    assert not late.advance(np.full(30, H), rest).any()
+    np.testing.assert_array_equal(*(one.advance(np.full(30, H), turned) for one in (late, at_once)))
+
+
 @pytest.mark.parametrize("radius", [0.0, 0.5, 0.9])
 def test_numerical_damping_forgets(radius):
     h, turned = np.full(2000, H), np.full(2000, 0.1)

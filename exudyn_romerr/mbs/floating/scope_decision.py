@@ -45,6 +45,7 @@ BY_FUNCTION = (
     "which gives the frame's motion between time steps too; its derivatives are those of polynomials through it, and "
     "what they miss is estimated and added"
 )
+STATIC_FIRST = "; without initial=, a solve after SolveStatic starts in the equilibrium of the full mechanism"
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
@@ -132,7 +133,9 @@ def _refusals(mbs: Any, wanted: Wanted, static: bool, attached: Collection[int],
     if static:
         yield "a static solve"
     if options.initial is not None or len(options.jumps):
-        yield "initial= and jumps= are covered with frozen inputs only"
+        yield "initial= and jumps= are covered with frozen inputs only" + (
+            STATIC_FIRST if options.initial is not None else ""
+        )
     names = _asked(options)
     if "energy" not in names and (without or "auxiliary" not in names):
         yield f"none of the estimators {', '.join(names)} has a coupled bound here" + (

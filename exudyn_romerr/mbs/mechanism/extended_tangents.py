@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from ...model.floating_frame import FrameMotion
     from ...online.run import Opening, Run
-    from ...trajectory.samples import Extension
     from ..derivatives.linearisation import Reading, Tangents
     from .enriched_body import EnrichedBody
 
@@ -91,20 +90,14 @@ class ExtendedTangents:
             self._made[j] = replace(self._tangent(j, 0), rate=self._tangent(j, 1))
         return self._made[j]
 
-    def turned(self, t: np.ndarray, extensions: Sequence[Extension]) -> np.ndarray:
-        """Return angles (S,) by which constraints and frames of bodies turn in the steps to t at most.
-
-        A reading is good for the steps around it.
-        """
-        h = next(iter(extensions[0].segments.values()))[0].h
+    def turning(self, t: np.ndarray) -> np.ndarray:
+        """Return how fast constraints turn (S,), rad/s, in the steps to t; a reading is good for those around it."""
         rates = [
             (np.linalg.norm(C_t, axis=1) / np.maximum(np.linalg.norm(C, axis=1), TINY)).max(initial=0.0)
             for C, C_t in self._turning
         ]
         after = np.clip(np.searchsorted(self.t, t), 0, len(rates) - 1)
-        rates = np.maximum(np.array(rates)[after], np.array(rates)[np.maximum(after - 1, 0)])
-        frames = [block.added.veer.w for e in extensions for block, _ in e.segments.values()]
-        return 2 * h * np.maximum(rates, np.max(frames, axis=0))
+        return np.maximum(np.array(rates)[after], np.array(rates)[np.maximum(after - 1, 0)])
 
     def is_lighter(self, j: int, share: float) -> bool:
         """Whether the smallest mass that constraints admit is below a share of both ends' on the way to the next."""

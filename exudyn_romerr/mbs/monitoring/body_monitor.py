@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...online.initial_condition import LOADS_JUMP, begins_late, loads_jump
+from ...online.initial_condition import begins_late, loads_jump
 from ...online.run import Run
 from ...online.run_messages import doubts_in, stopped_or_ended
 from ...online.run_record import UNKNOWN, SolverFacts
@@ -220,26 +220,26 @@ class Watch:
             self.rows = (t, *states) if t.size else ()
 
     def _start(self, t: float, *states: np.ndarray) -> None:
-        before, changed = None, False
+        before, why_not = None, ""
         if self._kind is not StaticRun:
-            before, changed = self.succession.before(self._offline, t, *states[:2])
+            before, why_not = self.succession.before(self._offline, t, *states[:2])
         if before is None:
             offline = self._offline
         else:
             offline = self._offline.from_static() if before.is_static else before.offline
         run = self._kind(offline, self._solver, self.tolerance)
-        other = "the mbs was changed since the run before: its error so far is not carried over"
-        run.messages += [other] if changed else doubts_in(() if before is None else before.messages)
+        run.messages += [why_not] if why_not else doubts_in(() if before is None else before.messages)
         first = self.succession.first_sample(self.subject, before, t, *states)
         if first is None:
             self._late = True
             return
         self.opening = run.opening(t, *first, after=before)
-        if before is not None and before.is_static and loads_jump(run.offline, self.opening.first, self.opening.rest):
-            run.messages.append(LOADS_JUMP)
+        if before is not None and before.is_static:
+            run.messages += loads_jump(run.offline, self.opening.first, self.opening.rest)
         if self._late and self._kind is Run:
             run.messages.append(begins_late(t))
-        run.begins_late = self._kind is Run and (self._late or (before is not None and before.begins_late))
+        goes_on_late = before is not None and not before.is_static and before.begins_late
+        run.begins_late = self._late or goes_on_late
         self.run = run
 
     def _diverge(self, t: float) -> None:

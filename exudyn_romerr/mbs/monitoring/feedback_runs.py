@@ -13,7 +13,7 @@ from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.residual_passes import JointDrift, ResidualPasses
 from ...model.floating_frame import Veer
-from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy
+from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy, turned_in
 from ...online.run import Opening, Run
 from ...trajectory.segments import Added
 from ..mechanism.extended_tangents import ExtendedReadings, ExtendedTangents, FixedFreedoms
@@ -167,7 +167,7 @@ class Reaction:
             extensions.append(extension)
             watch.run.estimate.remainder = self._remainder.share(i)
         if extensions:
-            turned = extended.turned(rows[0], extensions)
+            turned = turned_in(extensions[0], [watch.rows[-1] for watch in self._watches], extended.turning(rows[0]))
             self._say(join_extensions(runs, extensions, self._first_steps, turned))
             self._advance_positions(extended, tuple(rows[:2]), extensions, runs)
         for run, extension in zip(runs, extensions, strict=True):

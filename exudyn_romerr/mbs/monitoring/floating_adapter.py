@@ -84,7 +84,8 @@ class MovingSubject:
         support = support if static else self._motion.taken(mbs, model, support, body, self._wanted)
         columns = np.concatenate([node_coordinates(mbs, node) for node in model.nodes])
         scope = self._find_scope(mbs, model, actions, support, static, attached, others)
-        signature = (model.V.tobytes(), id(body), support, scope, self.sensors, *actions.signature())
+        held = support if scope.name == COMPLETE else replace(support, known=False, unknown="")  # of no use in others
+        signature = (model.V.tobytes(), id(body), held, scope, self.sensors, *actions.signature())
         if signature != self._signature:
             now = (self._signature, self._sampler, self.enriched, self.more) if self._signature else ()
             before, self._before, self._signature = self._before, now, ()  # until all of what follows was done

@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import AssumptionError, InputError, RunError
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
-from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings
+from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, turned_in
 from ..access.mbs_items import first_step, has_dampers, scheme_of, share_of
 from ..control.steady_gains import SteadyGains
 from ..derivatives.linearisation import Tangents
@@ -197,7 +197,10 @@ class Mechanism:
     def _join_extensions(self) -> None:
         pairs = [(watch.run, watch.extension) for watch in self._coupled if watch.shares_energy]
         if pairs and all(extension is not None for _, extension in pairs):
-            join_extensions(*zip(*pairs, strict=True), self._first_steps)
+            (t, *_), frames = self._coupled[0].rows, [watch.rows[-1] for watch in self._coupled]
+            turning = 0 * t if self._reaction is None else self._reaction.extended.now().turning(t)
+            turned = turned_in(pairs[0][1], frames, turning)
+            join_extensions(*zip(*pairs, strict=True), self._first_steps, turned)
 
     def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
         if self._reaction is not None and all(watch.extension is not None for watch in self._partners):

@@ -15,7 +15,7 @@ from ...estimates.time_step_error import PROVISIONAL
 from ...estimators.coupled_energy import LINEARISED
 from ...linalg.blocked_products import rows_times
 from .looks import Jumps, look_together, middles
-from .measured import LOOKED, SAMPLED, Measured, joined
+from .measured import LOOKED, NOT_LINEAR, OF_THIRD_ORDER, SAMPLED, Measured, joined
 from .remainder import Remainder, march_together
 from .shadow_mbs import Shadow
 
@@ -56,7 +56,7 @@ class MeasuredRemainder:
         self._of_vectors, self._of_steps = (
             Remainder(size, len(parts) + 1, sizes, at_once) for at_once in (False, True)
         )
-        self._jumps, self._failure = Jumps(size, sizes), ""
+        self._jumps, self._failure, self._is_doubted = Jumps(size, sizes), "", False
         self.found: Measured | None = None
         self.notes: list[str] = []
 
@@ -77,6 +77,7 @@ class MeasuredRemainder:
         self._jumps.go_on(before._jumps)
         self._most, self._predicted = before._most, before._predicted[-1:]
         self._failure, self._constraints = before._failure, before._constraints
+        self._is_doubted = before._is_doubted  # who goes on has the message
         self._try(self._make, mbs)
         self._open()
 
@@ -167,6 +168,9 @@ class MeasuredRemainder:
         self._mbs = None
         self.found, steps = (one.found() for one in (self._of_vectors, self._of_steps))
         self.found = None if self._failure else self.found
+        if self._parts and not self._is_doubted and self._of_vectors.matters(NOT_LINEAR, slice(-1)):
+            self._is_doubted = True
+            self.notes.append(OF_THIRD_ORDER)
         steps = steps if steps is not None and len(steps.times) == len(self._forces) else None  # it may have failed
         last, self._last = self._last, steps
         if last is not None and steps is not None:  # of the block before, where errors are provisional

@@ -187,7 +187,7 @@ class Remainder:
         if not self._at_once:
             looked |= self._grown(*self.beside)
         looked[-1] |= self._early[-1]
-        is_calm = self._count and not self._matters(self._largest, CALM)
+        is_calm = self._count and not self.matters(CALM)
         every, last = EVERY * (FARTHER if is_calm else 1), -1 - self._since
         for place in (*np.flatnonzero(looked), count):
             looked[max(last + every, 0) : place : every] = True
@@ -214,8 +214,11 @@ class Remainder:
         k, inverse = self._moving.shape[1], steps.inverses[len(steps) // 2]
         return lambda F, g: self._sizes((np.hstack([F, g]) @ inverse[:k].T)[None])
 
+    def matters(self, share: float, of: slice = slice(None)) -> bool:
+        """Whether r so far is larger than a share of the prediction, and not what Newton's iteration leaves."""
+        return self._matters(self._largest[:, of], share)
+
     def _matters(self, largest: np.ndarray, share: float) -> bool:
-        """Whether r is larger than a share of the prediction, and not what Newton's iteration leaves."""
         r, _, motion = largest
         return bool(np.any((self._shares(largest) > share) & (r > NEWTON * motion)))
 

@@ -142,7 +142,7 @@ class Reduced:
             for extension, vectors in zip(extensions, added or (), strict=False):
                 extension.segments["reduction"][0].added = Added(*(x[new] for x in vectors))
             if joined:
-                join_extensions(runs, extensions, FirstSteps(None))
+                join_extensions(runs, extensions, FirstSteps(None), np.zeros(b - a))
             for run, extension in zip(runs, extensions, strict=True):
                 run.advance(extension)
         return runs

@@ -10,6 +10,7 @@ from exudyn import itemInterface
 import exudyn_romerr as romerr
 from benchmarks.mechanism_builder import built
 from benchmarks.random_mechanisms import drawn
+from exudyn_romerr.mbs.shadow.measured import OF_THIRD_ORDER
 from exudyn_romerr.online import run_messages
 from exudyn_romerr.online.initial_condition import begins_late
 from exudyn_romerr.report.formats import html_page
@@ -97,12 +98,17 @@ made = cache(lambda case: CASES[case][0]())
 def test_cause_and_cure_are_named(case):
     """In the field, in messages, and by assess, which puts nothing down to the balance of the run."""
     report, doubt = made(case), CASES[case][1]
-    assert {(one.cause, one.cure) for one in report.uncertified} == {(doubt.cause, doubt.cure)}
+    others = [
+        one for one in report.uncertified if one != OF_THIRD_ORDER
+    ]  # a change and a rough start are not linear either
+    assert {(one.cause, one.cure) for one in others} == {(doubt.cause, doubt.cure)}
     assert all(out.uncertified == report.bodies[0].uncertified for out in report.bodies[0].outputs.values())
     assert any(message.endswith(f". No bound of this run is certified: {doubt.cure}") for message in report.messages)
     for name in report.outputs:
         assert report.assess(name, 1e9).answer == "unknown"
-        assert f"is not certified ({doubt.cause}): {doubt.cure}" in report.assess(name, 1e9).text
+        text = report.assess(name, 1e9).text
+        assert f"is not certified ({doubt.cause}" in text
+        assert f"): {doubt.cure}" in text
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -114,7 +120,7 @@ def test_no_sentence_promises(case, tmp_path, monkeypatch):
     again = romerr.load_report(tmp_path / "run.npz")
     assert (str(again), again.details) == (str(report), report.details)
     assert "at most" not in str(report)
-    assert f"(not certified: {cause})" in str(report)
+    assert f"(not certified: {cause}" in str(report)
     for text in (report.details, html_page.page(report)):
         assert "at most" not in text
         assert cause in text.replace("&#x27;", "'")

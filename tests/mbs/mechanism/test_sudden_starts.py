@@ -85,7 +85,7 @@ CASES = [  # seed, spectral radius, load, in the message if there is one
     (110, 1.0, "at once", ""),
     (104, 0.0, "at once", "a spectral radius below 0.2"),
     (104, 0.0, "smooth", ""),
-    (104, 0.3, "at once", ""),
+    (104, 0.9, "at once", ""),
 ]
 
 
