@@ -79,8 +79,7 @@ class MovingSubject:
         body = self._made_body(model, reference)
         if body.modal is not None:
             require_modal_damping(body, model.V, model.D)
-        idle = actions.drop_idle(body)
-        support = read_support(mbs, model, idle)
+        support = read_support(mbs, model, actions.drop_idle(body))
         support = support if static else self._motion.taken(mbs, model, support, body, self._wanted)
         columns = np.concatenate([node_coordinates(mbs, node) for node in model.nodes])
         scope = self._find_scope(mbs, model, actions, support, static, attached, others)
