@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from tests.compiled.test_loops import compiled  # noqa: F401
-
 CALLS = {  # sizes that are right, and shapes of the arrays
     "march": ((2, 5, 3, 4), [(2, 4, 3), (2, 5, 4), (2, 5, 2, 3), (5, 12), (5, 16), (5, 4, 6), *[(5, 4, 4)] * 2]),
     "oscillators": ((5, 4, 3), [(2, 3), (2, 2, 3), (2, 4, 3), (5, 4, 3), (5, 2, 3)]),
@@ -30,7 +28,7 @@ def arguments(name):
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_numbers_of_other_kinds_are_refused(name, compiled):  # noqa: F811
+def test_numbers_of_other_kinds_are_refused(name, compiled):
     """Their bytes would be read as another number's: all of these have eight, as floats have."""
     sizes, arrays = arguments(name)
     getattr(compiled, name)(*sizes, *arrays)
@@ -44,7 +42,7 @@ def test_numbers_of_other_kinds_are_refused(name, compiled):  # noqa: F811
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_sizes_that_overflow_or_are_negative_are_refused(name, compiled):  # noqa: F811
+def test_sizes_that_overflow_or_are_negative_are_refused(name, compiled):
     """So many empty arrays, whose bytes are zero modulo 2^64, were taken: nothing is to be read of them."""
     sizes, arrays = arguments(name)
     empty = [np.zeros(0, dtype=x.dtype) if isinstance(x, np.ndarray) else [] for x in arrays]
@@ -55,7 +53,7 @@ def test_sizes_that_overflow_or_are_negative_are_refused(name, compiled):  # noq
                 getattr(compiled, name)(*of_all[:i], wrong, *of_all[i + 1 :], *given)
 
 
-def test_columns_that_are_not_there_hold_nothing(compiled):  # noqa: F811
+def test_columns_that_are_not_there_hold_nothing(compiled):
     """Not even where they are said to hold no coordinate."""
     sizes, (*arrays, _) = arguments("march")
     for column in (-1, 2, 10**12):
@@ -63,6 +61,6 @@ def test_columns_that_are_not_there_hold_nothing(compiled):  # noqa: F811
             compiled.march(*sizes, *arrays, [(column, np.zeros(0, dtype=np.int64))])
 
 
-def test_without_points_in_a_step_nothing_is_looked_at(compiled):  # noqa: F811
+def test_without_points_in_a_step_nothing_is_looked_at(compiled):
     with pytest.raises(ValueError, match="negative"):
         compiled.inside(5, 0, 3, np.ones(3), np.ones(5), np.ones((5, 2, 3)), np.ones((5, 0, 3)), np.ones((5, 2, 3)))

@@ -1,11 +1,6 @@
 """Compiled loops beside those in NumPy, which are the reference: of a mechanism's run, and of random numbers."""
 
-import shutil
-import subprocess
-import sys
-from importlib.machinery import EXTENSION_SUFFIXES
-from importlib.util import find_spec, module_from_spec, spec_from_file_location
-from pathlib import Path
+from importlib.util import find_spec, module_from_spec
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +9,6 @@ import pytest
 import exudyn_romerr as romerr
 import exudyn_romerr.compiled
 from exudyn_romerr.compiled.loops import VERSION
-from exudyn_romerr.compiled.loops import loops as installed
 from exudyn_romerr.estimates import march
 from exudyn_romerr.estimates.march import Columns, Scheme, Steps
 from exudyn_romerr.linalg import bezier, blocked_products, modal_oscillators
@@ -25,29 +19,8 @@ from exudyn_romerr.residual.residual import Coordinates
 from models import floating
 from tests.helpers import tolerances as tol
 
-ROOT = Path(__file__).resolve().parents[2]
-NEEDED = ("setup.py", "pyproject.toml", "README.md", "LICENSE", "exudyn_romerr/compiled")
 # Random numbers: products of up to 60 in another order, 1e-16 each, added up over 20 steps that do not grow.
 SAME = 1e-12
-
-
-@pytest.fixture(scope="module")
-def compiled(tmp_path_factory):
-    """The compiled part: what is installed, else built from its source."""
-    if installed is not None:
-        return installed
-    folder = tmp_path_factory.mktemp("compiled")
-    for name in NEEDED:
-        copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy2
-        copy(ROOT / name, folder / name)
-    command = [sys.executable, "setup.py", "build_ext", "--build-lib", "built"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8")
-    found = [path for suffix in EXTENSION_SUFFIXES for path in (folder / "built").rglob(f"_loops{suffix}")]
-    if not found:
-        pytest.skip(f"the compiled part is not installed and cannot be built here: {done.stderr[-500:]}")
-    module = module_from_spec(spec := spec_from_file_location("exudyn_romerr.compiled._loops", found[0]))
-    spec.loader.exec_module(module)
-    return module
 
 
 class Both:

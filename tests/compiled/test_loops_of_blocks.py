@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.linalg import bezier, blocked_products, linear_recurrence
-from tests.compiled.test_loops import SAME, compiled, off  # noqa: F401
+from tests.compiled.test_loops import SAME, off
 
 EVERY = np.arange(1, 10) / 10  # of a step: checks and inner nodes in turn
 
@@ -25,7 +25,7 @@ def polynomials(rng, S, p, degree):
 
 
 @pytest.mark.parametrize(("S", "p"), [(1, 1), (20, 3), (9, 7)])
-def test_interpolants_are_those_of_numpy(S, p, compiled, monkeypatch):  # noqa: F811
+def test_interpolants_are_those_of_numpy(S, p, compiled, monkeypatch):
     """Of numbers of any kind; their ends to the last bit."""
     values = np.random.default_rng([S, p]).standard_normal((S, 11, p))
     given = values[:, 0], values[:, -1], values[:, 1:-1]
@@ -35,7 +35,7 @@ def test_interpolants_are_those_of_numpy(S, p, compiled, monkeypatch):  # noqa: 
 
 
 @pytest.mark.parametrize("is_compiled", [False, True])
-def test_polynomials_of_degree_5_are_hit_and_others_are_not(is_compiled, compiled, monkeypatch):  # noqa: F811
+def test_polynomials_of_degree_5_are_hit_and_others_are_not(is_compiled, compiled, monkeypatch):
     """What is missed of t^6 at the checks is known: the product of distances from the nodes."""
     monkeypatch.setattr(bezier, "loops", compiled if is_compiled else None)
     values = polynomials(np.random.default_rng(3), 8, 2, degree=5)
@@ -50,7 +50,7 @@ def test_polynomials_of_degree_5_are_hit_and_others_are_not(is_compiled, compile
     np.testing.assert_allclose(summed, missed.sum(), rtol=1e-9)
 
 
-def test_sums_decay_as_those_of_numpy(compiled, monkeypatch):  # noqa: F811
+def test_sums_decay_as_those_of_numpy(compiled, monkeypatch):
     """From the first number on that is not finite all of its row are inf, as where the start is."""
     rng = np.random.default_rng(6)
     decays, added, starts = (
@@ -72,7 +72,7 @@ def test_sums_decay_as_those_of_numpy(compiled, monkeypatch):  # noqa: F811
 
 
 @pytest.mark.parametrize("k", [1, 4, 7, 186])
-def test_largest_sizes_are_those_of_numpy(k, compiled, monkeypatch):  # noqa: F811
+def test_largest_sizes_are_those_of_numpy(k, compiled, monkeypatch):
     """To the last bit; nan stays nan, wherever it is."""
     rows = np.random.default_rng(k).standard_normal((30, k))
     rows[4, 0], rows[7, -1] = -9.0, np.inf

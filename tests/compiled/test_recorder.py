@@ -10,7 +10,6 @@ import pytest
 
 from exudyn_romerr.mbs.access.state_guard import IN_PLACE, current_state, set_state, state_kept
 from exudyn_romerr.mbs.monitoring import step_recorder
-from tests.compiled.test_loops import compiled  # noqa: F401
 from tests.helpers.mbs_scenes import scene, settings
 
 SIZE, MULTIPLIERS = 3, 2
@@ -122,7 +121,7 @@ def assert_same(one, other):
 
 @pytest.mark.parametrize("user", [None, lambda mbs, t: True], ids=["alone", "a user's function"])
 @pytest.mark.parametrize("has_tangents", [False, True])
-def test_rows_and_questions_are_the_same(compiled, monkeypatch, has_tangents, user):  # noqa: F811
+def test_rows_and_questions_are_the_same(compiled, monkeypatch, has_tangents, user):
     rows = 0
     for seed in range(40):
         found = []
@@ -136,7 +135,7 @@ def test_rows_and_questions_are_the_same(compiled, monkeypatch, has_tangents, us
     assert rows > 1000
 
 
-def test_bounds_of_a_solve_are_the_same(compiled, monkeypatch):  # noqa: F811
+def test_bounds_of_a_solve_are_the_same(compiled, monkeypatch):
     found = []
     for loops in (None, compiled):
         monkeypatch.setattr(step_recorder, "loops", loops)
@@ -149,7 +148,7 @@ def test_bounds_of_a_solve_are_the_same(compiled, monkeypatch):  # noqa: F811
     np.testing.assert_array_equal(*found)
 
 
-def test_what_goes_wrong_is_told(compiled):  # noqa: F811
+def test_what_goes_wrong_is_told(compiled):
     rows = np.zeros(4), np.zeros((4, SIZE)), np.zeros((4, SIZE)), np.zeros((4, SIZE))
     of = (lambda *_: np.zeros(SIZE),) * 2
 
@@ -200,7 +199,7 @@ def test_memory_of_states_stays_in_a_solve():
     assert len(places) == 1
 
 
-def test_it_goes_with_who_is_told(compiled, monkeypatch):  # noqa: F811
+def test_it_goes_with_who_is_told(compiled, monkeypatch):
     """It holds the hook, which holds it."""
     monkeypatch.setattr(step_recorder, "loops", compiled)
     hook = Hook(1, True)
