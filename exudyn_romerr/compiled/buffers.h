@@ -30,6 +30,11 @@ static void *numbers(PyObject *object, Held *held, Size count, char kind, int fl
     return NULL;
 }
 
+static void release(Held *held)
+{
+    while (held->count) PyBuffer_Release(held->views + --held->count);
+}
+
 /* Whether sizes of arrays are none below 0, and none of their products overflows; an error is set if not. */
 static int are_sizes(int count, ...)
 {

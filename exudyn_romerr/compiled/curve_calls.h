@@ -31,7 +31,7 @@ static PyObject *curved(PyObject *self, PyObject *arguments)
         draw_here(&all);
         result = Py_NewRef(Py_None);
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     PyMem_Free(all.z);
     return result;
 }
@@ -67,7 +67,7 @@ static PyObject *measured(PyObject *self, PyObject *arguments)
         if (columns) arrange(squares, m, columns);
         result = PyBool_FromLong(measure_here(&all));
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     PyMem_Free(work), PyMem_Free(squares->begins);
     return result;
 }
@@ -97,7 +97,7 @@ static PyObject *looked_inside(PyObject *self, PyObject *arguments)
         look_inside_here(&all);
         result = Py_NewRef(Py_None);
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     PyMem_Free(all.largest);
     return result;
 }
@@ -126,6 +126,6 @@ static PyObject *interpolated(PyObject *self, PyObject *arguments)
         (all.largest = numbers(given[6], &held, ends, 'd', PyBUF_WRITABLE)) &&
         (all.summed = numbers(given[7], &held, ends, 'd', PyBUF_WRITABLE)))
         result = PyFloat_FromDouble(interpolate_here(&all));
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     return result;
 }

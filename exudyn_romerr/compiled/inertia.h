@@ -135,6 +135,6 @@ static PyObject *weighed(PyObject *self, PyObject *arguments)
         weigh_here(&all);
         result = Py_NewRef(Py_None);
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     return result;
 }

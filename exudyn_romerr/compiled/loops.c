@@ -122,7 +122,7 @@ static PyObject *marched(PyObject *self, PyObject *arguments)
         all.held = all.now + all.columns * 4 * all.k;
         result = PyBool_FromLong(march_here(&all));
     }
-    while (held.count) PyBuffer_Release(held.views + --held.count);
+    release(&held);
     PyMem_Free(work), PyMem_Free(numbers_of), PyMem_Free(all.hold), PyMem_Free(held.views);
     return result;
 }
@@ -149,7 +149,7 @@ static PyObject *oscillated(PyObject *self, PyObject *arguments)
         oscillate_here(&all);
         result = Py_NewRef(Py_None);
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     return result;
 }
 
@@ -181,7 +181,7 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
         square_here(&all);
         result = Py_NewRef(Py_None);
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     PyMem_Free(all.columns), PyMem_Free(all.begins);
     return result;
 }

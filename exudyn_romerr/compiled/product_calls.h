@@ -19,7 +19,7 @@ static PyObject *multiplied(PyObject *self, PyObject *arguments)
         multiply_here(&all);
         result = Py_NewRef(Py_None);
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     return result;
 }
 
@@ -38,7 +38,7 @@ static PyObject *sized(PyObject *self, PyObject *arguments)
         find_largest_here(&all);
         result = Py_NewRef(Py_None);
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     return result;
 }
 
@@ -62,6 +62,6 @@ static PyObject *summed_up(PyObject *self, PyObject *arguments)
         sum_up(&all);
         result = Py_NewRef(Py_None);
     }
-    while (held.count) PyBuffer_Release(views + --held.count);
+    release(&held);
     return result;
 }

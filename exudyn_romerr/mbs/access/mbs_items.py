@@ -17,34 +17,37 @@ FFRF, QUATERNIONS = "FFRFreducedOrder", "RigidBodyEP"  # types of floating bodie
 BODIES = (FFRF, "Ground", "PointGround")
 
 
+def _just_begun(mbs: Any, static: bool = False) -> Any:
+    """Return the solver in mbs.sys that has taken no step, or None; they stay there after their end."""
+    solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
+    return None if solver is None or solver.it.currentStepIndex > 0 else solver
+
+
 def running_static_solver(mbs: Any, known: Any) -> Any:
     """Return the static solver whose first call of the hook this is, or None; `known`: the last one returned.
 
-    Solvers stay in mbs.sys after their end; one that has just begun has taken no step. (A static solver
-    kept out of mbs.sys by storeSolver=False cannot be told from a dynamic one.)
+    A static solver kept out of mbs.sys by storeSolver=False cannot be told from a dynamic one.
     """
-    solver = mbs.sys.get("staticSolver")
-    if solver is None or solver is known or solver.it.currentStepIndex > 0:
-        return None
-    return solver
+    solver = _just_begun(mbs, static=True)
+    return None if solver is known else solver
 
 
 def end_time(mbs: Any, static: bool) -> float | None:
     """Return the time the dynamic solver that has just begun is to go to; None if it is not kept in mbs.sys."""
-    solver = None if static else mbs.sys.get("dynamicSolver")
-    return None if solver is None or solver.it.currentStepIndex > 0 else float(solver.it.endTime)
+    solver = None if static else _just_begun(mbs)
+    return None if solver is None else float(solver.it.endTime)
 
 
 def first_step(mbs: Any) -> float | None:
     """Return the step that the dynamic solver that has just begun tries first; None if it is not kept in mbs.sys."""
-    solver = mbs.sys.get("dynamicSolver")
-    return None if solver is None or solver.it.currentStepIndex > 0 else float(solver.it.currentStepSize)
+    solver = _just_begun(mbs)
+    return None if solver is None else float(solver.it.currentStepSize)
 
 
 def is_verbose(mbs: Any, static: bool) -> bool:
     """Whether the solver that has just begun was asked to tell of every step (verboseMode = 2)."""
-    solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
-    return solver is not None and solver.it.currentStepIndex == 0 and solver.output.verboseMode > 1
+    solver = _just_begun(mbs, static)
+    return solver is not None and solver.output.verboseMode > 1
 
 
 def newton_tolerance(mbs: Any, static: bool) -> float:
