@@ -8,7 +8,7 @@ import numpy as np
 
 from ..decay.lag_table import LagTable
 from ..linalg import oscillator
-from ..linalg.linear_recurrence import decaying_sum
+from ..linalg.linear_recurrence import decaying_sums
 from ..trajectory.segments import Block
 from .mass_norm import MassNormEstimator
 
@@ -99,7 +99,8 @@ class Convolution(Fast):
     def _by_recurrence(self, block: Block) -> np.ndarray:
         added = block.integral(self.norm)
         rates = [rate for _, rate in self.kernel.envelopes]
-        sums = [decaying_sum(np.exp(-r * block.h), added, x) for r, x in zip(rates, self.sums, strict=True)]
+        decays = np.exp(-np.array(rates)[:, None] * block.h)
+        sums = decaying_sums(decays, np.tile(added, (len(decays), 1)), self.sums)
         self.sums = [float(x[-1]) for x in sums]
         return np.min([a * x for (a, _), x in zip(self.kernel.envelopes, sums, strict=True)], axis=0)
 
