@@ -103,6 +103,13 @@ def require_inputs_only(mbs: Any, node: int, item: int) -> None:
         )
 
 
+def sensor_name(mbs: Any, number: int) -> str:
+    """Return the name of a sensor; where several have it, with its number."""
+    name = mbs.GetSensor(number)["name"]
+    others = (i for i in range(mbs.systemData.NumberOfSensors()) if i != number)
+    return f"{name} (sensor {number})" if any(mbs.GetSensor(i)["name"] == name for i in others) else name
+
+
 def has_joints_only(mbs: Any) -> bool:
     """Whether nothing but joints and the ground is beside floating bodies, as far as objects are active."""
     items = (mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()))

@@ -11,6 +11,7 @@ import numpy as np
 from ...errors import InputError
 from ...model.outputs import Output, nodes_output
 from ...report.data import IN_THE_FRAME
+from ..access.mbs_items import sensor_name
 from .loads_and_joints import MESH_MARKERS
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
             "romerr.node_strain(name, node=..., fem=fem)"
         )
     of, frame = QUANTITIES[kind]
-    return Measured(sensor["name"], nodes, weights, of, frame)
+    return Measured(sensor_name(mbs, number), nodes, weights, of, frame)
 
 
 def is_on(mbs: Any, flex: FloatingBody, sensor: dict) -> bool:

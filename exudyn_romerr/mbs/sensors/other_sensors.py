@@ -11,6 +11,7 @@ import numpy as np
 
 from ...estimates.kept_estimate import REMAINDER
 from ...estimates.time_step_error import PROVISIONAL
+from ..access.mbs_items import sensor_name
 from ..access.state_guard import set_state, state_kept
 from ..derivatives.twin import Place
 from ..floating.sensor_outputs import is_on
@@ -76,7 +77,7 @@ class OtherSensors:
             if isinstance(found, Sensor) and is_coupled:
                 sensors.append(found)
             else:
-                left_out.append((sensor["name"], NOT_COUPLED if isinstance(found, Sensor) else found))
+                left_out.append((sensor_name(mbs, number), NOT_COUPLED if isinstance(found, Sensor) else found))
         return sensors, left_out
 
     def begin(self, mbs: Any, tangents: Tangents | None) -> None:

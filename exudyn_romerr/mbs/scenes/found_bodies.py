@@ -1,0 +1,130 @@
+"""Reduced flexible bodies of a script, found as it adds them to an mbs, and the FE models behind them."""
+
+from __future__ import annotations
+
+import gc
+from dataclasses import dataclass
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+TYPES = (
+    "FFRFreducedOrder",
+    "ObjectFFRFreducedOrder",
+)  # as Exudyn's dictionaries have it, as its Python class is called
+SAME_MESH = 1e-9  # of the largest coordinate: positions are copied, not computed
+NO_FEM = (
+    "no FEMinterface with its mesh and modes is there any more (a body loaded from a file of its modes has none), so "
+    "what its modes leave out is not known"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundBody:
+    """A reduced flexible body as a script adds it: its number among all that the script adds, its object in the mbs.
+
+    fem : the FEMinterface whose modes it has; None: there is none, see NO_FEM.
+    """
+
+    order: int
+    number: int
+    fem: Any
+
+    def items(self, mbs: Any) -> dict[str, int]:
+        """Return what Exudyn returned of the body when it was made, as floating_body wants it."""
+        nodes = mbs.GetObject(self.number)["nodeNumbers"]
+        return dict(
+            zip(("nRigidBody", "nGenericODE2", "oFFRFreducedOrder"), (*map(int, nodes), self.number), strict=True)
+        )
+
+
+class FoundBodies:
+    """Bodies of each mbs, which they do not keep; `install` puts it in front of Exudyn's functions."""
+
+    def __init__(self) -> None:
+        self._bodies: WeakKeyDictionary[Any, list[FoundBody]] = WeakKeyDictionary()
+        self.count = 0
+        self._installed: list[tuple[Any, str, Any]] = []
+
+    def of(self, mbs: Any) -> list[FoundBody]:
+        """Return the bodies of an mbs in the order in which they were added."""
+        return list(self._bodies.get(mbs, ()))
+
+    def install(self, exudyn: ModuleType) -> None:
+        """Stand in front of AddObject and Reset of every mbs; what they do and return stays the same."""
+        system = exudyn.MainSystem
+        self._replace(system, "AddObject", self._added(system.AddObject))
+        self._replace(system, "Reset", self._reset(system.Reset))
+
+    def uninstall(self) -> None:
+        """Put back Exudyn's own functions."""
+        while self._installed:
+            setattr(*self._installed.pop())
+
+    def _replace(self, owner: Any, name: str, function: Any) -> None:
+        self._installed.append((owner, name, getattr(owner, name)))
+        setattr(owner, name, function)
+
+    def _added(self, add_object: Any) -> Any:
+        @wraps(add_object)
+        def AddObject(mbs: Any, *arguments: Any, **options: Any) -> Any:
+            number = add_object(mbs, *arguments, **options)
+            item = arguments[0] if arguments else next(iter(options.values()), None)
+            if _is_reduced(item):
+                bodies = self._bodies.setdefault(mbs, [])
+                bodies.append(FoundBody(self.count, int(number), fem_of(item)))
+                self.count += 1
+            return number
+
+        return AddObject
+
+    def _reset(self, reset: Any) -> Any:
+        @wraps(reset)
+        def Reset(mbs: Any, *arguments: Any, **options: Any) -> Any:
+            self._bodies.pop(mbs, None)
+            return reset(mbs, *arguments, **options)
+
+        return Reset
+
+
+def _is_reduced(item: Any) -> bool:
+    return (item.get("objectType") if isinstance(item, dict) else type(item).__name__) in TYPES
+
+
+def fem_of(item: Any) -> Any:
+    """Return the FEMinterface alive whose mesh, and best whose modes, an object to be added has; None: there is none.
+
+    Parameters
+    ----------
+    item : ObjectFFRFreducedOrder or dict
+        As passed to mbs.AddObject.
+
+    Notes
+    -----
+    Exudyn keeps no way from a body to its FE model, so all objects of the process are looked through, once a body.
+    Does not cover: two fems of one mesh and other materials, whose modes are both gone: the first is returned, and
+    floating_body refuses it if its matrices do not fit.
+    """
+    item = dict(item)
+    positions = np.asarray(item["referencePositions"], dtype=float).reshape(-1, 3)
+    modes = item["modeBasis"]
+    found = [x for x in gc.get_objects() if type(x).__name__ == "FEMinterface" and _has_mesh(x, positions)]
+    by_modes = [fem for fem in found if _has_modes(fem, modes)]
+    return next(iter(by_modes or found), None)
+
+
+def _has_mesh(fem: Any, positions: np.ndarray) -> bool:
+    if len(fem.nodes) != 1:  # of several kinds of nodes; or none yet
+        return False
+    own = np.asarray(fem.GetNodePositionsAsArray(), dtype=float)
+    return own.shape == positions.shape and np.max(np.abs(own - positions)) <= SAME_MESH * np.max(np.abs(positions))
+
+
+def _has_modes(fem: Any, modes: Any) -> bool:
+    own = fem.modeBasis.get("matrix") if isinstance(fem.modeBasis, dict) else None
+    return own is modes or (own is not None and np.array_equal(own, modes))
