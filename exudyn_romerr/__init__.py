@@ -1,41 +1,21 @@
 """Error bounds of reduced flexible bodies, beside the Exudyn simulation.
 
-Public names; those that need Exudyn are loaded when first used.
+Public names, each loaded when first used: importing this package imports nothing else, so that `romerr run` has
+imported nothing that a script may configure.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ._version import __version__ as __version__
-from .basis.basis import Basis, modal_basis
-from .basis.gramian import gramian_basis
-from .basis.krylov import krylov_basis
-from .errors import AssumptionError, InputError, RomErrError, RunError
-from .fe_files.fe_model import FEModel
-from .fe_files.read_body import read_body
-from .mode_selection.mode_choice import ModeChoice
-from .model.admissible_space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
-from .model.body import Constants, ElasticBody
-from .model.outputs import (
-    Output,
-    mean_displacement,
-    mean_rotation,
-    node_displacement,
-    node_rotation,
-    node_velocity,
-    relative_displacement,
-)
-from .model.stress_outputs import node_strain, node_stress
-from .online.evaluate import Trajectory, evaluate
-from .report.assessment import Assessment
-from .report.formats.load import load_report
-from .report.plots.overlay import add_bands
-from .report.plots.run_comparison import plot_convergence, plot_run_time
-from .report.report import BoundReport, OutputReport
-from .report.von_mises import VonMises, von_mises
-from .residual.residual import initial_coordinates, initial_error
 
 if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
+    from .basis.basis import Basis, modal_basis
+    from .basis.gramian import gramian_basis
+    from .basis.krylov import krylov_basis
+    from .errors import AssumptionError, InputError, RomErrError, RunError
+    from .fe_files.fe_model import FEModel
+    from .fe_files.read_body import read_body
     from .mbs import (
         add_reduced_body,
         attach,
@@ -48,81 +28,92 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
         two_level,
     )
     from .mbs.studies.parameter_sweep import sweep
+    from .mode_selection.mode_choice import ModeChoice
+    from .model.admissible_space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
+    from .model.body import Constants, ElasticBody
+    from .model.outputs import (
+        Output,
+        mean_displacement,
+        mean_rotation,
+        node_displacement,
+        node_rotation,
+        node_velocity,
+        relative_displacement,
+    )
+    from .model.stress_outputs import node_strain, node_stress
+    from .online.evaluate import Trajectory, evaluate
+    from .report.assessment import Assessment
+    from .report.formats.load import load_report
+    from .report.plots.overlay import add_bands
+    from .report.plots.run_comparison import plot_convergence, plot_run_time
+    from .report.report import BoundReport, OutputReport
+    from .report.von_mises import VonMises, von_mises
+    from .residual.residual import initial_coordinates, initial_error
+    from .scripts.run import Run, run
 
-_NEEDS_EXUDYN = dict.fromkeys(
-    (
-        "add_reduced_body",
-        "attach",
-        "choose_modes",
-        "evaluate_file",
-        "floating_body",
-        "hold_modes",
-        "keep_modes",
-        "set_modal_damping",
-        "two_level",
-    ),
-    "mbs",
-) | {"sweep": "mbs.studies.parameter_sweep"}
+_MODULES = {
+    "Assessment": "report.assessment",
+    "AssumptionError": "errors",
+    "Basis": "basis.basis",
+    "BoundReport": "report.report",
+    "Constants": "model.body",
+    "ElasticBody": "model.body",
+    "FEModel": "fe_files.fe_model",
+    "InputError": "errors",
+    "MassOrthogonal": "model.admissible_space",
+    "MeanMotion": "model.admissible_space",
+    "ModeChoice": "mode_selection.mode_choice",
+    "Output": "model.outputs",
+    "OutputReport": "report.report",
+    "RomErrError": "errors",
+    "Run": "scripts.run",
+    "RunError": "errors",
+    "Trajectory": "online.evaluate",
+    "VonMises": "report.von_mises",
+    "add_bands": "report.plots.overlay",
+    "add_reduced_body": "mbs",
+    "attach": "mbs",
+    "choose_modes": "mbs",
+    "evaluate": "online.evaluate",
+    "evaluate_file": "mbs",
+    "floating_body": "mbs",
+    "gramian_basis": "basis.gramian",
+    "hold_modes": "mbs",
+    "initial_coordinates": "residual.residual",
+    "initial_error": "residual.residual",
+    "keep_modes": "mbs",
+    "krylov_basis": "basis.krylov",
+    "load_report": "report.formats.load",
+    "mass_orthogonal": "model.admissible_space",
+    "mean_displacement": "model.outputs",
+    "mean_motion": "model.admissible_space",
+    "mean_rotation": "model.outputs",
+    "modal_basis": "basis.basis",
+    "node_displacement": "model.outputs",
+    "node_rotation": "model.outputs",
+    "node_strain": "model.stress_outputs",
+    "node_stress": "model.stress_outputs",
+    "node_velocity": "model.outputs",
+    "plot_convergence": "report.plots.run_comparison",
+    "plot_run_time": "report.plots.run_comparison",
+    "read_body": "fe_files.read_body",
+    "relative_displacement": "model.outputs",
+    "run": "scripts.run",
+    "set_modal_damping": "mbs",
+    "sweep": "mbs.studies.parameter_sweep",
+    "two_level": "mbs",
+    "von_mises": "report.von_mises",
+}
 
-__all__ = [
-    "Assessment",
-    "AssumptionError",
-    "Basis",
-    "BoundReport",
-    "Constants",
-    "ElasticBody",
-    "FEModel",
-    "InputError",
-    "MassOrthogonal",
-    "MeanMotion",
-    "ModeChoice",
-    "Output",
-    "OutputReport",
-    "RomErrError",
-    "RunError",
-    "Trajectory",
-    "VonMises",
-    "add_bands",
-    "add_reduced_body",
-    "attach",
-    "choose_modes",
-    "evaluate",
-    "evaluate_file",
-    "floating_body",
-    "gramian_basis",
-    "hold_modes",
-    "initial_coordinates",
-    "initial_error",
-    "keep_modes",
-    "krylov_basis",
-    "load_report",
-    "mass_orthogonal",
-    "mean_displacement",
-    "mean_motion",
-    "mean_rotation",
-    "modal_basis",
-    "node_displacement",
-    "node_rotation",
-    "node_strain",
-    "node_stress",
-    "node_velocity",
-    "plot_convergence",
-    "plot_run_time",
-    "read_body",
-    "relative_displacement",
-    "set_modal_damping",
-    "sweep",
-    "two_level",
-    "von_mises",
-]
+__all__ = sorted(_MODULES)
 
 
 if not TYPE_CHECKING:  # to a type checker an unknown name is an error
 
     def __getattr__(name: str) -> Any:
-        if name not in _NEEDS_EXUDYN:
+        if name not in _MODULES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return getattr(import_module(f".{_NEEDS_EXUDYN[name]}", __name__), name)
+        return getattr(import_module(f".{_MODULES[name]}", __name__), name)
 
 
 def __dir__() -> list[str]:

@@ -1,4 +1,7 @@
-"""Command line: what saved reports say, as text, picture, HTML page or table. Needs no Exudyn."""
+"""Command line: run a script and tell its errors; what saved reports say, as text, picture, HTML page or table.
+
+Nothing but the standard library is imported before a script runs.
+"""
 
 from __future__ import annotations
 
@@ -8,28 +11,42 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from . import __version__, load_report
+from . import __version__
 from .errors import InputError, RomErrError
-from .sweeps.collect import text_of, write_table
+from .scripts.files import checked_files, write_files
+from .scripts.run import run, show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from .report.report import BoundReport
 
-ABOUT = "Errors of a reduced simulation, estimated and bounded, from the file that report.save(...) wrote."
+ABOUT = "How wrong reduced flexible bodies make an Exudyn simulation: of a script as it is, or of a saved report."
 ENDINGS = {"html": (".html", ".htm"), "csv": (".csv", ".txt")}  # a script of another ending is not written over
 SAVED = ("run.npz", "what report.save(...) wrote")
 SWEPT = ("folder", "what sweep(..., folder=...) was given")
+WRITTEN = {
+    "save": "write the reports for romerr show, plot, report: run.npz",
+    "html": "write an HTML page",
+    "plot": "draw the sensors and their errors: .png, .svg, .pdf",
+    "json": "write all numbers and answers for other programs",
+}
 STATUS = "exit status: 0 fine; 1 something given is wrong, the message says what to do; 2 wrong usage"
+STATUS_OF_RUN = (
+    "exit status: that of the script; with --tolerance, where the script ends well: 0 enough, 3 too large, "
+    "4 not known; 2 wrong usage"
+)
+WRONG_USAGE = 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line (default: that of the process) and return its exit status, see STATUS."""
+    given = _parser().parse_args(arguments)
+    if given.run is _run:
+        return _run(given)
     for stream in (sys.stdout, sys.stderr):  # no name of an output breaks a terminal that cannot show it
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
-    given = _parser().parse_args(arguments)
     try:
         given.run(given)
         sys.stdout.flush()
@@ -51,8 +68,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
-    show = _add(commands, "show", _show, "print the summary", "romerr show run.npz --tolerance 1%")
-    show.add_argument(
+    _add_run(commands)
+    saved = _add(commands, "show", _show, "print the summary", "romerr show run.npz --tolerance 1%")
+    saved.add_argument(
         "--tolerance",
         type=_tolerance,
         metavar="X",
@@ -95,6 +113,50 @@ def _add(
     return parser
 
 
+def _add_run(commands) -> None:
+    """The command that runs a script; its options come before the script, whose own come after it."""
+    about = "run a script and tell how wrong its reduced bodies make it"
+    parser = commands.add_parser(
+        "run",
+        help=about,
+        description=f"{about[0].upper()}{about[1:]}. The script needs no line of ours, and cannot tell.",
+        epilog=f"example: romerr run --tolerance 1% model.py\n\n{STATUS_OF_RUN}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        usage="romerr run [options] script.py [its arguments]",
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        metavar="X",
+        help="the error that is allowed: in the model's units (0.001), as a share of each largest value (1%%), or of "
+        "one sensor (tip=0.001); repeatable",
+    )
+    for option, what in WRITTEN.items():
+        parser.add_argument(f"--{option}", metavar="file", help=what)
+    parser.add_argument("--quiet", action="store_true", help="print no answer, only what the script prints")
+    parser.add_argument("script", help="an Exudyn script")
+    parser.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    parser.set_defaults(run=_run)
+
+
+def _run(given: argparse.Namespace) -> int:
+    """Run a script, print and write the answer; the exit status is the script's, or that of the answer."""
+    try:
+        files = checked_files({option: getattr(given, option) for option in WRITTEN})
+        done = run(given.script, given.arguments, tolerance=given.tolerance)
+    except InputError as error:
+        print(f"romerr: {error}", file=sys.stderr)
+        return WRONG_USAGE
+    done.ending.show()
+    written = write_files(done, files)
+    if not given.quiet:
+        show("\n".join(["", f"romerr {__version__}: {given.script}", str(done), *written]))
+    done.ending.leave()
+    return done.status
+
+
 def _tolerance(text: str) -> tuple[float, bool]:
     """A number, and whether it is a share."""
     share = text.rstrip().endswith("%")
@@ -108,6 +170,8 @@ def _tolerance(text: str) -> tuple[float, bool]:
 
 
 def _show(given: argparse.Namespace) -> None:
+    from . import load_report
+
     report = load_report(given.file)
     print(report)
     for name in report.outputs if given.tolerance else ():
@@ -133,6 +197,8 @@ def _csv(given: argparse.Namespace) -> None:
 
 
 def _collect(given: argparse.Namespace) -> None:
+    from .sweeps.collect import text_of, write_table
+
     if given.to is None:
         print(text_of(given.file))
         return
@@ -142,6 +208,8 @@ def _collect(given: argparse.Namespace) -> None:
 
 def _opened(given: argparse.Namespace) -> tuple[BoundReport, str]:
     """The report, and where to write: never over it, and only what the ending says."""
+    from . import load_report
+
     to = given.to or f"{os.path.splitext(given.file)[0]}.{given.ending}"
     report = load_report(given.file)
     if os.path.exists(to) and os.path.samefile(to, given.file):

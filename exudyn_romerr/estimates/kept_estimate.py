@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     Shown = Callable[[], np.ndarray]  # outputs (S, r) at all instants, as they are shown
 
 REMAINDER, RINGING = "remainder", "ringing"
+LINEAR, LINEAR_STEPS = "linearisation", "linearisation of steps"  # what linear equations miss of each
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
 # what the error by time steps and its checks depend on samples after it for: what they say of these holds before them
 AHEAD = PROVISIONAL
-BY_STEPS = ("time step", "steps", "linearisation", "loads", RINGING)
+BY_STEPS = ("time step", "steps", LINEAR_STEPS, "loads", RINGING)
 # of the prediction: what linear equations leave out, and is larger, is not added, for what it misses itself is larger
 # still; corrections of corrections grow then, and nothing is known of the prediction
 LOST = 1.0
@@ -44,7 +45,7 @@ class KeptEstimate:
     the start, and in a run of no more than FEW the check of steps is as large as what it checks. Elsewhere it is no
     larger than PHASE_LOST times that, and ALTERNATES times what rings from step to step in the outputs.
     Where a check has ended, nothing is known: its half width is inf from there on. What linear equations may have
-    missed is handed over as "linearisation" of the error by time steps, as REMAINDER of what vectors predict. It is
+    missed is handed over as LINEAR_STEPS of the error by time steps, as REMAINDER of what vectors predict. It is
     LINEARISED of the largest of each part beside the former; at least, beside the latter, for what time steps make of
     the vectors' own motion is in no check. Where the share `remainder` is above LOST, what vectors predict is as
     uncertain as it is large.
@@ -92,7 +93,7 @@ class KeptEstimate:
         """
         there, back = change(step.x), change(-step.x)
         left = [np.abs(change(x - step.x) - back) for x in step.left]
-        sizes = {"steps": change(step.x2), "linearisation": sum(left, np.abs(there + back) / 2)}
+        sizes = {"steps": change(step.x2), LINEAR_STEPS: sum(left, np.abs(there + back) / 2)}
         if step.loads is not None:
             sizes["loads"] = change(step.loads)
         self.put({"time step": (back - there) / 2 + more}, sizes, step.replaced)
@@ -122,13 +123,16 @@ class KeptEstimate:
                 steps = np.minimum(steps, PHASE_LOST * checked + ALTERNATES * ringing)
             is_rough = is_short | self._rings & (steps > RESOLVED * checked)
             checks["steps"] = np.where(is_rough, np.maximum(steps, checked), steps)
-        checks["linearisation"] = checks.get("linearisation", 0.0) + sum(self._missed(largest, count))[index]
+        of_steps, predicted = self._missed(largest, count)
+        checks[LINEAR] = none + predicted[index]
+        if "time step" in self._parts:
+            checks[LINEAR_STEPS] = checks.get(LINEAR_STEPS, 0.0) + of_steps[index]
         return Estimate({cause: parts.get(cause, none) for cause in CAUSES}, checks)
 
     def _missed(self, largest: dict[str, np.ndarray], count: int) -> tuple[np.ndarray | float, np.ndarray]:
         """What linear equations may have missed (S, r) at so many instants: of time steps, of what is predicted."""
         of = {cause: LINEARISED * _filled(largest[cause], count, np.inf) for cause in self._parts}
-        steps, predicted = of.pop("time step", 0.0), sum(of.values())
+        steps, predicted = of.pop("time step", 0.0), sum(of.values(), np.zeros((count, 1)))
         if REMAINDER in self._sizes:
             predicted = np.maximum(predicted, _filled(largest[REMAINDER], count, 0.0))
         return steps, predicted

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..estimates.estimate import RESOLVED
+from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
 from .scope import FROZEN
 from .wording import (
     CURES_OF_CHECKS,
@@ -82,7 +84,7 @@ class Known(NamedTuple):
         if self.rings:
             return self.beside_steps[0]
         steps, modes = self.parts.get("time step", 0.0), self.of_modes[0]
-        if self.check == "linearisation":
+        if self.check == LINEAR:
             cures = ("more modes", "shorter steps") if steps < modes else ("shorter steps", "more modes")
             count = 1 if min(steps, modes) < SMALL * max(steps, modes) else 2
             return f"{', then '.join(cures[:count])}, {NOT_LINEAR}"
@@ -126,7 +128,10 @@ def parts_of(out: OutputData) -> dict[str, np.ndarray]:
 
 def _check(out: OutputData, rows: slice) -> str:
     """What makes most of the half width; a bound of the rest has the same causes as the bound itself."""
-    found = max(out.uncertainty_parts, key=lambda name: _largest(out.uncertainty_parts[name][:, rows]))
+    sizes: Counter[str] = Counter()
+    for name, half in out.uncertainty_parts.items():
+        sizes[LINEAR if name == LINEAR_STEPS else name] += _largest(half[:, rows])
+    found = max(sizes, key=sizes.get)
     if found != "proved":
         return found
     cause = max(out.causes, key=lambda cause: _largest(out.causes[cause][:, rows]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..estimates.estimate import RESOLVED
+from ..estimates.kept_estimate import LINEAR
 from .advice import advice, until_its_end
 from .estimate_wording import about, estimate_scope, estimated_kind, known
 from .scope import COUPLED, FROZEN, cures_of
@@ -119,7 +120,7 @@ def _why(out: OutputData, row: int, scope: dict[str, str]) -> str:
     if error > RESOLVED * size:
         share = percent(error / size)
         return f", for the error itself {is_about} {f'{share} of it' if share else 'larger'}: {STEPS[cause]}"
-    if not found.is_resolved and found.check == "linearisation":
+    if not found.is_resolved and found.check == LINEAR:
         return f", {NOT_LINEAR}: {STEPS[cause]}"
     return f", for auxiliary vectors leave much: {SMOOTHLY if found.rings else MORE_VECTORS}"
 

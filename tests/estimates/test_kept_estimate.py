@@ -11,6 +11,8 @@ from exudyn_romerr.estimates.kept_estimate import (
     ALTERNATES,
     FEW,
     FIRST,
+    LINEAR,
+    LINEAR_STEPS,
     LOST,
     PHASE_LOST,
     REMAINDER,
@@ -61,8 +63,9 @@ def test_half_widths_never_shrink_and_forget_what_was_replaced():
     found = kept().read(slice(FEW, None), rough)
     np.testing.assert_array_equal(found.half_widths["steps"], column(3, 3, 3, 3))
     np.testing.assert_array_equal(found.half_widths["vectors"], column(5, 5, 5, 6))
-    np.testing.assert_array_equal(found.half_widths["linearisation"], LINEARISED * column(5, 6, 7, 8))
-    np.testing.assert_array_equal(found.uncertainty, column(8, 8, 8, 9) + LINEARISED * column(5, 6, 7, 8))
+    np.testing.assert_array_equal(found.half_widths[LINEAR], LINEARISED * column(1, 2, 3, 4))
+    np.testing.assert_array_equal(found.half_widths[LINEAR_STEPS], LINEARISED * column(4, 4, 4, 4))
+    np.testing.assert_allclose(found.uncertainty, column(8, 8, 8, 9) + LINEARISED * column(5, 6, 7, 8), rtol=1e-15)
 
 
 def test_half_widths_of_time_steps_count_some_instants_before():
@@ -71,7 +74,7 @@ def test_half_widths_of_time_steps_count_some_instants_before():
     burst[2 * FEW] = 1.0
     run.put({"basis": 0 * burst, "time step": burst}, {"vectors": burst, "steps": burst})
     widths = run.read(slice(None), rough).half_widths
-    assert np.flatnonzero(widths["steps"])[0] == np.flatnonzero(widths["linearisation"])[0] == 2 * FEW - AHEAD
+    assert np.flatnonzero(widths["steps"])[0] == np.flatnonzero(widths[LINEAR_STEPS])[0] == 2 * FEW - AHEAD
     assert np.flatnonzero(widths["vectors"])[0] == 2 * FEW
     np.testing.assert_array_equal(widths["steps"][2 * FEW - AHEAD :], 1.0)
 
@@ -84,7 +87,7 @@ def test_what_linear_equations_miss_more_of_than_they_tell_is_not_known():
         run.remainder = share
         run.put({"basis": -3 * one, "interfaces": 4 * one}, {"vectors": none, REMAINDER: 0.02 * one})
         run.put({"time step": none}, {"steps": none})
-        found = run.read(slice(None), rough).half_widths["linearisation"]
+        found = run.read(slice(None), rough).half_widths[LINEAR]
         np.testing.assert_allclose(found, wide, rtol=1e-12)
 
 
@@ -111,7 +114,7 @@ def test_run_that_goes_on_keeps_the_half_widths():
     found = kept(before=kept()).read(slice(FEW, None), rough)
     np.testing.assert_array_equal(found.half_widths["steps"], column(3, 3, 3, 3))
     np.testing.assert_array_equal(found.parts["basis"], column(1, 2, 3, 4))
-    np.testing.assert_array_equal(found.half_widths["linearisation"], LINEARISED * column(8, 8, 8, 8))
+    np.testing.assert_array_equal(found.half_widths[LINEAR], LINEARISED * column(4, 4, 4, 4))
 
 
 def test_what_was_read_stays_as_it_was():
@@ -161,5 +164,5 @@ def test_what_outputs_move_by_in_second_order_checks_the_time_step():
     run.put_time_step(TimeStep(x, 0 * x, None, 0), lambda x: 3 * x[0] + 7 * x[0] ** 2)
     found, one = run.read(slice(None), rough), np.ones((2 * FEW, 1))
     np.testing.assert_array_equal(found.parts["time step"], -1.5 * one)
-    np.testing.assert_array_equal(found.half_widths["linearisation"], (1.75 + LINEARISED * 1.5) * one)
+    np.testing.assert_array_equal(found.half_widths[LINEAR_STEPS], (1.75 + LINEARISED * 1.5) * one)
     assert "loads" not in found.half_widths

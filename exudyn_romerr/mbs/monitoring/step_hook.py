@@ -53,6 +53,7 @@ class StepHook:
         self._arrays: tuple = ()
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
         self.end = np.inf  # of the solve, if tangents are to be read in its last block
+        self.is_silent = False  # whether nothing is printed: who watches a script from outside says it afterwards
 
     @one_thread()
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
@@ -72,7 +73,7 @@ class StepHook:
         self._occupant = slot_function(mbs)
         static = running_static_solver(mbs, self._static_solver)
         self._static_solver = static or self._static_solver
-        self._verbose = is_verbose(mbs, static is not None)
+        self._verbose = is_verbose(mbs, static is not None) and not self.is_silent
         for watch in self.watches:
             watch.begin(mbs, static is not None, self.attached)
         others = _frozen([watch for watch in self.watches if watch.is_frozen])
@@ -99,7 +100,7 @@ class StepHook:
         """Evaluate the rows stored so far."""
         with interrupt_deferred(), one_thread(), no_step_is_made():
             self._evaluate()
-        if hint := OTHERS.hint():
+        if not self.is_silent and (hint := OTHERS.hint()):
             exu.Print(f"exudyn_romerr: {hint}")
 
     def _evaluate(self) -> None:
@@ -119,7 +120,7 @@ class StepHook:
     def _say_failures(self, t: float) -> None:
         """Say once what cannot be bounded: SolveDynamic does not raise, only report() will."""
         for failure in dict.fromkeys(watch.failure for watch in self.watches if watch.failure):
-            if failure not in self._said:
+            if failure not in self._said and not self.is_silent:
                 self._said.add(failure)
                 exu.Print(f"exudyn_romerr at t = {t:g}: {failure}. The simulation goes on")
 

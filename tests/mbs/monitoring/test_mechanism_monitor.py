@@ -228,7 +228,7 @@ def test_a_sensor_has_an_estimate_and_no_bound(report):
     assert (out.unit, out.estimate_scope, out.labels) == ("m", COUPLED, ("x", "y", "z"))
     assert np.isinf(out.bound["best"]).all()
     assert np.abs(out.estimate).max() > 0
-    assert set(out.uncertainty_parts) == {"vectors", "steps", "loads", "linearisation"}
+    assert set(out.uncertainty_parts) == {"vectors", "steps", "loads", "linearisation", "linearisation of steps"}
     np.testing.assert_array_equal(sum(out.estimate_parts.values()), out.estimate)
     assert report.assess("crank Displacement", 1.0).answer == "likely"
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .report import BoundReport
+    from ..report.report import BoundReport
 
 
 @dataclass

@@ -1,0 +1,107 @@
+"""Answers to "is it exact enough?", one table from them to words and exit statuses; tolerances as users type them."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import TYPE_CHECKING, NamedTuple
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+
+class Answer(str, Enum):
+    """What is known of an error beside its tolerance; the best first."""
+
+    ENOUGH = "enough"
+    NOT_KNOWN = "not known"
+    NOT_COVERED = "not covered"
+    TOO_LARGE = "too large"
+
+
+STATUS = {Answer.ENOUGH: 0, Answer.TOO_LARGE: 3, Answer.NOT_KNOWN: 4, Answer.NOT_COVERED: 4}
+OF_ASSESS = {  # answers of report.assess
+    "proven": Answer.ENOUGH,
+    "likely": Answer.ENOUGH,
+    "unknown": Answer.NOT_KNOWN,
+    "unlikely": Answer.TOO_LARGE,
+    "disproven": Answer.TOO_LARGE,
+}
+SHARE = 1e-3  # of the largest value, where no tolerance was given: nobody needs less
+NEEDED = "a positive number in the model's unit (0.001), a share of the largest value (1%), or of one sensor: tip=1%"
+
+
+def worst(answers: Iterable[Answer]) -> Answer:
+    """Return the answer that counts for all: too large before not known before enough."""
+    order = list(Answer)
+    return max(answers, key=order.index, default=Answer.NOT_KNOWN)
+
+
+class Tolerance(NamedTuple):
+    """A limit, and whether it is a share of the largest value."""
+
+    limit: float
+    is_share: bool
+
+    def of(self, largest: float) -> float:
+        """Return the limit of an output that is up to `largest`, in its unit."""
+        return self.limit * largest if self.is_share else self.limit
+
+    def __str__(self) -> str:
+        return f"{100 * self.limit:g} %" if self.is_share else f"{self.limit:g}"
+
+
+class Tolerances:
+    """Tolerances of all sensors, and of single ones by name.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        As typed: "0.001", "1%", "tip=0.001", "tip=1%".
+
+    Raises
+    ------
+    InputError
+        A text that is none of these; two for one sensor.
+    """
+
+    def __init__(self, texts: Sequence[str] = ()):
+        self.is_given = bool(texts)
+        self._of: dict[str | None, Tolerance] = {}
+        for text in texts:
+            name, number = _named(text)
+            if name in self._of:
+                raise InputError(f"--tolerance is given twice for {'all sensors' if name is None else repr(name)}")
+            self._of[name] = number
+
+    def of(self, name: str) -> Tolerance | None:
+        """Return the tolerance of a sensor; None: it has none though others have."""
+        if not self.is_given:
+            return Tolerance(SHARE, True)
+        return self._of.get(name, self._of.get(None))
+
+    def notes(self, names: Iterable[str]) -> list[str]:
+        """Return a line for each name that no sensor has; names : of all sensors."""
+        known = list(dict.fromkeys(names))
+        unknown = [name for name in self._of if name is not None and name not in known]
+        has = f"sensors are {', '.join(map(repr, known))}" if known else "there are no sensors with a number"
+        return [f"--tolerance names {name!r}; {has}" for name in unknown]
+
+
+def _named(text: str) -> tuple[str | None, Tolerance]:
+    name, equals, number = text.rpartition("=")
+    return (name if equals else None), read_tolerance(number, text)
+
+
+def read_tolerance(number: str, text: str = "") -> Tolerance:
+    """Return the tolerance that a number, or one with %, stands for; InputError: it is neither."""
+    is_share = number.rstrip().endswith("%")
+    try:
+        limit = float(number.rstrip().rstrip("%")) / (100 if is_share else 1)
+    except ValueError:
+        limit = math.nan
+    if not 0 < limit < math.inf:
+        raise InputError(f"--tolerance {text or number!r}: needed is {NEEDED}")
+    return Tolerance(limit, is_share)

@@ -1,0 +1,195 @@
+"""Run a script of the user's, watch its reduced bodies, and answer when it has ended: romerr run, romerr.run."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property, wraps
+from typing import TYPE_CHECKING, Any
+
+from ..judgement.answers import STATUS, Tolerances
+from .after_import import after_import
+from .execute import Ending, check_script, execute
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from types import ModuleType
+
+    from ..judgement.solve import Solve
+    from ..judgement.verdicts import Judgement
+    from ..report.report import BoundReport
+
+NO_EXUDYN = "the script does not import exudyn, so there is nothing to tell"
+NO_SOLVE = "{} reduced flexible {}, but no solve moves {}: nothing to tell"
+NO_BODY = "no reduced flexible body (ObjectFFRFreducedOrder) in {} {}: nothing is reduced, so no mode is missing"
+NOTHING = "no reduced flexible body and no solve: nothing to tell"
+NOT_WATCHED = "{} in other processes ({} started) not watched: the answer below is of this process alone"
+CHOSEN = "the scene has no sensors; outputs chosen for it: interfaces, and the node of each body farthest from them"
+
+
+@dataclass
+class Run:
+    """What came of a run of a script.
+
+    Attributes
+    ----------
+    script : as given
+    ending : how the script ended: .status, .error
+    solves : what was found of each solve that moved reduced bodies
+    notes : lines about what was not watched, and why
+    tolerances : as asked for
+    """
+
+    script: str
+    ending: Ending
+    solves: list[Solve]
+    notes: list[str]
+    tolerances: Tolerances
+
+    @property
+    def reports(self) -> list[BoundReport]:
+        """The reports of all solves that have one, in their order; each as monitor.report() of attach."""
+        return [solve.report for solve in self.solves if solve.report is not None]
+
+    @cached_property
+    def judgement(self) -> Judgement:
+        """Verdicts on every sensor, component and cause."""
+        from ..judgement.verdicts import Judgement, rows_of
+
+        rows = [row for solve in self.solves for row in rows_of(solve, self.tolerances)]
+        notes = [*self.notes, *self.tolerances.notes(row.name for row in rows)]
+        return Judgement(rows, self.solves, notes)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """What --json writes of sensors: a dict for every component of every sensor in every solve."""
+        return [row.as_json() for row in self.judgement.rows]
+
+    @property
+    def status(self) -> int:
+        """Exit status: the script's own; if it ended well and a tolerance was asked for, that of the answer."""
+        if self.ending.status or not self.tolerances.is_given:
+            return self.ending.status
+        return STATUS[self.judgement.answer]
+
+    def __str__(self) -> str:
+        from ..judgement.table import text
+
+        return text(self.judgement, self.script)
+
+
+def run(
+    script: str | os.PathLike, arguments: Sequence[str] = (), *, tolerance: Sequence[str] | str | float | None = None
+) -> Run:
+    """Run a script in this process as `python script.py` does, and tell how wrong its reduced bodies make it.
+
+    Every body made by AddObjectFFRFreducedOrder, CreateFFRFReducedOrderObject or ObjectFFRFreducedOrder is watched in
+    every solve. Nothing of the script's run changes; what it raises is in .ending, not raised.
+
+    Parameters
+    ----------
+    script : path
+    arguments : sequence of str
+        Its sys.argv[1:].
+    tolerance : number, text or several texts, optional
+        0.001 in the model's units, "1%" of each largest value, "tip=0.001" of one sensor.
+
+    Returns
+    -------
+    Run
+        print() it; .rows, .reports, .ending.
+
+    Raises
+    ------
+    InputError
+        No such script; a tolerance that is none.
+
+    Notes
+    -----
+    Does not cover: solves in other processes; bodies whose FEMinterface is gone when they are added.
+    """
+    texts = [] if tolerance is None else [tolerance] if isinstance(tolerance, str | float | int) else tolerance
+    tolerances, path = Tolerances([str(text) for text in texts]), check_script(script)
+    with _Watching() as watching:
+        ending = execute(path, arguments)
+        return Run(path, ending, watching.solves, watching.notes(), tolerances)
+
+
+class _Watching:
+    """Watches what a script does until the end of the context."""
+
+    def __init__(self) -> None:
+        self._stack, self._bodies, self._watched, self._processes = ExitStack(), None, None, 0
+
+    def __enter__(self) -> _Watching:
+        handle, self._elsewhere = tempfile.mkstemp(prefix="romerr_")
+        os.close(handle)
+        self._stack.callback(os.remove, self._elsewhere)
+        self._stack.enter_context(after_import("exudyn", self._meet))
+        self._stack.enter_context(after_import("multiprocessing.process", self._count_processes))
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._stack.close()
+
+    @property
+    def solves(self) -> list[Solve]:
+        return [] if self._watched is None else self._watched.solves
+
+    def notes(self) -> list[str]:
+        """Return what is to be said beside the numbers."""
+        return list(self._notes())
+
+    def _notes(self) -> Iterator[str]:
+        elsewhere = os.path.getsize(self._elsewhere)
+        if elsewhere or self._processes:
+            yield NOT_WATCHED.format(_count(elsewhere, "solve") if elsewhere else "solves", self._processes)
+        if self._watched is None:
+            yield NO_EXUDYN
+        elif not self.solves:
+            bodies, plain = self._bodies.count, self._watched.plain
+            if bodies:
+                yield NO_SOLVE.format(bodies, *(("body", "it") if bodies == 1 else ("bodies", "them")))
+            else:
+                yield NO_BODY.format(plain, "solves" if plain != 1 else "solve") if plain else NOTHING
+        elif any(solve.chosen for solve in self.solves):
+            yield CHOSEN
+        yield from dict.fromkeys(note for solve in self.solves for note in solve.notes)
+
+    def _meet(self, exudyn: ModuleType) -> None:
+        """Exudyn was imported: stand in front of what adds bodies and solves."""
+        from ..mbs.scenes.found_bodies import FoundBodies
+        from ..mbs.scenes.watched_solves import WatchedSolves
+
+        self._bodies = FoundBodies()
+        self._watched = WatchedSolves(self._bodies, self._elsewhere)
+        for one in (self._bodies, self._watched):
+            one.install(exudyn)
+            self._stack.callback(one.uninstall)
+
+    def _count_processes(self, process: ModuleType) -> None:
+        start = process.BaseProcess.start
+
+        @wraps(start)
+        def counted(own: Any) -> Any:
+            self._processes += 1
+            return start(own)
+
+        process.BaseProcess.start = counted
+        self._stack.callback(setattr, process.BaseProcess, "start", start)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def show(text: str) -> None:
+    """Print text, whatever the script has done to sys.stdout; what a terminal cannot show is replaced."""
+    stream = sys.stdout if sys.stdout is not None and not sys.stdout.closed else sys.__stdout__
+    if stream is None or stream.closed:
+        return
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    print(text.encode(encoding, "replace").decode(encoding), file=stream, flush=True)
