@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..report.overview import aligned
-from ..report.wording import SHORT, digits, listed, percent, rounded_up
+from ..report.wording import digits, listed, percent, rounded_up
 from .answers import SHARE, Answer, worst
 from .verdicts import CAUSES, CURES, MEASURED, NONE, Judgement, Row
 
@@ -19,7 +19,6 @@ FEW_SOLVES = 3  # of these each has its own table; of more a line each
 TITLES = {"modes": "modes", "interfaces": "rigid interfaces", "step": "step", "start": "start", "sum": "whole error"}
 MEASURE = "romerr verify {} measures it"
 NOT_RIGID = "if the part is not as rigid there as its modes make it; no number of modes cures that"
-AT_MOST = "modes at most"  # in a mechanism a bound has no time steps in it
 SHOWN = 0.005  # of a size: a half width below it is not seen in two digits
 
 
@@ -119,13 +118,13 @@ def table(sensors: Sequence[Row]) -> list[tuple[str, ...]]:
     with_bound = any(row.bound is not None for row in sensors)
     is_measured = any(verdict.how == MEASURED for row in sensors for verdict in row.of.values())
     how = MEASURED if is_measured else "about"
-    head = ("sensor", "up to", *(f"{TITLES[cause]} {how}" for cause in causes), *([AT_MOST] if with_bound else []))
+    head = ("sensor", "up to", *(f"{TITLES[cause]} {how}" for cause in causes), *(["at most"] if with_bound else []))
     return [head, *(_line(row, causes, with_bound) for row in sensors)]
 
 
 def _line(row: Row, causes: Sequence[str], with_bound: bool) -> tuple[str, ...]:
     size = "" if row.largest is None else f"{digits(row.largest, 4)} {row.unit}".rstrip()
-    bound = "" if row.bound is None else f"{rounded_up(row.bound, 2)}{SHORT.get(row.scope, '')}"
+    bound = "" if row.bound is None else f"{rounded_up(row.bound, 2)}{row.scope and f' ({row.scope})'}"
     return (row.name, size, *(_cell(row, cause) for cause in causes), *([bound] if with_bound else []))
 
 

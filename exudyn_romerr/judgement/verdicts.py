@@ -77,7 +77,8 @@ class Row:
     """What is known of one component of one sensor in one solve.
 
     largest : its largest absolute value; None where it was not read. of : verdicts by cause, CAUSES that there are,
-    and "sum". bound : what its error is at most, where that is proved in the scope `scope`; None: no finite bound.
+    and "sum". bound : what its error is at most, None: no finite bound, or not certified. scope : what the bound is
+    of, if not of the whole error.
     order, noise : of runs that measure; None elsewhere. tolerance : in its unit; is_asked : by the user.
     """
 
@@ -165,11 +166,18 @@ def _row(solve: Solve, report: ReportData, out: OutputData, i: int, tolerances: 
         largest,
         _verdicts(report, out, i, limit, bound),
         bound if np.isfinite(bound) and not out.uncertified else None,
-        widest_scope(report.scope),
+        _covered(report),
         limit,
         label=out.row_names[i],
         is_asked=tolerances.is_given,
     )
+
+
+def _covered(report: ReportData) -> str:
+    """What bounds are of, where that is less than the whole error."""
+    if widest_scope(report.scope) != COMPLETE:
+        return "modes, to first order"
+    return "modes" if report.time == "sampled" else ""
 
 
 def _extent(out: OutputData, i: int) -> float:

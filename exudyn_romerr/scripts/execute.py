@@ -94,10 +94,8 @@ def _compiled(file: str) -> CodeType:
 def _as_main(module: ModuleType, script: str, arguments: Sequence[str]) -> Iterator[None]:
     """Let the process look as it does to a script that python runs."""
     file, name = os.path.abspath(script), module.__name__
-    module.__dict__.update(
-        __file__=file, __builtins__=sys.modules["builtins"], __loader__=SourceFileLoader(name, file), __cached__=None
-    )
-    module.__annotations__ = {}
+    own = {"__annotations__": {}, "__builtins__": sys.modules["builtins"], "__file__": file, "__cached__": None}
+    module.__dict__.update(own, __loader__=SourceFileLoader(name, file))
     before, argv, path = sys.modules.get(name), sys.argv, sys.path[:]
     sys.modules[name], sys.argv = module, [script, *arguments]
     if not getattr(sys.flags, "safe_path", False):

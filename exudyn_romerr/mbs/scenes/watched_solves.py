@@ -6,7 +6,7 @@ What is heavy is imported when a solve moves the first reduced body: until then 
 from __future__ import annotations
 
 import os
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from functools import wraps
 from time import process_time
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 DYNAMIC = ("MainSolverImplicitSecondOrder", "MainSolverExplicit")
 STATIC = "MainSolverStatic"
+Opened = tuple[Solve | None, Any, ExitStack | None]  # a solve, its monitor, what is put back when it has ended
+NOTHING: Opened = (None, None, None)
 
 
 class WatchedSolves:
@@ -63,15 +65,12 @@ class WatchedSolves:
         def SolveSystem(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
             if self._is_inside:  # ours
                 return solve_system(solver, mbs, *arguments, **options)
-            settings = arguments[0] if arguments else next(iter(options.values()), None)
-            solve, monitor = self._begin(mbs, is_static)
-            kept = nullcontext() if monitor is None else _kept_in_sys(mbs, solver, settings, is_static)
+            opened = self._begin(solver, mbs, is_static, arguments, options)
             begin = process_time()
             try:
-                with kept:
-                    return solve_system(solver, mbs, *arguments, **options)
+                return solve_system(solver, mbs, *arguments, **options)
             finally:
-                self._end(solve, monitor, process_time() - begin)
+                self._end(*opened, process_time() - begin)
 
         return SolveSystem
 
@@ -79,7 +78,7 @@ class WatchedSolves:
         @wraps(initialize)
         def InitializeSolver(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
             if not self._is_inside:
-                self._open[id(solver)] = self._begin(mbs, False)
+                self._open[id(solver)] = self._begin(solver, mbs, False, arguments, options)
             return initialize(solver, mbs, *arguments, **options)
 
         return InitializeSolver
@@ -90,19 +89,19 @@ class WatchedSolves:
             try:
                 return finalize(solver, mbs, *arguments, **options)
             finally:
-                self._end(*self._open.pop(id(solver), (None, None)))
+                self._end(*self._open.pop(id(solver), NOTHING))
 
         return FinalizeSolver
 
-    def _begin(self, mbs: Any, is_static: bool) -> tuple[Solve | None, Any]:
-        """Attach monitors, if there is anything to watch; return what is known, and the monitor of this solve."""
+    def _begin(self, solver: Any, mbs: Any, is_static: bool, arguments: tuple, options: dict) -> Opened:
+        """Attach monitors, if there is anything to watch; return what _end wants to know."""
         if os.getpid() != self._process:
             self._note_elsewhere()
-            return None, None
+            return NOTHING
         bodies = self.bodies.of(mbs)
         if not bodies:
             self.plain += 1
-            return None, None
+            return NOTHING
         solve = Solve(len(self.solves), "static" if is_static else "dynamic", len(bodies))
         self.solves.append(solve)
         self._is_inside = True
@@ -110,17 +109,23 @@ class WatchedSolves:
         try:
             from .scene_monitor import scene_monitor
 
-            return solve, scene_monitor(mbs, bodies, self._asked, solve)
+            monitor = scene_monitor(mbs, bodies, self._asked, solve)
+            settings = arguments[0] if arguments else next(iter(options.values()), None)
+            kept = ExitStack()
+            if monitor is not None:
+                kept.enter_context(_kept_in_sys(mbs, solver, settings, is_static))
+            return solve, monitor, kept
         except Exception as error:  # whatever it is: the script goes on, and the answer says why there is no number
             solve.failure = error
-            return solve, None
+            return solve, None, ExitStack()
         finally:
             solve.our_seconds += process_time() - begin
             self._is_inside = False
 
-    def _end(self, solve: Solve | None, monitor: Any, seconds: float = 0.0) -> None:
+    def _end(self, solve: Solve | None, monitor: Any, kept: ExitStack | None, seconds: float = 0.0) -> None:
         if solve is None:
             return
+        kept.close()
         begin, solve.seconds = process_time(), seconds
         try:
             solve.report = None if monitor is None else monitor.report()

@@ -1,0 +1,285 @@
+"""romerr run: bodies and solves of a script are found however they are made, and each sensor has its answer."""
+
+import gc
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import weakref
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from exudyn_romerr.__main__ import main
+from exudyn_romerr.judgement.answers import STATUS, Answer
+from exudyn_romerr.judgement.verdicts import CAUSES
+from exudyn_romerr.mbs.scenes import found_bodies
+from exudyn_romerr.scripts.run import NO_BODY
+
+ROOT = Path(__file__).resolve().parents[2]
+HEAD = "import exudyn as exu\nfrom models import floating\n"
+SCENE = HEAD + "scene = floating.pendulum(4, t_end=0.05)\n"
+SOLVE = "scene.mbs.Assemble()\nscene.mbs.SolveDynamic(scene.settings)\n"
+
+
+def written(folder, text):
+    path = folder / "script.py"
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def pendulum(tmp_path_factory):
+    """A run of a script of a pendulum, and what attach says of the same scene."""
+    run = romerr.run(written(tmp_path_factory.mktemp("script"), SCENE + SOLVE))
+    from models import floating
+
+    scene = floating.pendulum(4, t_end=0.05)
+    monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, scene.items)])
+    scene.solve()
+    return run, monitor.report()
+
+
+def test_the_report_is_that_of_attach(pendulum):
+    run, report = pendulum
+    assert run.ending.error is None
+    assert list(run.reports[0].outputs) == list(report.outputs)
+    for name, out in report.outputs.items():
+        scale = np.max(np.abs(out.estimate))  # modes are of a solver that begins with random numbers
+        np.testing.assert_allclose(run.reports[0].output(name).estimate, out.estimate, rtol=0, atol=1e-4 * scale)
+        np.testing.assert_allclose(run.reports[0].output(name).bound["best"], out.bound["best"], rtol=1e-3)
+
+
+def test_rows_are_the_parts_of_the_estimate(pendulum):
+    run, report = pendulum[0], pendulum[0].reports[0]
+    rows = {(row["name"], row["component"]): row for row in run.rows}
+    names = [name for name in report.outputs if not name.endswith("in the frame")]
+    assert {name for name, _ in rows} == set(names)
+    for (name, i), row in rows.items():
+        out = report.output(name)
+        assert row["modes"]["size"] == np.max(np.abs(out.estimate_parts["basis"][:, i]))
+        assert row["step"]["size"] == np.max(np.abs(out.estimate_parts["time step"][:, i]))
+        assert row["sum"]["size"] == np.max(np.abs(out.estimate[:, i]))
+        halves = sum(np.max(x[:, i]) for x in out.uncertainty_parts.values())
+        assert row["modes"]["half_width"] + row["step"]["half_width"] == pytest.approx(halves, rel=1e-12)
+        assert row["bound"] >= np.max(out.bound["best"][:, i])
+        assert set(row) >= {*CAUSES, "sum", "solve", "unit", "largest", "order", "noise"}
+
+
+def test_numbers_stand_in_the_text(pendulum):
+    text = str(pendulum[0])
+    assert re.match(r"(Enough|More than|Not known)", text)
+    assert re.search(r"^Modes: .* at \w+", text, re.M)
+    assert re.search(r"^Step: .* at \w+", text, re.M)
+    assert re.search(r"^sensor +up to +modes about", text, re.M)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "answer"), [("10", Answer.ENOUGH), ("1e-12", Answer.TOO_LARGE), ("sensor1=1e-12", None)]
+)
+def test_exit_statuses(tolerance, answer, tmp_path, capsys):
+    """Too large only where the estimate is resolved; of one sensor the others have no tolerance to miss."""
+    clamped = HEAD + "scene = floating.clamped_bar(4, h=2e-4, t_end=0.04)\n"  # its whole error is proved
+    script, to = written(tmp_path, clamped + SOLVE), tmp_path / "a.json"
+    status = main(["run", "--tolerance", tolerance, "--json", str(to), script])
+    told = json.loads(to.read_text())
+    given = answer or max((Answer(row["sum"]["answer"]) for row in told["sensors"]), key=list(Answer).index)
+    assert told["answer"] == given.value
+    assert status == STATUS[given]
+    assert "sensor" in capsys.readouterr().out
+    if answer is None:
+        assert {row["name"] for row in told["sensors"] if row["sum"]["answer"] != "enough"} == {"sensor1"}
+
+
+def test_files_are_written_and_can_be_read(tmp_path, capsys):
+    script = written(tmp_path, SCENE + SOLVE)
+    files = {name: str(tmp_path / f"run.{name}") for name in ("npz", "html", "png", "json")}
+    options = ["--save", files["npz"], "--html", files["html"], "--plot", files["png"], "--json", files["json"]]
+    assert main(["run", *options, script]) == 0
+    assert capsys.readouterr().out.count("written: ") == 4
+    assert romerr.load_report(files["npz"]).outputs
+    assert Path(files["png"]).read_bytes().startswith(b"\x89PNG")
+    told = json.loads(Path(files["json"]).read_text(), parse_constant=pytest.fail)  # no NaN, no Infinity
+    assert told["bodies"] == 1
+    assert told["solves"][0]["kind"] == "dynamic"
+    assert math.isfinite(told["cpu_s"])
+
+
+KINDS = {
+    "solver object": "solver = exu.MainSolverImplicitSecondOrder()\nscene.mbs.Assemble()\n"
+    "assert solver.SolveSystem(scene.mbs, scene.settings)\nassert 'dynamicSolver' not in scene.mbs.sys",
+    "solver not stored": "scene.mbs.Assemble()\nscene.mbs.SolveDynamic(scene.settings, storeSolver=False)\n"
+    "assert 'dynamicSolver' not in scene.mbs.sys",
+    "exu.SolveDynamic": "exu.SolveDynamic(scene.mbs, scene.settings)",
+    "exudyn.solver": "from exudyn.solver import SolveDynamic\nSolveDynamic(scene.mbs, scene.settings)",
+    "by steps": "solver = exu.MainSolverImplicitSecondOrder()\nscene.mbs.Assemble()\n"
+    "solver.InitializeSolver(scene.mbs, scene.settings)\nsolver.SolveSteps(scene.mbs, scene.settings)\n"
+    "solver.FinalizeSolver(scene.mbs, scene.settings)",
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_way_to_solve_is_seen(kind, pendulum, tmp_path):
+    """The same numbers as by SolveDynamic."""
+    run = romerr.run(written(tmp_path, SCENE + KINDS[kind]))
+    assert run.ending.error is None
+    found, wanted = ([row["sum"]["size"] for row in of.rows] for of in (run, pendulum[0]))
+    np.testing.assert_allclose(found, wanted, rtol=1e-4)  # modes are of a solver that begins with random numbers
+
+
+def test_a_static_solve_goes_before(tmp_path):
+    text = SCENE.replace("pendulum(4", "clamped_bar(4") + "scene.mbs.Assemble()\n"
+    text += "static = exu.SimulationSettings()\nstatic.staticSolver.verboseMode = 0\n"
+    text += "scene.mbs.SolveStatic(static, updateInitialValues=True)\nscene.mbs.SolveDynamic(scene.settings)\n"
+    run = romerr.run(written(tmp_path, text))
+    assert [solve.kind for solve in run.solves] == ["static", "dynamic"]
+    assert {row["solve"] for row in run.rows} == {0, 1}
+    assert "solve 0 (static):" in str(run)
+
+
+def test_many_solves_are_a_line_each(tmp_path):
+    text = HEAD + "for n in (1, 2, 3, 4, 5):\n    scene = floating.pendulum(n, t_end=0.02)\n    scene.solve()\n"
+    run = romerr.run(written(tmp_path, text))
+    assert len(run.solves) == 5
+    lines = str(run).split("\n")
+    first = next(i for i, line in enumerate(lines) if line.startswith("solve "))
+    assert [line.split()[0] for line in lines[first : first + 6]] == ["solve", *"01234"]
+
+
+def test_equal_names_get_the_number_of_the_sensor(tmp_path):
+    """Exudyn refuses them where sensors are added, not where they are changed."""
+    text = SCENE + "for i in (0, 2):\n    scene.mbs.SetSensorParameter(i, 'name', 'tip')\n" + SOLVE
+    run = romerr.run(written(tmp_path, text))
+    assert run.ending.error is None
+    assert {row["name"] for row in run.rows} == {"tip (sensor 0)", "sensor1", "tip (sensor 2)"}
+
+
+def test_outputs_are_chosen_where_there_are_no_sensors(tmp_path):
+    text = SCENE.replace("scene = ", "add, floating._add_sensors = floating._add_sensors, lambda *a: {}\nscene = ")
+    text += "floating._add_sensors = add\n" + SOLVE
+    run = romerr.run(written(tmp_path, text))
+    names = {row["name"] for row in run.rows}
+    assert any("node" in name for name in names)
+    assert any("marker" in name for name in names)
+    assert "outputs chosen" in str(run)
+    assert all(row["modes"]["how"] == "estimated" for row in run.rows)
+
+
+def test_what_is_refused_says_why_and_what_to_type(tmp_path, monkeypatch, capsys):
+    """A body whose FE model is gone; the script runs to its end."""
+    monkeypatch.setattr(found_bodies, "fem_of", lambda item: None)
+    text = SCENE + SOLVE + "print('the end')\n"
+    run = romerr.run(written(tmp_path, text))
+    assert run.ending.status == 0
+    assert {row["sum"]["how"] for row in run.rows} == {"not covered"}
+    assert len(run.rows) == 3
+    assert capsys.readouterr().out == "the end\n"
+    assert "no FEMinterface" in str(run)
+    assert "romerr verify" in str(run)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("print(1)", "nothing to tell"),
+        ("import exudyn", "nothing to tell"),
+        (SCENE, "no solve moves it"),
+        (
+            "import exudyn as exu\nSC = exu.SystemContainer()\nmbs = SC.AddSystem()\nmbs.Assemble()\n"
+            "s = exu.SimulationSettings()\ns.timeIntegration.verboseMode = 0\n"
+            "s.timeIntegration.numberOfSteps = 2\ns.solution.file.write = False\nmbs.SolveDynamic(s)",
+            NO_BODY.split("{")[0],
+        ),
+    ],
+)
+def test_nothing_to_tell_is_told(text, said, tmp_path):
+    run = romerr.run(written(tmp_path, text))
+    assert run.ending.status == 0, run.ending.error
+    assert run.rows == []
+    assert said in str(run)
+
+
+def test_a_solve_that_fails_keeps_what_was_bounded(tmp_path):
+    text = (
+        SCENE
+        + "steps = []\ndef stop(mbs, t):\n    if t > 0.03:\n        raise ValueError('enough')\n    return True\n"
+    )
+    text += "scene.mbs.SetPreStepUserFunction(stop)\nscene.mbs.Assemble()\nscene.mbs.SolveDynamic(scene.settings)\n"
+    run = romerr.run(written(tmp_path, text))
+    assert run.ending.status == 1
+    assert run.ending.error is not None
+    assert 0.025 < run.solves[0].report.t[-1] <= 0.031
+
+
+def test_scripts_that_attach_themselves_keep_their_monitors(tmp_path):
+    text = "import exudyn_romerr as romerr\n" + SCENE
+    text += "monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))\n" + SOLVE
+    text += "assert len(monitor.report().outputs) > 2\n"
+    run = romerr.run(written(tmp_path, text))
+    assert run.ending.error is None
+    assert "monitors of its own" in str(run)
+    assert run.rows[0]["sum"]["how"] == "estimated"
+
+
+def test_solves_in_other_processes_are_counted(tmp_path):
+    text = "import multiprocessing\n" + HEAD
+    text += "def work(n):\n    floating.pendulum(n, t_end=0.01).solve()\n"
+    text += "if __name__ == '__main__':\n    with multiprocessing.get_context('fork').Pool(2) as pool:\n"
+    text += "        pool.map(work, [1, 2, 3])\n"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-m", "exudyn_romerr", "run", written(tmp_path, text)],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert "3 solves in other processes (2 started) not watched" in done.stdout
+
+
+def test_nothing_of_ours_stays_in_front_of_exudyn(tmp_path, pendulum):
+    import exudyn as exu
+
+    before = {name: getattr(exu.MainSystem, name) for name in ("AddObject", "Reset", "SolveDynamic")}
+    romerr.run(written(tmp_path, SCENE + SOLVE))
+    assert {name: getattr(exu.MainSystem, name) for name in before} == before
+
+
+def test_the_mbs_is_freed(tmp_path):
+    text = SCENE + SOLVE + "import sys, weakref\nsys.kept = weakref.ref(scene.mbs)\n"
+    run = romerr.run(written(tmp_path, text))
+    gc.collect()
+    assert isinstance(sys.kept, weakref.ref)
+    assert sys.kept() is None
+    assert run.rows
+    del sys.kept
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere.py"], "there is no script 'nowhere.py'"),
+        (["."], "is a folder"),
+        (["--tolerance", "much", "script.py"], "--tolerance 'much'"),
+        (["--tolerance", "1%", "--tolerance", "2%", "script.py"], "twice"),
+        (["--json", "no/where.json", "script.py"], "there is no folder"),
+        (["--json", "a.txt", "script.py"], "must end in .json"),
+    ],
+)
+def test_wrong_usage_is_one_line(arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, "raise SystemExit(9)")
+    assert main(["run", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_a_name_that_no_sensor_has_is_told(tmp_path):
+    run = romerr.run(written(tmp_path, SCENE + SOLVE), tolerance="top=1")
+    assert "--tolerance names 'top'; sensors are 'sensor0', " in str(run)
