@@ -1,181 +1,232 @@
-"""Exudyn's own flexible examples, with our lines and without: same results, estimate, bound, truth, cost.
+"""Exudyn's own scripts with reduced flexible bodies, untouched: bare, under `romerr run`, under `romerr verify`.
 
-    python benchmarks/exudyn_examples.py CHECKOUT [--only NAME ...] [--pairs 3]
-    python benchmarks/exudyn_examples.py CHECKOUT --docs     writes the table into docs/exudyn_examples.md, too
+    python benchmarks/exudyn_examples.py CHECKOUT [--only NAME ...] [--verify] [--limit 600]
+    python benchmarks/exudyn_examples.py CHECKOUT --verify --docs     writes the tables into docs/exudyn_examples.md
 
 CHECKOUT is a work tree of github.com/jgerstmayr/EXUDYN; needs ngsolve. Every script runs in a process and a folder of
-its own (exudyn_recorder.py), headless, patched by exudyn_patches.py and by nothing else. CPU time: of the solve and
-the report, over that of the solve without our lines, in turn; floating_body, attach and the call that begins a solve
-come before it and are counted apart.
-
-Truths are runs of a script with many more modes, same steps: its outputs are compared with estimate and bound at all
-instants. Of the estimate only the modes' part can be compared so, since steps are the same.
+its own, headless; exudyn_site/sitecustomize.py gives it names that the installed Exudyn no longer has, and keeps its
+states and sensors. CPU time: of the whole process, over that of the bare one; one pair of runs.
 """
 
+from __future__ import annotations
+
 import argparse
+import json
+import os
+import re
+import resource
+import shutil
 import subprocess
 import sys
 import tempfile
-import textwrap
 from pathlib import Path
+from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
 from benchmarks import page
-from benchmarks.exudyn_patches import EXAMPLES, Example
-from benchmarks.exudyn_runs import Case, Comparison, Outcome, differences, run_cases, run_truths
 
 ROOT = Path("main/pythonDev")
+FOLDERS = ("Examples", "TestModels")
+MAKES_A_BODY = re.compile(r"\.AddObjectFFRFreducedOrder|CreateFFRFReducedOrderObject\(|[^I]ObjectFFRFreducedOrder\(")
 PAGE = page.ROOT / "docs" / "exudyn_examples.md"
-COLUMNS = (
-    "example|lines|scope|output|largest value|error about|bound|bound / value|truth|error|modes' part off by|"
-    "bound / error|above the bound|results with and without|CPU time|before"
-).split("|")
-NEWTON = 1e-9  # of an output: what Newton's tolerance leaves is no error of the reduction
+SITE = Path(__file__).resolve().parent / "exudyn_site"
+QUIET = {"EXUDYN_SUPPRESS_UI_WINDOW_OPEN": "1", "MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1"}
+CAUSES = ("modes", "interfaces", "step", "sum")
+SCRIPTS_HEAD = "script|ends|solves|sensors with a number|bare|run / bare|verify / bare|states and sensors"
+SENSORS_HEAD = "script|sensor|up to|modes|rigid interfaces|step|whole error|at most|measured: modes|interfaces|step"
+NO_NUMBER = "not covered"
 
 
-def rounded(x: float) -> str:
-    """Return two digits of a number, without an exponent where it has few zeros."""
-    return f"{float(f'{x:.2g}'):.2g}" if x and not 1e-2 <= abs(x) < 1e4 else f"{float(f'{x:.2g}'):g}"
+class Ran(NamedTuple):
+    """A script's run: status, CPU seconds, its last line of error, states, what --json told."""
+
+    status: int | None
+    seconds: float
+    said: str
+    states: dict[str, np.ndarray]
+    told: dict[str, Any]
 
 
-def shown(share: float) -> str:
-    """Return a share in per cent, or how many times as large the bound is."""
-    return f"{rounded(share)} times" if share > 10 else f"{rounded(100 * share)} %"
+def scripts_in(checkout: Path) -> list[Path]:
+    """Return the scripts that make a reduced flexible body."""
+    found = [path for folder in FOLDERS for path in sorted((checkout / ROOT / folder).rglob("*.py"))]
+    return [path for path in found if MAKES_A_BODY.search(path.read_text(encoding="utf-8", errors="replace"))]
 
 
-def rows(case: Case) -> list[list[str]]:
-    """Return a row of the table for each output, or for each refusal."""
-    told, example = case.ours.told, EXAMPLES[case.name]
-    head = {"example": case.name, "lines": case.view, "results with and without": equality(case)}
-    made = [row(head, scope=f"refused by {text}") for text in told["refusals"]]
-    if told["failed"] != case.bare.told["failed"] or not (made or told["bodies"]):
-        made.append(row(head, scope=f"script fails: {told['failed']}"))
-    stopped = any("refused" in body for body in told["bodies"])  # a solve that was stopped costs little
-    costs = {} if stopped else {"CPU time": f"{case.ratio:.1f} times", "before": f"{rounded(case.offline)} s"}
-    for i, body in enumerate(told["bodies"]):
-        if "refused" in body:
-            made.append(row(head, scope=f"{part_of(example, i, case.ours)}refused by {body['refused']}"))
-    return made + [row(head, **cells_of(example, case.ours, key), **costs) for key in outputs(case.ours)]
+def ran(script: Path, how: str, folder: Path, limit: float) -> Ran:
+    """Run a script "bare", by "run" or by "verify", in a new folder with its test data."""
+    folder.mkdir(parents=True)
+    if (script.parent / "testData").is_dir():
+        shutil.copytree(script.parent / "testData", folder / "testData")
+    (folder / "solution").mkdir()
+    shutil.copy(script, folder)
+    kept, told = folder.parent / f"{how}.npz", folder.parent / f"{how}.json"
+    paths = (SITE, page.ROOT, next(p for p in script.parents if p.name in FOLDERS).parent / "TestModels")
+    environment = {**os.environ, **QUIET, "PYTHONPATH": os.pathsep.join(map(str, paths))}
+    environment["ROMERR_STATES"] = str(kept)
+    ours = [] if how == "bare" else ["-m", "exudyn_romerr", how, "--json", str(told)]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    with open(folder.parent / f"{how}.txt", "w", encoding="utf-8") as out:
+        try:
+            done = subprocess.run(
+                [sys.executable, *ours, script.name],
+                cwd=folder,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=subprocess.STDOUT,
+                timeout=limit,
+            )
+            status = done.returncode
+        except subprocess.TimeoutExpired:
+            status = None
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    lines = (folder.parent / f"{how}.txt").read_text(encoding="utf-8", errors="replace").strip().split("\n")
+    errors = [line for line in lines if re.match(r"\w*(Error|Exception)\b", line)]
+    states = dict(np.load(kept)) if kept.exists() else {}
+    return Ran(
+        status, seconds, errors[-1] if errors else "", states, json.loads(told.read_text()) if told.exists() else {}
+    )
 
 
-def equality(case: Case) -> str:
-    """Return whether results with and without our lines are the same, in words."""
-    changed, count = differences(case.bare.states, case.ours.states), len(case.bare.states)
-    return f"{len(changed)} of {count} arrays differ" if changed else f"all {count} arrays equal"
+def equality(bare: Ran, ours: Ran) -> str:
+    """Return whether states and sensors are the same, in words."""
+    if not bare.states:
+        return "none kept"
+    names = {*bare.states} | {*ours.states}
+    changed = [name for name in names if not _same(bare.states.get(name), ours.states.get(name))]
+    return f"{len(changed)} of {len(names)} arrays differ" if changed else f"all {len(names)} arrays equal"
 
 
-def compared(comparison: Comparison) -> list[list[str]]:
-    """Return a row of estimate, bound and error for each output."""
-    coarse, made = comparison.coarse, []
-    for key in outputs(coarse):
-        value, part, bound = (coarse.series.get(f"{key[0]} {what} {key[1]}") for what in ("value", MODES, "bound"))
-        missed = comparison.fine.series[f"{key[0]} value {key[1]}"] - value
-        error, floor = np.abs(missed), NEWTON * np.max(np.abs(value))
-        found = cells_of(EXAMPLES[comparison.name], coarse, key)
-        found |= {"truth": comparison.truth, "error": rounded(error.max()), "bound / error": sharpness(bound, error)}
-        found["above the bound"] = f"{int(np.sum(np.any(error > bound + floor, axis=1)))} of {len(error)}"
-        if part is not None:
-            found["modes' part off by"] = shown(np.abs(part - missed).max() / error.max())
-        made.append(row({"example": comparison.name}, **found))
-    return made
+def _same(one: Any, other: Any) -> bool:
+    return one is not None and other is not None and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
 
 
-SERIES, MODES = ("value", "estimate", "half width", "bound"), "modes' part"
+def ending(one: Ran) -> str:
+    """Return how a script ended, in words."""
+    if one.status is None:
+        return "time limit"
+    return "well" if one.status == 0 else f"status {one.status}: {one.said}"[:120]
 
 
-def outputs(outcome: Outcome) -> list[tuple[str, str]]:
-    """Return (number of the body, name) of all outputs."""
-    split = (key.split(" ", 2) for key in outcome.series if " value " in key)
-    return [(number, name) for number, _, name in split]
+def by_sensor(told: dict[str, Any]) -> dict[tuple[int, str], dict[str, Any]]:
+    """Return for each sensor of each solve the largest of every cause among its components."""
+    found: dict[tuple[int, str], dict[str, Any]] = {}
+    for row in told.get("sensors", ()):
+        own = found.setdefault((row["solve"], row["name"]), {"unit": row["unit"], "largest": 0.0, "bound": 0.0})
+        own["largest"] = max(own["largest"], row["largest"] or 0.0)
+        own["bound"] = None if None in (own["bound"], row["bound"]) else max(own["bound"], row["bound"])
+        for cause in CAUSES:
+            if row.get(cause) is not None:
+                own[cause] = max(own.get(cause, row[cause]), row[cause], key=lambda x: x["size"] or 0.0)
+    return found
 
 
-def cells_of(example: Example, outcome: Outcome, key: tuple[str, str]) -> dict[str, str]:
-    """Return what a report says of an output: value, estimate and bound, each its largest."""
-    (number, name), body = key, outcome.told["bodies"][int(key[0])]
-    unit = next(out["unit"] for out in body["outputs"] if out["name"] == name)
-    series = (outcome.series.get(f"{number} {what} {name}") for what in SERIES)
-    value, estimate, half_width, bound = (None if x is None else float(np.max(np.abs(x))) for x in series)
-    return {
-        "scope": body["scope"],
-        "output": part_of(example, int(number), outcome) + name,
-        "largest value": f"{rounded(value)} {unit}",
-        "error about": "" if estimate is None else f"{rounded(estimate)} +- {rounded(half_width)}",
-        "bound": rounded(bound) if np.isfinite(bound) else "none",
-        "bound / value": shown(bound / value) if value and np.isfinite(bound) else "",
-    }
-
-
-def sharpness(bound: np.ndarray, error: np.ndarray) -> str:
-    """Return the largest bound over the largest error of all rows together, and of the row where it is worst."""
-    if not np.isfinite(bound).all():
+def cell(verdict: dict[str, Any] | None) -> str:
+    """Return a verdict as size and half width, or why there is no number."""
+    if verdict is None:
         return ""
-    together = rounded(bound.max() / error.max())
-    largest = error.max(axis=0)
-    if len(largest) == 1:
-        return together
-    return f"{together}, one row {rounded((bound.max(axis=0)[largest > 0] / largest[largest > 0]).max())}"
+    if verdict["size"] is None:
+        return verdict["how"] if verdict["how"] == NO_NUMBER else verdict["answer"]
+    return f"{verdict['size']:.1e} +- {verdict['half_width'] or 0.0:.0e}"
 
 
-def part_of(example: Example, i: int, outcome: Outcome) -> str:
-    """Return the name of a body, for its outputs, if the script has several in turn."""
-    return f"{example.parts[i]}: " if len(example.parts) == len(outcome.told["bodies"]) else ""
+def sensor_rows(name: str, run: Ran, verify: Ran | None) -> list[list[str]]:
+    """Return a row for each sensor; of many solves those of the last."""
+    told, measured = by_sensor(run.told), by_sensor(verify.told) if verify else {}
+    last = max((solve for solve, _ in {**told, **measured}), default=0)
+    rows = []
+    for key in dict.fromkeys([*told, *measured]):
+        if key[0] != last:
+            continue
+        own, other = told.get(key, {}), measured.get(key, {})
+        size = own.get("largest") or other.get("largest") or 0.0
+        bound = own.get("bound")
+        rows.append(
+            [
+                name,
+                key[1],
+                f"{size:.3g} {own.get('unit') or other.get('unit') or ''}".strip(),
+                *(cell(own.get(cause)) for cause in CAUSES),
+                f"{bound:.1e}" if bound else "",
+                *(cell(other.get(cause)) for cause in CAUSES[:3]),
+            ]
+        )
+    return rows
 
 
-def row(head: dict[str, str], **cells: str) -> list[str]:
-    """Return a row of the table; cells that are not there are empty."""
-    return [{**head, **cells}.get(column, "") for column in COLUMNS]
+def script_row(name: str, bare: Ran, run: Ran, verify: Ran | None) -> list[str]:
+    """Return the row of a script."""
+    told, measured = by_sensor(run.told), by_sensor(verify.told) if verify else {}
+    estimated = sum(any(_is_number(own.get(x)) for x in CAUSES) for own in told.values())
+    had = sum(any(_is_number(own.get(x)) for x in CAUSES[:3]) for own in measured.values())
+    said = f"{estimated} of {len(told)} estimated" + (f", {had} of {len(measured)} measured" if verify else "")
+    ratio = [
+        f"{x.seconds / bare.seconds:.1f}" if x and x.status is not None and bare.seconds else ""
+        for x in (run, verify)
+    ]
+    solves = len(run.told.get("solves", ()))
+    return [name, ending(bare), str(solves), said, f"{bare.seconds:.1f} s", *ratio, equality(bare, run)]
 
 
-def line(cells: list[str]) -> str:
-    """Return a row as markdown."""
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+def _is_number(verdict: dict[str, Any] | None) -> bool:
+    return verdict is not None and verdict["size"] is not None
 
 
-def main(arguments: list[str] | None = None) -> list[list[str]]:
-    """Run the examples, print and return the rows of the table."""
+def reasons(name: str, run: Ran) -> list[str]:
+    """Return a line for each reason why sensors have no estimate."""
+    found: dict[str, list[str]] = {}
+    for row in run.told.get("sensors", ()):
+        if row["sum"]["how"] == NO_NUMBER:
+            found.setdefault(row["sum"]["reason"], []).append(row["name"])
+    lines = [f"- {name}, {', '.join(dict.fromkeys(names))}: {why}" for why, names in found.items()]
+    return lines + [f"- {name}: {note}" for note in run.told.get("notes", ())]
+
+
+def table(head: str, rows: list[list[str]]) -> str:
+    """Return a table as markdown."""
+    cells = [head.split("|"), ["---"] * len(head.split("|")), *rows]
+    return "\n".join("| " + " | ".join(text.replace("|", "\\|") for text in row) + " |" for row in cells)
+
+
+def main(arguments: list[str] | None = None) -> str:
+    """Run the scripts, print and return the tables."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("checkout", type=Path, help="work tree of Exudyn's repository")
-    parser.add_argument("--only", nargs="+", choices=EXAMPLES, default=list(EXAMPLES), metavar="NAME")
-    parser.add_argument("--pairs", type=int, default=3, help="at most; no more once an example has taken long")
-    parser.add_argument("--docs", action="store_true", help=f"write the table into {PAGE.name}")
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="scripts by name, without .py")
+    parser.add_argument("--verify", action="store_true", help="measure, too")
+    parser.add_argument(
+        "--limit", type=float, default=600.0, help="s for one run of a script; verify gets ten times that"
+    )
+    parser.add_argument("--docs", action="store_true", help=f"write the tables into {PAGE.name}")
     options = parser.parse_args(arguments)
-    root = options.checkout / ROOT
-    if not root.is_dir():
-        parser.error(f"{root} is not there; needed: a work tree of github.com/jgerstmayr/EXUDYN")
-    lines, table = [line(COLUMNS), line(["---"] * len(COLUMNS))], []
-    print("\n".join(lines))
-    with tempfile.TemporaryDirectory() as folder:
-        for name in options.only:
-            made = example_rows(name, root, Path(folder), options.pairs)
-            print("\n".join(map(line, made)), flush=True)
-            table += made
-    notes = noted(options.only)
-    print("\n" + notes)
+    scripts = [path for path in scripts_in(options.checkout) if not options.only or path.stem in options.only]
+    if not scripts:
+        parser.error(f"no script with a reduced flexible body below {options.checkout / ROOT}")
+    of_scripts, of_sensors, why = [], [], []
+    with tempfile.TemporaryDirectory() as place:
+        for script in scripts:
+            name = script.relative_to(options.checkout / ROOT).with_suffix("").as_posix()
+            folder = Path(place) / name
+            bare, run = (ran(script.resolve(), how, folder / how, options.limit) for how in ("bare", "run"))
+            verify = (
+                ran(script.resolve(), "verify", folder / "verify", 10 * options.limit) if options.verify else None
+            )
+            of_scripts.append(script_row(name, bare, run, verify))
+            of_sensors += sensor_rows(name, run, verify)
+            why += reasons(name, run)
+            print(" | ".join(of_scripts[-1]), flush=True)
+    text = "\n\n".join(
+        filter(None, [table(SCRIPTS_HEAD, of_scripts), table(SENSORS_HEAD, of_sensors), "\n".join(why)])
+    )
+    print(f"\n{text}")
     if options.docs:
-        page.put_between("examples", "\n".join([*lines, *map(line, table), "", notes]), PAGE)
-    return table
-
-
-def noted(names: list[str]) -> str:
-    """Return the notes of examples as a paragraph, each note once."""
-    notes: dict[str, list[str]] = {}
-    for name in names:
-        notes.setdefault(EXAMPLES[name].note, []).append(name)
-    return textwrap.fill(" ".join(f"*{', '.join(of)}:* {note}." for note, of in notes.items() if note), 128)
-
-
-def example_rows(name: str, root: Path, folder: Path, pairs: int) -> list[list[str]]:
-    """Return the rows of one example: with our lines, then against truths."""
-    example = EXAMPLES[name]
-    try:
-        cases = run_cases(name, example, root, folder, pairs)
-        found = [made for case in cases for made in rows(case)]
-        return found + [made for truth in run_truths(name, example, root, folder, cases) for made in compared(truth)]
-    except (RuntimeError, subprocess.TimeoutExpired) as error:
-        return [row({"example": name}, scope=f"not run: {error}")]  # the others still can be
+        page.put_between("examples", text, PAGE)
+    return text
 
 
 if __name__ == "__main__":

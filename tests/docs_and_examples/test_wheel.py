@@ -117,16 +117,15 @@ def test_wheel_asks_for_four_packages(python):
     assert sorted(re.match(r"[\w-]+", text)[0] for text in needed) == ["exudyn", "matplotlib", "numpy", "scipy"]
 
 
-def test_import_brings_numpy_and_scipy_only(python, tmp_path):
-    """Neither Exudyn nor matplotlib, nor anything else that is not Python's own."""
+def test_import_brings_nothing(python, tmp_path):
+    """Neither NumPy nor Exudyn, nor anything else that is not Python's own: a script may still configure them."""
     code = (
         "import sys; own = {*sys.stdlib_module_names, *sys.modules}; import exudyn_romerr; "
         "print(exudyn_romerr.__file__); print(*{name.split('.')[0] for name in sys.modules} - own)"
     )
     place, brought = python.run("-c", code, folder=tmp_path).splitlines()
     assert Path(place).is_relative_to(python.home)
-    names = {name for name in brought.split() if not name.startswith("_")}  # the rest is compiled, in no package
-    assert names - {"cython_runtime"} == {"exudyn_romerr", "numpy", "scipy"}
+    assert brought.split() == ["exudyn_romerr"]
 
 
 def test_installed_package_shows_a_saved_report(python, tmp_path):

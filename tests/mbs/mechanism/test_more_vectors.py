@@ -8,7 +8,7 @@ import scipy.sparse.linalg
 from exudyn import OutputVariableType
 
 import exudyn_romerr as romerr
-from benchmarks.exudyn_recorder import started
+from benchmarks.exudyn_site.sitecustomize import started
 from exudyn_romerr.errors import AssumptionError
 from exudyn_romerr.mbs.mechanism import more_vectors
 from exudyn_romerr.mbs.mechanism.more_vectors import FIRST, MORE
