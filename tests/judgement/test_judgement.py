@@ -121,7 +121,7 @@ def test_of_components_the_worst_is_told():
     told = text(Judgement([one, other], [Solve(0, "dynamic", 1)]), "a.py").split("\n")
     assert told[0] == "Too large, by modes: tip z."
     assert told[1] == "Modes: too large, 0.009 +- 0.0002 m (0.45 %) at tip z; more modes."
-    assert told[2] == "Step: enough, 0.0014 m or less (0.07 %) at tip z."  # half widths above 30 % are no digits
+    assert told[2] == "Step: enough, 0.0014 m or less (0.066 %) at tip z."  # half widths above 30 % are no digits
 
 
 def test_answers_statuses_and_words_are_one_table():
