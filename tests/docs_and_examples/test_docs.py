@@ -37,6 +37,7 @@ def test_printed_lines_are_compared():
 def test_page_runs_as_one_script_and_prints_what_it_shows(name, capsys, tmp_path, monkeypatch):
     """In a folder of its own, beside the data of models/; other files are read from there in no page."""
     shutil.copytree(ROOT / "models" / "data", tmp_path / "models" / "data")
+    (tmp_path / "examples").symlink_to(ROOT / "examples")  # scripts that a page runs find models/ by their own place
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "page"}
     with rc_context():  # Exudyn's PlotSensor enlarges all fonts of the process
