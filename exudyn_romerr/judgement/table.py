@@ -27,16 +27,21 @@ def text(judgement: Judgement, script: str) -> str:
     sensors = by_sensor(judgement.rows)
     lines = [*judgement.notes]
     if sensors:
-        lines += [summary(sensors), *first_sentences(sensors), ""]
-        numbers = sorted({row.solve for row in sensors})
-        if len(numbers) <= FEW_SOLVES:
-            for number in numbers:
-                head = [f"solve {number} ({judgement.solves[number].kind}):"] if len(numbers) > 1 else []
-                lines += head + aligned(table([row for row in sensors if row.solve == number]))
-        else:
-            lines += aligned(table_of_solves(sensors, numbers))
-        lines += reasons(sensors, script)
-    return "\n".join(lines)
+        lines.append(summary(sensors))
+    if any(verdict.how != NONE for row in sensors for verdict in row.of.values()):
+        lines += [*first_sentences(sensors), "", *_tables(sensors, judgement)]
+    return "\n".join([*lines, *reasons(sensors, script)])
+
+
+def _tables(sensors: Sequence[Row], judgement: Judgement) -> list[str]:
+    numbers = sorted({row.solve for row in sensors})
+    if len(numbers) > FEW_SOLVES:
+        return aligned(table_of_solves(sensors, numbers))
+    lines: list[str] = []
+    for number in numbers:
+        lines += [f"solve {number} ({judgement.solves[number].kind}):"] if len(numbers) > 1 else []
+        lines += aligned(table([row for row in sensors if row.solve == number]))
+    return lines
 
 
 def by_sensor(rows: Sequence[Row]) -> list[Row]:
@@ -73,10 +78,12 @@ def summary(sensors: Sequence[Row]) -> str:
         return f"Enough: the error of every sensor is within {within}."
     causes = [cause for cause in CAUSES if any(cause in row.of and row.of[cause].answer is answer for row in sensors)]
     of = f", by {listed([TITLES[cause] for cause in causes])}" if causes else ""
-    names = listed([row.name for row in sensors if row.answer is answer])
+    names = listed(list(dict.fromkeys(row.name for row in sensors if row.answer is answer)))
     if answer is Answer.TOO_LARGE:
         return f"{'Too large' if asked else f'More than {100 * SHARE:g} %'}{of}: {names}."
-    return f"{'Not covered' if answer is Answer.NOT_COVERED else 'Not known whether it is enough'}{of}: {names}."
+    if answer is Answer.NOT_COVERED:
+        return f"Not covered by any estimate: {names}."
+    return f"Not known whether it is enough{of}: {names}."
 
 
 def first_sentences(sensors: Sequence[Row]) -> list[str]:
