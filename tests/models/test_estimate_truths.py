@@ -19,7 +19,7 @@ def assert_stored(name, steps):
     for key, truth in found.items():
         largest = np.abs(wanted[key].value[: len(truth.t)]).max()
         for values, kept in ((truth.value, wanted[key].value), (truth.same_steps, wanted[key].same_steps)):
-            np.testing.assert_allclose(values, kept[: len(values)], rtol=0, atol=tol.MECHANISM_NEWTON * largest)
+            np.testing.assert_allclose(values, kept[: len(values)], rtol=0, atol=tol.OTHER_PROCESSOR * largest)
 
 
 @pytest.mark.parametrize("name", CHEAP)

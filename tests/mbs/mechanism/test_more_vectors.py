@@ -11,7 +11,7 @@ import exudyn_romerr as romerr
 from benchmarks.exudyn_site.sitecustomize import started
 from exudyn_romerr.errors import AssumptionError
 from exudyn_romerr.mbs.mechanism import more_vectors
-from exudyn_romerr.mbs.mechanism.more_vectors import FIRST, MORE
+from exudyn_romerr.mbs.mechanism.more_vectors import FIRST
 from exudyn_romerr.mbs.mechanism.tried_vectors import times_the_estimate
 from exudyn_romerr.mbs.monitoring import step_hook
 from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
@@ -26,7 +26,7 @@ TOLD = "auxiliary vectors: with 26 the bound of 'tip local' is "
 
 @pytest.fixture
 def asking(monkeypatch):
-    """Short runs ask early: with 26 vectors the bound of the bar is 1.45 times the estimate, with 60 1.17 times.
+    """Short runs ask early: with 26 vectors the bound of the bar is 1.45 times the estimate, with 80 1.03 times.
 
     With what time steps make beside, eleven times as much as is bounded, these are 1.04 and 1.01 times.
     """
@@ -36,7 +36,12 @@ def asking(monkeypatch):
 
 @pytest.fixture
 def bar(monkeypatch):
-    """Makes a long soft bar that falls about a hinge at once, undamped; two of them have the same modes."""
+    """Makes a long soft bar that falls about a hinge at once, undamped; two of them have the same modes.
+
+    It is asked for 80 vectors, not 60: that which helps most is the 58th with one kind of processor, and the 61st with
+    another, whose last digits differ.
+    """
+    monkeypatch.setattr(more_vectors, "MORE", MORE)
     monkeypatch.setattr(scipy.sparse.linalg, "eigsh", started(scipy.sparse.linalg.eigsh))
     monkeypatch.setattr(estimate_scenes, "SOFT_DAMPING", (0.0, 0.0))
     return partial(estimate_scenes.hinged_bar, 8, "RBE3", H, STEPS * H)
@@ -68,6 +73,7 @@ def assert_same(found, other):
         np.testing.assert_allclose(found.output(name).uncertainty, out.uncertainty, atol=AGAIN * half)
 
 
+MORE = 80, 130
 MANY = {"auxiliary_modes": MORE[0]}
 
 
@@ -80,8 +86,8 @@ def test_a_run_that_asks_for_more_is_as_one_that_had_them_from_the_start(asking,
     gain = np.max(few.output("tip local").bound["best"]) / np.max(many.output("tip local").bound["best"])
     assert gain > more_vectors.PAYS
     assert note[0].startswith(TOLD)
-    gained = f"after {STEPS} steps; 60 make that of 'tip local' {gain:.2g} times smaller"
-    assert note[0].endswith(f"{gained}; attach(..., auxiliary_modes=60) spares the next run the trying")
+    gained = f"after {STEPS} steps; 80 make that of 'tip local' {gain:.2g} times smaller"
+    assert note[0].endswith(f"{gained}; attach(..., auxiliary_modes=80) spares the next run the trying")
     assert told(few) == told(many) == []
 
 
@@ -102,7 +108,7 @@ def test_what_fails_is_left(asking, bar, monkeypatch):
     monkeypatch.setattr(type(watched(bar()).subject), "_with_vectors", fails)
     auto = report(bar())
     assert_same(auto, few)
-    assert "60 could not be tried: no room; " in told(auto)[0]
+    assert "80 could not be tried: no room; " in told(auto)[0]
 
 
 def test_nothing_is_tried_in_a_few_steps(asking, bar, monkeypatch):
@@ -130,7 +136,7 @@ def test_a_run_goes_on_with_the_vectors_that_were_taken(asking, bar):
 
 
 def test_a_tolerance_is_not_what_stops_a_run_where_more_vectors_keep_it(bar, monkeypatch):
-    """The bound with 26 vectors exceeds it early; with 60 it never does. A short run asks as early as a long one."""
+    """The bound with 26 vectors exceeds it early; with 80 it never does. A short run asks as early as a long one."""
     monkeypatch.setattr(more_vectors, "FAR", 1.2)
     monkeypatch.setattr(more_vectors, "PAYS", 1.1)
     few, many = report(bar(), auxiliary_modes=FIRST), report(bar(), **MANY)
