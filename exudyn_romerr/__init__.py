@@ -50,6 +50,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .report.von_mises import VonMises, von_mises
     from .residual.residual import initial_coordinates, initial_error
     from .scripts.run import Run, run
+    from .scripts.verify import Verification, verify
 
 _MODULES = {
     "Assessment": "report.assessment",
@@ -69,6 +70,7 @@ _MODULES = {
     "Run": "scripts.run",
     "RunError": "errors",
     "Trajectory": "online.evaluate",
+    "Verification": "scripts.verify",
     "VonMises": "report.von_mises",
     "add_bands": "report.plots.overlay",
     "add_reduced_body": "mbs",
@@ -102,6 +104,7 @@ _MODULES = {
     "set_modal_damping": "mbs",
     "sweep": "mbs.studies.parameter_sweep",
     "two_level": "mbs",
+    "verify": "scripts.verify",
     "von_mises": "report.von_mises",
 }
 

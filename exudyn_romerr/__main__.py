@@ -36,14 +36,15 @@ STATUS_OF_RUN = (
     "exit status: that of the script; with --tolerance, where the script ends well: 0 enough, 3 too large, "
     "4 not known; 2 wrong usage"
 )
+STATUS_OF_VERIFY = "exit status: 0; with --tolerance: 0 enough, 3 too large, 4 not known; 2: nothing could be run"
 WRONG_USAGE = 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line (default: that of the process) and return its exit status, see STATUS."""
     given = _parser().parse_args(arguments)
-    if given.run is _run:
-        return _run(given)
+    if given.run in (_run, _verify):
+        return given.run(given)
     for stream in (sys.stdout, sys.stderr):  # no name of an output breaks a terminal that cannot show it
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
@@ -69,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
     _add_run(commands)
+    _add_verify(commands)
     saved = _add(commands, "show", _show, "print the summary", "romerr show run.npz --tolerance 1%")
     saved.add_argument(
         "--tolerance",
@@ -114,15 +116,68 @@ def _add(
 
 
 def _add_run(commands) -> None:
-    """The command that runs a script; its options come before the script, whose own come after it."""
+    """The command that runs a script and tells what is estimated of it."""
     about = "run a script and tell how wrong its reduced bodies make it"
+    parser = _add_scripted(commands, "run", about, "romerr run --tolerance 1% model.py", STATUS_OF_RUN)
+    for option, what in WRITTEN.items():
+        parser.add_argument(f"--{option}", metavar="file", help=what)
+    _add_script(parser, _run)
+
+
+def _add_verify(commands) -> None:
+    """The command that measures."""
+    about = "run a script again and again, and measure its errors"
+    parser = _add_scripted(commands, "verify", about, "romerr verify --tolerance 1% model.py", STATUS_OF_VERIFY)
+    parser.add_argument("--jobs", type=int, metavar="N", help="runs at a time (default: as memory allows)")
+    parser.add_argument("--timeout", type=float, metavar="S", help="end a run after so many seconds")
+    parser.add_argument(
+        "--controllers",
+        choices=("follow", "hold"),
+        default="follow",
+        help="PreStep functions are called at every shorter step, or at the steps of the script (default: follow)",
+    )
+    parser.add_argument("--modes-by-call", action="store_true", help="also more modes by the script's own call")
+    for option in ("json", "plot"):
+        parser.add_argument(f"--{option}", metavar="file", help=WRITTEN[option])
+    _add_script(parser, _verify)
+
+
+def _verify(given: argparse.Namespace) -> int:
+    """Measure, print and write the answer."""
+    from .scripts.verify import tell_on_stderr, verify
+
+    try:
+        files = checked_files({option: getattr(given, option) for option in ("json", "plot")})
+        found = verify(
+            given.script,
+            given.arguments,
+            tolerance=given.tolerance,
+            controllers=given.controllers,
+            jobs=given.jobs,
+            timeout=given.timeout,
+            modes_by_call=given.modes_by_call,
+            progress=None if given.quiet else tell_on_stderr,
+        )
+    except RomErrError as error:
+        print(f"romerr: {error}", file=sys.stderr)
+        return WRONG_USAGE
+    if not given.quiet:
+        show(f"romerr {__version__}: {given.script}\n{found}")
+    for option, path in files.items():
+        {"json": found.save, "plot": found.plot}[option](path)
+        show(f"written: {path}")
+    return found.status
+
+
+def _add_scripted(commands, name: str, about: str, example: str, status: str) -> argparse.ArgumentParser:
+    """Add a command about a script; its options come before the script, whose own come after it."""
     parser = commands.add_parser(
-        "run",
+        name,
         help=about,
-        description=f"{about[0].upper()}{about[1:]}. The script needs no line of ours, and cannot tell.",
-        epilog=f"example: romerr run --tolerance 1% model.py\n\n{STATUS_OF_RUN}",
+        description=f"{about[0].upper()}{about[1:]}. The script needs no line of ours.",
+        epilog=f"example: {example}\n\n{status}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        usage="romerr run [options] script.py [its arguments]",
+        usage=f"romerr {name} [options] script.py [its arguments]",
         allow_abbrev=False,
     )
     parser.add_argument(
@@ -133,12 +188,14 @@ def _add_run(commands) -> None:
         help="the error that is allowed: in the model's units (0.001), as a share of each largest value (1%%), or of "
         "one sensor (tip=0.001); repeatable",
     )
-    for option, what in WRITTEN.items():
-        parser.add_argument(f"--{option}", metavar="file", help=what)
-    parser.add_argument("--quiet", action="store_true", help="print no answer, only what the script prints")
+    parser.add_argument("--quiet", action="store_true", help="print no answer")
+    return parser
+
+
+def _add_script(parser: argparse.ArgumentParser, run) -> None:
     parser.add_argument("script", help="an Exudyn script")
     parser.add_argument("arguments", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
-    parser.set_defaults(run=_run)
+    parser.set_defaults(run=run)
 
 
 def _run(given: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ FEW_SOLVES = 3  # of these each has its own table; of more a line each
 TITLES = {"modes": "modes", "interfaces": "rigid interfaces", "step": "step", "start": "start", "sum": "whole error"}
 MEASURE = "romerr verify {} measures it"
 NOT_RIGID = "if the part is not as rigid there as its modes make it; no number of modes cures that"
+BESIDE = ("order", "noise", "estimated about")
 SHOWN = 0.005  # of a size: a half width below it is not seen in two digits
 
 
@@ -53,7 +54,8 @@ def by_sensor(rows: Sequence[Row]) -> list[Row]:
 
 
 def _merged(rows: Sequence[Row]) -> Row:
-    bounds = [row.bound for row in rows]
+    bounds, noises = [row.bound for row in rows], [row.noise for row in rows if row.noise is not None]
+    estimates = [row.estimated for row in rows if row.estimated is not None]
     largest = [row.largest for row in rows if row.largest is not None]
     causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in rows)]
     return replace(
@@ -61,6 +63,9 @@ def _merged(rows: Sequence[Row]) -> Row:
         largest=max(largest, default=None),
         of={cause: _worst_of([row.of[cause] for row in rows if cause in row.of]) for cause in causes},
         bound=None if None in bounds else max(bounds),
+        order=max(rows, key=lambda row: row.of["step"].most if "step" in row.of else 0.0).order,
+        noise=max(noises, default=None),
+        estimated=max(estimates, key=lambda verdict: verdict.most, default=None),
         label="",
     )
 
@@ -126,13 +131,23 @@ def table(sensors: Sequence[Row]) -> list[tuple[str, ...]]:
     is_measured = any(verdict.how == MEASURED for row in sensors for verdict in row.of.values())
     how = MEASURED if is_measured else "about"
     head = ("sensor", "up to", *(f"{TITLES[cause]} {how}" for cause in causes), *(["at most"] if with_bound else []))
-    return [head, *(_line(row, causes, with_bound) for row in sensors)]
+    lines = [head, *(_line(row, causes, with_bound) for row in sensors)]
+    if not is_measured:
+        return lines
+    return [line + beside for line, beside in zip(lines, [BESIDE, *map(_beside, sensors)], strict=True)]
 
 
 def _line(row: Row, causes: Sequence[str], with_bound: bool) -> tuple[str, ...]:
     size = "" if row.largest is None else f"{digits(row.largest, 4)} {row.unit}".rstrip()
     bound = "" if row.bound is None else f"{rounded_up(row.bound, 2)}{row.scope and f' ({row.scope})'}"
     return (row.name, size, *(_cell(row, cause) for cause in causes), *([bound] if with_bound else []))
+
+
+def _beside(row: Row) -> tuple[str, ...]:
+    """What stands beside a measured error: order of the step's, noise, the run's own estimate."""
+    order = "" if row.order is None else digits(row.order, 2)
+    estimated = "not covered" if row.estimated is None or row.estimated.size is None else _said(row.estimated)
+    return order, "" if row.noise is None else digits(row.noise, 1), estimated
 
 
 def _cell(row: Row, cause: str) -> str:
@@ -167,11 +182,13 @@ def reasons(sensors: Sequence[Row], script: str) -> list[str]:
     """Return a line for sensors of which something is not covered: why, and what to type."""
     why: dict[str, list[str]] = {}
     for row in sensors:
-        missing = next((row.of[x] for x in ("sum", *CAUSES) if x in row.of and row.of[x].how == NONE), None)
+        found = [row.of[x] for x in ("sum", *CAUSES) if x in row.of]
+        missing = next((x for x in found if x.how == NONE or x.reason), None)
         if missing is not None and row.name not in why.setdefault(missing.reason, []):
             why[missing.reason].append(row.name)
-    lines = [f"not covered, {listed(names)}: {reason}" for reason, names in why.items()]
-    if lines or any(row.answer is Answer.NOT_KNOWN for row in sensors):
+    lines = [f"not known, {listed(names)}: {reason}" for reason, names in why.items()]
+    is_measured = any(verdict.how == MEASURED for row in sensors for verdict in row.of.values())
+    if not is_measured and (lines or any(row.answer is Answer.NOT_KNOWN for row in sensors)):
         lines.append(MEASURE.format(script))
     return lines
 

@@ -80,6 +80,7 @@ class Row:
     and "sum". bound : what its error is at most, None: no finite bound, or not certified. scope : what the bound is
     of, if not of the whole error.
     order, noise : of runs that measure; None elsewhere. tolerance : in its unit; is_asked : by the user.
+    estimated : of a measured row, the run's own estimate of the whole error.
     """
 
     name: str
@@ -95,6 +96,7 @@ class Row:
     noise: float | None = None
     label: str = ""
     is_asked: bool = False
+    estimated: Verdict | None = None
 
     @property
     def answer(self) -> Answer:

@@ -108,7 +108,7 @@ def test_sensors_without_a_row_say_why():
     assert of["stress"].of["sum"].reason == "body 3 (arm): it has a user function"
     assert worst(row.answer for row in of.values()) is Answer.TOO_LARGE
     told = text(Judgement([*of.values()], [solve]), "arm.py")
-    assert "not covered, force: it is shared" in told
+    assert "not known, force: it is shared" in told
     solve.report, solve.failure = None, ValueError("no frame")
     assert {row.of["sum"].reason for row in rows_of(solve, Tolerances())} == {"no frame"}
 

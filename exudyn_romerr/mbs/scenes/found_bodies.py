@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 from dataclasses import dataclass
 from functools import wraps
 from typing import TYPE_CHECKING, Any
@@ -11,12 +12,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 if TYPE_CHECKING:
-    from types import ModuleType
+    from types import FrameType, ModuleType
 
 TYPES = (
     "FFRFreducedOrder",
     "ObjectFFRFreducedOrder",
 )  # as Exudyn's dictionaries have it, as its Python class is called
+PACKAGE = __name__.split(".")[0] + "."
 SAME_MESH = 1e-9  # of the largest coordinate: positions are copied, not computed
 NO_FEM = (
     "no FEMinterface with its mesh and modes is there any more (a body loaded from a file of its modes has none), so "
@@ -28,12 +30,13 @@ NO_FEM = (
 class FoundBody:
     """A reduced flexible body as a script adds it: its number among all that the script adds, its object in the mbs.
 
-    fem : the FEMinterface whose modes it has; None: there is none, see NO_FEM.
+    fem : the FEMinterface whose modes it has; None: there is none, see NO_FEM. modes : how many.
     """
 
     order: int
     number: int
     fem: Any
+    modes: int
 
     def items(self, mbs: Any) -> dict[str, int]:
         """Return what Exudyn returned of the body when it was made, as floating_body wants it."""
@@ -75,9 +78,10 @@ class FoundBodies:
         def AddObject(mbs: Any, *arguments: Any, **options: Any) -> Any:
             number = add_object(mbs, *arguments, **options)
             item = arguments[0] if arguments else next(iter(options.values()), None)
-            if _is_reduced(item):
+            if _is_reduced(item) and not _is_ours(sys._getframe(1)):
                 bodies = self._bodies.setdefault(mbs, [])
-                bodies.append(FoundBody(self.count, int(number), fem_of(item)))
+                modes = np.shape(dict(item)["modeBasis"])[1]
+                bodies.append(FoundBody(self.count, int(number), fem_of(item), modes))
                 self.count += 1
             return number
 
@@ -90,6 +94,11 @@ class FoundBodies:
             return reset(mbs, *arguments, **options)
 
         return Reset
+
+
+def _is_ours(frame: FrameType) -> bool:
+    """Whether a call comes from this package, whose copies of an mbs are no bodies of the script."""
+    return frame.f_globals.get("__name__", "").startswith(PACKAGE)
 
 
 def _is_reduced(item: Any) -> bool:

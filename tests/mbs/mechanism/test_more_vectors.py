@@ -38,7 +38,7 @@ def asking(monkeypatch):
 def bar(monkeypatch):
     """Makes a long soft bar that falls about a hinge at once, undamped; two of them have the same modes.
 
-    It is asked for 80 vectors, not 60: that which helps most is the 58th with one kind of processor, and the 61st with
+    It is asked for 80 vectors, not 60: that which helps most is the 58th with one kind of processor, the 61st with
     another, whose last digits differ.
     """
     monkeypatch.setattr(more_vectors, "MORE", MORE)

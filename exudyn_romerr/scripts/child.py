@@ -1,0 +1,197 @@
+"""A process that runs a script once more, changed as a request says: python -m exudyn_romerr.scripts.child FILE.
+
+FILE is JSON; what came of it is written beside it: FILE.result.json, FILE.result.npz. Ends with its parent.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import sys
+import threading
+from contextlib import ExitStack
+from time import process_time
+from typing import TYPE_CHECKING, Any
+
+from .after_import import after_import
+from .execute import Ending, execute
+from .overlay import Overlay
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+ORPHANED = 5  # exit status of a process whose parent has gone
+
+
+def main(path: str) -> None:
+    """Run what a request asks for."""
+    with open(path, encoding="utf-8") as file:
+        request = json.load(file)
+    _end_with_parent()
+    folder = os.path.join(os.path.dirname(os.path.abspath(path)), "run")
+    os.mkdir(folder)
+    overlay = Overlay(folder, request["home"])
+    child = _Child(request, overlay)
+    overlay.enter(request["script"])
+    begin = process_time()
+    ending = child.run()
+    child.write(f"{path}.result", ending, process_time() - begin)
+
+
+def _end_with_parent() -> None:
+    """End when the parent does, which holds the other end of stdin; a script finds its stdin empty."""
+    line = os.dup(0)
+    empty = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(empty, 0)
+    os.close(empty)
+
+    def wait() -> None:
+        while os.read(line, 1):
+            pass
+        os._exit(ORPHANED)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+class _Child:
+    """One run: what stands in front of Exudyn, and what it has seen."""
+
+    def __init__(self, request: dict[str, Any], overlay: Overlay):
+        self.request, self.overlay = request, overlay
+        self.variation: Any = None
+        self.watched: Any = None
+        self.bodies: Any = None
+        self.vectors: dict[int, Any] = {}
+        self.notes: list[str] = []
+
+    def run(self) -> Ending:
+        """Run the script, or the function that makes and solves the scene."""
+        with ExitStack() as stack:
+            stack.enter_context(after_import("exudyn", self._meet))
+            stack.enter_context(after_import("exudyn.FEM", self._meet_fem))
+            if self.request["function"]:
+                return self._built()
+            ending = execute(self.request["script"], self.request["arguments"])
+        ending.show()
+        return ending
+
+    def _built(self) -> Ending:
+        """Call a function of a file: build() -> (mbs, ..., simulationSettings), or one that solves by itself."""
+        spec = importlib.util.spec_from_file_location("romerr_scene", self.request["script"])
+        module = importlib.util.module_from_spec(spec)
+        sys.path.insert(0, os.path.dirname(self.request["script"]))
+        try:
+            spec.loader.exec_module(module)
+            made = getattr(module, self.request["function"])()
+            if isinstance(made, tuple) and len(made) > 1 and hasattr(made[0], "SolveDynamic"):
+                made[0].SolveDynamic(made[-1])
+        except Exception as error:  # as of a script: what was solved until then is kept
+            return Ending(1, error)
+        return Ending()
+
+    def _meet(self, exudyn: ModuleType) -> None:
+        from ..mbs.scenes.found_bodies import FoundBodies
+        from ..mbs.scenes.variation import Variation
+        from ..mbs.scenes.watched_solves import WatchedSolves
+
+        request = self.request
+        self.bodies = FoundBodies()
+        self.bodies.install(exudyn)
+        self.variation = Variation(
+            self.bodies, request["steps"], self._given(), request["factor"], request["hold"], self.overlay.place
+        )
+        self.variation.install(exudyn)
+        if request["watch"]:
+            self.watched = WatchedSolves(self.bodies)
+            self.watched.install(exudyn)
+        if request["make_vectors"]:
+            self._make_vectors_in(exudyn)
+
+    def _meet_fem(self, fem: ModuleType) -> None:
+        if self.variation is not None:
+            self.variation.install_fem(fem)
+
+    def _given(self) -> dict[int, Any]:
+        """The vectors to put beside the modes of bodies, by their order."""
+        if not self.request["vectors"]:
+            return {}
+        import numpy as np
+
+        with np.load(self.request["vectors"]) as file:
+            return {int(name): file[name] for name in file.files}
+
+    def _make_vectors_in(self, exudyn: ModuleType) -> None:
+        """Make vectors of each body when the first solve with it begins."""
+        for name in ("MainSolverImplicitSecondOrder", "MainSolverExplicit", "MainSolverStatic"):
+            solver = getattr(exudyn, name)
+            solver.SolveSystem = self._first(solver.SolveSystem)
+
+    def _first(self, solve_system: Any) -> Any:
+        def SolveSystem(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+            from ..mbs.scenes.wider_body import vectors_of
+
+            for body in self.bodies.of(mbs):
+                if body.order not in self.vectors:
+                    try:
+                        self.vectors[body.order] = vectors_of(mbs, body)
+                    except Exception as error:  # of a body that cannot be read: others can
+                        self.vectors[body.order] = None
+                        self.notes.append(f"body {body.number}: {error}")
+            return solve_system(solver, mbs, *arguments, **options)
+
+        return SolveSystem
+
+    def write(self, path: str, ending: Ending, seconds: float) -> None:
+        """Write what came of it."""
+        arrays: dict[str, Any] = {}
+        solves = [] if self.variation is None else self.variation.solves
+        for i, solve in enumerate(solves):
+            arrays |= {f"solve {i} {j}": data for j, data in enumerate(solve.data)}
+        for order, found in self.vectors.items():
+            if found is not None:
+                arrays |= {f"P {order}": found.P, f"keeps {order}": found.keeps}
+        told = {
+            "status": ending.status,
+            "error": "" if ending.error is None else f"{type(ending.error).__name__}: {ending.error}",
+            "seconds": seconds,
+            "peak": _peak_memory(),
+            "solves": [
+                {"kind": x.kind, "fixed": x.fixed, "names": x.names, "shows": x.shows, "h": x.h} for x in solves
+            ],
+            "bodies": 0 if self.bodies is None else self.bodies.count,
+            "without_vectors": [order for order, found in self.vectors.items() if found is None],
+            "notes": [*self.notes, *(f"refused to write {path}" for path in dict.fromkeys(self.overlay.refused))],
+            "rows": self._rows(),
+        }
+        _write_all(path, told, arrays)
+
+    def _rows(self) -> list[dict[str, Any]]:
+        """What a watched run says of itself, as --json has it."""
+        if self.watched is None:
+            return []
+        from ..judgement.answers import Tolerances
+        from ..judgement.verdicts import rows_of
+
+        return [row.as_json() for solve in self.watched.solves for row in rows_of(solve, Tolerances())]
+
+
+def _write_all(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
+    import numpy as np
+
+    np.savez(f"{path}.npz", **arrays)
+    with open(f"{path}.json", "w", encoding="utf-8") as file:
+        json.dump(told, file)
+
+
+def _peak_memory() -> int:
+    """Bytes that this process has had at most; 0 where that is not known."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,160 @@
+"""Start a process that runs a script once more, wait for it, and read what came of it; any executor may do this."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+QUIET = {"EXUDYN_SUPPRESS_UI_WINDOW_OPEN": "1", "MPLBACKEND": "Agg", "PYTHONDONTWRITEBYTECODE": "1"}
+TAIL = 400  # characters of what a process printed last
+ENDED = "it was ended after {:g} s (--timeout)"
+KILLED = "it was killed by signal {}{}"
+MEMORY = ": most likely there was not enough memory"
+CRASHED = "it ended with status {} and no result: {}"
+ASKED = "EOFError"
+ASKS = "the script asks for input, of which there is none here"
+STOPPED = "it was stopped"
+
+
+@dataclass(frozen=True)
+class Request:
+    """A run of a script: what is changed in it.
+
+    home : the user's working folder. function : of the file, to be called in place of running it as a script.
+    steps, factor, hold : as Variation has them. vectors : by order of the body. watch : whether estimates are made;
+    make_vectors : whether vectors are. threads : of BLAS; "" : as the user has them.
+    """
+
+    name: str
+    script: str
+    home: str
+    arguments: tuple[str, ...] = ()
+    function: str = ""
+    steps: int = 1
+    factor: int = 1
+    hold: bool = False
+    vectors: dict[int, np.ndarray] = field(default_factory=dict)
+    watch: bool = False
+    make_vectors: bool = False
+    timeout: float | None = None
+    threads: str = ""
+
+
+@dataclass
+class Result:
+    """What came of a run; failure: in words, if nothing did.
+
+    solves : of each kind, fixed, names, shows, h, and data: an array (T, 1 + r) for each sensor, time first.
+    """
+
+    name: str
+    failure: str = ""
+    solves: list[dict[str, Any]] = field(default_factory=list)
+    vectors: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    told: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def seconds(self) -> float:
+        """CPU time."""
+        return self.told.get("seconds", 0.0)
+
+
+_RUNNING: set[subprocess.Popen] = set()
+_LOCK = threading.Lock()
+
+
+def run_child(request: Request) -> Result:
+    """Run a script once more in a process of its own; never raises for what happens there."""
+    folder = tempfile.mkdtemp(prefix="romerr_")
+    try:
+        return _run_in(folder, request)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def stop_all() -> None:
+    """End all processes that run_child has started here."""
+    with _LOCK:
+        for process in _RUNNING:
+            process.kill()
+
+
+def _run_in(folder: str, request: Request) -> Result:
+    path, log = os.path.join(folder, "request.json"), os.path.join(folder, "printed.txt")
+    given = asdict(request) | {"vectors": None}
+    if request.vectors:
+        given["vectors"] = os.path.join(folder, "vectors.npz")
+        np.savez(given["vectors"], **{str(order): P for order, P in request.vectors.items()})
+    with open(path, "w", encoding="utf-8") as file:
+        json.dump(given, file)
+    environment = {**os.environ, **QUIET}
+    if request.threads:
+        environment.setdefault("OPENBLAS_NUM_THREADS", request.threads)
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, [_PACKAGE, environment.get("PYTHONPATH")]))
+    own = {"creationflags": 0x200} if os.name == "nt" else {"start_new_session": True}  # Ctrl-C is the parent's
+    with open(log, "wb") as out:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "exudyn_romerr.scripts.child", path],
+            stdin=subprocess.PIPE,
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            env=environment
+            | {"PYTHONPATH": os.pathsep.join(filter(None, [_PACKAGE, environment.get("PYTHONPATH")]))},
+            cwd=request.home,
+            **own,
+        )
+        with _LOCK:
+            _RUNNING.add(process)
+        try:
+            process.wait(request.timeout)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            return Result(request.name, ENDED.format(request.timeout))
+        finally:
+            with _LOCK:
+                _RUNNING.discard(process)
+            process.stdin.close()
+    return _read(request.name, path, log, process.returncode)
+
+
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+
+
+def _read(name: str, path: str, log: str, status: int) -> Result:
+    """What a process has left."""
+    if not os.path.exists(f"{path}.result.json"):
+        return Result(name, _failure(status, log))
+    with open(f"{path}.result.json", encoding="utf-8") as file:
+        told = json.load(file)
+    with np.load(f"{path}.result.npz") as file:
+        arrays = dict(file)
+    solves = [
+        {**solve, "data": [arrays[f"solve {i} {j}"] for j in range(len(solve["names"]))]}
+        for i, solve in enumerate(told["solves"])
+    ]
+    orders = [int(key[2:]) for key in arrays if key.startswith("P ")]
+    vectors = {order: (arrays[f"P {order}"], arrays[f"keeps {order}"]) for order in orders}
+    failure = ""
+    if told["status"] and not solves:
+        failure = ASKS if told["error"].startswith(ASKED) else (told["error"] or _failure(told["status"], log))
+    return Result(name, failure, solves, vectors, told)
+
+
+def _failure(status: int, log: str) -> str:
+    """Why there is no result, in a line."""
+    if status < 0:
+        return KILLED.format(-status, MEMORY if -status == getattr(signal, "SIGKILL", 9) else "")
+    with open(log, encoding="utf-8", errors="replace") as file:
+        lines = [line for line in file.read()[-TAIL:].split("\n") if line.strip()]
+    return CRASHED.format(status, lines[-1] if lines else "it printed nothing")

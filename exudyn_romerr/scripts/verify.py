@@ -1,0 +1,271 @@
+"""romerr verify: measure how wrong a script is by running it again: shorter steps, more modes, free interfaces."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from time import monotonic
+from typing import Any
+
+from .._version import __version__
+from ..checks import check_choice
+from ..errors import InputError, RunError
+from ..judgement.answers import STATUS, Answer, Tolerances
+from ..judgement.solve import Solve
+from ..judgement.table import text
+from ..judgement.verdicts import Judgement, Verdict
+from .child_run import Request, Result, run_child, stop_all
+from .compared import rows_of_signal, signals
+from .execute import check_script
+
+CONTROLLERS = ("follow", "hold")
+MEMORY_SHARE = 0.8  # of what is free: runs together may take so much
+MORE_MEMORY = 1.5  # times that of the unchanged run: of runs with more modes
+PLANNED = "{} more runs, {} at a time, about {:.0f} s; Ctrl-C shows what is there"
+FINER = {"half": 2, "quarter": 4}
+NOTES = {
+    "follow": "PreStep functions are called at every step, shorter ones too (--controllers follow)",
+    "hold": "PreStep functions are called at the steps of the unchanged run (--controllers hold)",
+}
+BY_CALL = "modes: by the script's own call, twice and four times as many; they cannot see rigid interfaces"
+FAILED = "{}: {}"
+
+
+@dataclass
+class Verification:
+    """What runs of one script have told; print it.
+
+    Attributes
+    ----------
+    results : of all runs, by name
+    tolerances : as asked for
+    notes : lines about what was not had, and why
+    """
+
+    script: str
+    results: dict[str, Result]
+    tolerances: Tolerances
+    notes: list[str] = field(default_factory=list)
+
+    @cached_property
+    def judgement(self) -> Judgement:
+        """Verdicts on every sensor, component and cause; all measured."""
+        rows = [row for one in signals(self.results) for row in rows_of_signal(one, self.tolerances)]
+        estimated = {
+            (x["name"], x["component"], x["solve"]): x["sum"] for x in self.results["unchanged"].told["rows"]
+        }
+        rows = [replace(row, estimated=_verdict(estimated.get((row.name, row.component, row.solve)))) for row in rows]
+        solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
+        return Judgement(rows, solves, [*self.notes, *self.tolerances.notes(row.name for row in rows)])
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A dict for every component of every sensor in every solve, as --json has it."""
+        return [row.as_json() for row in self.judgement.rows]
+
+    @property
+    def status(self) -> int:
+        """Exit status: 0, or with a tolerance that of the answer."""
+        return STATUS[self.judgement.answer] if self.tolerances.is_given else 0
+
+    def answer(self, name: str, tolerance: float | str, cause: str | None = None) -> str:
+        """Return "enough", "too large", "not known" or "not covered" for a sensor, of the whole error or one cause.
+
+        Raises
+        ------
+        InputError
+            No sensor of that name; a tolerance that is none.
+        """
+        names = list(dict.fromkeys(row.name for row in self.judgement.rows))
+        check_choice("name", name, names)
+        asked = Tolerances([str(tolerance)])
+        found = [row for one in signals(self.results) if one.name == name for row in rows_of_signal(one, asked)]
+        order = list(Answer)
+        of = [row.of[cause or "sum"].answer for row in found if (cause or "sum") in row.of]
+        return max(of, key=order.index, default=Answer.NOT_COVERED).value
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write all numbers and answers as JSON."""
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what --json writes."""
+        runs = [
+            {"name": name, "failure": one.failure or None, "cpu_s": one.seconds} for name, one in self.results.items()
+        ]
+        return {
+            "script": self.script,
+            "answer": self.judgement.answer.value if self.judgement.rows else None,
+            "sensors": self.rows,
+            "bodies": self.results["unchanged"].told["bodies"],
+            "solves": [{"number": x.number, "kind": x.kind} for x in self.judgement.solves],
+            "runs": runs,
+            "notes": self.judgement.notes,
+            "cpu_s": sum(one.seconds for one in self.results.values()),
+            "version": __version__,
+        }
+
+    def plot(self, path: str | os.PathLike) -> None:
+        """Draw the measured errors of all sensors by cause, with half widths, and the estimate beside them."""
+        from .plots import draw_causes
+
+        draw_causes(self.judgement.rows, path)
+
+    def __str__(self) -> str:
+        return text(self.judgement, self.script)
+
+
+def _verdict(told: dict[str, Any] | None) -> Verdict | None:
+    return None if told is None else Verdict(told["size"], told["half_width"], told["how"], Answer(told["answer"]))
+
+
+def verify(
+    script: str | os.PathLike | Callable,
+    arguments: Sequence[str] = (),
+    *,
+    tolerance: Sequence[str] | str | float | None = None,
+    executor: Executor | None = None,
+    controllers: str = "follow",
+    jobs: int | None = None,
+    timeout: float | None = None,
+    modes_by_call: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> Verification:
+    """Measure the errors of a script by running it again in processes of their own.
+
+    Runs: unchanged, watched; unchanged again (noise); half and a quarter of the step; with our vectors beside the
+    modes of all reduced bodies, first those that leave interfaces as rigid as the modes make them, then all; all
+    together with half the step. All sensors are compared at every step of the unchanged run.
+
+    Parameters
+    ----------
+    script : path, or function
+        A function at the top of a file: build() -> (mbs, ..., simulationSettings), or one that solves by itself.
+    arguments : sequence of str
+        sys.argv[1:] of the script.
+    tolerance : as of romerr.run
+    executor : concurrent.futures.Executor, optional
+        Runs are submitted to it; default: threads, each of which starts a process here.
+    controllers : {"follow", "hold"}
+        PreStep functions are called at every shorter step, or at the steps of the unchanged run.
+    jobs : int, optional
+        Runs at a time; default: as processors and memory allow.
+    timeout : float, optional
+        s, for each run.
+    modes_by_call : bool
+        Twice and four times the modes by the script's own call, too; so in any case where a body cannot be read.
+    progress : function(text), optional
+        Is told what is done.
+
+    Returns
+    -------
+    Verification
+
+    Raises
+    ------
+    InputError
+        No such script; a function that cannot be imported; unknown controllers.
+    RunError
+        The unchanged run failed: nothing can be compared.
+
+    Notes
+    -----
+    Does not cover: what our vectors leave out, too; the FE model itself.
+    """
+    texts = [] if tolerance is None else [tolerance] if isinstance(tolerance, str | float | int) else tolerance
+    tolerances = Tolerances([str(text) for text in texts])
+    check_choice("controllers", controllers, CONTROLLERS)
+    plain = Request("unchanged", *_place(script), tuple(arguments), _name(script), timeout=timeout)
+    tell = progress or (lambda said: None)
+    begin = monotonic()
+    first = run_child(replace(plain, watch=True, make_vectors=True))
+    if first.failure or not first.solves:
+        raise RunError(f"the unchanged run has nothing to compare: {first.failure or 'no solve of a mechanism'}")
+    results, notes = {"unchanged": first}, [*first.told["notes"], NOTES[controllers]]
+    requests = _planned(plain, first, controllers, modes_by_call)
+    if any(request.factor > 1 for request in requests):
+        notes.append(BY_CALL)
+    count = jobs or _jobs(first, len(requests))
+    requests = [replace(request, threads="1" if count > 1 else "") for request in requests]
+    weight = sum(request.steps * (3 if request.vectors or request.factor > 1 else 1) for request in requests)
+    tell(PLANNED.format(len(requests), count, weight * (monotonic() - begin) / count))
+    results |= _all(requests, executor, count, tell)
+    notes += [FAILED.format(name, one.failure) for name, one in results.items() if one.failure]
+    return Verification(plain.script, results, tolerances, notes)
+
+
+def _place(script: Any) -> tuple[str, str]:
+    """The file, and the working folder."""
+    if callable(script):
+        path = inspect.getsourcefile(script)
+        if path is None or "<locals>" in script.__qualname__ or not script.__qualname__.isidentifier():
+            raise InputError(
+                f"build={script!r}; needed: a function at the top of a file, which another process imports"
+            )
+        return os.path.abspath(path), os.getcwd()
+    return os.path.abspath(check_script(script)), os.getcwd()
+
+
+def _name(script: Any) -> str:
+    return script.__name__ if callable(script) else ""
+
+
+def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> list[Request]:
+    """The runs that follow the unchanged one."""
+    found = [replace(plain, name="again")]
+    held = replace(plain, hold=controllers == "hold")
+    if any(solve["kind"] == "dynamic" for solve in first.solves):
+        found += [replace(held, name=name, steps=steps) for name, steps in FINER.items()]
+    if first.vectors:
+        keeping = {order: P[:, keeps] for order, (P, keeps) in first.vectors.items()}
+        every = {order: P for order, (P, _) in first.vectors.items()}
+        found.append(replace(plain, name="modes", vectors=keeping))
+        if any(not keeps.all() for _, keeps in first.vectors.values()):
+            found.append(replace(plain, name="free", vectors=every))
+        found.append(replace(held, name="all", vectors=every, steps=2))
+    if by_call or first.told["without_vectors"] or (first.told["bodies"] and not first.vectors):
+        found += [replace(plain, name=name, factor=n) for name, n in (("twice", 2), ("four times", 4))]
+    return found
+
+
+def _jobs(first: Result, count: int) -> int:
+    """How many runs fit into processors and memory."""
+    fit = os.cpu_count() or 1
+    peak = MORE_MEMORY * first.told["peak"]
+    if peak and hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
+        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        fit = min(fit, int(MEMORY_SHARE * free / peak))
+    return max(1, min(fit, count))
+
+
+def _all(requests: list[Request], executor: Executor | None, count: int, tell: Callable) -> dict[str, Result]:
+    """Run all; Ctrl-C ends those that run, and those that have ended count."""
+    own = executor or ThreadPoolExecutor(count)
+    futures = {own.submit(run_child, request): request.name for request in requests}
+    found: dict[str, Result] = {request.name: Result(request.name, "it was stopped") for request in requests}
+    try:
+        for future in as_completed(futures):
+            name = futures[future]
+            error = future.exception()
+            found[name] = Result(name, str(error)) if error else future.result()
+            tell(f"{name}: {found[name].failure or f'{found[name].seconds:.1f} s'}")
+    except KeyboardInterrupt:
+        for future in futures:
+            future.cancel()
+        stop_all()
+    finally:
+        if executor is None:
+            own.shutdown(wait=True, cancel_futures=True)
+    return found
+
+
+def tell_on_stderr(said: str) -> None:
+    """Print a line of progress."""
+    print(f"romerr: {said}", file=sys.stderr, flush=True)
