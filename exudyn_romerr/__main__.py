@@ -9,11 +9,12 @@ import argparse
 import math
 import os
 import sys
+from functools import partial
 from typing import TYPE_CHECKING
 
 from . import __version__
 from .errors import InputError, RomErrError
-from .scripts.files import checked_files, write_files
+from .scripts.files import checked_files, tried, write_files
 from .scripts.run import run, show
 
 if TYPE_CHECKING:
@@ -161,11 +162,9 @@ def _verify(given: argparse.Namespace) -> int:
     except RomErrError as error:
         print(f"romerr: {error}", file=sys.stderr)
         return WRONG_USAGE
+    written = [tried(path, partial({"json": found.save, "plot": found.plot}[x], path)) for x, path in files.items()]
     if not given.quiet:
-        show(f"romerr {__version__}: {given.script}\n{found}")
-    for option, path in files.items():
-        {"json": found.save, "plot": found.plot}[option](path)
-        show(f"written: {path}")
+        show("\n".join([f"romerr {__version__}: {given.script}", str(found), *written]))
     return found.status
 
 

@@ -43,7 +43,10 @@ NO_VECTORS = "no vectors for its bodies, and no number of modes in a call of the
 
 
 class Signal(NamedTuple):
-    """One sensor of one solve in all runs: times (T,), values (T, r) at the instants of the unchanged run, by run."""
+    """One sensor of one solve in all runs: times (T,), values (T, r) at the instants of the unchanged run, by run.
+
+    missing : why other runs have none. has_bodies : whether the script has reduced bodies.
+    """
 
     name: str
     shows: str
@@ -52,6 +55,7 @@ class Signal(NamedTuple):
     t: np.ndarray
     of: dict[str, np.ndarray]
     missing: dict[str, str]
+    has_bodies: bool = True
 
 
 def signals(results: Mapping[str, Result]) -> list[Signal]:
@@ -76,7 +80,8 @@ def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dic
             missing[run] = OTHER_SENSORS
         else:
             of[run] = _at(t, result.solves[i]["data"][j])
-    return Signal(name, solve["shows"][j], i, solve["kind"] == "static", t, of, missing)
+    has_bodies = bool(results["unchanged"].told["bodies"])
+    return Signal(name, solve["shows"][j], i, solve["kind"] == "static", t, of, missing, has_bodies)
 
 
 def _at(t: np.ndarray, data: np.ndarray) -> np.ndarray:
@@ -183,6 +188,8 @@ class _Component:
         """The verdict on one cause; None: there is nothing of it."""
         if cause == "modes":
             found = self.modes()
+            if found is None and not self._signal.has_bodies:
+                return None
             if found is None:
                 missing = self._signal.missing.get("modes") or self._signal.missing.get("twice")
                 return not_covered(NOT_RUN.format("the run with more modes", missing) if missing else NO_VECTORS)
@@ -201,12 +208,12 @@ class _Component:
 
     def whole(self, limit: float | None, of: Mapping[str, Any]) -> Any:
         """The verdict on all together; half width: of each, and how far both do not add up."""
-        parts = [self.modes(), self._by_modes("free", "modes")]
+        parts = [self.modes(), self._by_modes("free", "modes")] if self._signal.has_bodies else []
         if not self._signal.is_static:
             if isinstance(self._steps, str) or of["step"].reason:
                 return of["step"]
             parts.append(self._steps)
-        if parts[0] is None:
+        if parts[:1] == [None]:
             return of["modes"]
         total = sum(part[0] for part in parts if part is not None)
         half = sum(part[1] for part in parts if part is not None)

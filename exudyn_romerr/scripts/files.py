@@ -46,10 +46,10 @@ def write_files(run: Run, files: dict[str, str]) -> list[str]:
 
 def _written(run: Run, option: str, path: str) -> list[str]:
     if option == "json":
-        return [_try(path, lambda: _write_json(run, path))]
+        return [tried(path, lambda: _write_json(run, path))]
     if not run.reports:
         return [f"not written: {path}: no solve has a report"]
-    return [_try(to, lambda r=report, to=to: _write(r, option, to)) for report, to in _numbered(run, path)]
+    return [tried(to, lambda r=report, to=to: _write(r, option, to)) for report, to in _numbered(run, path)]
 
 
 def _numbered(run: Run, path: str) -> list[tuple[BoundReport, str]]:
@@ -64,7 +64,8 @@ def _write(report: BoundReport, option: str, path: str) -> None:
     {"save": report.save, "html": report.to_html, "plot": report.plot}[option](path)
 
 
-def _try(path: str, write: Any) -> str:
+def tried(path: str, write: Any) -> str:
+    """Call what writes a file; return a line: where it is, or why it is not."""
     try:
         write()
     except Exception as error:  # disk full, a picture of nothing: the other files and the exit status stay

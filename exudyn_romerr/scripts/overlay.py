@@ -24,6 +24,7 @@ CHANGES = {  # events, and which of their arguments are paths that change
     "os.symlink": (1,),
     "shutil.rmtree": (0,),
 }
+ON_LINKS = ("os.remove", "os.rename")  # links go or move, what they lead to stays
 REFUSED = "{} is outside the folder of this run, in which alone it may write"
 DEVICES = "/dev/"
 
@@ -89,15 +90,15 @@ class Overlay:
             else:
                 for i in CHANGES[event]:
                     if isinstance(arguments[i], str | bytes | os.PathLike):
-                        self._allow(os.fsdecode(arguments[i]), keep=event not in ("os.remove", "shutil.rmtree"))
+                        self._allow(os.fsdecode(arguments[i]), keep=True, as_link=event in ON_LINKS)
         finally:
             self._is_busy = False
 
-    def _allow(self, path: str, keep: bool) -> None:
-        """Make a path the script's own, or refuse it."""
+    def _allow(self, path: str, keep: bool, as_link: bool = False) -> None:
+        """Make a path the script's own, or refuse it; keep : its contents; as_link : only the way to it."""
         full = os.path.normpath(os.path.join(os.getcwd(), path))
         if self._is_inside(full):
-            self._own(full, keep)
+            self._own(full, keep, as_link)
             return
         real = os.path.realpath(full)
         is_free = any(_within(real, place) for place in self._free) or full.startswith(DEVICES)
@@ -106,7 +107,7 @@ class Overlay:
         self.refused.append(full)
         raise PermissionError(REFUSED.format(full))
 
-    def _own(self, full: str, keep: bool) -> None:
+    def _own(self, full: str, keep: bool, as_link: bool = False) -> None:
         """Replace links on the way to a path by folders of links, and one at its end by a copy, or nothing."""
         at = self.root
         for part in os.path.relpath(os.path.dirname(full), self.root).split(os.sep):
@@ -116,7 +117,7 @@ class Overlay:
                 os.remove(at)
                 os.mkdir(at)
                 self._fill(at, real)
-        if os.path.islink(full):
+        if os.path.islink(full) and not as_link:
             real = os.path.realpath(full)
             os.remove(full)
             if os.path.isdir(real):

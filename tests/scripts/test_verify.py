@@ -1,0 +1,369 @@
+"""romerr verify: measured errors against truths, and nothing of the user's changed."""
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from exudyn_romerr.__main__ import main
+from exudyn_romerr.errors import InputError, RunError
+from exudyn_romerr.judgement.answers import Tolerances
+from exudyn_romerr.scripts.child_run import ASKS, Request, Result, run_child
+from exudyn_romerr.scripts.compared import DO_NOT_SHRINK, Signal, rows_of_signal
+from exudyn_romerr.scripts.verify import BY_CALL, _planned
+
+ROOT = Path(__file__).resolve().parents[2]
+N, H, END = 2, 1e-3, 0.03
+BAR = f"""
+import sys
+sys.path.insert(1, {str(ROOT)!r})
+from models import floating
+scene = floating.pendulum(2, "RBE2", h={H}, t_end={END}, damping=(0.0, 1e-4))
+scene.solve()
+"""
+# a mass on a spring, rigid: x = cos(w t), w = 10 rad/s
+MASS = """
+import sys
+import exudyn as exu
+from exudyn.utilities import *
+SC = exu.SystemContainer()
+mbs = SC.AddSystem()
+mass = mbs.CreateMassPoint(referencePosition=[0, 0, 0], initialDisplacement=[1, 0, 0], mass=1)
+ground = mbs.CreateGround()
+mbs.CreateCartesianSpringDamper(bodyNumbers=[ground, mass], stiffness=[100, 100, 100])
+mbs.AddSensor(SensorBody(name="mass", bodyNumber=mass, outputVariableType=exu.OutputVariableType.Displacement))
+calls = [0]
+def count(mbs, t):
+    calls[0] += 1
+    mbs.variables["last"] = t
+    return True
+mbs.SetPreStepUserFunction(count)
+mbs.AddSensor(SensorUserFunction(name="calls", factors=[0], sensorUserFunction=lambda *a: [calls[0]]))
+mbs.variables["last"] = 0.0
+last = lambda mbs, *a: [mbs.variables["last"]]
+mbs.AddSensor(SensorUserFunction(name="last", factors=[0], sensorUserFunction=last))
+mbs.Assemble()
+settings = exu.SimulationSettings()
+settings.timeIntegration.endTime = 0.5
+settings.timeIntegration.numberOfSteps = 50
+settings.timeIntegration.verboseMode = 0
+settings.solution.file.write = False
+settings.solution.sensors.writePeriod = 0.25
+ADAPTIVE
+mbs.SolveDynamic(settings)
+"""
+
+
+def written(folder, text):
+    folder.mkdir(exist_ok=True)
+    path = folder / "script.py"
+    path.write_text(text.replace("ADAPTIVE", ""))
+    return str(path)
+
+
+def request(path, **options):
+    return Request("a run", path, os.path.dirname(path), timeout=60, **options)
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory):
+    return romerr.verify(written(tmp_path_factory.mktemp("bar"), BAR), tolerance="1%")
+
+
+def shown(n, kind, h, every):
+    """What the bar's sensors show at the steps of the unchanged run."""
+    from models import floating
+
+    scene = floating.pendulum(n, kind, h=h, t_end=END, damping=(0.0, 1e-4))
+    scene.solve()
+    return [scene.mbs.GetSensorStoredData(i)[::every, 1:] for i in range(3)]
+
+
+def test_steps_are_those_of_a_finer_truth(bar):
+    """Truth: Richardson from h/8 and h/16."""
+    base, fine, finer = (shown(N, "RBE2", H / k, k) for k in (1, 8, 16))
+    for j in range(3):
+        truth = finer[j] + (finer[j] - fine[j]) / 3
+        error = np.abs(truth - base[j]).max(axis=0)
+        rows = [row for row in bar.judgement.rows if row.name == f"sensor{j}"]
+        for c, row in enumerate(rows):
+            if row.of["step"].is_resolved and row.order > 1.5:
+                assert abs(row.of["step"].size - error[c]) <= row.of["step"].half_width + 0.1 * error[c]
+        assert any(row.of["step"].is_resolved for row in rows)
+
+
+def test_modes_and_interfaces_are_those_of_the_full_body(bar):
+    """Truth: all modes of the body with free interfaces; the body has 195 coordinates."""
+    base, full = (shown(*of, H, 1) for of in ((N, "RBE2"), (0, "complete")))
+    for j in range(3):
+        error = np.abs(full[j] - base[j]).max(axis=0)
+        rows = [row for row in bar.judgement.rows if row.name == f"sensor{j}"]
+        c = int(np.argmax(error))
+        told = rows[c].of["modes"].size + rows[c].of["interfaces"].size
+        assert told == pytest.approx(error[c], rel=0.1)
+
+
+def test_causes_are_told_apart_and_estimates_stand_beside(bar):
+    row = next(row for row in bar.judgement.rows if row.name == "sensor1" and row.component == 1)
+    assert row.of["interfaces"].size > 0
+    assert {verdict.how for verdict in row.of.values()} == {"measured"}
+    assert row.estimated.how == "estimated"
+    assert row.noise <= 1e-6 * row.largest
+    text = str(bar)
+    assert "modes measured" in text
+    assert "estimated about" in text
+    assert "at most" not in text
+
+
+def test_answers_files_and_pictures(bar, tmp_path):
+    assert bar.answer("sensor1", "1000%") == "enough"
+    assert bar.answer("sensor1", 1e-30) != "enough"
+    assert bar.answer("sensor1", "1000%", cause="step") == "enough"
+    with pytest.raises(InputError, match="sensor9"):
+        bar.answer("sensor9", 1.0)
+    bar.save(tmp_path / "a.json")
+    told = json.loads((tmp_path / "a.json").read_text(), parse_constant=pytest.fail)
+    assert {run["name"] for run in told["runs"]} == {*bar.results}
+    assert told["sensors"] == bar.rows
+    bar.plot(tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_mass_without_bodies_has_its_step_alone(tmp_path, capsys):
+    """Exact: x = cos(10 t). Generalised-alpha with radius 0.9 is of second order."""
+    path = written(tmp_path, MASS)
+    status = main(["verify", "--tolerance", "mass=1", "--jobs", "2", path])
+    assert status == 0
+    out = capsys.readouterr().out
+    assert "Step: enough" in out
+    found = romerr.verify(path, executor=None, jobs=2)
+    row = found.judgement.rows[0]
+    t = found.results["unchanged"].solves[0]["data"][0][:, 0]
+    x = found.results["unchanged"].solves[0]["data"][0][:, 1]
+    assert len(t) == 51  # every step, though the script stores three
+    true = np.abs(np.cos(10 * t) - x).max()
+    assert row.of["step"].size == pytest.approx(true, rel=0.02)
+    assert row.order == pytest.approx(2.0, abs=0.05)
+    assert {*row.of} == {"step", "sum"}  # nothing is reduced
+
+
+def test_controllers_follow_or_are_held(tmp_path):
+    path = written(tmp_path, MASS)
+    for hold, calls in ((False, 100), (True, 50)):
+        solve = run_child(request(path, steps=2, hold=hold)).solves[0]
+        data = dict(zip(solve["names"], solve["data"], strict=True))
+        assert data["calls"][-1, 1] == calls
+        times, last = data["last"][1:, 0], data["last"][1:, 1]
+        ends = 0.01 * np.ceil(times / 0.01 - 1e-9) if hold else times  # of the step that is under way
+        np.testing.assert_allclose(last, ends, atol=1e-12)
+
+
+def test_steps_that_adapt_are_compared_between_their_instants(tmp_path):
+    """Exact: x = cos(10 t)."""
+    text = MASS.replace(
+        "ADAPTIVE",
+        "settings.timeIntegration.solverType = exu.DynamicSolverType.DOPRI5\n"
+        "settings.timeIntegration.relativeTolerance = settings.timeIntegration.absoluteTolerance = 1e-4\n"
+        "settings.timeIntegration.numberOfSteps = 5",
+    )
+    path = written(tmp_path, text)
+    base, finer = (run_child(request(path, steps=k)) for k in (1, 4))
+    assert (base.failure, finer.failure) == ("", "")
+    assert not base.solves[0]["fixed"]
+    errors = []
+    for one in (base, finer):
+        t, x = one.solves[0]["data"][0][:, :2].T
+        errors.append(np.abs(np.cos(10 * t) - x).max())
+    assert 0 < errors[1] < errors[0] / 50
+
+
+def snapshot(folder):
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+TAMPERS = """
+import os, shutil, pathlib
+here = pathlib.Path(__file__).parent
+assert open("input.txt").read() == "mine"
+open("input.txt", "w").write("theirs")
+open("data/table.txt", "a").write("more")
+assert open("data/table.txt").read() == "table more".replace(" ", "")
+os.remove("data/old.txt")
+os.makedirs("new/deep")
+open("new/deep/x.txt", "w").write("x")
+os.rename("data/deep/a.txt", "data/deep/b.txt")
+shutil.rmtree("gone")
+os.chdir(here)
+open("input.txt", "w").write("again")
+try:
+    open(here / "data" / "table.txt", "w")
+except PermissionError as error:
+    print(error)
+else:
+    raise SystemExit("it may write where it should not")
+assert (here / "data" / "table.txt").read_text() == "table"
+import exudyn
+"""
+
+
+def test_nothing_of_the_users_is_changed(tmp_path):
+    home = tmp_path / "home"
+    path = written(home, TAMPERS)
+    for name, text in (
+        ("input.txt", "mine"),
+        ("data/table.txt", "table"),
+        ("data/old.txt", "old"),
+        ("data/deep/a.txt", "a"),
+        ("gone/x.txt", "x"),
+    ):
+        (home / name).parent.mkdir(parents=True, exist_ok=True)
+        (home / name).write_text(text)
+    before = snapshot(home)
+    result = run_child(request(path))
+    assert result.told["status"] == 0, result.told["error"]
+    assert snapshot(home) == before
+    assert any("table.txt" in note for note in result.told["notes"])
+
+
+def test_what_exudyn_writes_stays_in_the_runs_folder(tmp_path):
+    """C++ opens files past Python: names are changed before, links taken away."""
+    home = tmp_path / "home"
+    away = tmp_path / "away.txt"
+    text = MASS.replace("settings.solution.file.write = False", "settings.solution.file.name = 'solution/all.txt'")
+    text = text.replace('name="mass",', f'name="mass", fileName={str(away)!r},')
+    text = text.replace('name="calls",', 'name="calls", fileName="solution/calls.txt",')
+    path = written(home, text)
+    (home / "solution").mkdir()
+    (home / "solution" / "all.txt").write_text("mine")
+    (home / "solution" / "calls.txt").write_text("mine")
+    before = snapshot(home)
+    result = run_child(request(path))
+    assert result.failure == ""
+    assert snapshot(home) == before
+    assert not away.exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("import os; os._exit(3)", "status 3"),
+        ("import time; time.sleep(60)", "--timeout"),
+        ("input('how many modes? ')", ASKS),
+        ("def f(:", "SyntaxError"),
+        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "memory"),
+        ("raise ValueError('boo')", "ValueError: boo"),
+    ],
+)
+def test_what_goes_wrong_is_one_line(text, said, tmp_path):
+    result = run_child(replace(request(written(tmp_path, text)), timeout=3 if "sleep" in text else 60))
+    assert said in result.failure
+    assert "\n" not in result.failure
+
+
+def test_nothing_to_compare_is_an_error(tmp_path, capsys):
+    path = written(tmp_path, "print(1)")
+    with pytest.raises(RunError, match="nothing to compare"):
+        romerr.verify(path)
+    assert main(["verify", path]) == 2
+    assert capsys.readouterr().err.startswith("romerr: ")
+    with pytest.raises(InputError, match="no script"):
+        romerr.verify(str(tmp_path / "no.py"))
+    with pytest.raises(InputError, match="controllers"):
+        romerr.verify(path, controllers="jump")
+    with pytest.raises(InputError, match="top of a file"):
+        romerr.verify(lambda: None)
+
+
+def test_functions_and_any_executor(tmp_path):
+    """A function at the top of a file, which solves by itself or returns what is to be solved."""
+    text = MASS.replace("mbs.SolveDynamic(settings)", "")
+    body = "\n".join(f"    {line}" for line in text.replace("ADAPTIVE", "").split("\n") if "import *" not in line)
+    (tmp_path / "scene.py").write_text(
+        "from exudyn.utilities import *\ndef build():" + body + "\n    return mbs, settings\n"
+    )
+    sys.path.insert(0, str(tmp_path))
+    try:
+        from scene import build
+
+        with ProcessPoolExecutor(2) as pool:
+            found = romerr.verify(build, executor=pool)
+    finally:
+        sys.path.remove(str(tmp_path))
+    assert found.judgement.rows[0].order == pytest.approx(2.0, abs=0.05)
+
+
+def test_dask_takes_the_runs(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        found = romerr.verify(written(tmp_path, MASS), executor=client.get_executor())
+    assert found.judgement.rows[0].order == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_processes_end_with_their_parent(tmp_path):
+    path = written(
+        tmp_path / "home",
+        f"import os, time\nopen({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)",
+    )
+    code = f"from exudyn_romerr.scripts.child_run import *\nrun_child(Request('a', {path!r}, {str(tmp_path / 'home')!r}))"
+    parent = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
+    limit = time.monotonic() + 20
+    while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+        assert time.monotonic() < limit
+        time.sleep(0.05)
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    pid = int((tmp_path / "pid").read_text())
+    while Path(f"/proc/{pid}").exists() and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]:
+        assert time.monotonic() < limit
+        time.sleep(0.05)
+
+
+def test_modes_by_the_scripts_own_call_where_a_body_cannot_be_read():
+    told = {"without_vectors": [], "bodies": 1}
+    P = np.ones((6, 2))
+    first = Result("unchanged", "", [{"kind": "dynamic"}], {0: (P, np.array([True, False]))}, told)
+    names = [one.name for one in _planned(request("a.py"), first, "follow", False)]
+    assert names == ["again", "half", "quarter", "modes", "free", "all"]
+    told["without_vectors"] = [1]
+    assert [one.name for one in _planned(request("a.py"), first, "follow", False)][-2:] == ["twice", "four times"]
+    assert "interfaces" in BY_CALL
+    static = replace(first, solves=[{"kind": "static"}], vectors={0: (P, np.array([True, True]))})
+    assert [one.name for one in _planned(request("a.py"), static, "follow", False)][:2] == ["again", "modes"]
+
+
+def signal_of(**runs):
+    t = np.linspace(0, 1, 5)
+    return Signal("tip", "Displacement", 0, False, t, {name: np.outer(t, [x]) for name, x in runs.items()}, {})
+
+
+def test_differences_that_do_not_shrink_are_no_error():
+    (row,) = rows_of_signal(signal_of(unchanged=1.0, again=1.0, half=1.1, quarter=0.9), Tolerances(["0.01"]))
+    assert row.of["step"].answer.value == "not known"
+    assert row.of["step"].reason == DO_NOT_SHRINK
+    assert row.of["sum"].answer.value != "enough"
+
+
+def test_what_is_below_noise_is_not_measurable():
+    (row,) = rows_of_signal(signal_of(unchanged=1.0, again=1.01, half=1.002, quarter=1.003), Tolerances(["0.2"]))
+    assert row.noise == pytest.approx(0.01)
+    assert row.of["step"].half_width >= 0.03
+    assert row.of["step"].answer.value == "enough"
+    (row,) = rows_of_signal(signal_of(unchanged=1.0, again=1.01, half=1.002, quarter=1.003), Tolerances(["0.01"]))
+    assert row.of["step"].answer.value == "not known"
