@@ -11,7 +11,7 @@ from .estimate_wording import covers_more, estimate_scope, estimated_kind, is_en
 from .scope import FROZEN, cures_of
 from .wording import (
     CURES_OF_CAUSES,
-    MORE_MODES,
+    MEASURE_IT,
     MORE_VECTORS,
     STEPS,
     at_round_off,
@@ -36,7 +36,7 @@ ABOUT_ENOUGH, NOT_RESOLVED = "about enough", "not resolved"
 RUN_ON = "run on without tolerance="
 RUN_TO_END = "let it run to its end; the messages say what ended it, where that is known"
 NOT_COVERED = "the mechanism's answer is not covered"
-WITH_MORE_MODES = f"{MORE_MODES}, for {NOT_COVERED}"
+MEASURED_ONLY = f"{MEASURE_IT}, for {NOT_COVERED}"
 NO_BOUND = "no finite bound: the messages or reasons say why"
 
 
@@ -59,7 +59,7 @@ def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
         return _lowers_bound(out, None) or RUN_ON
     verdict, found = judged(out, time, scope), known(out)
     if holds_for_run_alone(out, scope, verdict):
-        return WITH_MORE_MODES
+        return MEASURED_ONLY
     if verdict == "enough":
         return f"enough{under(scope)}"
     if verdict == ABOUT_ENOUGH:
@@ -175,7 +175,7 @@ def _for_run_alone(out: OutputData, time: str, row: int | None, verdict: str) ->
     of = f"the estimate of the {estimated_kind(out, time)}" if estimated else f"the bound of the {error_kind(time)}"
     at_floor = verdict == "round-off" or (estimated and not is_enough(out, known(out, row)))
     size = "zero" if verdict == "zero" else "at round-off" if at_floor else f"within {permitted(out)[1]}"
-    return f"under this run's forces {of} is {size}, but {NOT_COVERED}: {MORE_MODES}"
+    return f"under this run's forces {of} is {size}, but {NOT_COVERED}: {MEASURE_IT}"
 
 
 def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:

@@ -14,7 +14,7 @@ from .estimate_wording import about, estimate_scope, estimated_kind, is_enough, 
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, causes_of, cures_of
 from .wording import (
     AS_IN_THIS_RUN,
-    MORE_MODES,
+    MEASURE_IT,
     NOT_THE_MECHANISM,
     advises,
     digits,
@@ -153,7 +153,7 @@ def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
     kind, size = estimated_kind(out, report.time), about(out, found)
     if estimate_scope(out, report.scope) == FROZEN:
         said = f"{AS_IN_THIS_RUN} its {kind} is {size}, but {NOT_THE_MECHANISM}"
-        others = ATTACH_ALL if UNATTACHED in report.scope_reason else MORE_MODES
+        others = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
         return _made(out, row, "unknown", said, others)
     steps = "" if kind == "error" else "; what the time steps do is not in it"
     answer = _answer(out, row, found)

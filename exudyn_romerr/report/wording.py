@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .scope import COUPLED, COVERS, FROZEN, FULL_MODEL, NOT_CERTIFIED, PAGE, SCOPES, causes_of, remedies, with_doubts
+from .scope import (
+    COMPLETE,
+    COUPLED,
+    COVERS,
+    FROZEN,
+    FULL_MODEL,
+    NOT_CERTIFIED,
+    PAGE,
+    SCOPES,
+    causes_of,
+    remedies,
+    with_doubts,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -49,7 +61,11 @@ NAMES = 8  # of outputs or rows of which the same is said
 LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
-NOT_THE_MECHANISM = "the mechanism's answer is not covered and may be many times larger"
+NOT_THE_MECHANISM = "what joints and controllers answer is not covered and may be many times larger"
+FROZEN_FIRST = (
+    "only the error under this run's own forces is told: what joints and controllers make of it, and of other steps, "
+    "is not, and may be many times larger. romerr verify SCRIPT measures it"
+)
 REMAINDER = "linear equations leave out about {} % of the deformation that {!r} predicts, as measured"
 NO_OUTPUTS = (
     "no outputs: only the body's position as a whole is bounded, and not at a point. Pass "
@@ -60,7 +76,7 @@ SAMPLED = (
     "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
     "does between the samples"
 )
-MORE_MODES = "compare with a run of the mechanism with more modes"
+MEASURE_IT = "measure it with romerr verify SCRIPT"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 
@@ -192,7 +208,8 @@ def estimator_lines(report: ReportData) -> list[str]:
 def scope_lines(report: ReportData) -> list[str]:
     """Return what the bounds cover and where that is explained, the full model that is the truth, the remainder."""
     scope = widest_scope(report.scope)
-    time = {"reconstructed": "" if scope == COUPLED else ", time steps too", "sampled": ", no time steps"}
+    # with frozen inputs those of the body are in it, but not what joints and controllers do with other steps
+    time = {"reconstructed": ", time steps too" if scope == COMPLETE else "", "sampled": ", no time steps"}
     lines = [f"scope: {scope}: {COVERS[scope]}{time.get(report.time, '')}; {PAGE}"]
     reason = report.scope_reason.removesuffix(with_doubts("", report.uncertified)).removesuffix("; ")
     _, known, model = reason.partition(f"{FULL_MODEL}: ")

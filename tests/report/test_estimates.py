@@ -14,7 +14,7 @@ from exudyn_romerr.report.wording import CURES_OF_CAUSES, CURES_OF_CHECKS, MUCH_
 from tests.report.test_verdict import output
 
 CONDITION = "under the frame motion, loads and joint forces of this run"
-NOT_COVERED = "(the mechanism's answer is not covered and may be many times larger)"
+NOT_COVERED = "(what joints and controllers answer is not covered and may be many times larger)"
 VECTORS = "more vectors (auxiliary_modes=...)"
 
 
@@ -344,9 +344,9 @@ def test_largest_error_is_where_the_line_says(seed, half):
         (
             estimated(2.0, 0.004, {"basis": 1.9e-3}, covers=FROZEN),
             "reconstructed",
-            "compare with a run of the mechanism with more modes, for the mechanism's answer is not covered",
+            "measure it with romerr verify SCRIPT, for the mechanism's answer is not covered",
             "under this run's forces the estimate of the error is within 0.1 % of the largest value, but the "
-            "mechanism's answer is not covered: compare with a run of the mechanism with more modes",
+            "mechanism's answer is not covered: measure it with romerr verify SCRIPT",
         ),
         (
             estimated(2.0, 0.002, {"basis": 1.9e-3}),

@@ -418,7 +418,7 @@ def test_pictures_say_that_the_mechanisms_answer_is_not_covered():
     assert "answer" not in plot_report(report).get_suptitle()
     report.scope = dict.fromkeys(report.scope, FROZEN)
     for plot in (plot_report, plot_causes):
-        assert "the mechanism's answer is not covered and may be" in plot(report).get_suptitle()
+        assert "what joints and controllers answer is not covered and may be" in plot(report).get_suptitle()
 
 
 def test_outputs_without_a_bound_are_drawn_by_their_estimate():

@@ -95,28 +95,28 @@ def test_table_has_a_line_for_each_output(report):
     most, largest = out.bound["best"].max(), np.abs(out.value).max()
     at_most = f"{rounded_up(most)} m ({float(f'{100 * most / largest:.2g}'):g} %), inputs frozen"
     assert y == ("y", f"{largest:.4g} m", at_most, "inputs frozen", "start from equilibrium, or add modes")
-    step = "compare with a run of the mechanism with more modes, for the mechanism's answer is not covered"
+    step = "measure it with romerr verify SCRIPT, for the mechanism's answer is not covered"
     assert v[-2:] == ("inputs frozen", step)
 
 
 def test_summary_of_several_outputs_says_each_thing_once(report):
     """What all bounds hold under is in the head; outputs with one next step share its line; rows are in details."""
     report.scope = dict.fromkeys(report.scope, FROZEN)
-    _, head, y, v, todo, more, *rest = str(report).splitlines()
+    first, _, head, y, v, todo, more, *rest = str(report).splitlines()
+    assert first.startswith("! only the error under this run's own forces is told")
+    assert "romerr verify" in first
     assert re.split(r"  +", head) == ["output", "largest value", "reduction error at most, inputs frozen"]
     assert [re.split(r"  +", line)[0] for line in (y, v)] == ["y", "v"]
     assert todo == "next step: start from equilibrium, or add modes, for 'initial' makes most of the error"
     assert more.endswith("print(report.details)")
-    assert rest[0].endswith("the mechanism's answer is not covered and may be many times larger")
     assert not any("up to" in line for line in rest)
     assert str(report).count("inputs frozen") == 1 + 2 * len(report.scope) + 1  # estimators twice each, and the scope
     rows = [line for line in report.details.splitlines() if ": up to " in line]
     assert len(rows) == sum(out.value.shape[1] for out in report.outputs.values())
     report.output("v").tolerance = 1e6
-    assert str(report).splitlines()[4:6] == [
+    assert str(report).splitlines()[5:7] == [
         "next step, y: start from equilibrium, or add modes, for 'initial' makes most of the error",
-        "next step, v: compare with a run of the mechanism with more modes, for the mechanism's answer is not "
-        "covered",
+        "next step, v: measure it with romerr verify SCRIPT, for the mechanism's answer is not covered",
     ]
 
 
@@ -391,6 +391,6 @@ def test_what_frozen_inputs_mean_is_said_in_full_once(report):
     report.scope = dict.fromkeys(report.scope, FROZEN)
     first, *others = [line for line in report.details.splitlines() if ": up to " in line]
     assert "under the frame motion, loads and joint forces of this run the" in first
-    assert "the mechanism's answer is not covered and may be many times larger" in first
+    assert "what joints and controllers answer is not covered and may be many times larger" in first
     assert len(others) == 3
     assert all("; inputs frozen, the reduction error is at most" in line for line in others)

@@ -87,8 +87,8 @@ ONE = {"auxiliary": COMPLETE}
             {"auxiliary": FROZEN},
             "reconstructed",
             "tip z is up to 2 m; under the frame motion, loads and joint forces of this run the error is at most "
-            "1 m (50 %) (the mechanism's answer is not covered and may be many times larger); 100 % of it from "
-            "the basis: add modes.",
+            "1 m (50 %) (what joints and controllers answer is not covered and may be many times larger); 100 % of it "
+            "from the basis: add modes.",
         ),
         (
             output(2.0, {"auxiliary": 1.0}, {"auxiliary": COUPLED}, shares=(0.0, 0.0, 0.0, 1.0)),
@@ -165,9 +165,9 @@ def test_nothing_is_enough_without_the_mechanisms_answer(bound, round_off, size)
     out = output(2.0, {"auxiliary": bound}, scope, round_off)
     assert out.advice("reconstructed", scope) == (
         f"under this run's forces the bound of the error is {size}, but the mechanism's answer is not covered: "
-        "compare with a run of the mechanism with more modes"
+        "measure it with romerr verify SCRIPT"
     )
-    assert next_step(out, "reconstructed", scope).startswith("compare with a run of the mechanism with more modes")
+    assert next_step(out, "reconstructed", scope).startswith("measure it with romerr verify SCRIPT")
 
 
 @pytest.mark.parametrize(("bound", "share"), [(0.5, " (25 %)"), (2.8, " (140 %)"), (20.0, " (1000 %)"), (20.5, "")])
@@ -199,7 +199,7 @@ def test_at_most_is_said_only_with_what_it_holds_under():
     (line,) = out.verdict("reconstructed", {"auxiliary": FROZEN})
     assert line == (
         "tip z: up to 2 m; under the frame motion, loads and joint forces of this run the error is at most 1 m "
-        "(50 %), by 'auxiliary' (the mechanism's answer is not covered and may be many times larger)"
+        "(50 %), by 'auxiliary' (what joints and controllers answer is not covered and may be many times larger)"
     )
     for scope, said in ((COMPLETE, ""), (COUPLED, ", to first order"), (FROZEN, ", inputs frozen")):
         assert under({"auxiliary": scope}) == said
@@ -238,7 +238,7 @@ def test_scope_is_said_in_one_line_with_a_link(scope, time):
     line, model = scope_lines(report)
     assert len(f"  {line}") <= 100
     assert line.startswith(f"scope: {scope}: ")
-    assert ("time steps too" in line) == (time == "reconstructed" and scope != COUPLED)
+    assert ("time steps too" in line) == (time == "reconstructed" and scope == COMPLETE)
     assert ("no time steps" in line) == (time == "sampled")
     assert model == "full model: all of the fem, interfaces free"
     page, anchor = PAGE.split("#")

@@ -321,7 +321,8 @@ def test_processes_end_with_their_parent(tmp_path):
         tmp_path / "home",
         f"import os, time\nopen({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)",
     )
-    code = f"from exudyn_romerr.scripts.child_run import *\nrun_child(Request('a', {path!r}, {str(tmp_path / 'home')!r}))"
+    code = "from exudyn_romerr.scripts.child_run import *\n"
+    code += f"run_child(Request('a', {path!r}, {str(tmp_path / 'home')!r}))"
     parent = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
     limit = time.monotonic() + 20
     while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():

@@ -106,7 +106,7 @@ def body_sensors(mbs: Any, flex: FloatingBody, alone: bool) -> BodySensors:
             left_out.append((f"sensor {sensor['name']!r}", f"on no flexible body: {ELSEWHERE}"))
         elif body == flex.number:
             try:
-                measured.append(_measured(mbs, flex, number))
+                measured.append(replace(_measured(mbs, flex, number), name=sensor_name(mbs, number)))
             except InputError as error:
                 left_out.append(("output", str(error)))
     return BodySensors(tuple(measured), tuple(left_out))
@@ -123,7 +123,7 @@ def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
             "romerr.node_strain(name, node=..., fem=fem)"
         )
     of, frame = QUANTITIES[kind]
-    return Measured(sensor_name(mbs, number), nodes, weights, of, frame)
+    return Measured(sensor["name"], nodes, weights, of, frame)
 
 
 def is_on(mbs: Any, flex: FloatingBody, sensor: dict) -> bool:

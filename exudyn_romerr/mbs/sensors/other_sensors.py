@@ -74,10 +74,11 @@ class OtherSensors:
                 found = sensor_or_reason(mbs, number, shared, linear)
             except Exception as error:
                 found = f"it cannot be read: {error}"
+            name = sensor_name(mbs, number) if self._asked is None else sensor["name"]
             if isinstance(found, Sensor) and is_coupled:
-                sensors.append(found)
+                sensors.append(found._replace(name=name))
             else:
-                left_out.append((sensor_name(mbs, number), NOT_COUPLED if isinstance(found, Sensor) else found))
+                left_out.append((name, NOT_COUPLED if isinstance(found, Sensor) else found))
         return sensors, left_out
 
     def begin(self, mbs: Any, tangents: Tangents | None) -> None:

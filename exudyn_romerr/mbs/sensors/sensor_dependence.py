@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ..access.mbs_items import sensor_name
 from ..access.state_guard import set_state, state_kept
 from ..derivatives.tangent_reading import INCREMENTS, rotations_of
 from .sensor_record import Sensor
@@ -47,9 +46,7 @@ def sensor_or_reason(mbs: Any, number: int, shared: np.ndarray, linear: Sequence
         return ROTATIONS if increments else SHARED if of_shared else LINEAR
     if not motion and not forces:
         return STILL
-    return Sensor(
-        number, sensor_name(mbs, number), item.get("outputVariableType"), len(here), accelerations or forces
-    )
+    return Sensor(number, item["name"], item.get("outputVariableType"), len(here), accelerations or forces)
 
 
 def _depends(mbs: Any, number: int, shared: np.ndarray, linear: Sequence[int]) -> list[bool]:

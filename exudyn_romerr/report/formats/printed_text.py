@@ -12,8 +12,7 @@ from ..overview import aligned, next_steps, short_table
 from ..scope import FROZEN, NOT_CERTIFIED
 from ..verdict import row_verdict
 from ..wording import (
-    AS_IN_THIS_RUN,
-    NOT_THE_MECHANISM,
+    FROZEN_FIRST,
     SAMPLED,
     advises,
     corrected_within,
@@ -37,14 +36,12 @@ def summary(report: ReportData, scope_lines: Sequence[str]) -> str:
     """
     told = [line for out in report.outputs.values() for line in _compared(out, report.time, f"{out.name}: ")]
     steps = [*next_steps(report), *told, MORE]
-    if widest_scope(report.scope) == FROZEN:
-        steps.append(f"! all of it {AS_IN_THIS_RUN}: {NOT_THE_MECHANISM}")
-    return "\n".join([_extent(report), *aligned(short_table(report)), *steps, *_messages(report), *scope_lines])
+    return "\n".join([*_first(report), *aligned(short_table(report)), *steps, *_messages(report), *scope_lines])
 
 
 def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
     """Return a line for every row of every output, advice, corrected outputs; estimator_lines : of the whole body."""
-    lines = [_extent(report), *_messages(report)]
+    lines = [*_first(report), *_messages(report)]
     for place, out in enumerate(report.outputs.values()):
         rows = range(out.value.shape[1])
         lines += [row_verdict(out, row, report.time, report.scope, place + row == 0) for row in rows]
@@ -60,6 +57,11 @@ def _tells_nothing(out: OutputData) -> bool:
     """Whether the corrected output may be as far off as the output is large, for all that is known."""
     left = np.max(out.corrected_bound)
     return np.isfinite(left) and bool(left >= np.max(np.abs(out.value)) > 0)
+
+
+def _first(report: ReportData) -> list[str]:
+    """Return what stands first: what is not covered at all, then the instants."""
+    return [*([f"! {FROZEN_FIRST}"] if widest_scope(report.scope) == FROZEN else []), _extent(report)]
 
 
 def _extent(report: ReportData) -> str:

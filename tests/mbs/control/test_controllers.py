@@ -380,5 +380,5 @@ def test_function_before_steps_is_named_with_what_it_sets():
     assert "aim calls SetObjectParameter" in report.scope_reason
     assert "springTorqueUserFunction" in report.scope_reason
     for said in (str(report), report.details, page(report)):  # what the controller answers with is in no bound
-        assert "compare with a run of the mechanism with more modes" in said
+        assert "measure it with romerr verify SCRIPT" in said
         assert not re.search(r"\benough\b", said)

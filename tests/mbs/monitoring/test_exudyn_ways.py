@@ -235,7 +235,7 @@ def test_sensor_says_what_frozen_inputs_leave_out(capfd):
     scene.solve()
     exu.Print("end")
     (told,) = (line for line in capfd.readouterr().out.splitlines() if "'bound of tip'" in line)
-    assert told.endswith("the mechanism's answer is not covered and may be many times larger")
+    assert told.endswith("what joints and controllers answer is not covered and may be many times larger")
 
 
 def largest_bound(parameters):
