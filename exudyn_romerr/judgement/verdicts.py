@@ -36,6 +36,7 @@ CURES = {
     "start": "let loads begin smoothly, or start from equilibrium",
 }
 NO_STEPS = "the error of the time steps is in none of its numbers"
+NO_SENSOR = "all bodies"  # stands for outputs of a scene without sensors
 NO_NUMBER = "nothing is known of its error"
 NO_ESTIMATE = "there is no estimate of its error at every instant"
 
@@ -115,10 +116,13 @@ def rows_of(solve: Solve, tolerances: Tolerances) -> list[Row]:
     rows: list[Row] = []
     report = solve.report
     for out in report.outputs.values() if report is not None else ():
-        if not is_beside(report, out.name):
+        still = solve.chosen and not out.value.any()  # the interface that holds the frame: nobody asked for it
+        if not is_beside(report, out.name) and not still:
             rows += [_row(solve, report, out, i, tolerances) for i in range(out.value.shape[1])]
     seen = {row.name for row in rows}
     missing = [name for name in solve.sensors if name not in seen]
+    if not rows and not missing:
+        missing = [NO_SENSOR]
     return rows + [_without(solve, name, reason_of(solve, name)) for name in missing]
 
 
