@@ -201,7 +201,7 @@ def _verdicts(report: ReportData, out: OutputData, i: int, limit: float | None, 
     if out.estimate is None:
         return dict.fromkeys((*ALWAYS, "sum"), not_covered(NO_ESTIMATE))
     if estimate_scope(out, report.scope) == FROZEN:
-        why = report.scope_reason or NOT_THE_MECHANISM
+        why = report.scope_reason.partition(";")[0].removeprefix("no coupled bound: ") or NOT_THE_MECHANISM
         return dict.fromkeys((*ALWAYS, "sum"), not_covered(f"only the error under this run's forces is known: {why}"))
     parts, found = parts_of(out), {}
     for cause in CAUSES:

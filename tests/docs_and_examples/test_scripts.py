@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
@@ -60,3 +61,59 @@ def test_interfaces_are_what_a_run_with_free_ones_shows(arm):
     row = next(row for row in arm.rows if row["name"] == "bending" and row["component"] == 1)
     told = row["modes"]["size"] + row["interfaces"]["size"]
     assert told == pytest.approx(true, rel=0.05)  # both are largest values, each at its own instant
+
+
+ROBOT = ROOT / "examples/robot_prestep.py"
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return romerr.verify(ROBOT, tolerance="1e-4")
+
+
+def payload(*edits):
+    """What the robot's script shows of its payload at the end of each millisecond, changed."""
+    code, steps = ROBOT.read_text(encoding="utf-8"), 1
+    for old, new in (*EVERY_STEP[:1], *EVERY_STEP[2:3], *edits):
+        assert code.count(old) == 1
+        code = code.replace(old, new)
+        steps = int(new.split("/")[-1].split(")")[0]) if new.startswith("END / (1e-3") else steps
+    code = code.replace('SensorBody(name="payload"', 'SensorBody(storeInternal=True, name="payload"')
+    code = code.replace(
+        '    print("payload:"', '    print("payload", *mbs.GetSensorStoredData(2)[:, 1:].ravel())\n    print("end:"'
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    line = next(line for line in done.stdout.split("\n") if line.startswith("payload"))
+    return np.array([float(x) for x in line.split()[1:]]).reshape(-1, 3)[::steps]
+
+
+def test_a_robots_step_is_wrong_and_not_its_modes(robot):
+    """Truth: the controller called 8 and 16 times as often, extrapolated; its delay is of first order."""
+    base, fine, finer = (payload(*([("END / 1e-3", f"END / (1e-3 / {k})")] if k > 1 else [])) for k in (1, 8, 16))
+    error = np.abs(2 * finer - fine - base).max()
+    row = max((row for row in robot.judgement.rows if row.name == "payload"), key=lambda row: row.of["step"].size)
+    assert error > 1e-3  # m
+    assert abs(row.of["step"].size - error) <= row.of["step"].half_width
+    assert row.of["step"].size == pytest.approx(error, rel=0.1)
+    assert row.of["step"].answer.value == "too large"
+    more = np.abs(payload(("nEigenModes=6", "nEigenModes=40")) - base).max()
+    assert more < 1e-7
+    assert row.of["modes"].most < 1e-6
+    assert row.of["modes"].answer.value == "enough"
+    assert str(robot).split("\n")[1].startswith("Too large, by step")
+
+
+def test_no_estimate_of_a_robot_is_called_its_error():
+    """What its controller does with other steps is in no estimate."""
+    run = romerr.run(ROBOT, tolerance="1")
+    assert {row["sum"]["how"] for row in run.rows} == {"not covered"}
+    assert run.status == 4
+    text = str(run)
+    assert "Not covered by any estimate" in text.split("\n")[0]
+    assert "PreStep" in text
+    assert "romerr verify" in text
+    first = str(run.reports[0]).split("\n")[0]
+    assert first.startswith("! only the error under this run's own forces is told")
+    assert "romerr verify" in first
+    assert "enough" not in str(run.reports[0])
+    assert run.reports[0].assess("bending", 1.0).answer == "unknown"

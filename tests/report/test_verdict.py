@@ -87,8 +87,8 @@ ONE = {"auxiliary": COMPLETE}
             {"auxiliary": FROZEN},
             "reconstructed",
             "tip z is up to 2 m; under the frame motion, loads and joint forces of this run the error is at most "
-            "1 m (50 %) (what joints and controllers answer is not covered and may be many times larger); 100 % of it "
-            "from the basis: add modes.",
+            "1 m (50 %) (what joints and controllers answer is not covered and may be many times larger); 100 % "
+            "of it from the basis: add modes.",
         ),
         (
             output(2.0, {"auxiliary": 1.0}, {"auxiliary": COUPLED}, shares=(0.0, 0.0, 0.0, 1.0)),
