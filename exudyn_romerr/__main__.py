@@ -6,7 +6,6 @@ Nothing but the standard library is imported before a script runs.
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import sys
 from functools import partial
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from . import __version__
 from .errors import InputError, RomErrError
+from .judgement.answers import read_tolerance
 from .scripts.files import checked_files, tried, write_files
 from .scripts.run import run, show
 
@@ -215,14 +215,10 @@ def _run(given: argparse.Namespace) -> int:
 
 def _tolerance(text: str) -> tuple[float, bool]:
     """A number, and whether it is a share."""
-    share = text.rstrip().endswith("%")
     try:
-        number = float(text.rstrip().rstrip("%")) / (100 if share else 1)
-    except ValueError:
-        number = math.nan
-    if not 0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number, or one with %")
-    return number, share
+        return read_tolerance(text)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def _show(given: argparse.Namespace) -> None:

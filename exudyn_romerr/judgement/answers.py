@@ -92,10 +92,13 @@ class Tolerances:
 
 def _named(text: str) -> tuple[str | None, Tolerance]:
     name, equals, number = text.rpartition("=")
-    return (name if equals else None), read_tolerance(number, text)
+    try:
+        return (name if equals else None), read_tolerance(number)
+    except InputError as error:
+        raise InputError(f"--tolerance {text!r}: needed is {NEEDED}") from error
 
 
-def read_tolerance(number: str, text: str = "") -> Tolerance:
+def read_tolerance(number: str) -> Tolerance:
     """Return the tolerance that a number, or one with %, stands for; InputError: it is neither."""
     is_share = number.rstrip().endswith("%")
     try:
@@ -103,5 +106,5 @@ def read_tolerance(number: str, text: str = "") -> Tolerance:
     except ValueError:
         limit = math.nan
     if not 0 < limit < math.inf:
-        raise InputError(f"--tolerance {text or number!r}: needed is {NEEDED}")
+        raise InputError(f"{number!r} is not a positive number, or one with %")
     return Tolerance(limit, is_share)

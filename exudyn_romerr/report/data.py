@@ -15,6 +15,19 @@ if TYPE_CHECKING:
 
     from .scope import Doubt
 
+UNITS = {  # of what Exudyn's sensors show, by OutputVariableType without "Local", in SI
+    "Displacement": "m",
+    "Position": "m",
+    "Distance": "m",
+    "Velocity": "m/s",
+    "Acceleration": "m/s^2",
+    "Rotation": "rad",
+    "AngularVelocity": "rad/s",
+    "AngularAcceleration": "rad/s^2",
+    "Force": "N",
+    "Torque": "Nm",
+    "Stress": "Pa",
+}
 IN_THE_FRAME = " in the frame"  # ends the name of what the body's frame sees of an output in global axes, beside it
 
 

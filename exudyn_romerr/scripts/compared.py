@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from ..judgement.answers import Answer
 from ..judgement.verdicts import CAUSES, CURES, MEASURED, Row, judge, not_covered
+from ..report.data import UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,19 +22,6 @@ if TYPE_CHECKING:
 SAME_TIME = 1e-9  # of the end time: solvers add up their steps
 ABOVE_NOISE = 3.0  # times what two equal runs differ by: below it nothing is measurable
 LEAST_ORDER, MOST_ORDER = 0.5, 6.0  # between them halving fits an order; Exudyn's methods have 1 to 5
-UNITS = {
-    "Displacement": "m",
-    "Position": "m",
-    "Distance": "m",
-    "Velocity": "m/s",
-    "Acceleration": "m/s^2",
-    "Rotation": "rad",
-    "AngularVelocity": "rad/s",
-    "AngularAcceleration": "rad/s^2",
-    "Force": "N",
-    "Torque": "N m",
-    "Stress": "Pa",
-}
 TURNS, MOVES = "Rotation", "Position"
 NOT_RUN = "{} was not had: {}"
 OTHER_SENSORS = "the script has other sensors or solves in it"

@@ -11,6 +11,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from .stand_in import StandIn
+
 if TYPE_CHECKING:
     from types import FrameType, ModuleType
 
@@ -46,13 +48,13 @@ class FoundBody:
         )
 
 
-class FoundBodies:
+class FoundBodies(StandIn):
     """Bodies of each mbs, which they do not keep; `install` puts it in front of Exudyn's functions."""
 
     def __init__(self) -> None:
+        super().__init__()
         self._bodies: WeakKeyDictionary[Any, list[FoundBody]] = WeakKeyDictionary()
         self.count = 0
-        self._installed: list[tuple[Any, str, Any]] = []
 
     def of(self, mbs: Any) -> list[FoundBody]:
         """Return the bodies of an mbs in the order in which they were added."""
@@ -61,17 +63,8 @@ class FoundBodies:
     def install(self, exudyn: ModuleType) -> None:
         """Stand in front of AddObject and Reset of every mbs; what they do and return stays the same."""
         system = exudyn.MainSystem
-        self._replace(system, "AddObject", self._added(system.AddObject))
-        self._replace(system, "Reset", self._reset(system.Reset))
-
-    def uninstall(self) -> None:
-        """Put back Exudyn's own functions."""
-        while self._installed:
-            setattr(*self._installed.pop())
-
-    def _replace(self, owner: Any, name: str, function: Any) -> None:
-        self._installed.append((owner, name, getattr(owner, name)))
-        setattr(owner, name, function)
+        self.replace(system, "AddObject", self._added(system.AddObject))
+        self.replace(system, "Reset", self._reset(system.Reset))
 
     def _added(self, add_object: Any) -> Any:
         @wraps(add_object)

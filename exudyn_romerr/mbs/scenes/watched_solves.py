@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from ...judgement.solve import Solve
+from .stand_in import StandIn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +27,7 @@ Opened = tuple[Solve | None, Any, ExitStack | None]  # a solve, its monitor, wha
 NOTHING: Opened = (None, None, None)
 
 
-class WatchedSolves:
+class WatchedSolves(StandIn):
     """Stands in front of Exudyn's solvers and keeps a Solve of each; what goes wrong is in there, never raised.
 
     solves : in their order. plain : how many had no reduced flexible body. elsewhere : a file to which processes
@@ -34,10 +35,10 @@ class WatchedSolves:
     """
 
     def __init__(self, bodies: FoundBodies, elsewhere: str = ""):
+        super().__init__()
         self.bodies, self.solves, self.plain = bodies, [], 0
         self._elsewhere, self._process = elsewhere, os.getpid()
         self._asked: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
-        self._installed: list[tuple[Any, str, Any]] = []
         self._open: dict[int, tuple] = {}  # solves made step by step, by the solver's identity
         self._is_inside = False
 
@@ -45,20 +46,11 @@ class WatchedSolves:
         """Stand in front of the solvers' functions; what they do and return stays the same."""
         for name in (*DYNAMIC, STATIC):
             solver = getattr(exudyn, name)
-            self._replace(solver, "SolveSystem", self._solved(solver.SolveSystem, name == STATIC))
+            self.replace(solver, "SolveSystem", self._solved(solver.SolveSystem, name == STATIC))
         for name in DYNAMIC:
             solver = getattr(exudyn, name)
-            self._replace(solver, "InitializeSolver", self._begun(solver.InitializeSolver))
-            self._replace(solver, "FinalizeSolver", self._ended(solver.FinalizeSolver))
-
-    def uninstall(self) -> None:
-        """Put back Exudyn's own functions."""
-        while self._installed:
-            setattr(*self._installed.pop())
-
-    def _replace(self, owner: Any, name: str, function: Any) -> None:
-        self._installed.append((owner, name, getattr(owner, name)))
-        setattr(owner, name, function)
+            self.replace(solver, "InitializeSolver", self._begun(solver.InitializeSolver))
+            self.replace(solver, "FinalizeSolver", self._ended(solver.FinalizeSolver))
 
     def _solved(self, solve_system: Any, is_static: bool) -> Any:
         @wraps(solve_system)

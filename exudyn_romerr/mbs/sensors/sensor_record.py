@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...estimates.kept_estimate import KeptEstimate
+from ...report.data import UNITS
 from ...report.report import OutputReport
 from ...report.scope import COUPLED
 from ...trajectory.growing_array import GrowingArray
@@ -20,18 +21,6 @@ if TYPE_CHECKING:
 
 ENDED = "estimates of the mechanism ended before its bounds: see the messages of the bodies"
 UNBALANCED = "it depends on accelerations or forces of constraints, which are not computed away from the run: {}"
-UNITS = {
-    "Displacement": "m",
-    "Position": "m",
-    "Distance": "m",
-    "Velocity": "m/s",
-    "Acceleration": "m/s^2",
-    "Rotation": "rad",
-    "AngularVelocity": "rad/s",
-    "AngularAcceleration": "rad/s^2",
-    "Force": "N",
-    "Torque": "Nm",
-}
 
 
 class Sensor(NamedTuple):
