@@ -1,7 +1,8 @@
 """A folder in which a script finds its files and may write, while the user's own stay as they are.
 
-It holds links to what lies in the user's folder. What is about to be written to is made a private copy first: Python
-tells of it by audit events, before it happens. What a script would write elsewhere is refused.
+The file tree stands in it once more: links to what lies beside the way to the user's folders, and these themselves.
+What is about to be written to is made a private copy first: Python tells of it by audit events, before it happens.
+What a script would write elsewhere is refused.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-import tempfile
 from typing import Any
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
@@ -19,64 +19,81 @@ CHANGES = {  # events, and which of their arguments are paths that change
     "os.mkdir": (0,),
     "os.truncate": (0,),
     "os.chmod": (0,),
+    "os.chown": (0,),
+    "os.utime": (0,),
     "os.rename": (0, 1),
     "os.link": (1,),
     "os.symlink": (1,),
     "shutil.rmtree": (0,),
+    "sqlite3.connect": (0,),
 }
 ON_LINKS = ("os.remove", "os.rename")  # links go or move, what they lead to stays
 REFUSED = "{} is outside the folder of this run, in which alone it may write"
 DEVICES = "/dev/"
+CACHES = ("~/.cache", "~/.config/matplotlib")  # of libraries
 
 
 class Overlay:
-    """The folder `root` of a run; `home` stands for the user's working folder in it.
+    """The folder `root` of a run, in which `home`, the user's working folder, stands once more.
 
-    refused : paths that the script would have written to.
+    temporary : a folder in which anybody may write. refused : paths that the script would have written to.
     """
 
-    def __init__(self, root: str, home: str):
+    def __init__(self, root: str, home: str, temporary: str):
         self.root, self.refused = os.path.realpath(root), []
-        self._folders: dict[str, str] = {}
         self._users, self._is_busy = [os.path.realpath(home)], False
-        free = (tempfile.gettempdir(), "~/.cache", "~/.config/matplotlib")  # caches of libraries
-        self._free = [os.path.realpath(os.path.expanduser(path)) for path in free]
+        self._free = [os.path.realpath(os.path.expanduser(path)) for path in (temporary, *CACHES)]
         self._chdir = os.chdir
 
-    def enter(self, script: str) -> None:
-        """Go there, for the rest of the process; script : whose folder is the user's, too."""
-        self._users.append(os.path.dirname(os.path.realpath(script)))
-        self._chdir(self.folder(self._users[0]))
+    @property
+    def free(self) -> list[str]:
+        """Folders in which a script may write, none of them above one of the user's."""
+        return [self.root, *(x for x in self._free if not any(_within(own, x) for own in self._users))]
+
+    def enter(self, script: str) -> str:
+        """Go there, for the rest of the process; return what stands for the script, whose folder is the user's, too."""
+        folder, name = os.path.split(os.path.abspath(script))
+        self._users.append(os.path.realpath(folder))
+        self._fill(self.root, os.path.abspath(os.sep))
+        own = os.path.join(self.at(self._users[1]), name)
+        self._own(own)  # a copy: even what realpath says of __file__ is in this run's folder
+        self._chdir(self._folder(self.at(self._users[0])))
         os.chdir = self.chdir
         sys.addaudithook(self._audit)
+        return own
+
+    def at(self, path: str) -> str:
+        """Return the place of an absolute path in the folder of this run."""
+        drive, rest = os.path.splitdrive(os.path.normpath(path))
+        return os.path.normpath(os.path.join(self.root, *_parts(drive.replace(":", "")), *_parts(rest)))
 
     def chdir(self, path: Any) -> None:
         """Go to what stands for a folder: one of the user's is never the current one."""
-        real = os.path.realpath(path)
-        self._chdir(real if self._is_inside(real) or not os.path.isdir(real) else self.folder(real))
-
-    def folder(self, real: str) -> str:
-        """Return the folder that stands for one of the user's."""
-        if real not in self._folders:
-            own = self._folders[real] = os.path.join(self.root, f"folder{len(self._folders)}")
-            os.mkdir(own)
-            self._fill(own, real)
-        return self._folders[real]
+        full = self._full(os.fsdecode(path))
+        is_ours = not self._is_inside(full) and any(_within(full, place) for place in self.free)
+        self._chdir(full if is_ours or not os.path.isdir(full) else self._folder(self._inside(full)))
 
     def place(self, path: str) -> str:
-        """Return where Exudyn, whose writing Python does not see, may write instead of a path; as an empty file."""
+        """Return where Exudyn, whose writing Python does not see, may write in place of a path."""
         if not path:
             return path
-        inside = os.path.normpath(os.path.join(os.getcwd(), path))
-        if not self._is_inside(inside):
-            inside = os.path.join(self.root, "elsewhere", os.path.basename(path))
+        inside = self._inside(self._full(path))
         self._is_busy = True
         try:
-            self._own(inside, keep=False)
+            self._own(inside)
             os.makedirs(os.path.dirname(inside), exist_ok=True)
         finally:
             self._is_busy = False
-        return inside if os.path.isabs(path) or os.path.relpath(inside) != os.path.normpath(path) else path
+        return inside if os.path.isabs(path) else path
+
+    def _folder(self, inside: str) -> str:
+        """Return a folder of this run, made of links to what is in the one that it stands for."""
+        was_busy, self._is_busy = self._is_busy, True
+        try:
+            self._own(os.path.join(inside, "x"))
+        finally:
+            self._is_busy = was_busy
+        return inside
 
     def _audit(self, event: str, arguments: tuple) -> None:
         if self._is_busy or (event != "open" and event not in CHANGES):
@@ -90,55 +107,81 @@ class Overlay:
             else:
                 for i in CHANGES[event]:
                     if isinstance(arguments[i], str | bytes | os.PathLike):
-                        self._allow(os.fsdecode(arguments[i]), keep=True, as_link=event in ON_LINKS)
+                        self._allow(os.fsdecode(arguments[i]), as_link=event in ON_LINKS)
         finally:
             self._is_busy = False
 
-    def _allow(self, path: str, keep: bool, as_link: bool = False) -> None:
+    def _allow(self, path: str, keep: bool = True, as_link: bool = False) -> None:
         """Make a path the script's own, or refuse it; keep : its contents; as_link : only the way to it."""
-        full = os.path.normpath(os.path.join(os.getcwd(), path))
+        full = self._full(path)
         if self._is_inside(full):
             self._own(full, keep, as_link)
             return
         real = os.path.realpath(full)
-        is_free = any(_within(real, place) for place in self._free) or full.startswith(DEVICES)
+        is_free = any(_within(real, place) for place in self._free) or full.startswith(DEVICES) or path == ":memory:"
         if self._is_inside(real) or (is_free and not any(_within(real, place) for place in self._users)):
             return
         self.refused.append(full)
         raise PermissionError(REFUSED.format(full))
 
-    def _own(self, full: str, keep: bool, as_link: bool = False) -> None:
+    def _own(self, full: str, keep: bool = True, as_link: bool = False) -> None:
         """Replace links on the way to a path by folders of links, and one at its end by a copy, or nothing."""
         at = self.root
-        for part in os.path.relpath(os.path.dirname(full), self.root).split(os.sep):
+        for part in _parts(os.path.relpath(os.path.dirname(full), self.root)):
             at = os.path.join(at, part)
-            if os.path.islink(at):
-                real = os.path.realpath(at)
-                os.remove(at)
-                os.mkdir(at)
-                self._fill(at, real)
+            if os.path.islink(at) and os.path.isdir(at):
+                self._unfold(at, os.path.realpath(at))
         if os.path.islink(full) and not as_link:
             real = os.path.realpath(full)
-            os.remove(full)
             if os.path.isdir(real):
-                os.mkdir(full)
-                self._fill(full, real)
-            elif keep and os.path.exists(real):
+                self._unfold(full, real)
+                return
+            os.remove(full)
+            if keep and os.path.exists(real):
                 shutil.copy2(real, full)
 
-    @staticmethod
-    def _fill(own: str, real: str) -> None:
-        """Put links to what is in a folder of the user's; copies where there are no links."""
-        for entry in os.scandir(real):
+    def _unfold(self, link: str, real: str) -> None:
+        os.remove(link)
+        os.mkdir(link)
+        self._fill(link, real)
+
+    def _fill(self, own: str, real: str) -> None:
+        """Put links to what is in a folder; where there are none, copies of what is the user's."""
+        try:
+            entries = list(os.scandir(real))
+        except PermissionError:  # somebody else's, which one may go through but not list: the way itself is enough
+            ways = [x for x in self._users if _within(x, real) and x != real]
+            names = {_parts(os.path.relpath(way, real))[0] for way in ways}
+            entries = []
+            for name in names:
+                os.symlink(os.path.join(real, name), os.path.join(own, name), target_is_directory=True)
+        for entry in entries:
             to = os.path.join(own, entry.name)
             try:
                 os.symlink(entry.path, to, target_is_directory=entry.is_dir())
             except OSError:  # Windows, without the right to make links
-                (shutil.copytree if entry.is_dir() else shutil.copy2)(entry.path, to)
+                self._copy(entry, to)
+
+    def _copy(self, entry: os.DirEntry, to: str) -> None:
+        if any(_within(entry.path, own) for own in self._users):
+            (shutil.copytree if entry.is_dir() else shutil.copy2)(entry.path, to)
+        elif any(_within(own, entry.path) for own in self._users):
+            os.mkdir(to)
+            self._fill(to, entry.path)
+
+    def _full(self, path: str) -> str:
+        return os.path.normpath(os.path.join(os.getcwd(), path))
+
+    def _inside(self, full: str) -> str:
+        return full if self._is_inside(full) else self.at(full)
 
     def _is_inside(self, path: str) -> bool:
         return _within(path, self.root)
 
 
+def _parts(path: str) -> list[str]:
+    return [part for part in path.replace(os.sep, "/").split("/") if part not in ("", ".")]
+
+
 def _within(path: str, folder: str) -> bool:
-    return path == folder or path.startswith(folder + os.sep)
+    return path == folder or path.startswith(folder.rstrip(os.sep) + os.sep)
