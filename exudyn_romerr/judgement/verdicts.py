@@ -163,6 +163,7 @@ def _row(solve: Solve, report: ReportData, out: OutputData, i: int, tolerances: 
     largest = _extent(out, i)
     tolerance = tolerances.of(out.name)
     limit = None if tolerance is None else _limit(out, tolerance)
+    is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
     bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
     return Row(
         out.name,
@@ -171,7 +172,7 @@ def _row(solve: Solve, report: ReportData, out: OutputData, i: int, tolerances: 
         out.unit,
         largest,
         _verdicts(report, out, i, limit, bound),
-        bound if np.isfinite(bound) and not out.uncertified else None,
+        bound if is_bounded and np.isfinite(bound) else None,
         _covered(report),
         limit,
         label=out.row_names[i],

@@ -93,6 +93,7 @@ def test_frozen_inputs_cover_nothing():
     solve = made(estimated(2.0, 0.02, PARTS, HALVES, covers=FROZEN), scope=FROZEN, reason="PreStep")
     (row,) = rows_of(solve, Tolerances(["1"]))
     assert {verdict.how for verdict in row.of.values()} == {"not covered"}
+    assert row.bound is None  # it holds under this run's forces alone
     told = text(Judgement([row], [solve]), "robot.py")
     assert told.startswith("Not covered")
     assert "PreStep" in told

@@ -139,6 +139,14 @@ def test_answers_files_and_pictures(bar, tmp_path):
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_sensors_are_chosen_where_there_are_none(tmp_path):
+    text = BAR.replace("scene = ", "floating._add_sensors = lambda *a: {}\nscene = ")
+    solve = run_child(request(written(tmp_path, text))).solves[0]
+    assert any("node" in name for name in solve["names"])
+    assert sum("marker" in name for name in solve["names"]) == 2
+    assert all(np.ptp(data[:, 1:]) > 0 for data in solve["data"][:2])
+
+
 def test_mass_without_bodies_has_its_step_alone(tmp_path, capsys):
     """Exact: x = cos(10 t). Generalised-alpha with radius 0.9 is of second order."""
     path = written(tmp_path, MASS)

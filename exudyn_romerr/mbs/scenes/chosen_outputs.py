@@ -4,25 +4,60 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import exudyn as exu
 import numpy as np
+from exudyn.itemInterface import SensorMarker, SensorSuperElement
 
 from ...model.outputs import Output, mean_displacement, node_displacement
-from ..floating.loads_and_joints import read_interfaces
+from ..floating.loads_and_joints import MESH_MARKERS, read_interfaces
 from ..sensors.sensor_dependence import NO_STATE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..floating.floating_body import FloatingBody
+    from .found_bodies import FoundBody
 
 
 def chosen_outputs(mbs: Any, flexes: Sequence[FloatingBody]) -> list[tuple[FloatingBody, Output]] | None:
     """Return (body, output) for all bodies; None where the mbs has sensors that show the motion: these are meant."""
-    system = mbs.systemData
-    kinds = (mbs.GetSensor(i)["sensorType"] for i in range(system.NumberOfSensors()))
-    if any(kind not in NO_STATE for kind in kinds):
+    if shows_motion(mbs):
         return None
     return [(flex, output) for flex in flexes for output in _of_body(mbs, flex)]
+
+
+def shows_motion(mbs: Any) -> bool:
+    """Whether the mbs has a sensor of its state."""
+    kinds = (mbs.GetSensor(i)["sensorType"] for i in range(mbs.systemData.NumberOfSensors()))
+    return any(kind not in NO_STATE for kind in kinds)
+
+
+def add_chosen_sensors(mbs: Any, bodies: Sequence[FoundBody]) -> None:
+    """Give an mbs without sensors, before it is assembled, those of its bodies' interfaces and farthest nodes."""
+    if shows_motion(mbs):
+        return
+    local = exu.OutputVariableType.DisplacementLocal
+    for body in bodies:
+        item = mbs.GetObject(body.number)
+        x, ends = np.asarray(item["referencePositions"], dtype=float).reshape(-1, 3), []
+        for i in range(mbs.systemData.NumberOfMarkers()):
+            marker = mbs.GetMarker(i)
+            if marker["markerType"] in MESH_MARKERS and int(marker["bodyNumber"]) == body.number:
+                nodes, weights = marker["meshNodeNumbers"], np.asarray(marker["weightingFactors"])
+                ends.append(weights @ x[[int(node) for node in nodes]])
+                show = exu.OutputVariableType.Displacement
+                mbs.AddSensor(SensorMarker(name=f"marker {i} chosen", markerNumber=i, outputVariableType=show))
+        far = _farthest(x, ends)
+        name = f"{item['name']}, node {far}"
+        mbs.AddSensor(
+            SensorSuperElement(name=name, bodyNumber=body.number, meshNodeNumber=far, outputVariableType=local)
+        )
+
+
+def _farthest(x: np.ndarray, ends: Sequence[np.ndarray]) -> int:
+    """The node of x (nodes, 3) that is farthest from the nearest of some places."""
+    ends = ends or [x.mean(axis=0)]
+    return int(np.argmax(np.min([np.linalg.norm(x - end, axis=1) for end in ends], axis=0)))
 
 
 def _of_body(mbs: Any, flex: FloatingBody) -> list[Output]:
@@ -33,6 +68,5 @@ def _of_body(mbs: Any, flex: FloatingBody) -> list[Output]:
         for place, motion in interfaces.items()
     ]
     x = flex.positions
-    ends = [motion.weights @ x[motion.nodes] for motion in interfaces.values()] or [x.mean(axis=0)]
-    far = int(np.argmax(np.min([np.linalg.norm(x - end, axis=1) for end in ends], axis=0)))
+    far = _farthest(x, [motion.weights @ x[motion.nodes] for motion in interfaces.values()])
     return [*found, node_displacement(f"{name}, node {far}", node=far)]

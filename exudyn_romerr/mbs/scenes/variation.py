@@ -114,8 +114,10 @@ class Variation:
     def _assembled(self, assemble: Any) -> Any:
         @wraps(assemble)
         def Assemble(mbs: Any, *arguments: Any, **options: Any) -> Any:
-            from .wider_body import widen  # once a script has configured what it likes
+            from .chosen_outputs import add_chosen_sensors  # once a script has configured what it likes
+            from .wider_body import widen
 
+            add_chosen_sensors(mbs, self._bodies.of(mbs))
             for body in self._bodies.of(mbs):
                 vectors = self._vectors.get(body.order)
                 if vectors is not None and mbs.GetObject(body.number)["modeBasis"].shape[1] == body.modes:
