@@ -128,13 +128,17 @@ def table(sensors: Sequence[Row]) -> list[tuple[str, ...]]:
     """Return head and a line for each sensor, a column for each cause."""
     causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in sensors)]
     with_bound = any(row.bound is not None for row in sensors)
-    is_measured = any(verdict.how == MEASURED for row in sensors for verdict in row.of.values())
-    how = MEASURED if is_measured else "about"
+    how = _how(sensors)
     head = ("sensor", "up to", *(f"{TITLES[cause]} {how}" for cause in causes), *(["at most"] if with_bound else []))
     lines = [head, *(_line(row, causes, with_bound) for row in sensors)]
-    if not is_measured:
+    if how != MEASURED:
         return lines
     return [line + beside for line, beside in zip(lines, [BESIDE, *map(_beside, sensors)], strict=True)]
+
+
+def _how(sensors: Sequence[Row]) -> str:
+    """The word for sizes."""
+    return MEASURED if any(x.how == MEASURED for row in sensors for x in row.of.values()) else "about"
 
 
 def _line(row: Row, causes: Sequence[str], with_bound: bool) -> tuple[str, ...]:
@@ -163,7 +167,7 @@ def _cell(row: Row, cause: str) -> str:
 def table_of_solves(sensors: Sequence[Row], numbers: Iterable[int]) -> list[tuple[str, ...]]:
     """Return head and a line for each solve: the sensor with the largest share of each cause."""
     causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in sensors)]
-    lines = [("solve", "answer", *(f"{TITLES[cause]} about" for cause in causes))]
+    lines = [("solve", "answer", *(f"{TITLES[cause]} {_how(sensors)}" for cause in causes))]
     for number in numbers:
         own = [row for row in sensors if row.solve == number]
         lines.append((str(number), worst(row.answer for row in own).value, *(_worst_cell(own, x) for x in causes)))
@@ -187,8 +191,7 @@ def reasons(sensors: Sequence[Row], script: str) -> list[str]:
         if missing is not None and row.name not in why.setdefault(missing.reason, []):
             why[missing.reason].append(row.name)
     lines = [f"not known, {listed(names)}: {reason}" for reason, names in why.items()]
-    is_measured = any(verdict.how == MEASURED for row in sensors for verdict in row.of.values())
-    if not is_measured and (lines or any(row.answer is Answer.NOT_KNOWN for row in sensors)):
+    if _how(sensors) != MEASURED and (lines or any(row.answer is Answer.NOT_KNOWN for row in sensors)):
         lines.append(MEASURE.format(script))
     return lines
 

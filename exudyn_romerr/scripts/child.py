@@ -9,6 +9,7 @@ import importlib.util
 import json
 import os
 import sys
+import tempfile
 import threading
 from contextlib import ExitStack
 from time import process_time
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from .after_import import after_import
 from .execute import Ending, execute
 from .overlay import Overlay
+from .write_guard import write_only_in
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -29,14 +31,21 @@ def main(path: str) -> None:
     with open(path, encoding="utf-8") as file:
         request = json.load(file)
     _end_with_parent()
-    folder = os.path.join(os.path.dirname(os.path.abspath(path)), "run")
-    os.mkdir(folder)
-    overlay = Overlay(folder, request["home"])
+    scratch = os.path.dirname(os.path.abspath(path))
+    overlay = Overlay(_made(scratch, "run"), request["home"], (scratch, request["temporary"]))
     child = _Child(request, overlay)
-    overlay.enter(request["script"])
+    tempfile.tempdir = os.environ["TMPDIR"] = _made(scratch, "temporary")
+    request["script"] = overlay.enter(request["script"])
+    write_only_in(overlay.free)
     begin = process_time()
     ending = child.run()
     child.write(f"{path}.result", ending, process_time() - begin)
+
+
+def _made(folder: str, name: str) -> str:
+    path = os.path.join(folder, name)
+    os.mkdir(path)
+    return path
 
 
 def _end_with_parent() -> None:
@@ -98,15 +107,19 @@ class _Child:
         request = self.request
         self.bodies = FoundBodies()
         self.bodies.install(exudyn)
-        self.variation = Variation(
-            self.bodies, request["steps"], self._given(), request["factor"], request["hold"], self.overlay.place
-        )
-        self.variation.install(exudyn)
         if request["watch"]:
             self.watched = WatchedSolves(self.bodies)
             self.watched.install(exudyn)
-        if request["make_vectors"]:
-            self._make_vectors_in(exudyn)
+        self.variation = Variation(
+            self.bodies,
+            request["steps"],
+            self._given(),
+            request["factor"],
+            request["hold"],
+            self.overlay.place,
+            self._make_vectors,
+        )
+        self.variation.install(exudyn)
 
     def _meet_fem(self, fem: ModuleType) -> None:
         if self.variation is not None:
@@ -121,26 +134,19 @@ class _Child:
         with np.load(self.request["vectors"]) as file:
             return {int(name): file[name] for name in file.files}
 
-    def _make_vectors_in(self, exudyn: ModuleType) -> None:
+    def _make_vectors(self, mbs: Any) -> None:
         """Make vectors of each body when the first solve with it begins."""
-        for name in ("MainSolverImplicitSecondOrder", "MainSolverExplicit", "MainSolverStatic"):
-            solver = getattr(exudyn, name)
-            solver.SolveSystem = self._first(solver.SolveSystem)
+        if not self.request["make_vectors"]:
+            return
+        from ..mbs.scenes.wider_body import vectors_of
 
-    def _first(self, solve_system: Any) -> Any:
-        def SolveSystem(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-            from ..mbs.scenes.wider_body import vectors_of
-
-            for body in self.bodies.of(mbs):
-                if body.order not in self.vectors:
-                    try:
-                        self.vectors[body.order] = vectors_of(mbs, body)
-                    except Exception as error:  # of a body that cannot be read: others can
-                        self.vectors[body.order] = None
-                        self.notes.append(f"body {body.number}: {error}")
-            return solve_system(solver, mbs, *arguments, **options)
-
-        return SolveSystem
+        for body in self.bodies.of(mbs):
+            if body.order not in self.vectors:
+                try:
+                    self.vectors[body.order] = vectors_of(mbs, body)
+                except Exception as error:  # of a body that cannot be read: others can
+                    self.vectors[body.order] = None
+                    self.notes.append(f"body {body.number}: {error}")
 
     def write(self, path: str, ending: Ending, seconds: float) -> None:
         """Write what came of it."""
@@ -153,12 +159,12 @@ class _Child:
                 arrays |= {f"P {order}": found.P, f"keeps {order}": found.keeps}
         told = {
             "status": ending.status,
-            "error": "" if ending.error is None else f"{type(ending.error).__name__}: {ending.error}",
+            "error": "" if ending.error is None else _in_a_line(ending.error),
             "seconds": seconds,
             "peak": _peak_memory(),
-            "solves": [
-                {"kind": x.kind, "fixed": x.fixed, "names": x.names, "shows": x.shows, "h": x.h} for x in solves
-            ],
+            "solves": [{key: value for key, value in vars(solve).items() if key != "data"} for solve in solves],
+            "solve_seconds": sum(solve.seconds for solve in solves),
+            "has_controllers": self.variation is not None and self.variation.has_controllers,
             "bodies": 0 if self.bodies is None else self.bodies.count,
             "without_vectors": [order for order, found in self.vectors.items() if found is None],
             "notes": [*self.notes, *(f"refused to write {path}" for path in dict.fromkeys(self.overlay.refused))],
@@ -174,6 +180,11 @@ class _Child:
         from ..judgement.verdicts import rows_of
 
         return [row.as_json() for solve in self.watched.solves for row in rows_of(solve, Tolerances())]
+
+
+def _in_a_line(error: BaseException) -> str:
+    """What Python prints of an error; without the places that Exudyn adds to those of user functions."""
+    return " ".join(f"{type(error).__name__}: {error}".partition("\n\nAt:")[0].split())
 
 
 def _write_all(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -86,12 +87,21 @@ def stop_all() -> None:
     """End all processes that run_child has started here."""
     with _LOCK:
         for process in _RUNNING:
-            process.kill()
+            _kill(process)
+
+
+def _kill(process: subprocess.Popen) -> None:
+    """End a process, and what it has started; one that has ended may have left others."""
+    if os.name != "posix":
+        process.kill()
+        return
+    with suppress(ProcessLookupError, PermissionError):  # there is none any more; macOS: none but what has ended
+        os.killpg(process.pid, signal.SIGKILL)
 
 
 def _run_in(folder: str, request: Request) -> Result:
     path, log = os.path.join(folder, "request.json"), os.path.join(folder, "printed.txt")
-    given = asdict(request) | {"vectors": None}
+    given = asdict(request) | {"vectors": None, "temporary": tempfile.gettempdir()}
     if request.vectors:
         given["vectors"] = os.path.join(folder, "vectors.npz")
         np.savez(given["vectors"], **{str(order): P for order, P in request.vectors.items()})
@@ -100,7 +110,8 @@ def _run_in(folder: str, request: Request) -> Result:
     environment = {**os.environ, **QUIET}
     if request.threads:
         environment.setdefault("OPENBLAS_NUM_THREADS", request.threads)
-    environment["PYTHONPATH"] = os.pathsep.join(filter(None, [_PACKAGE, environment.get("PYTHONPATH")]))
+    places = [os.path.join(request.home, x) for x in os.environ.get("PYTHONPATH", "").split(os.pathsep) if x]
+    environment["PYTHONPATH"] = os.pathsep.join([_PACKAGE, *places])
     own = {"creationflags": 0x200} if os.name == "nt" else {"start_new_session": True}  # Ctrl-C is the parent's
     with open(log, "wb") as out:
         process = subprocess.Popen(
@@ -108,9 +119,8 @@ def _run_in(folder: str, request: Request) -> Result:
             stdin=subprocess.PIPE,
             stdout=out,
             stderr=subprocess.STDOUT,
-            env=environment
-            | {"PYTHONPATH": os.pathsep.join(filter(None, [_PACKAGE, environment.get("PYTHONPATH")]))},
-            cwd=request.home,
+            env=environment,
+            cwd=folder,  # python -m looks for modules there first: none of the user's is in front of Python's own
             **own,
         )
         with _LOCK:
@@ -118,10 +128,10 @@ def _run_in(folder: str, request: Request) -> Result:
         try:
             process.wait(request.timeout)
         except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
             return Result(request.name, ENDED.format(request.timeout))
-        finally:
+        finally:  # Ctrl-C comes here, too
+            _kill(process)
+            process.wait()
             with _LOCK:
                 _RUNNING.discard(process)
             process.stdin.close()

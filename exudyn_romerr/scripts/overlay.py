@@ -10,7 +10,10 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = {  # events, and which of their arguments are paths that change
@@ -29,29 +32,31 @@ CHANGES = {  # events, and which of their arguments are paths that change
 }
 ON_LINKS = ("os.remove", "os.rename")  # links go or move, what they lead to stays
 REFUSED = "{} is outside the folder of this run, in which alone it may write"
-DEVICES = "/dev/"
+DEVICES = "/dev"
 CACHES = ("~/.cache", "~/.config/matplotlib")  # of libraries
 
 
 class Overlay:
     """The folder `root` of a run, in which `home`, the user's working folder, stands once more.
 
-    temporary : a folder in which anybody may write. refused : paths that the script would have written to.
+    free : folders in which anybody may write, which count unless they are above one of the user's. refused : paths
+    that the script would have written to.
     """
 
-    def __init__(self, root: str, home: str, temporary: str):
+    def __init__(self, root: str, home: str, free: Sequence[str] = ()):
         self.root, self.refused = os.path.realpath(root), []
         self._users, self._is_busy = [os.path.realpath(home)], False
-        self._free = [os.path.realpath(os.path.expanduser(path)) for path in (temporary, *CACHES)]
+        self._free = [os.path.realpath(os.path.expanduser(path)) for path in (*free, *CACHES)]
         self._chdir = os.chdir
 
     @property
     def free(self) -> list[str]:
         """Folders in which a script may write, none of them above one of the user's."""
-        return [self.root, *(x for x in self._free if not any(_within(own, x) for own in self._users))]
+        free = (place for place in self._free if not any(_within(own, place) for own in self._users))
+        return [self.root, *free, DEVICES]
 
     def enter(self, script: str) -> str:
-        """Go there, for the rest of the process; return what stands for the script, whose folder is the user's, too."""
+        """Go there, for the rest of the process; return what stands for the script; its folder is the user's, too."""
         folder, name = os.path.split(os.path.abspath(script))
         self._users.append(os.path.realpath(folder))
         self._fill(self.root, os.path.abspath(os.sep))
@@ -73,14 +78,14 @@ class Overlay:
         is_ours = not self._is_inside(full) and any(_within(full, place) for place in self.free)
         self._chdir(full if is_ours or not os.path.isdir(full) else self._folder(self._inside(full)))
 
-    def place(self, path: str) -> str:
-        """Return where Exudyn, whose writing Python does not see, may write in place of a path."""
+    def place(self, path: str, keep: bool = False) -> str:
+        """Return where Exudyn, whose writing Python does not see, may write; keep : what is there is needed."""
         if not path:
             return path
         inside = self._inside(self._full(path))
         self._is_busy = True
         try:
-            self._own(inside)
+            self._own(inside, keep)
             os.makedirs(os.path.dirname(inside), exist_ok=True)
         finally:
             self._is_busy = False
@@ -114,15 +119,12 @@ class Overlay:
     def _allow(self, path: str, keep: bool = True, as_link: bool = False) -> None:
         """Make a path the script's own, or refuse it; keep : its contents; as_link : only the way to it."""
         full = self._full(path)
+        real = os.path.realpath(full)
         if self._is_inside(full):
             self._own(full, keep, as_link)
-            return
-        real = os.path.realpath(full)
-        is_free = any(_within(real, place) for place in self._free) or full.startswith(DEVICES) or path == ":memory:"
-        if self._is_inside(real) or (is_free and not any(_within(real, place) for place in self._users)):
-            return
-        self.refused.append(full)
-        raise PermissionError(REFUSED.format(full))
+        elif not any(_within(real, place) for place in self.free) and path != ":memory:":
+            self.refused.append(full)
+            raise PermissionError(REFUSED.format(full))
 
     def _own(self, full: str, keep: bool = True, as_link: bool = False) -> None:
         """Replace links on the way to a path by folders of links, and one at its end by a copy, or nothing."""

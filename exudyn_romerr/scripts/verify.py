@@ -19,14 +19,15 @@ from ..errors import InputError, RunError
 from ..judgement.answers import STATUS, Answer, Tolerances
 from ..judgement.solve import Solve
 from ..judgement.table import text
-from ..judgement.verdicts import Judgement, Verdict
+from ..judgement.verdicts import CAUSES, Judgement, Verdict
 from .child_run import Request, Result, run_child, stop_all
-from .compared import rows_of_signal, signals
+from .compared import estimates, rows_of_signal, signals, two_ways
 from .execute import check_script
 
 CONTROLLERS = ("follow", "hold")
 MEMORY_SHARE = 0.8  # of what is free: runs together may take so much
-MORE_MEMORY = 1.5  # times that of the unchanged run: of runs with more modes
+MORE_MEMORY = 2.0  # times that of the unchanged run: of runs with more modes, or watched
+WITH_VECTORS, WATCHED = 2.5, 3.0  # times the CPU time of a solve, about: for what is told before runs start
 PLANNED = "{} more runs, {} at a time, about {:.0f} s; Ctrl-C shows what is there"
 FINER = {"half": 2, "quarter": 4}
 NOTES = {
@@ -35,6 +36,8 @@ NOTES = {
 }
 BY_CALL = "modes: by the script's own call, twice and four times as many; they cannot see rigid interfaces"
 FAILED = "{}: {}"
+ENDED = "{}: the script ended with {}; what it had solved until then counts"
+NOT_HELD = "steps that adapt: PreStep functions are called at each of them; there are none to hold them at"
 
 
 @dataclass
@@ -57,12 +60,11 @@ class Verification:
     def judgement(self) -> Judgement:
         """Verdicts on every sensor, component and cause; all measured."""
         rows = [row for one in signals(self.results) for row in rows_of_signal(one, self.tolerances)]
-        estimated = {
-            (x["name"], x["component"], x["solve"]): x["sum"] for x in self.results["unchanged"].told["rows"]
-        }
+        estimated = {(x["name"], x["component"], x["solve"]): x["sum"] for x in estimates(self.results.get("again"))}
         rows = [replace(row, estimated=_verdict(estimated.get((row.name, row.component, row.solve)))) for row in rows]
         solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
-        return Judgement(rows, solves, [*self.notes, *self.tolerances.notes(row.name for row in rows)])
+        notes = [*self.notes, *two_ways(self.results), *self.tolerances.notes(row.name for row in rows)]
+        return Judgement(rows, solves, notes)
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -80,8 +82,10 @@ class Verification:
         Raises
         ------
         InputError
-            No sensor of that name; a tolerance that is none.
+            No sensor of that name; a tolerance that is none; no such cause.
         """
+        if cause is not None:
+            check_choice("cause", cause, CAUSES)
         names = list(dict.fromkeys(row.name for row in self.judgement.rows))
         check_choice("name", name, names)
         asked = Tolerances([str(tolerance)])
@@ -140,9 +144,9 @@ def verify(
 ) -> Verification:
     """Measure the errors of a script by running it again in processes of their own.
 
-    Runs: unchanged, watched; unchanged again (noise); half and a quarter of the step; with our vectors beside the
-    modes of all reduced bodies, first those that leave interfaces as rigid as the modes make them, then all; all
-    together with half the step. All sensors are compared at every step of the unchanged run.
+    Runs: unchanged; unchanged again (noise), watched; half and a quarter of the step; with our vectors beside the
+    modes of all reduced bodies, first those that leave interfaces as rigid as the modes make them, then all, watched;
+    all together with half the step. All sensors are compared at every step of the unchanged run.
 
     Parameters
     ----------
@@ -185,20 +189,35 @@ def verify(
     plain = Request("unchanged", *_place(script), tuple(arguments), _name(script), timeout=timeout)
     tell = progress or (lambda said: None)
     begin = monotonic()
-    first = run_child(replace(plain, watch=True, make_vectors=True))
+    first = run_child(replace(plain, make_vectors=True))
+    elapsed = monotonic() - begin
     if first.failure or not first.solves:
         raise RunError(f"the unchanged run has nothing to compare: {first.failure or 'no solve of a mechanism'}")
-    results, notes = {"unchanged": first}, [*first.told["notes"], NOTES[controllers]]
+    results, notes = {"unchanged": first}, [*first.told["notes"]]
+    if first.told["has_controllers"]:
+        notes.append(NOTES[controllers])
+        if controllers == "hold" and not all(solve["fixed"] for solve in first.solves):
+            notes.append(NOT_HELD)
     requests = _planned(plain, first, controllers, modes_by_call)
     if any(request.factor > 1 for request in requests):
         notes.append(BY_CALL)
     count = jobs or _jobs(first, len(requests))
     requests = [replace(request, threads="1" if count > 1 else "") for request in requests]
-    weight = sum(request.steps * (3 if request.vectors or request.factor > 1 else 1) for request in requests)
-    tell(PLANNED.format(len(requests), count, weight * (monotonic() - begin) / count))
+    tell(PLANNED.format(len(requests), count, sum(_seconds(x, first, elapsed) for x in requests) / count))
     results |= _all(requests, executor, count, tell)
-    notes += [FAILED.format(name, one.failure) for name, one in results.items() if one.failure]
+    for name, one in results.items():
+        if one.failure:
+            notes.append(FAILED.format(name, one.failure))
+        elif one.told["status"]:
+            notes.append(ENDED.format(name, one.told["error"] or f"status {one.told['status']}"))
     return Verification(plain.script, results, tolerances, notes)
+
+
+def _seconds(request: Request, first: Result, elapsed: float) -> float:
+    """About how long a run takes, by what the unchanged one took."""
+    solves = first.told["solve_seconds"]
+    more = request.steps * (WITH_VECTORS if request.vectors or request.factor > 1 else 1.0)
+    return max(elapsed - solves, 0.0) + solves * more * (WATCHED if request.watch else 1.0)
 
 
 def _place(script: Any) -> tuple[str, str]:
@@ -219,16 +238,17 @@ def _name(script: Any) -> str:
 
 def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> list[Request]:
     """The runs that follow the unchanged one."""
-    found = [replace(plain, name="again")]
+    found = [replace(plain, name="again", watch=True)]
     held = replace(plain, hold=controllers == "hold")
     if any(solve["kind"] == "dynamic" for solve in first.solves):
         found += [replace(held, name=name, steps=steps) for name, steps in FINER.items()]
     if first.vectors:
         keeping = {order: P[:, keeps] for order, (P, keeps) in first.vectors.items()}
         every = {order: P for order, (P, _) in first.vectors.items()}
-        found.append(replace(plain, name="modes", vectors=keeping))
-        if any(not keeps.all() for _, keeps in first.vectors.values()):
-            found.append(replace(plain, name="free", vectors=every))
+        is_free = any(not keeps.all() for _, keeps in first.vectors.values())
+        found.append(replace(plain, name="modes", vectors=keeping, watch=not is_free))
+        if is_free:
+            found.append(replace(plain, name="free", vectors=every, watch=True))
         found.append(replace(held, name="all", vectors=every, steps=2))
     if by_call or first.told["without_vectors"] or (first.told["bodies"] and not first.vectors):
         found += [replace(plain, name=name, factor=n) for name, n in (("twice", 2), ("four times", 4))]
@@ -237,12 +257,20 @@ def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> 
 
 def _jobs(first: Result, count: int) -> int:
     """How many runs fit into processors and memory."""
-    fit = os.cpu_count() or 1
-    peak = MORE_MEMORY * first.told["peak"]
-    if peak and hasattr(os, "sysconf") and "SC_AVPHYS_PAGES" in os.sysconf_names:
-        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    fit = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    peak, free = MORE_MEMORY * first.told["peak"], _free_memory()
+    if peak and free:
         fit = min(fit, int(MEMORY_SHARE * free / peak))
     return max(1, min(fit, count))
+
+
+def _free_memory() -> int:
+    """Bytes; 0 where that is not known."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as file:
+            return next(1024 * int(line.split()[1]) for line in file if line.startswith("MemAvailable"))
+    except (OSError, StopIteration):  # no Linux
+        return 0
 
 
 def _all(requests: list[Request], executor: Executor | None, count: int, tell: Callable) -> dict[str, Result]:

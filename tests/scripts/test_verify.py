@@ -203,8 +203,13 @@ def snapshot(folder):
 
 
 TAMPERS = """
-import os, shutil, pathlib
+import os, shutil, pathlib, subprocess
 here = pathlib.Path(__file__).parent
+home = pathlib.Path(HOME)
+assert here != home and here.resolve() == pathlib.Path.cwd()
+assert open("../beside/x.txt").read() == "beside"
+open("../beside/y.txt", "w").write("y")
+(here / "by_file.txt").write_text("mine")
 assert open("input.txt").read() == "mine"
 open("input.txt", "w").write("theirs")
 open("data/table.txt", "a").write("more")
@@ -214,35 +219,46 @@ os.makedirs("new/deep")
 open("new/deep/x.txt", "w").write("x")
 os.rename("data/deep/a.txt", "data/deep/b.txt")
 shutil.rmtree("gone")
-os.chdir(here)
+os.chdir(home)
 open("input.txt", "w").write("again")
-try:
-    open(here / "data" / "table.txt", "w")
-except PermissionError as error:
-    print(error)
-else:
-    raise SystemExit("it may write where it should not")
-assert (here / "data" / "table.txt").read_text() == "table"
+for path in (home / "data" / "table.txt", home / "nowhere.txt"):
+    try:
+        open(path, "w")
+    except PermissionError as error:
+        print(error)
+    else:
+        raise SystemExit("it may write where it should not")
+assert (home / "data" / "table.txt").read_text() == "table"
+if GUARDED:
+    assert subprocess.call(["sh", "-c", f"echo theirs > {home}/data/table.txt"]) != 0
 import exudyn
 """
 
 
+def write_guard_holds():
+    """Whether this system lets a process give up its right to write."""
+    code = "from exudyn_romerr.scripts.write_guard import write_only_in; print(write_only_in([]))"
+    return "True" in subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True).stdout
+
+
 def test_nothing_of_the_users_is_changed(tmp_path):
     home = tmp_path / "home"
-    path = written(home, TAMPERS)
+    is_guarded = write_guard_holds()
+    path = written(home, TAMPERS.replace("HOME", repr(str(home))).replace("GUARDED", repr(is_guarded)))
     for name, text in (
         ("input.txt", "mine"),
         ("data/table.txt", "table"),
         ("data/old.txt", "old"),
         ("data/deep/a.txt", "a"),
         ("gone/x.txt", "x"),
+        ("../beside/x.txt", "beside"),
     ):
         (home / name).parent.mkdir(parents=True, exist_ok=True)
         (home / name).write_text(text)
-    before = snapshot(home)
+    before = snapshot(tmp_path)
     result = run_child(request(path))
     assert result.told["status"] == 0, result.told["error"]
-    assert snapshot(home) == before
+    assert snapshot(tmp_path) == before
     assert any("table.txt" in note for note in result.told["notes"])
 
 
@@ -327,18 +343,21 @@ def test_dask_takes_the_runs(tmp_path):
 def test_processes_end_with_their_parent(tmp_path):
     path = written(
         tmp_path / "home",
-        f"import os, time\nopen({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid()))\ntime.sleep(60)",
+        "import os, time\nopen('pid', 'w').write(str(os.getpid()))\ntime.sleep(60)",
     )
     code = "from exudyn_romerr.scripts.child_run import *\n"
     code += f"run_child(Request('a', {path!r}, {str(tmp_path / 'home')!r}))"
-    parent = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT)
+    (tmp_path / "scratch").mkdir()
+    environment = {**os.environ, "TMPDIR": str(tmp_path / "scratch")}
+    parent = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, env=environment)
     limit = time.monotonic() + 20
-    while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+    place = f"scratch/romerr_*/run{tmp_path}/home/pid"
+    while not any(path.read_text() for path in tmp_path.glob(place)):
         assert time.monotonic() < limit
         time.sleep(0.05)
     parent.send_signal(signal.SIGKILL)
     parent.wait()
-    pid = int((tmp_path / "pid").read_text())
+    pid = int(next(tmp_path.glob(place)).read_text())
     while Path(f"/proc/{pid}").exists() and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]:
         assert time.monotonic() < limit
         time.sleep(0.05)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import wraps
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,12 +33,15 @@ CALLS = {  # of FEMinterface: the argument that is the number of modes
 class Recorded:
     """What all sensors showed in a solve: an array (T, 1 + r) for each, time first.
 
-    kind : "dynamic" or "static". fixed : whether all steps are of one size. h : that of the unchanged run.
+    kind : "dynamic" or "static". fixed : whether all steps are of one size. h : that of the unchanged run. numbers :
+    of the sensors. seconds : CPU time.
     """
 
     kind: str
     fixed: bool
     h: float = 0.0
+    seconds: float = 0.0
+    numbers: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     shows: list[str] = field(default_factory=list)
     data: list[np.ndarray] = field(default_factory=list)
@@ -52,11 +57,12 @@ class Variation:
     vectors : order of a body -> vectors (N, m) beside its modes
     factor : so many times as many modes by the script's own calls
     hold : whether PreStep functions are called at the steps of the unchanged run only
-    place : path -> path, where Exudyn may write
+    place : (path, keep) -> path, where Exudyn may write; keep : whether what is there is needed
+    before : is called with the mbs of a solve that is about to begin
 
     Attributes
     ----------
-    solves : Recorded, in their order. notes : what could not be done.
+    solves : Recorded, in their order. has_controllers : whether there are PreStep functions.
     """
 
     def __init__(
@@ -66,12 +72,14 @@ class Variation:
         vectors: Mapping[int, np.ndarray] | None = None,
         factor: int = 1,
         hold: bool = False,
-        place: Callable[[str], str] = str,
+        place: Callable[..., str] = lambda path, keep=False: path,
+        before: Callable[[Any], None] = lambda mbs: None,
     ):
         self._bodies, self._steps, self._vectors, self._factor = bodies, steps, dict(vectors or {}), factor
-        self._hold, self._place = hold and steps > 1, place
+        self._hold, self._place, self._before = hold and steps > 1, place, before
         self.solves: list[Recorded] = []
-        self.notes: list[str] = []
+        self.has_controllers = False
+        self._open: dict[int, ExitStack] = {}  # solves made step by step, by the solver's identity
         self._coarse: tuple[float, float] | None = None  # start and step of the unchanged run
 
     def install(self, exudyn: ModuleType) -> None:
@@ -80,9 +88,13 @@ class Variation:
         system.AddSensor = self._sensor_added(system.AddSensor)
         system.Assemble = self._assembled(system.Assemble)
         system.SetPreStepUserFunction = self._held(system.SetPreStepUserFunction)
+        exudyn.SetWriteToFile = self._placed(exudyn.SetWriteToFile)
+        self._exudyn = exudyn
         for name in SOLVERS:
             solver = getattr(exudyn, name)
             solver.SolveSystem = self._solved(solver.SolveSystem, name == STATIC)
+            solver.InitializeSolver = self._begun(solver.InitializeSolver, name == STATIC)
+            solver.FinalizeSolver = self._ended(solver.FinalizeSolver)
 
     def install_fem(self, fem: ModuleType) -> None:
         """exudyn.FEM was imported: its calls make more modes."""
@@ -102,8 +114,8 @@ class Variation:
 
     def _sensor_added(self, add_sensor: Any) -> Any:
         @wraps(add_sensor)
-        def AddSensor(mbs: Any, sensor: Any) -> Any:
-            item = dict(sensor)
+        def AddSensor(mbs: Any, pyObject: Any) -> Any:
+            item = dict(pyObject)
             item["storeInternal"] = True
             if item.get("fileName"):
                 item["fileName"] = self._place(item["fileName"])
@@ -129,6 +141,7 @@ class Variation:
     def _held(self, set_function: Any) -> Any:
         @wraps(set_function)
         def SetPreStepUserFunction(mbs: Any, function: Any) -> Any:
+            self.has_controllers |= bool(function)
             return set_function(mbs, self._at_coarse_steps(function) if self._hold and function else function)
 
         return SetPreStepUserFunction
@@ -148,18 +161,69 @@ class Variation:
 
     def _solved(self, solve_system: Any, is_static: bool) -> Any:
         @wraps(solve_system)
-        def SolveSystem(solver: Any, mbs: Any, settings: Any, *arguments: Any, **options: Any) -> Any:
-            recorded = Recorded("static" if is_static else "dynamic", True)
-            with self._changed(settings, is_static, recorded):
-                try:
-                    return solve_system(solver, mbs, settings, *arguments, **options)
-                finally:
-                    self._record(mbs, recorded)
+        def SolveSystem(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+            given = _settings(arguments, options)
+            with self._around(mbs, given, is_static):
+                return solve_system(solver, mbs, *arguments, **options)
 
         return SolveSystem
 
+    def _begun(self, initialize: Any, is_static: bool) -> Any:
+        @wraps(initialize)
+        def InitializeSolver(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+            around = ExitStack()
+            around.enter_context(self._around(mbs, _settings(arguments, options), is_static))
+            self._open[id(solver)] = around
+            return initialize(solver, mbs, *arguments, **options)
+
+        return InitializeSolver
+
+    def _ended(self, finalize: Any) -> Any:
+        @wraps(finalize)
+        def FinalizeSolver(solver: Any, *arguments: Any, **options: Any) -> Any:
+            try:
+                return finalize(solver, *arguments, **options)
+            finally:
+                self._open.pop(id(solver), ExitStack()).close()
+
+        return FinalizeSolver
+
     @contextmanager
-    def _changed(self, settings: Any, is_static: bool, recorded: Recorded) -> Iterator[None]:
+    def _around(self, mbs: Any, settings: Any, is_static: bool) -> Iterator[None]:
+        """What is done before and after a solve."""
+        self._before(mbs)
+        recorded = Recorded("static" if is_static else "dynamic", True)
+        with self._changed(mbs, settings, is_static, recorded):
+            begin = process_time()
+            try:
+                yield
+            finally:
+                recorded.seconds = process_time() - begin
+                self._record(mbs, recorded)
+
+    def _placed(self, set_write_to_file: Any) -> Any:
+        @wraps(set_write_to_file)
+        def SetWriteToFile(filename: str, *arguments: Any, **options: Any) -> Any:
+            self._place_directory()
+            return set_write_to_file(self._placed_name(filename), *arguments, **options)
+
+        return SetWriteToFile
+
+    def _place_directory(self) -> None:
+        """Exudyn puts its output directory in front of names, which are relative ones then."""
+        directory = self._exudyn.config.outputDirectory
+        if directory:
+            self._exudyn.config.outputDirectory = os.path.dirname(self._place(os.path.join(directory, "x")))
+
+    def _placed_name(self, name: str, keep: bool = False) -> str:
+        directory = self._exudyn.config.outputDirectory
+        if name and directory and not os.path.isabs(name):
+            self._place(os.path.join(directory, name), keep)
+            return name
+        return self._place(name, keep)
+
+    @contextmanager
+    def _changed(self, mbs: Any, settings: Any, is_static: bool, recorded: Recorded) -> Iterator[None]:
         """Change settings of a solve until it has ended."""
         with ExitStack() as stack:
 
@@ -167,22 +231,28 @@ class Variation:
                 stack.callback(setattr, owner, name, getattr(owner, name))
                 setattr(owner, name, value)
 
-            sensors, file, integration = settings.solution.sensors, settings.solution.file, settings.timeIntegration
-            change(sensors, "active", True)
-            change(sensors, "writePeriod", 0.0)
-            change(file, "name", self._place(file.name))
+            solution, integration = settings.solution, settings.timeIntegration
+            change(solution.sensors, "active", True)
+            change(solution.sensors, "writePeriod", 0.0)
+            change(solution, "recordImagesInterval", -1)  # there is no window to record
+            self._place_directory()
+            change(solution.file, "name", self._placed_name(solution.file.name, solution.file.append))
+            change(solution.restart, "name", self._placed_name(solution.restart.name, keep=True))
+            change(solution, "solverInformationFileName", self._placed_name(solution.solverInformationFileName))
+            for i in range(mbs.systemData.NumberOfSensors()):
+                self._placed_name(mbs.GetSensor(i).get("fileName", ""))
             if not is_static:
                 count = integration.numberOfSteps
                 recorded.h = (integration.endTime - integration.startTime) / count
-                self._coarse = (integration.startTime, recorded.h)
                 change(integration, "numberOfSteps", self._steps * count)
                 change(integration, "minimumStepSize", integration.minimumStepSize / self._steps)
-                method = str(integration.solverType if hasattr(integration, "solverType") else "").split(".")[-1]
+                method = integration.solverType.name
                 if method in ORDERS and integration.automaticStepSize:
                     recorded.fixed = False
                     for name in ("absoluteTolerance", "relativeTolerance"):
                         change(integration, name, getattr(integration, name) / self._steps ** ORDERS[method])
                     change(integration, "initialStepSize", integration.initialStepSize / self._steps)
+                self._coarse = (integration.startTime, recorded.h) if recorded.fixed else None  # none to hold at
             yield
 
     def _record(self, mbs: Any, recorded: Recorded) -> None:
@@ -191,8 +261,14 @@ class Variation:
             sensor = mbs.GetSensor(i)
             data = np.array(mbs.GetSensorStoredData(i), dtype=float)
             if data.ndim == 2 and data.shape[1] > 1:
+                recorded.numbers.append(i)
                 recorded.names.append(sensor["name"])
                 shows = sensor.get("outputVariableType")
                 recorded.shows.append("" if shows is None else shows.name)
                 recorded.data.append(data)
         self.solves.append(recorded)
+
+
+def _settings(arguments: tuple, options: dict[str, Any]) -> Any:
+    """The simulation settings that a function of a solver is called with, beside the mbs."""
+    return arguments[0] if arguments else options["simulationSettings"]
