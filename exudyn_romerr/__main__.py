@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from . import __version__
 from .errors import InputError, RomErrError
 from .judgement.answers import read_tolerance
+from .scripts.execute import INTERRUPTED
 from .scripts.files import checked_files, tried, write_files
 from .scripts.run import run, show
 
@@ -162,6 +163,9 @@ def _verify(given: argparse.Namespace) -> int:
     except RomErrError as error:
         print(f"romerr: {error}", file=sys.stderr)
         return WRONG_USAGE
+    except KeyboardInterrupt:
+        print("romerr: stopped before there was anything to show", file=sys.stderr)
+        return INTERRUPTED
     written = [tried(path, partial({"json": found.save, "plot": found.plot}[x], path)) for x, path in files.items()]
     if not given.quiet:
         show("\n".join([f"romerr {__version__}: {given.script}", str(found), *written]))

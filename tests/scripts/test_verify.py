@@ -19,7 +19,7 @@ from exudyn_romerr.__main__ import main
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.judgement.answers import Tolerances
 from exudyn_romerr.scripts.child_run import ASKS, Request, Result, run_child
-from exudyn_romerr.scripts.compared import DO_NOT_SHRINK, Signal, rows_of_signal
+from exudyn_romerr.scripts.compared import DO_NOT_SHRINK, Signal, rows_of_signal, two_ways
 from exudyn_romerr.scripts.verify import BY_CALL, _planned
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -113,6 +113,27 @@ def test_modes_and_interfaces_are_those_of_the_full_body(bar):
         assert told == pytest.approx(error[c], rel=0.1)
 
 
+def test_what_all_vectors_leave_out_is_in_the_half_width(bar):
+    """Truth: all modes of the body less the run with all vectors. The estimate of that run knows it to a third."""
+    (P, _), full = bar.results["unchanged"].vectors[0], shown(0, "complete", H, 1)
+    assert P.shape[1] < 60  # of 195: something is left out
+    finest = [data[:, 1:] for data in bar.results["free"].solves[0]["data"]]
+    error = np.abs(full[1] - finest[1]).max(axis=0)
+    c = int(np.argmax(error))
+    row = next(row for row in bar.judgement.rows if row.name == "sensor1" and row.component == c)
+    assert row.of["modes"].half_width == pytest.approx(error[c], rel=0.3)
+
+
+@pytest.mark.slow
+def test_the_whole_is_that_of_the_full_body_at_short_steps(bar):
+    """Truth: all modes of the body, Richardson from h/8 and h/16."""
+    base, fine, finer = shown(N, "RBE2", H, 1), shown(0, "complete", H / 8, 8), shown(0, "complete", H / 16, 16)
+    for j in range(3):
+        error = np.abs(finer[j] + (finer[j] - fine[j]) / 3 - base[j]).max(axis=0)
+        for row in (row for row in bar.judgement.rows if row.name == f"sensor{j}"):
+            assert abs(row.of["sum"].size - error[row.component]) <= row.of["sum"].half_width
+
+
 def test_causes_are_told_apart_and_estimates_stand_beside(bar):
     row = next(row for row in bar.judgement.rows if row.name == "sensor1" and row.component == 1)
     assert row.of["interfaces"].size > 0
@@ -195,6 +216,41 @@ def test_steps_that_adapt_are_compared_between_their_instants(tmp_path):
     assert 0 < errors[1] < errors[0] / 50
 
 
+def test_solves_made_step_by_step_are_compared(tmp_path):
+    """Exact: x = cos(10 t); half the step has a quarter of the error."""
+    steps = "solver = exu.MainSolverImplicitSecondOrder()\nsolver.InitializeSolver(mbs, settings)\n"
+    steps += "solver.SolveSteps(mbs, settings)\nsolver.FinalizeSolver(mbs, settings)"
+    path = written(tmp_path, MASS.replace("mbs.SolveDynamic(settings)", steps))
+    errors = []
+    for k in (1, 2):
+        (solve,) = run_child(request(path, steps=k)).solves
+        t, x = solve["data"][0][:, :2].T
+        errors.append(np.abs(np.cos(10 * t) - x).max())
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+
+
+def test_runs_that_end_early_are_not_compared(tmp_path):
+    """The controller fails after 60 calls: the unchanged run comes to its end, those with shorter steps do not."""
+    fails = 'calls[0] += 1\n    if calls[0] > 60:\n        raise ValueError("too often")'
+    found = romerr.verify(written(tmp_path, MASS.replace("calls[0] += 1", fails)))
+    row = found.judgement.rows[0]
+    assert "it ended at t = 0.3 s" in row.of["step"].reason
+    assert row.answer.value == "not covered"
+    said = [note for note in found.judgement.notes if note.startswith("half: the script ended with")]
+    assert "too often" in said[0]
+    assert "\n" not in said[0]
+
+
+HANGS = """
+import time
+def wait(mbs, t):
+    if t > 0 and abs(t / 0.01 - round(t / 0.01)) > 0.1:
+        time.sleep(60)
+    return True
+mbs.SetPreStepUserFunction(wait)
+"""
+
+
 def snapshot(folder):
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
@@ -262,6 +318,18 @@ def test_nothing_of_the_users_is_changed(tmp_path):
     assert any("table.txt" in note for note in result.told["notes"])
 
 
+WRITES = """
+settings.solution.restart.write = True
+settings.solution.restart.writePeriod = 0.1
+settings.solution.restart.name = "solution/restart.txt"
+settings.solution.solverInformationFileName = "solution/information.txt"
+settings.timeIntegration.verboseModeFile = 2
+exu.SetWriteToFile("solution/console.txt")
+exu.Print("theirs")
+exu.SetWriteToFile("", False)
+"""
+
+
 def test_what_exudyn_writes_stays_in_the_runs_folder(tmp_path):
     """C++ opens files past Python: names are changed before, links taken away."""
     home = tmp_path / "home"
@@ -269,15 +337,23 @@ def test_what_exudyn_writes_stays_in_the_runs_folder(tmp_path):
     text = MASS.replace("settings.solution.file.write = False", "settings.solution.file.name = 'solution/all.txt'")
     text = text.replace('name="mass",', f'name="mass", fileName={str(away)!r},')
     text = text.replace('name="calls",', 'name="calls", fileName="solution/calls.txt",')
-    path = written(home, text)
-    (home / "solution").mkdir()
-    (home / "solution" / "all.txt").write_text("mine")
-    (home / "solution" / "calls.txt").write_text("mine")
-    before = snapshot(home)
-    result = run_child(request(path))
-    assert result.failure == ""
-    assert snapshot(home) == before
-    assert not away.exists()
+    text = text.replace("ADAPTIVE", WRITES)
+    names = ("all.txt", "calls.txt", "restart.txt", "restart.txt.bck", "information.txt", "console.txt")
+    (home / "solution").mkdir(parents=True)
+    for name in names:
+        (home / "solution" / name).write_text("mine")
+    for more in (
+        "",
+        f"exu.config.outputDirectory = {str(home / 'elsewhere')!r}",
+        "exu.config.outputDirectory = 'new'",
+    ):
+        path = written(home, text.replace("mbs.SolveDynamic", f"{more}\nmbs.SolveDynamic"))
+        if more:  # Exudyn puts it in front of relative names, and refuses others
+            path = written(home, Path(path).read_text().replace(f"fileName={str(away)!r},", ""))
+        before = snapshot(tmp_path)
+        result = run_child(request(path))
+        assert (result.failure, result.told["status"]) == ("", 0)
+        assert snapshot(tmp_path) == before
 
 
 @pytest.mark.parametrize(
@@ -329,6 +405,7 @@ def test_functions_and_any_executor(tmp_path):
     assert found.judgement.rows[0].order == pytest.approx(2.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_dask_takes_the_runs(tmp_path):
     distributed = pytest.importorskip("distributed")
     with (
@@ -337,6 +414,32 @@ def test_dask_takes_the_runs(tmp_path):
     ):
         found = romerr.verify(written(tmp_path, MASS), executor=client.get_executor())
     assert found.judgement.rows[0].order == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_interrupted_it_shows_what_is_there(tmp_path):
+    """The runs with shorter steps hang; the one that repeats the unchanged run has ended."""
+    path = written(tmp_path, MASS.replace("mbs.SolveDynamic", HANGS + "mbs.SolveDynamic"))
+    command = [sys.executable, "-u", "-m", "exudyn_romerr", "verify", "--jobs", "3", path]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert "more runs" in process.stderr.readline()
+    assert "again" in process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    out, error = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "half: it was stopped" in out
+    assert "Traceback" not in error
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_interrupted_at_once_it_says_so(tmp_path):
+    path = written(tmp_path, "import time, sys; time.sleep(60)")
+    command = [sys.executable, "-u", "-m", "exudyn_romerr", "verify", path]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    time.sleep(2)
+    process.send_signal(signal.SIGINT)
+    assert process.communicate(timeout=30)[1].strip() == "romerr: stopped before there was anything to show"
+    assert process.returncode == 130
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -386,6 +489,21 @@ def test_differences_that_do_not_shrink_are_no_error():
     assert row.of["step"].answer.value == "not known"
     assert row.of["step"].reason == DO_NOT_SHRINK
     assert row.of["sum"].answer.value != "enough"
+
+
+def test_two_ways_to_more_modes_are_both_said():
+    """Modes by the script's own call that agree with each other and not with our vectors."""
+    solve = {"kind": "static", "names": ["tip"], "numbers": [0], "shows": ["Displacement"]}
+
+    def result(name, x):
+        told = {"bodies": 1, "rows": []}
+        return Result(name, "", [solve | {"data": [np.array([[0.0, 0.0], [1.0, x]])]}], {}, told)
+
+    values = {"unchanged": 1.0, "again": 1.0, "modes": 1.1, "twice": 1.01, "four times": 1.011}
+    results = {name: result(name, x) for name, x in values.items()}
+    (line,) = two_ways(results)
+    assert line.startswith("tip: modes 1.0e-01 by our vectors, 1.1e-02 +- 1e-03 by the script's own call")
+    assert two_ways(results | {"twice": result("twice", 1.1), "four times": result("four times", 1.1)}) == []
 
 
 def test_what_is_below_noise_is_not_measurable():
