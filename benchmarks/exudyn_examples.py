@@ -1,7 +1,7 @@
 """Exudyn's own scripts with reduced flexible bodies, untouched: bare, under `romerr run`, under `romerr verify`.
 
     python benchmarks/exudyn_examples.py CHECKOUT [--only NAME ...] [--verify 10] [--limit 600]
-    python benchmarks/exudyn_examples.py CHECKOUT --verify 10 --docs     writes the tables into docs/exudyn_examples.md
+    python benchmarks/exudyn_examples.py CHECKOUT --verify 10 --docs    writes the tables into docs/exudyn_examples.md
 
 CHECKOUT is a work tree of github.com/jgerstmayr/EXUDYN; needs ngsolve. Every script runs in a process and a folder of
 its own, headless; exudyn_site/sitecustomize.py gives it names that the installed Exudyn no longer has, and keeps its

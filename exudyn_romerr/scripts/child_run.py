@@ -110,7 +110,7 @@ def _run_in(folder: str, request: Request) -> Result:
             stderr=subprocess.STDOUT,
             env=environment
             | {"PYTHONPATH": os.pathsep.join(filter(None, [_PACKAGE, environment.get("PYTHONPATH")]))},
-            cwd=request.home,
+            cwd=folder,  # not where modules of the user would be found before those of Python
             **own,
         )
         with _LOCK:
