@@ -1,7 +1,7 @@
 """Exudyn's own scripts with reduced flexible bodies, untouched: bare, under `romerr run`, under `romerr verify`.
 
-    python benchmarks/exudyn_examples.py CHECKOUT [--only NAME ...] [--verify] [--limit 600]
-    python benchmarks/exudyn_examples.py CHECKOUT --verify --docs     writes the tables into docs/exudyn_examples.md
+    python benchmarks/exudyn_examples.py CHECKOUT [--only NAME ...] [--verify 10] [--limit 600]
+    python benchmarks/exudyn_examples.py CHECKOUT --verify 10 --docs    writes the tables into docs/exudyn_examples.md
 
 CHECKOUT is a work tree of github.com/jgerstmayr/EXUDYN; needs ngsolve. Every script runs in a process and a folder of
 its own, headless; exudyn_site/sitecustomize.py gives it names that the installed Exudyn no longer has, and keeps its
@@ -198,7 +198,9 @@ def main(arguments: list[str] | None = None) -> str:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("checkout", type=Path, help="work tree of Exudyn's repository")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="scripts by name, without .py")
-    parser.add_argument("--verify", action="store_true", help="measure, too")
+    parser.add_argument(
+        "--verify", type=float, metavar="S", default=0.0, help="measure, too, where the bare run takes less CPU time"
+    )
     parser.add_argument(
         "--limit", type=float, default=600.0, help="s for one run of a script; verify gets ten times that"
     )

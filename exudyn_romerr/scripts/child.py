@@ -196,12 +196,13 @@ def _write_all(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
 
 
 def _peak_memory() -> int:
-    """Bytes that this process has had at most; 0 where that is not known."""
+    """Bytes that this process has had at most; 0 where the system does not tell."""
     try:
-        import resource
-    except ImportError:  # Windows
+        with open("/proc/self/status", encoding="utf-8") as status:
+            line = next((line for line in status if line.startswith("VmHWM:")), "VmHWM: 0 kB")
+    except OSError:
         return 0
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return 1024 * int(line.split()[1])
 
 
 if __name__ == "__main__":

@@ -120,7 +120,7 @@ def _run_in(folder: str, request: Request) -> Result:
             stdout=out,
             stderr=subprocess.STDOUT,
             env=environment,
-            cwd=folder,  # python -m looks for modules there first: none of the user's is in front of Python's own
+            cwd=folder,  # not where modules of the user would be found before those of Python
             **own,
         )
         with _LOCK:

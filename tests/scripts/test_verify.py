@@ -416,12 +416,20 @@ def test_dask_takes_the_runs(tmp_path):
     assert found.judgement.rows[0].order == pytest.approx(2.0, abs=0.05)
 
 
+def interruptible(*arguments):
+    """The command, which Ctrl-C interrupts even where a shell's jobs ignore it."""
+    code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    code += f"from exudyn_romerr.__main__ import main; sys.exit(main(['verify', *{arguments!r}]))"
+    return [sys.executable, "-u", "-c", code]
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_interrupted_it_shows_what_is_there(tmp_path):
     """The runs with shorter steps hang; the one that repeats the unchanged run has ended."""
     path = written(tmp_path, MASS.replace("mbs.SolveDynamic", HANGS + "mbs.SolveDynamic"))
-    command = [sys.executable, "-u", "-m", "exudyn_romerr", "verify", "--jobs", "3", path]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        interruptible("--jobs", "3", path), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert "more runs" in process.stderr.readline()
     assert "again" in process.stderr.readline()
     process.send_signal(signal.SIGINT)
@@ -434,8 +442,7 @@ def test_interrupted_it_shows_what_is_there(tmp_path):
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_interrupted_at_once_it_says_so(tmp_path):
     path = written(tmp_path, "import time, sys; time.sleep(60)")
-    command = [sys.executable, "-u", "-m", "exudyn_romerr", "verify", path]
-    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(interruptible(path), cwd=ROOT, stderr=subprocess.PIPE, text=True)
     time.sleep(2)
     process.send_signal(signal.SIGINT)
     assert process.communicate(timeout=30)[1].strip() == "romerr: stopped before there was anything to show"
