@@ -6,7 +6,7 @@ import inspect
 import json
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -205,12 +205,24 @@ def verify(
     requests = [replace(request, threads="1" if count > 1 else "") for request in requests]
     tell(PLANNED.format(len(requests), count, sum(_seconds(x, first, elapsed) for x in requests) / count))
     results |= _all(requests, executor, count, tell)
+    return Verification(plain.script, results, tolerances, notes + _endings(results))
+
+
+def _endings(results: Mapping[str, Result]) -> list[str]:
+    """A line for each run that failed, or whose script did not end well, unless it is the same for all."""
+    lines, own = [], _ending(results["unchanged"])
     for name, one in results.items():
         if one.failure:
-            notes.append(FAILED.format(name, one.failure))
-        elif one.told["status"]:
-            notes.append(ENDED.format(name, one.told["error"] or f"status {one.told['status']}"))
-    return Verification(plain.script, results, tolerances, notes)
+            lines.append(FAILED.format(name, one.failure))
+        elif (said := _ending(one)) and (name == "unchanged" or said != own):
+            lines.append(ENDED.format(name, said))
+    return lines
+
+
+def _ending(one: Result) -> str:
+    if one.failure or not one.told["status"]:
+        return ""
+    return one.told["error"] or f"status {one.told['status']}"
 
 
 def _seconds(request: Request, first: Result, elapsed: float) -> float:
