@@ -32,6 +32,7 @@ from benchmarks.random_mechanisms import drawn
 from benchmarks.sweep import MEANINGFUL
 
 RADII = 0.3, 0.5, 0.7, 0.9, 0.9, 1.0
+PATIENCE = 10.0  # s of one solve that repeats steps
 REFUSED = 20.5, 40.5  # samples between which no step above 0.3 of the first size is accepted
 
 
@@ -76,7 +77,11 @@ def repeating(mechanism, *arguments, **options):
     scene, h = built(mechanism, *arguments, **options), mechanism.h
     mbs, settings = scene.mbs, scene.settings.timeIntegration
 
+    begun = time.monotonic()
+
     def refuse(mbs, t):
+        if time.monotonic() > begun + PATIENCE:
+            raise TimeoutError("Newton's iteration fails again and again")
         is_long = mbs.sys["dynamicSolver"].it.currentStepSize > 0.3 * h
         return [1e3 * (REFUSED[0] * h < t < REFUSED[1] * h and is_long), -1.0]
 
@@ -124,7 +129,7 @@ def motion(mechanism, scene):
     try:
         scene.solve()
     except Exception as error:
-        if "SolveDynamic" not in str(error):
+        if "SolveDynamic" not in str(error) and "Newton" not in str(error):
             raise
         return None
     values = scene.motion()

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from ..model.body import ElasticBody
     from .problem import Problem
 
+ROUNDING = 1e-13  # of squares: interfaces that move alike
+
 
 class FreeMass:
     """|.|_{M^-1} over all motions x = Z y + Rg r of the free body, Z y the admissible ones of the held body.
@@ -36,7 +38,7 @@ class FreeMass:
         self._Rg = rigid_modes(body.positions - body.positions.mean(axis=0))
         self._carried = body.mass @ self._Rg
         self._of_rigid = cholesky(self._Rg.T @ self._carried, lower=True)
-        self._B = self._factor.half_solve(self._space.loads(self._by_rigid(self._carried.T).T))
+        self._B = self._factor.half_solve(self.pull)
         self._root = cholesky(np.eye(RIGID_MODES) - self._B.T @ self._B, lower=True)
         self._body = body
 
@@ -54,12 +56,28 @@ class FreeMass:
         """Norms (k,) of columns (n_free, k) that see no rigid motion: balanced loads, or output rows transposed."""
         return np.linalg.norm(self._halves(columns), axis=0)
 
+    def compliance(self, columns: np.ndarray) -> tuple[float, float]:
+        """Largest acceleration by a force and by a torque, columns (N, 3 or 6), of where these act, per unit."""
+        gram = self.gram(columns.T)
+        parts = gram[:3, :3], gram[3:, 3:]
+        return tuple(float(np.linalg.eigvalsh(part)[-1]) if part.size else 0.0 for part in parts)
+
     def gram(self, rows: np.ndarray) -> np.ndarray:
         """C M^-1 C^T (r, r) of rows C (r, N) of all coordinates, which see rigid motions, too."""
         rigid = self._by_rigid((rows @ self._Rg).T)
         still = rows.T - self._carried @ solve_triangular(self._of_rigid.T, rigid)
         halves = np.vstack([self._halves(self._space.loads(still)), rigid])
         return halves.T @ halves
+
+    def response(self, columns: np.ndarray) -> np.ndarray:
+        """Admissible part y (n_free, k) of what balanced columns accelerate, Z y + Rg r = M^-1 columns."""
+        rigid = solve_triangular(self._root.T, self._halves(columns)[-RIGID_MODES:])
+        return self._factor.solve(columns + self.pull @ rigid)
+
+    @cached_property
+    def pull(self) -> np.ndarray:
+        """Z^T M Rg (n_free, 6), Rg M-orthonormal: what accelerations of the frame do to the held body."""
+        return self._space.loads(self._by_rigid(self._carried.T).T)
 
     def _by_rigid(self, x: np.ndarray) -> np.ndarray:
         return solve_triangular(self._of_rigid, x, lower=True)
@@ -78,9 +96,9 @@ class AtStart:
     however the body is turned; 0 in its own.
     """
 
-    def __init__(self, problem: Problem):
+    def __init__(self, problem: Problem, unknown: int = 0):
         self._residual, self._rows, self._outputs = problem.terms, problem.rows.C, problem.outputs
-        self._views = problem.views
+        self._views, self._wrenches = problem.views, problem.B[:, problem.B.shape[1] - unknown :]
 
     def prepare(self) -> None:
         """Make what most runs need before the first one; of all mesh nodes, say, it would take long."""
@@ -128,6 +146,16 @@ class AtStart:
         """Return |R|_{M^-1} of the residual R = L z."""
         return float(self._mass.norms(self._residual.of(z)[:, None])[0])
 
+    @cached_property
+    def joints(self) -> FreeInterfaces:
+        """What forces at the interfaces accelerate."""
+        body, W = self._residual.body, self._wrenches
+        return made_once(body, "free interfaces", (W,), lambda: FreeInterfaces(body, self._mass, W))
+
+    def accelerations(self, z: np.ndarray) -> tuple[float, float]:
+        """Return parts of |a|_K of the start, whatever joints do: see FreeInterfaces.split."""
+        return self.joints.split(self._residual.of(z))
+
     def terms(self, z: np.ndarray) -> float:
         """Return the sum of |.|_{M^-1} of the terms of R, one for each entry of z: what R may be rounding of."""
         return float(np.abs(z) @ self._sizes)
@@ -140,6 +168,33 @@ class AtStart:
 
     def _norms(self, columns: np.ndarray | sp.spmatrix) -> np.ndarray:
         return by_columns(lambda part: self._mass.norms(part)[None], columns, np.empty((1, columns.shape[1])))[0]
+
+
+class FreeInterfaces:
+    """|a|_K of accelerations that a residual and any forces at the interfaces make together.
+
+    M a = -R - F w, F the wrenches of all interfaces, that by which the body is held included. Joints choose w such
+    that |M a|_{M^-1} over all bodies is no more than without: a = a_0 - M^-1 F y, with a_0 of the part of R that is
+    M^-1-orthogonal to F, and |F y|_{M^-1} no more than that of the other part. So |a|_K <= |a_0|_K + steepest |F y|.
+    """
+
+    def __init__(self, body: ElasticBody, mass: FreeMass, wrenches: np.ndarray | sp.spmatrix):
+        columns = wrenches.toarray() if sp.issparse(wrenches) else np.asarray(wrenches)
+        columns = np.hstack([columns, -mass.pull])  # the last six: forces on the frame, beside those on it itself
+        responses, on_frame = mass.response(columns), np.diag(np.append(np.zeros(columns.shape[1] - 6), np.ones(6)))
+        values, X = np.linalg.eigh(columns.T @ responses + on_frame)
+        X = X[:, values > ROUNDING * values[-1]] / np.sqrt(values[values > ROUNDING * values[-1]])
+        self._columns, self._responses = columns @ X, responses @ X
+        self._mass, self._K = mass, body.K
+        stiff = self._responses.T @ (body.K @ self._responses)
+        self.steepest = float(np.sqrt(np.linalg.eigvalsh(stiff)[-1]))  # largest |M^-1 F y|_K, in rad/s
+
+    def split(self, R: np.ndarray) -> tuple[float, float]:
+        """Return |a_0|_K, and |.|_{M^-1} of the part of a balanced R (n_free,) that interfaces may change."""
+        a = self._mass.response(R[:, None])[:, 0]
+        y = self._columns.T @ a
+        a = a - self._responses @ y
+        return float(np.sqrt(a @ (self._K @ a))), float(np.linalg.norm(y))
 
 
 def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from exudyn_romerr.estimators import passive_steps
-from exudyn_romerr.estimators.passive_steps import PassiveSteps, step_change
+
+from exudyn_romerr.decay.passive_steps import PassiveSteps, step_change
 
 EXACT = 1e-12  # rounding of an identity's terms
 ROUNDING = 1e-8  # of the bound: accelerations of stiff modes are 1e6 times those that count, and steps are 60
@@ -366,4 +366,4 @@ def test_which_schemes_are_passive():
         assert PassiveSteps.of(*parameters(kappa)).kappa == pytest.approx(kappa, abs=1e-15)
     assert PassiveSteps.of(0.0, 0.0, 0.3025, 0.6) is None
     assert PassiveSteps.of(0.0, 0.0, 1 / 6, 0.5) is None
-    assert passive_steps.PassiveSteps(0.0).norms == (1.0, 1.0)
+    assert PassiveSteps(0.0).norms == (1.0, 1.0)

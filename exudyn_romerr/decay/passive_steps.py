@@ -1,7 +1,7 @@
 """PassiveSteps: what generalised-alpha makes of an error, whatever dampers there are (theory.md 8).
 
-With kappa = (1 - rho)/(1 + rho) the steps of Chung and Hulbert's scheme have a storage S of displacement x, velocity v
-and algorithmic acceleration a,
+With kappa = (1 - rho)/(1 + rho) steps of Chung and Hulbert's scheme have a storage S of displacement x, velocity v and
+algorithmic acceleration a,
 
     2 S = |v + kappa h a/2|_M^2 + kappa^2 h^2 |a|_M^2/2
         + |x + kappa h v/2 - kappa^2 h^2 a/4|_K^2 + kappa^2 h^2 |v - kappa h a/2|_K^2/4 ,
@@ -28,7 +28,7 @@ class PassiveSteps:
 
     @classmethod
     def of(cls, alpha_m: float, alpha_f: float, beta: float, gamma: float) -> PassiveSteps | None:
-        """Return those of a scheme's parameters; None: it is none of Chung and Hulbert's, nor the trapezoidal rule."""
+        """Return those of a scheme; None: it is none of Chung and Hulbert's, nor the trapezoidal rule."""
         if (alpha_m, alpha_f, beta, gamma) == (0.0, 0.0, 0.25, 0.5):
             return cls(0.0)  # Newmark's: its equations hold at samples, so their averages do
         kappa = 1 - 2 * alpha_f
@@ -77,7 +77,7 @@ class PassiveSteps:
 def step_change(ratio: float) -> float:
     """Return the factor on g where a step is `ratio` times the one before.
 
-    Of the storage with kappa^4 h^4 |a|_K^2/4 more, which is one too: that with steps of the old size bounds |a|_M only.
+    Of the storage with kappa^4 h^4 |a|_K^2/4 more, which is one too, and bounds all of x, v and a.
     """
     if ratio == 1.0:
         return 1.0
