@@ -1,7 +1,7 @@
 """PassiveSteps: what generalised-alpha makes of an error, whatever dampers there are (theory.md 8).
 
-With kappa = (1 - rho)/(1 + rho) steps of Chung and Hulbert's scheme have a storage S of displacement x, velocity v and
-algorithmic acceleration a,
+With kappa = (1 - rho)/(1 + rho) steps of Chung and Hulbert's scheme have a storage S of displacements x, velocities v
+and algorithmic accelerations a,
 
     2 S = |v + kappa h a/2|_M^2 + kappa^2 h^2 |a|_M^2/2
         + |x + kappa h v/2 - kappa^2 h^2 a/4|_K^2 + kappa^2 h^2 |v - kappa h a/2|_K^2/4 ,
@@ -13,11 +13,23 @@ gyroscopic forces take away or do none. (2 S)^1/2 is a norm of (x, v, a), called
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg as la
 
 SAME = 1e-9  # of a parameter of the scheme
+
+
+class Means(NamedTuple):
+    """Of the squared frequencies x of the free body that rows C see, weighed by what |C|_{K^-1}^2 has of each (R,).
+
+    squares : E[x] = |C|_{M^-1}^2 / |C|_{K^-1}^2. inverse, inverse_squares : E[1/x], E[1/x^2]; None: not known.
+    """
+
+    squares: np.ndarray
+    inverse: np.ndarray | None = None
+    inverse_squares: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -40,21 +52,33 @@ class PassiveSteps:
         size = self.kappa * h
         return float(np.hypot(np.sqrt(3 / 4) * size * mass, np.sqrt(1 / 8) * size**2 * stiffness))
 
-    def displacement(self, h: float, squares: np.ndarray | float) -> np.ndarray | float:
-        """Return c with |C (e + K^-1 f)| <= c |C|_{K^-1} g, of rows with squares = |C|_{M^-1}^2 / |C|_{K^-1}^2.
+    def displacement(self, h: float, rows: Means) -> np.ndarray:
+        """Return c with |C (e + K^-1 f)| <= c |C|_{K^-1} g."""
+        return np.sqrt(1 + self._seen(h, rows))
 
-        c^2 - 1 is |C|^2 in the inverse of K + 4 M / (3 kappa^2 h^2), over that in K^-1: of concave functions of the
-        eigenvalues, and squares are their mean.
-        """
-        ratio = 0.75 * (self.kappa * h) ** 2 * np.asarray(squares, dtype=float)
-        return np.sqrt(2 - 1 / (1 + ratio))
-
-    def velocity(self, h: float, squares: np.ndarray | float) -> np.ndarray | float:
-        """Return c with |C e'| <= c |C|_{M^-1} g, of rows with squares as above."""
+    def velocity(self, h: float, rows: Means) -> np.ndarray:
+        """Return c with |C e'| <= c |C|_{M^-1} g."""
         if not self.kappa:
-            return np.ones_like(np.asarray(squares, dtype=float))
-        ratio = 0.75 * (self.kappa * h) ** 2 * np.asarray(squares, dtype=float)
-        return np.sqrt(1 / 6 + 4 / 3 / (1 + ratio))
+            return np.ones_like(rows.squares)
+        seen, ratio = self._seen(h, rows), rows.squares / self._limit(h)
+        return np.sqrt(1 / 6 + 4 / 3 * np.divide(seen, ratio, out=np.ones_like(ratio), where=ratio > 0))
+
+    def _limit(self, h: float) -> float:
+        return 4 / (3 * (self.kappa * h) ** 2)
+
+    def _seen(self, h: float, rows: Means) -> np.ndarray:
+        """|C|^2 in the inverse of K + limit M, over that in K^-1: the mean of x/(x + limit) of squared frequencies x.
+
+        That is concave in x; and at least what a share E[1/x]^2/E[1/x^2] of one frequency, the rest at inf, leaves.
+        """
+        if not self.kappa:
+            return np.zeros_like(rows.squares)
+        limit = self._limit(h)
+        by_squares = rows.squares / (rows.squares + limit)
+        if rows.inverse is None:
+            return by_squares
+        share, one = rows.inverse**2 / rows.inverse_squares, limit * rows.inverse_squares / rows.inverse
+        return np.minimum(by_squares, 1 - share + share / (1 + one))
 
     @property
     def norms(self) -> tuple[float, float]:

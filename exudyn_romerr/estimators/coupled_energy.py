@@ -97,7 +97,7 @@ class MechanismEnergy:
         self._interfaces = interface_rows(problem, unknown) if problem.has_initial_error else None
         self.norm, self.norm_static = problem.dual.norm_K, problem.dual.norm_static
         self.static_rows, self.velocity_rows = problem.rows.static_rows, problem.rows.velocity_rows
-        self.static_norms, self.factors = problem.rows.C_K, problem.rows.C_K.copy()
+        self.factors = problem.rows.C_K.copy()
         if self.velocity_rows.any():
             self.factors[self.velocity_rows] = free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
         self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
@@ -196,11 +196,10 @@ class MechanismEnergy:
 
     def _of_rows(self, joint: JointEnergy) -> tuple[np.ndarray, np.ndarray]:
         """Factors c of every row, as a displacement and as a velocity, (R,) each."""
-        none = np.ones(len(self.factors))
         if not joint.steps.kappa:
-            return none, none
-        squares = np.divide(self.at_start.factors, self.static_norms, out=0 * none, where=self.static_norms > 0) ** 2
-        return joint.steps.displacement(joint.h, squares), joint.steps.velocity(joint.h, squares)
+            return np.ones((2, len(self.factors)))
+        means = self.at_start.means
+        return joint.steps.displacement(joint.h, means), joint.steps.velocity(joint.h, means)
 
 
 class CorrectedEnergy(MechanismEnergy):

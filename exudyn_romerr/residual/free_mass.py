@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from ..decay.passive_steps import Means
 from ..linalg.blocked_products import by_columns
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from .problem import Problem
 
 ROUNDING = 1e-13  # of squares: interfaces that move alike
+FEW_ROWS = 64  # of outputs; of all nodes of a mesh it would take two more solves each
 
 
 class FreeMass:
@@ -55,6 +57,18 @@ class FreeMass:
     def norms(self, columns: np.ndarray) -> np.ndarray:
         """Norms (k,) of columns (n_free, k) that see no rigid motion: balanced loads, or output rows transposed."""
         return np.linalg.norm(self._halves(columns), axis=0)
+
+    def means(self, columns: np.ndarray, norms: np.ndarray) -> Means:
+        """Means of what columns (n_free, R) see, output rows transposed, of which `norms` are."""
+        stiff = self._body.stiffness_factor
+        moved = stiff.solve(columns)
+        size = np.maximum(np.einsum("ij,ij->j", columns, moved), np.finfo(float).tiny)
+        if len(norms) > FEW_ROWS:
+            return Means(norms**2 / size)
+        pushed = self._body.M @ moved - self.pull @ (self.pull.T @ moved)
+        inverse = np.maximum(np.einsum("ij,ij->j", moved, pushed), np.finfo(float).tiny)
+        squares = np.maximum(np.sum(stiff.half_solve(pushed) ** 2, axis=0), np.finfo(float).tiny)
+        return Means(norms**2 / size, inverse / size, squares / size)
 
     def compliance(self, columns: np.ndarray) -> tuple[float, float]:
         """Largest acceleration by a force and by a torque, columns (N, 3 or 6), of where these act, per unit."""
@@ -119,6 +133,12 @@ class AtStart:
         return made_once(
             self._residual.body, "mass norms of rows", (self._rows,), lambda: self._mass.norms(self._rows.T)
         )
+
+    @cached_property
+    def means(self) -> Means:
+        """Of the output rows; those that take solves where these are few."""
+        body, C = self._residual.body, self._rows
+        return made_once(body, "means of rows", (C,), lambda: self._mass.means(C.T, self.factors))
 
     @cached_property
     def shown(self) -> np.ndarray:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-
-from exudyn_romerr.decay.passive_steps import PassiveSteps, step_change
+from exudyn_romerr.decay.passive_steps import Means, PassiveSteps, step_change
 
 EXACT = 1e-12  # rounding of an identity's terms
 ROUNDING = 1e-8  # of the bound: accelerations of stiff modes are 1e6 times those that count, and steps are 60
@@ -94,6 +93,7 @@ class System:
             inverse = np.linalg.inv(X)
             M.append(inverse.T)
             K.append(inverse.T * omega)
+        self.blocks = K
         self.root_M, self.root_K = la.block_diag(*M), la.block_diag(*K)  # A = B B^T: squares of norms stay positive
         self.M, self.K = (root @ root.T for root in (self.root_M, self.root_K))
         self.D = la.block_diag(*(b * k @ k.T for b, k in zip(self.betas, K, strict=True)))
@@ -154,6 +154,11 @@ class System:
         """K^-1 f of balanced rows, up to rigid motions."""
         return f @ self.half_inverse @ self.half_inverse.T
 
+    def still(self, x):
+        """Motions without their rigid part, of which no momentum is left."""
+        X = la.block_diag(*(la.null_space(k.T, rcond=1e-12) for k in self.blocks))
+        return x - x @ self.M @ X @ np.linalg.solve(X.T @ self.M @ X, X.T)
+
     def stored(self, d, e, v, a):
         """(2 S)^1/2, d: what bodies see of e, beside what has no energy."""
         of_mass, of_bodies = storage(d, v, a, 1.0, self.kappa)
@@ -168,7 +173,7 @@ class System:
         )
 
     def bound(self, a0):
-        """g (steps,): start and variation of what steps feel."""
+        """G (steps,): start and variation of what steps feel."""
         alpha_f = parameters(self.kappa)[1]
         f = (1 - alpha_f) * self.R[1:] + alpha_f * self.R[:-1]
         return self.start(a0) + np.cumsum(self.inverse_norm(np.diff(f, axis=0, prepend=0 * f[:1])))
@@ -189,7 +194,10 @@ def shares(system, with_accelerations=True):
     by_stiffness, passive = system.inverse_norm(C), system.steps_of
     C, by_mass, by_stiffness = (x[by_stiffness > 0] for x in (C, by_mass, by_stiffness))
     squares = (by_mass / by_stiffness) ** 2
-    places, rates = passive.displacement(1.0, squares), passive.velocity(1.0, squares)
+    pushed = size(system.root_M, system.still(system.static(C))) ** 2 / by_stiffness**2
+    twice = system.inverse_norm(system.still(system.static(C)) @ system.M) ** 2 / by_stiffness**2
+    means = Means(squares), Means(squares, pushed, twice)
+    places, rates = (np.minimum(*(of(1.0, x) for x in means)) for of in (passive.displacement, passive.velocity))
     norms = passive.norms
     if not with_accelerations:
         norms = passive.from_rest
@@ -283,8 +291,10 @@ def test_factors_are_those_of_the_worst_state(kappa):
         (m, n), (p, q) = storage(*np.diag([1 / omega, 1.0, 1.0]), 1.0, kappa)
         inverse = np.linalg.pinv(np.array([m, n, omega * p, omega * q]))
         place, rate = np.linalg.norm(inverse[:2], axis=1)
-        assert place == pytest.approx(passive.displacement(1.0, omega**2), rel=1e-9)
-        assert rate == pytest.approx(passive.velocity(1.0, omega**2), rel=1e-9)
+        squares = np.array([omega**2])
+        for means in (Means(squares), Means(squares, 1 / squares, 1 / squares**2)):
+            assert place == pytest.approx(passive.displacement(1.0, means)[0], rel=1e-9)
+            assert rate == pytest.approx(passive.velocity(1.0, means)[0], rel=1e-9)
 
 
 @pytest.mark.parametrize("dropped", range(4))
@@ -293,9 +303,9 @@ def test_every_term_of_the_storage_is_needed(dropped):
     rng, grown = np.random.default_rng(1), []
     for _ in range(300):
         kappa, omega = rng.uniform(0.05, 1), 10 ** rng.uniform(-2, 3)
-        alpha_m, alpha_f, beta, gamma = parameters(kappa)
+        alpha_m, alpha_f, beta, _ = parameters(kappa)
         x, v, a = rng.standard_normal(3) / [omega, 1, 1 / omega]
-        ahead, speed = newmark(x, v, a, 0.0, 1.0, kappa)
+        ahead, _ = newmark(x, v, a, 0.0, 1.0, kappa)
         known = alpha_m * a + omega**2 * (alpha_f * x + (1 - alpha_f) * ahead)
         new = -known / (1 - alpha_m + (1 - alpha_f) * beta * omega**2)
         sums = []
@@ -348,7 +358,7 @@ def test_steps_of_other_sizes():
     found = []
     for seed in SEEDS:
         system = System(seed, even=False)
-        (e, v, a), f = system.motion(np.zeros(system.T.shape[1]))
+        (e, v, _), f = system.motion(np.zeros(system.T.shape[1]))
         changes, g, bounds = system.inverse_norm(np.diff(f, axis=0, prepend=0 * f[:1])), 0.0, []
         for (before, h), change in zip(pairwise(np.append(system.h[0], system.h)), changes, strict=True):
             g = g * step_change(h / before) + change
