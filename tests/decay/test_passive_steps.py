@@ -285,7 +285,10 @@ def test_every_jump_counts(monkeypatch):
 
 @pytest.mark.parametrize("kappa", [0.01, 0.0526, 0.3, 1.0])
 def test_factors_are_those_of_the_worst_state(kappa):
-    """Of a single mode there is nothing to lose: the largest |omega x| and |v| of one storage."""
+    """Of a single mode there is nothing to lose: the largest |omega x| and |v| of one storage.
+
+    But for rounding of 1 less nearly 1, at omega h kappa of 1e-4.
+    """
     passive = PassiveSteps(kappa)
     for omega in np.geomspace(1e-2, 1e3, 30):
         (m, n), (p, q) = storage(*np.diag([1 / omega, 1.0, 1.0]), 1.0, kappa)
@@ -293,8 +296,8 @@ def test_factors_are_those_of_the_worst_state(kappa):
         place, rate = np.linalg.norm(inverse[:2], axis=1)
         squares = np.array([omega**2])
         for means in (Means(squares), Means(squares, 1 / squares, 1 / squares**2)):
-            assert place == pytest.approx(passive.displacement(1.0, means)[0], rel=1e-9)
-            assert rate == pytest.approx(passive.velocity(1.0, means)[0], rel=1e-9)
+            assert place == pytest.approx(passive.displacement(1.0, means)[0], rel=1e-6)
+            assert rate == pytest.approx(passive.velocity(1.0, means)[0], rel=1e-6)
 
 
 @pytest.mark.parametrize("dropped", range(4))
