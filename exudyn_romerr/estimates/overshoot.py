@@ -11,8 +11,8 @@ residual R(0) that a body starts with, E and F the largest over all omega,
     |C (e + K^-1 R(0))| <= |C|_{K^-1} |R(0)|_{K^-1} + |C|_{M^-1} E |R(0)|_{M^-1} ,   |e'|_M <= ... + F |R(0)|_{M^-1} .
 
 A load that changes later finds accelerations that are none of its making: its discrete response stays below 1/omega^2
-and 1/omega, in steps of one size. Dampings are looked at up to Rayleigh's. Dampers
-in joints join modes: where there are any, any ratio is looked at, which held in examples and is not proved.
+and 1/omega, in steps of one size. Dampings are looked at up to Rayleigh's. What joins modes, as dampers in joints do,
+is bounded by decay/passive_steps.py.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from .march import Scheme
 
 LOWEST, HIGHEST, A_DECADE = 0.1, 1e6, 16  # omega h, and numbers that are looked at
 SHARES = 1.0, 0.5, 0.25, 0.06, 0.0  # of Rayleigh's beta: rigid bodies, and springs that are not damped, leave less
-ANY = 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0  # beta over h
 ROUNDING = 1e-6  # of the exact one: less of what is larger may be rounding
 QUIET = 64  # steps without any, after which there is none
 
@@ -38,12 +37,9 @@ def overshoots(scheme: Scheme) -> bool:
 
 
 class Overshoot:
-    """E and F along a run from time t of a scheme that overshoots.
+    """E and F along a run from time t of a scheme that overshoots; dampings : (alpha, beta) of its bodies."""
 
-    dampings : (alpha, beta) of its bodies; None: any.
-    """
-
-    def __init__(self, scheme: Scheme, t: float, dampings: Sequence[tuple[float, float] | None]):
+    def __init__(self, scheme: Scheme, t: float, dampings: Sequence[tuple[float, float]]):
         self._scheme, self._dampings, self._t, self._quiet = scheme, dampings, t, 0
         self._x: np.ndarray | None = None  # x omega^2 + 1, its rates, algorithmic acceleration, (4, modes)
 
@@ -71,8 +67,7 @@ class Overshoot:
     def _begin(self, h: float) -> None:
         count = int(A_DECADE * np.log10(HIGHEST / LOWEST)) + 1
         omega = np.geomspace(LOWEST, HIGHEST, count) / h
-        known = {(0.0, y * h) for y in ANY if None in self._dampings} | {*self._dampings} - {None}
-        pairs = {(a * x, b * y) for a, b in known for x in (0.0, 1.0) for y in SHARES}
+        pairs = {(a * x, b * y) for a, b in self._dampings for x in (0.0, 1.0) for y in SHARES}
         alpha, beta = np.array(sorted(pairs)).T[..., None]
         self._K = np.broadcast_to(omega**2, (len(alpha), count)).ravel()
         self._D = (alpha + beta * omega**2).ravel()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..decay.decay_rates import body_rates, damping_in_steps, stiffness_damping
-from ..decay.passive_steps import PassiveSteps
+from ..decay.passive_steps import OF_MODES, PassiveSteps
 from ..linalg.blocked_products import row_norms, rows_times
 from ..residual.free_mass import AtStart, free_velocity_norms
 from ..residual.interface_stiffening import interface_rows
@@ -37,8 +37,8 @@ class JointEnergy:
 
     stored, beside : |e + K^-1 R|_K <= c stored + beside, c of `steps` with the size h, of which all were if `even`.
     speed : |e'|_M <= c speed. peak : the largest |e + K^-1 R|_K in segments. onward : g and rough that go on.
-    started : what is stored of accelerations that the run started with, to be added; overshoot (S, 2) : in its place
-    what these add to |e|_M and |e'|_M.
+    apart : whether damping leaves modes of the mechanism apart. started : what is stored of accelerations that the
+    run started with, to be added; overshoot (S, 2) : in its place what these add to |e|_M and |e'|_M.
     """
 
     stored: np.ndarray
@@ -51,6 +51,7 @@ class JointEnergy:
     steps: PassiveSteps = EXACT
     h: float = 0.0
     even: bool = True
+    apart: bool = False
 
     @classmethod
     def of_exact_motion(cls, g: np.ndarray, rough: np.ndarray, peak: np.ndarray) -> JointEnergy:
@@ -66,7 +67,9 @@ class JointEnergy:
     @property
     def norms(self) -> tuple[float, float]:
         """Factors c of |e + K^-1 R|_K and |e'|_M."""
-        return self.steps.from_rest if self.even else self.steps.norms
+        if not self.even:
+            return self.steps.norms
+        return tuple(map(min, self.steps.from_rest, OF_MODES)) if self.apart else self.steps.from_rest
 
     @property
     def level(self) -> np.ndarray:

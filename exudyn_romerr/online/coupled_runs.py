@@ -85,6 +85,7 @@ class FirstSteps:
         self._starts: list[tuple[AtStart, Opening]] = []  # until the first step
         self._overshoot: Overshoot | None = None
         self._started: float | None = None
+        self._apart = False  # whether damping leaves modes apart
         self._carried: CarriedTurn | None = None
         self._positions = np.zeros(0)
 
@@ -115,7 +116,8 @@ class FirstSteps:
         alpha = max((known[0] for known in dampings if known is not None), default=0.0)
         radius = self._scheme.alpha_f / (1 - self._scheme.alpha_f)
         joins = self.connectors.are_damped or None in dampings or alpha * h * (1 - radius) ** 2 / 4 > CARRIED
-        if not joins:
+        self._apart = not joins
+        if self._apart:
             self._overshoot = Overshoot(self._scheme, float(self._starts[0][1].start.t), dampings)
         elif self._is_passive and np.isfinite(self.connectors.stiffness):
             self._started = self.steps.start(h, self._push, self._accelerations())
@@ -133,7 +135,8 @@ class FirstSteps:
     def of_steps(self, h: np.ndarray) -> dict[str, Any]:
         """Return what is known of steps h (S,) for a JointEnergy; after `repeated` and `advance` were asked."""
         started = None if self._started is None else np.full(len(h), self._started)
-        return {"steps": self.steps, "h": float(h.max(initial=0.0)), "even": not self._varies, "started": started}
+        known = {"even": not self._varies, "apart": self._apart, "started": started}
+        return {"steps": self.steps, "h": float(h.max(initial=0.0)), **known}
 
     def doubts(self) -> list[Doubt]:
         """Return once why the start is not certified."""
@@ -159,7 +162,7 @@ class FirstSteps:
     def repeated(self, t: np.ndarray) -> list[Doubt]:
         """Return once why nothing is certified, if some of the next samples t (S,) show that a step was repeated.
 
-        Before `lost` is asked. Steps are of the size that is tried first until one is repeated. With a spectral
+        Before `grown` is asked. Steps are of the size that is tried first until one is repeated. With a spectral
         radius of 1 errors were as in other runs.
         """
         times, is_first = np.append(self._times, t), len(self._times) < 2

@@ -14,6 +14,7 @@ from benchmarks.mechanism_builder import built
 from benchmarks.random_mechanisms import drawn
 from exudyn_romerr.mbs.access import connectors
 from exudyn_romerr.mbs.access.mbs_items import has_dampers
+from exudyn_romerr.mbs.shadow.measured import OF_THIRD_ORDER
 from exudyn_romerr.online.run_messages import STARTS_DAMPED
 from exudyn_romerr.report.scope import NOT_CERTIFIED
 
@@ -73,14 +74,21 @@ def test_what_alpha_carries_on_into_slow_motion_is_in_the_bound(seed, rho):
     assert not sweep_mechanisms_table.violated(result)
 
 
+CASES = [mechanism(110, 0.9, steps=4), held_back(137, 50.0, 0.3)]
+
+
 @pytest.mark.parametrize("rho", [0.9, 0.3, 0.0])
-@pytest.mark.parametrize(
-    "one", [mechanism(110, 0.9, steps=4), held_back(137, 50.0, 0.3), mechanism(104, 0.0, steps=4)]
-)
-def test_dampers_alpha_and_small_radii_are_certified(one, rho):
+@pytest.mark.parametrize("one", CASES, ids=["dampers", "alpha"])
+def test_dampers_and_alpha_are_certified(one, rho):
     for report in reports(replace(one, rho=rho)):
         assert not report.uncertified
         assert not any("starts suddenly" in message for message in report.messages)
+
+
+@pytest.mark.parametrize(("rho", "kind"), [(0.0, "at once"), (0.0, "smooth"), (0.9, "at once")])
+def test_small_radii_are_certified_where_first_steps_are_linear(rho, kind):
+    for report in reports(mechanism(104, rho, kind, steps=4)):
+        assert report.uncertified == ((OF_THIRD_ORDER,) if (rho, kind) == (0.0, "at once") else ())
 
 
 def test_springs_of_unknown_stiffness_are_not(monkeypatch):
