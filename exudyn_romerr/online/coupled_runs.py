@@ -138,10 +138,12 @@ class FirstSteps:
         known = {"even": not self._varies, "apart": self._apart, "started": started}
         return {"steps": self.steps, "h": float(h.max(initial=0.0)), **known}
 
-    def doubts(self) -> list[Doubt]:
-        """Return once why the start is not certified."""
+    def doubts(self, h: np.ndarray, g: np.ndarray) -> list[Doubt]:
+        """Return once why the start is not certified, with the first steps h (S,), after which energies are g (S,)."""
+        if not len(g):
+            return []
         found, self._doubts = self._doubts, []
-        return found
+        return found if h[0] * self._push > NEGLIGIBLE * g[-1] else []
 
     def felt(self, stream: str, energies: Sequence[MechanismEnergy]) -> FeltResiduals | None:
         """Return what goes on with the energy of a stream by averages, from where it begins; None: nothing does."""
@@ -220,7 +222,7 @@ def join_extensions(
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]
         own, felt = joint_growth(energies, blocks, first_steps.steps.impulse), first_steps.felt(stream, energies)
-        notes = notes + first_steps.doubts()
+        notes = notes + first_steps.doubts(blocks[0].h, own[0])
         joint = replace(JointEnergy.of_exact_motion(*own), **first_steps.of_steps(blocks[0].h))
         joint.peak = joint.norms[0] * joint.peak
         if felt is not None:

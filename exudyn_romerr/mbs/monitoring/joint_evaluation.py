@@ -13,8 +13,8 @@ from ...errors import AssumptionError, InputError, RunError
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import Connectors, FirstSteps, join_extensions, joined_openings, turned_in
-from ..access.connectors import connectors
 from ..access.mbs_items import first_step, scheme_of, share_of
+from ..control.connectors import connectors
 from ..control.steady_gains import SteadyGains
 from ..derivatives.linearisation import Tangents
 from ..mechanism.kept_equations import KeptEquations

@@ -12,8 +12,8 @@ import exudyn_romerr as romerr
 from benchmarks import sweep_mechanisms, sweep_mechanisms_table
 from benchmarks.mechanism_builder import built
 from benchmarks.random_mechanisms import drawn
-from exudyn_romerr.mbs.access import connectors
 from exudyn_romerr.mbs.access.mbs_items import has_dampers
+from exudyn_romerr.mbs.control import connectors
 from exudyn_romerr.mbs.shadow.measured import OF_THIRD_ORDER
 from exudyn_romerr.online.run_messages import STARTS_DAMPED
 from exudyn_romerr.report.scope import NOT_CERTIFIED

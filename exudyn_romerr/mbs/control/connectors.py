@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...online.coupled_runs import Connectors
-from .mbs_items import BODIES, has_dampers, numbers
+from ..access.mbs_items import BODIES, has_dampers, numbers
+from .control_functions import find_controls
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,25 +28,30 @@ def connectors(mbs: Any, of_marker: Callable[[int], Compliance | None]) -> Conne
     """Return what is to be known of springs and dampers beside floating bodies.
 
     K_s <= s M for the stiffness K_s of all springs, since x^T K_s x is at most tr(k C) x^T M x for each of them, C
-    the compliance of mass at its markers; s is the sum, inf where there are springs of other kinds, or by functions.
+    the compliance of mass at its markers; s is the sum, inf where there are springs of other kinds. Of a user
+    function k is the gain where the run begins.
 
     of_marker : number of a marker on a floating body -> its compliance; None: it is on none.
     """
-    items = (mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()))
-    damped = has_dampers(mbs)
-    return Connectors(damped, sum(_stiffness(mbs, item, of_marker) for item in items) if damped else 0.0)
+    if not has_dampers(mbs):
+        return Connectors()
+    gains = {spring.number: spring.gains(mbs, 0.0, spring.motion(mbs))[0] for spring in find_controls(mbs).springs}
+    items = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
+    return Connectors(True, sum(_stiffness(mbs, item, gains.get(i), of_marker) for i, item in enumerate(items)))
 
 
-def _stiffness(mbs: Any, item: dict, of_marker: Callable[[int], Compliance | None]) -> float:
-    """Part of one object."""
+def _stiffness(
+    mbs: Any, item: dict, gains: np.ndarray | None, of_marker: Callable[[int], Compliance | None]
+) -> float:
+    """Part of one object; gains (k, k) : of its user function, None: it has none that could be asked."""
     kind = item["objectType"]
     keys = [key for key in item if "stiffness" in key.lower() or (key.startswith("spring") and "Function" in key)]
     given = [key for key in keys if _is_given(item[key])]
     if kind in BODIES or not given or item.get("activeConnector") is False:
         return 0.0
-    if given != ["stiffness"] or kind not in (*MOVING, *TURNING, *BOTH):
+    if (given != ["stiffness"] and gains is None) or kind not in (*MOVING, *TURNING, *BOTH):
         return np.inf
-    k = _dense(item["stiffness"])
+    k = _dense(item["stiffness"]) if gains is None else np.trace(gains)
     if kind in BOTH:  # k <= 2 of its blocks on the diagonal
         whole = 2.0 if k[:3, 3:].any() or k[3:, :3].any() else 1.0
         sizes = whole * np.trace(k[:3, :3]), whole * np.trace(k[3:, 3:])
