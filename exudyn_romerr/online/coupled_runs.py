@@ -139,7 +139,7 @@ class FirstSteps:
         return {"steps": self.steps, "h": float(h.max(initial=0.0)), **known}
 
     def doubts(self, h: np.ndarray, g: np.ndarray) -> list[Doubt]:
-        """Return once why the start is not certified, with the first steps h (S,), after which energies are g (S,)."""
+        """Return once why the start is not certified; h (S,) : the first steps, g (S,) : energies after them."""
         if not len(g):
             return []
         found, self._doubts = self._doubts, []
