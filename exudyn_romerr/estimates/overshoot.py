@@ -18,11 +18,12 @@ is bounded by decay/passive_steps.py.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 
 import numpy as np
 
+from ..decay.passive_steps import PassiveSteps
 from .march import Scheme
 
 LOWEST, HIGHEST, A_DECADE = 0.1, 1e6, 16  # omega h, and numbers that are looked at
@@ -73,6 +74,66 @@ class Overshoot:
         self._D = (alpha + beta * omega**2).ravel()
         one = np.ones_like(self._K)
         self._x = np.array([one, 0 * one, -self._K, -self._K])
+
+
+SLOW = 1.7  # more than what steps store of accelerations of slow modes, over (kappa h)^2, at any time
+LONG = 256  # steps; in so many stiff modes have forgotten, and others do not
+
+
+class StartStorage:
+    """What steps have stored of accelerations that a run starts with, |a|_M = mass and |a|_{K + K_s} = stiffness.
+
+    It never grows, whatever damping there is: PassiveSteps.start. Where modes would be apart but for a damping E <=
+    excess M, steps without E store in n steps
+
+        2 S_n <= (kappa h)^2 (SLOW mass^2 + B_n (kappa h stiffness)^2) ,
+
+    B_n the largest over omega of what single modes have above SLOW, and E adds (h/2) sum |v|_E^2 to 2 S at most, for
+    the velocities v that steps without E see (theory.md 8). The least of all n so far counts.
+
+    beta : D - beta (K + K_s) <= excess M, and not negative; None: there is no such.
+    """
+
+    def __init__(
+        self,
+        steps: PassiveSteps,
+        h: float,
+        sizes: tuple[float, float],
+        beta: float | None = None,
+        excess: float = 0.0,
+    ):
+        mass, stiffness = sizes
+        self._known, self._n = np.full(1, steps.start(h, mass, stiffness)), 0
+        if beta is not None and np.isfinite(excess) and steps.kappa:
+            above, seen = _stored(steps.kappa, beta / h)
+            size = steps.kappa * h
+            own = np.sqrt(SLOW * mass**2 + above * (size * stiffness) ** 2)
+            found = size * (own + mass * np.sqrt(h * excess / 2 * seen))
+            self._known = np.minimum.accumulate(np.append(self._known, found))
+
+    def advance(self, count: int) -> np.ndarray:
+        """Return its root (S,) after the next steps."""
+        n, self._n = self._n + 1 + np.arange(count), self._n + count
+        return self._known[np.minimum(n, len(self._known) - 1)]
+
+
+@lru_cache(maxsize=8)
+def _stored(kappa: float, beta: float) -> tuple[np.ndarray, np.ndarray]:
+    """B_n, and sums of the largest v_af^2 over kappa^2, (LONG,), of single modes in steps of 1."""
+    alpha_m, alpha_f, gamma, newmark = (1 - 3 * kappa) / 2, (1 - kappa) / 2, 0.5 + kappa, (1 + kappa) ** 2 / 4
+    K = np.geomspace(LOWEST / 100, HIGHEST, A_DECADE * 9) ** 2
+    D, (x, v, a) = beta * K, np.outer([0.0, 0.0, 1.0], np.ones_like(K))
+    above, seen = np.empty((2, LONG))
+    for n in range(LONG):
+        ahead, speed = x + v + (0.5 - newmark) * a, v + (1 - gamma) * a
+        known = alpha_m * a + D * (alpha_f * v + (1 - alpha_f) * speed) + K * (alpha_f * x + (1 - alpha_f) * ahead)
+        a = -known / (1 - alpha_m + (1 - alpha_f) * (gamma * D + newmark * K))
+        x, before, v = ahead + newmark * a, v, speed + gamma * a
+        m, p, q = v + kappa * a / 2, x + kappa * v / 2 - kappa**2 * a / 4, kappa / 2 * (v - kappa * a / 2)
+        stored = (m**2 + kappa**2 * a**2 / 2 + K * (p**2 + q**2)) / kappa**2
+        above[n] = np.max((stored - SLOW) / (kappa**2 * K), initial=0.0)
+        seen[n] = np.max((alpha_f * before + (1 - alpha_f) * v) ** 2) / kappa**2
+    return above, np.cumsum(seen)
 
 
 # omega h of modes whose accelerations change their sign from step to step, and steps in which they die out, or do not

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..decay.passive_steps import PassiveSteps, step_change
-from ..estimates.overshoot import CarriedTurn, Overshoot, overshoots
+from ..estimates.overshoot import CarriedTurn, Overshoot, StartStorage, overshoots
 from ..estimators.coupled_energy import EXACT, JointEnergy, MechanismEnergy, joint_growth
 from ..model.floating_frame import FrameRows
 from ..residual.felt_residuals import STARTED, FeltResiduals
@@ -51,10 +51,16 @@ def joined_openings(runs: Sequence[Run], openings: Sequence[Opening]) -> list[Op
 
 @dataclass(frozen=True)
 class Connectors:
-    """Springs and dampers beside bodies. stiffness : K_s <= stiffness M, in 1/s^2; inf: unknown."""
+    """Springs and dampers beside bodies.
+
+    stiffness, damping : K_s <= stiffness M, in 1/s^2, D_s <= damping M, in 1/s; inf: unknown. covered : in s, the
+    largest beta with D_s >= beta K_s.
+    """
 
     are_damped: bool = False
     stiffness: float = 0.0
+    damping: float = 0.0
+    covered: float = np.inf
 
 
 class FirstSteps:
@@ -84,7 +90,7 @@ class FirstSteps:
         self._grown = 1.0  # product of factors
         self._starts: list[tuple[AtStart, Opening]] = []  # until the first step
         self._overshoot: Overshoot | None = None
-        self._started: float | None = None
+        self._started: StartStorage | None = None
         self._apart = False  # whether damping leaves modes apart
         self._carried: CarriedTurn | None = None
         self._positions = np.zeros(0)
@@ -120,10 +126,21 @@ class FirstSteps:
         if self._apart:
             self._overshoot = Overshoot(self._scheme, float(self._starts[0][1].start.t), dampings)
         elif self._is_passive and np.isfinite(self.connectors.stiffness):
-            self._started = self.steps.start(h, self._push, self._accelerations())
+            sizes = self._push, self._accelerations()
+            self._started = StartStorage(self.steps, h, sizes, *self._excess(dampings))
         elif self._push > ROUNDING * sum(_terms(*start) for start in self._starts):
             self._doubts = [STARTS_DAMPED]
         self._starts = []
+
+    def _excess(self, dampings: list[tuple[float, float] | None]) -> tuple[float | None, float]:
+        """Return beta and excess, D - beta (K + K_s) <= excess M: of bodies with one beta; else None."""
+        betas = {known and known[1] for known in dampings}
+        if len(betas) > 1 or None in betas or max(betas) > self.connectors.covered:
+            return None, 0.0
+        alphas = (
+            known[0] * at.relative**2 for (at, _), known in zip(self._starts, dampings, strict=True) if known[0]
+        )
+        return betas.pop(), self.connectors.damping + max(alphas, default=0.0)
 
     def _accelerations(self) -> float:
         """|a|_{K + K_s} of accelerations at the start, whatever joints make of them."""
@@ -134,7 +151,7 @@ class FirstSteps:
 
     def of_steps(self, h: np.ndarray) -> dict[str, Any]:
         """Return what is known of steps h (S,) for a JointEnergy; after `repeated` and `advance` were asked."""
-        started = None if self._started is None else np.full(len(h), self._started)
+        started = None if self._started is None else self._started.advance(len(h))
         known = {"even": not self._varies, "apart": self._apart, "started": started}
         return {"steps": self.steps, "h": float(h.max(initial=0.0)), **known}
 
@@ -218,12 +235,13 @@ def join_extensions(
     t = extensions[0].new.t
     notes, overshoot = first_steps.repeated(t), first_steps.advance(t)
     grown = first_steps.grown(t)
+    of_steps = first_steps.of_steps(next(iter(extensions[0].segments.values()))[0].h)
     for stream in extensions[0].segments:
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]
         own, felt = joint_growth(energies, blocks, first_steps.steps.impulse), first_steps.felt(stream, energies)
         notes = notes + first_steps.doubts(blocks[0].h, own[0])
-        joint = replace(JointEnergy.of_exact_motion(*own), **first_steps.of_steps(blocks[0].h))
+        joint = replace(JointEnergy.of_exact_motion(*own), **of_steps)
         joint.peak = joint.norms[0] * joint.peak
         if felt is not None:
             _take_averages(joint, felt, energies, blocks, turned)

@@ -54,6 +54,11 @@ class FreeMass:
         """See turned_mass."""
         return turned_mass(self._body, self)
 
+    @cached_property
+    def relative(self) -> float:
+        """See relative_motion."""
+        return relative_motion(self._body, self)
+
     def norms(self, columns: np.ndarray) -> np.ndarray:
         """Norms (k,) of columns (n_free, k) that see no rigid motion: balanced loads, or output rows transposed."""
         return np.linalg.norm(self._halves(columns), axis=0)
@@ -158,6 +163,11 @@ class AtStart:
         """See turned_mass."""
         return self._mass.turning
 
+    @property
+    def relative(self) -> float:
+        """See relative_motion."""
+        return self._mass.relative
+
     def coordinates(self, *sample: np.ndarray) -> np.ndarray:
         """Return z (k,) of q, q', q'' (n,) and inputs (p,) as they are."""
         return self._residual.coordinates(*sample)
@@ -223,6 +233,14 @@ def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
     rows[:, body.space.free] = C
     rows -= (rows @ rigid_modes(body.positions)) @ _frame_rows(body)
     return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
+
+
+def relative_motion(body: ElasticBody, mass: FreeMass) -> float:
+    """|u|_M over |e|_M at most, u what a motion e of the body is relative to its frame."""
+    Rg = rigid_modes(body.positions)
+    L = cholesky(Rg.T @ (body.mass @ Rg), lower=True)
+    carried = L.T @ mass.gram(_frame_rows(body)) @ L  # |Rg c|_M^2 of the motion c of the frame
+    return 1 + float(np.sqrt(np.linalg.eigvalsh(carried)[-1]))
 
 
 def turned_mass(body: ElasticBody, mass: FreeMass) -> float:

@@ -7,6 +7,8 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr.decay.passive_steps import OF_MODES, Means, PassiveSteps, step_change
+from exudyn_romerr.estimates import overshoot
+from exudyn_romerr.estimates.overshoot import StartStorage
 
 EXACT = 1e-12  # rounding of an identity's terms
 ROUNDING = 1e-8  # of the bound: accelerations of stiff modes are 1e6 times those that count, and steps are 60
@@ -336,6 +338,38 @@ def test_rough_loads_of_damped_bodies_do_bounded_work(seed):
     g = np.hypot(system.start(a[0]), np.sqrt(np.cumsum(work)))
     assert np.all(size(system.root_K, e[1:]) <= system.steps_of.norms[0] * g * (1 + ROUNDING))
     assert np.all(size(system.root_M, v[1:]) <= system.steps_of.norms[1] * g * (1 + ROUNDING))
+
+
+def kept_of_starts(**options):
+    """Largest storage after a start alone over StartStorage, in steps 1, 5, 20 and 60; modes joined by dampers."""
+    found = []
+    for seed in range(40):
+        system = System(seed, **options)
+        rng, beta = np.random.default_rng([seed, 3]), 10 ** -float(seed % 5)
+        dampers = rng.standard_normal((2, system.n)) * (10 ** rng.uniform(-3, 1, 2))[:, None]
+        system.D = beta * (system.K + system.K_s) + dampers.T @ dampers
+        excess = la.eigvalsh(dampers.T @ dampers, system.M)[-1]
+        system.R[1:] = 0.0  # only the accelerations are left of it
+        a0 = -np.linalg.solve(system.T.T @ system.M @ system.T, system.T.T @ system.R[0])
+        system.R[0] = 0.0
+        (e, v, a), _ = system.motion(a0)
+        sizes = size(system.root_M, a[0]), np.hypot(size(system.root_K, a[0]), size(system.root_s, a[0]))
+        bound = StartStorage(system.steps_of, 1.0, sizes, beta, excess).advance(60)
+        own = system.stored(e, e, v, a)[1:]
+        found.append([share(own[n - 1 : n], bound[n - 1 : n]) for n in (1, 5, 20, 60)])
+    return np.max(found, axis=0)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3, 0.5, 0.7, 0.9])
+def test_stiff_modes_forget_a_start(radius):
+    assert kept_of_starts(radius=radius).max() <= 1 + ROUNDING
+
+
+def test_what_stiff_modes_keep_is_needed(monkeypatch):
+    assert kept_of_starts(radius=0.9).max() > 0.99
+    original = overshoot._stored
+    monkeypatch.setattr(overshoot, "_stored", lambda *of: (0 * original(*of)[0], original(*of)[1]))
+    assert kept_of_starts(radius=0.9).max() > 1.01
 
 
 def test_impulses_beside():

@@ -141,3 +141,15 @@ def test_accelerations_of_a_start_are_those_that_any_joints_leave():
         a = inverse @ (R - held @ np.linalg.solve(G, held.T @ inverse @ R))
         shares.append(np.sqrt(a @ K @ a) / (own + found.steepest * joined))
     assert 0.1 < max(shares) <= 1
+
+
+def test_motion_relative_to_the_frame_is_bounded():
+    fem = hex_bar(2, (0.5, 0.03, 0.04), (2e9, 1500.0, 0.3))
+    x = fem.GetNodePositionsAsArray()
+    end = np.flatnonzero(x[:, 0] == x[:, 0].min())
+    body = romerr.ElasticBody.from_fem(fem, reference=romerr.mean_motion(end))
+    M, Rg, held = body.mass.toarray(), rigid_modes(x), romerr.mean_motion(end).rows(x)
+    pi = np.eye(body.N) - Rg @ np.linalg.solve(held @ Rg, held)
+    L = np.linalg.cholesky(M)
+    exact = np.linalg.norm(L.T @ pi @ np.linalg.inv(L.T), 2)
+    assert exact <= FreeMass(body).relative <= 1.01 + exact
