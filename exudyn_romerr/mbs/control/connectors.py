@@ -60,7 +60,8 @@ def _matrices(item: dict, gains: np.ndarray | None) -> tuple[np.ndarray | None, 
     by_function = any(key.startswith("spring") and key.endswith("Function") and item[key] for key in item)
     for j, (name, words) in enumerate((("stiffness", ("stiffness",)), ("damping", DAMPING))):
         given = {key for key in item if any(word in key.lower() for word in words) and _is_given(item[key])}
-        is_known = given <= {name} and (place is not None or not given) and (gains is not None or not by_function)
+        is_known = given <= {name} and (gains is not None or not by_function)
+        is_known = is_known and (place is not None or not (given or by_function))
         found.append(_placed(gains[j] if by_function else item.get(name, 0.0), place) if is_known else None)
     return tuple(found)
 

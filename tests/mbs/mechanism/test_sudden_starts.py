@@ -93,7 +93,7 @@ def test_small_radii_are_certified_where_first_steps_are_linear(rho, kind):
 
 def test_springs_of_unknown_stiffness_are_not(monkeypatch):
     """Nor integrators that are not generalised-alpha, with dampers."""
-    monkeypatch.setattr(connectors, "BOTH", ())
+    monkeypatch.setattr(connectors, "PLACES", {})
     for report in reports(replace(mechanism(110, 0.9, steps=4), base="bushing", links=bushings(110))):
         (doubt,) = report.uncertified
         assert doubt is STARTS_DAMPED
