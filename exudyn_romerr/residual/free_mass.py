@@ -229,8 +229,7 @@ class FreeInterfaces:
 
 def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
     """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
-    rows = np.zeros((len(C), body.N))
-    rows[:, body.space.free] = C
+    rows = body.space.extended(C)
     rows -= (rows @ rigid_modes(body.positions)) @ _frame_rows(body)
     return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
 
