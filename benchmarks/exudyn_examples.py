@@ -215,9 +215,9 @@ def main(arguments: list[str] | None = None) -> str:
             name = script.relative_to(options.checkout / ROOT).with_suffix("").as_posix()
             folder = Path(place) / name
             bare, run = (ran(script.resolve(), how, folder / how, options.limit) for how in ("bare", "run"))
-            verify = (
-                ran(script.resolve(), "verify", folder / "verify", 10 * options.limit) if options.verify else None
-            )
+            verify = None
+            if bare.status is not None and bare.seconds < options.verify:
+                verify = ran(script.resolve(), "verify", folder / "verify", 10 * options.limit)
             of_scripts.append(script_row(name, bare, run, verify))
             of_sensors += sensor_rows(name, run, verify)
             why += reasons(name, run)

@@ -11,6 +11,7 @@ from ..checks import check_array, check_count, check_type
 from ..errors import AssumptionError, InputError
 from ..linalg.eigenmodes import count_below
 from ..linalg.factorisations import solve_with
+from ..linalg.free_mass_matrix import damping_of, explicit
 from ..linalg.orthogonalise import DEFLATION, m_orthonormal
 from ..model.body import ElasticBody
 from ..model.matrix_input import checked_inputs
@@ -82,7 +83,9 @@ def _quadrature(body: ElasticBody, lo: float, hi: float, n: int) -> list[tuple[f
 
 
 def _frequency_response(body: ElasticBody, B: np.ndarray, frequency: float) -> np.ndarray:
-    dynamic = (body.K - frequency**2 * body.M).astype(complex)
+    M = explicit(body.M)
+    dynamic = (body.K - frequency**2 * M).astype(complex)
     if body.D is not None:
-        dynamic = dynamic + 1j * frequency * body.D
+        D = body.D if body.rayleigh is None else damping_of(M, body.K, *body.rayleigh)
+        dynamic = dynamic + 1j * frequency * D
     return solve_with(dynamic)(B.astype(complex))

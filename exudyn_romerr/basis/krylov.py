@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from ..checks import check_array, check_count, check_type
 from ..errors import InputError
 from ..linalg.factorisations import solve_with
+from ..linalg.free_mass_matrix import explicit
 from ..linalg.orthogonalise import m_orthonormal, m_orthonormalised
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.body import ElasticBody
@@ -61,7 +62,7 @@ def krylov_basis(body: ElasticBody, inputs: Any, n: int, shifts: Sequence[float]
 def _undamped_chain(body: ElasticBody, B: np.ndarray, shift: float, n: int) -> np.ndarray:
     alpha, beta = body.proportional
     sigma = (shift**2 + alpha * shift) / (1 + beta * shift)
-    factor = body.stiffness_factor if sigma == 0 else SymmetricFactor(body.K + sigma * body.M)
+    factor = body.stiffness_factor if sigma == 0 else SymmetricFactor(body.K + sigma * explicit(body.M))
     return _arnoldi(body.M, factor.solve(B), lambda v: factor.solve(body.M @ v), n)
 
 

@@ -13,7 +13,7 @@ from ..linalg.oscillator import largest_decay_rate
 from ..linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
 
 if TYPE_CHECKING:
-    from ..linalg.modal_damping import ModalDamping
+    from ..linalg.eigenmodes import ModalDamping
     from ..model.body import ElasticBody
 
 SHARES = (0.0, 0.5, 0.9)  # of the largest admissible rate: 0 is best for short runs, 0.9 for long ones

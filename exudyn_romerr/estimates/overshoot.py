@@ -11,23 +11,23 @@ residual R(0) that a body starts with, E and F the largest over all omega,
     |C (e + K^-1 R(0))| <= |C|_{K^-1} |R(0)|_{K^-1} + |C|_{M^-1} E |R(0)|_{M^-1} ,   |e'|_M <= ... + F |R(0)|_{M^-1} .
 
 A load that changes later finds accelerations that are none of its making: its discrete response stays below 1/omega^2
-and 1/omega, in steps of one size. Dampings are looked at up to Rayleigh's. Dampers
-in joints join modes: where there are any, any ratio is looked at, which held in examples and is not proved.
+and 1/omega, in steps of one size. Dampings are looked at up to Rayleigh's. What joins modes, as dampers in joints do,
+is bounded by decay/passive_steps.py.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 
 import numpy as np
 
+from ..decay.passive_steps import PassiveSteps
 from .march import Scheme
 
 LOWEST, HIGHEST, A_DECADE = 0.1, 1e6, 16  # omega h, and numbers that are looked at
 SHARES = 1.0, 0.5, 0.25, 0.06, 0.0  # of Rayleigh's beta: rigid bodies, and springs that are not damped, leave less
-ANY = 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0  # beta over h
 ROUNDING = 1e-6  # of the exact one: less of what is larger may be rounding
 QUIET = 64  # steps without any, after which there is none
 
@@ -38,12 +38,9 @@ def overshoots(scheme: Scheme) -> bool:
 
 
 class Overshoot:
-    """E and F along a run from time t of a scheme that overshoots.
+    """E and F along a run from time t of a scheme that overshoots; dampings : (alpha, beta) of its bodies."""
 
-    dampings : (alpha, beta) of its bodies; None: any.
-    """
-
-    def __init__(self, scheme: Scheme, t: float, dampings: Sequence[tuple[float, float] | None]):
+    def __init__(self, scheme: Scheme, t: float, dampings: Sequence[tuple[float, float]]):
         self._scheme, self._dampings, self._t, self._quiet = scheme, dampings, t, 0
         self._x: np.ndarray | None = None  # x omega^2 + 1, its rates, algorithmic acceleration, (4, modes)
 
@@ -71,13 +68,72 @@ class Overshoot:
     def _begin(self, h: float) -> None:
         count = int(A_DECADE * np.log10(HIGHEST / LOWEST)) + 1
         omega = np.geomspace(LOWEST, HIGHEST, count) / h
-        known = {(0.0, y * h) for y in ANY if None in self._dampings} | {*self._dampings} - {None}
-        pairs = {(a * x, b * y) for a, b in known for x in (0.0, 1.0) for y in SHARES}
+        pairs = {(a * x, b * y) for a, b in self._dampings for x in (0.0, 1.0) for y in SHARES}
         alpha, beta = np.array(sorted(pairs)).T[..., None]
         self._K = np.broadcast_to(omega**2, (len(alpha), count)).ravel()
         self._D = (alpha + beta * omega**2).ravel()
         one = np.ones_like(self._K)
         self._x = np.array([one, 0 * one, -self._K, -self._K])
+
+
+SLOW = 1.7  # more than what steps store of accelerations of slow modes, over (kappa h)^2, at any time
+LONG = 256  # steps; in so many stiff modes have forgotten, and others do not
+
+
+class StartStorage:
+    """What steps have stored of accelerations that a run starts with, |a|_M = mass and |a|_{K + K_s} = stiffness.
+
+    It never grows, whatever damping there is: PassiveSteps.start. Where modes would be apart but for a damping E <=
+    excess M, steps without E store in n steps
+
+        2 S_n <= (kappa h)^2 (SLOW mass^2 + B_n (kappa h stiffness)^2) ,
+
+    B_n the largest over omega of what single modes have above SLOW, and E adds (h/2) sum |v|_E^2 to 2 S at most, for
+    the velocities v that steps without E see (theory.md 8). The least of all n so far counts.
+
+    beta : D - beta (K + K_s) <= excess M, and not negative; None: there is no such.
+    """
+
+    def __init__(
+        self,
+        steps: PassiveSteps,
+        h: float,
+        sizes: tuple[float, float],
+        beta: float | None = None,
+        excess: float = 0.0,
+    ):
+        mass, stiffness = sizes
+        self._known, self._n = np.full(1, steps.start(h, mass, stiffness)), 0
+        if beta is not None and np.isfinite(excess) and steps.kappa:
+            above, seen = _stored(steps.kappa, beta / h)
+            size = steps.kappa * h
+            own = np.sqrt(SLOW * mass**2 + above * (size * stiffness) ** 2)
+            found = size * (own + mass * np.sqrt(h * excess / 2 * seen))
+            self._known = np.minimum.accumulate(np.append(self._known, found))
+
+    def advance(self, count: int) -> np.ndarray:
+        """Return its root (S,) after the next steps."""
+        n, self._n = self._n + 1 + np.arange(count), self._n + count
+        return self._known[np.minimum(n, len(self._known) - 1)]
+
+
+@lru_cache(maxsize=8)
+def _stored(kappa: float, beta: float) -> tuple[np.ndarray, np.ndarray]:
+    """B_n, and sums of the largest v_af^2 over kappa^2, (LONG,), of single modes in steps of 1."""
+    alpha_m, alpha_f, gamma, newmark = (1 - 3 * kappa) / 2, (1 - kappa) / 2, 0.5 + kappa, (1 + kappa) ** 2 / 4
+    K = np.geomspace(LOWEST / 100, HIGHEST, A_DECADE * 9) ** 2
+    D, (x, v, a) = beta * K, np.outer([0.0, 0.0, 1.0], np.ones_like(K))
+    above, seen = np.empty((2, LONG))
+    for n in range(LONG):
+        ahead, speed = x + v + (0.5 - newmark) * a, v + (1 - gamma) * a
+        known = alpha_m * a + D * (alpha_f * v + (1 - alpha_f) * speed) + K * (alpha_f * x + (1 - alpha_f) * ahead)
+        a = -known / (1 - alpha_m + (1 - alpha_f) * (gamma * D + newmark * K))
+        x, before, v = ahead + newmark * a, v, speed + gamma * a
+        m, p, q = v + kappa * a / 2, x + kappa * v / 2 - kappa**2 * a / 4, kappa / 2 * (v - kappa * a / 2)
+        stored = (m**2 + kappa**2 * a**2 / 2 + K * (p**2 + q**2)) / kappa**2
+        above[n] = np.max((stored - SLOW) / (kappa**2 * K), initial=0.0)
+        seen[n] = np.max((alpha_f * before + (1 - alpha_f) * v) ** 2) / kappa**2
+    return above, np.cumsum(seen)
 
 
 # omega h of modes whose accelerations change their sign from step to step, and steps in which they die out, or do not

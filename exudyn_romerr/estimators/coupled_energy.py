@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..decay.decay_rates import body_rates, damping_in_steps, stiffness_damping
+from ..decay.passive_steps import OF_MODES, PassiveSteps
 from ..linalg.blocked_products import row_norms, rows_times
 from ..residual.free_mass import AtStart, free_velocity_norms
 from ..residual.interface_stiffening import interface_rows
@@ -25,6 +26,55 @@ if TYPE_CHECKING:
 # of what auxiliary vectors add, where what linear equations leave out is not measured; it was up to 0.007 right after
 # a static solve, up to 0.002 else, and more where springs are short beside the motion
 LINEARISED = 0.01
+
+
+EXACT = PassiveSteps(0.0)  # exact motion, which keeps its energy as the trapezoidal rule does
+
+
+@dataclass
+class JointEnergy:
+    """Energies of all bodies of a mechanism together at the ends of segments, (S,) each; see passive_steps.py.
+
+    stored, beside : |e + K^-1 R|_K <= c stored + beside, c of `steps` with the size h, of which all were if `even`.
+    speed : |e'|_M <= c speed. peak : the largest |e + K^-1 R|_K in segments. onward : g and rough that go on.
+    apart : whether damping leaves modes of the mechanism apart. started : what is stored of accelerations that the
+    run started with, to be added; overshoot (S, 2) : in its place what these add to |e|_M and |e'|_M.
+    """
+
+    stored: np.ndarray
+    beside: np.ndarray
+    speed: np.ndarray
+    peak: np.ndarray
+    onward: tuple[float, float] = (0.0, 0.0)
+    started: np.ndarray | None = None
+    overshoot: np.ndarray | None = None
+    steps: PassiveSteps = EXACT
+    h: float = 0.0
+    even: bool = True
+    apart: bool = False
+
+    @classmethod
+    def of_exact_motion(cls, g: np.ndarray, rough: np.ndarray, peak: np.ndarray) -> JointEnergy:
+        """Return it as it is without steps."""
+        return cls(g, 0.0 * g, np.minimum(g, rough), peak, (float(g[-1]), float(rough[-1])))
+
+    def at(self, i: int) -> JointEnergy:
+        """Return what it is at one end (1,)."""
+        names = "stored", "beside", "speed", "peak", "started", "overshoot"
+        arrays = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: x[i : i + 1].copy() for name, x in arrays.items() if x is not None})
+
+    @property
+    def norms(self) -> tuple[float, float]:
+        """Factors c of |e + K^-1 R|_K and |e'|_M."""
+        if not self.even:
+            return self.steps.norms
+        return tuple(map(min, self.steps.from_rest, OF_MODES)) if self.apart else self.steps.from_rest
+
+    @property
+    def level(self) -> np.ndarray:
+        """Bound (S,) of |e + K^-1 R|_K, and of |e'|_M, without what the start adds."""
+        return self.norms[0] * self.stored + self.beside
 
 
 class MechanismEnergy:
@@ -55,7 +105,7 @@ class MechanismEnergy:
             self.factors[self.velocity_rows] = free_velocity_norms(problem.body, problem.rows.C[self.velocity_rows])
         self.static_cut = np.where(self.velocity_rows, 0.0, problem.rows.C_K)
         self.per_mass = body_rates(problem.body)[0].per_mass
-        self.at_start = AtStart(problem)
+        self.at_start = AtStart(problem, unknown)
         self.beta = stiffness_damping(problem.body)
         self.g = self.rough = 0.0
 
@@ -96,37 +146,63 @@ class MechanismEnergy:
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.g, self.rough = start.joint or self.energies_at(start)
-        known = (start.z, self.g, self.rough, start.cut)  # without an initial error e and e' are zero, whatever R is
+        # without an initial error e and e' are zero, whatever R is
+        known = start.z, np.array([self.g]), np.array([self.rough]), np.array([start.cut])
         z, g, rough, cut = (0 * x for x in known) if start.y0 is None else known
-        return self._bounds(z[None], *np.array([[g], [rough], [cut]]), np.zeros((1, 2)))
+        return self._bounds(z[None], JointEnergy.of_exact_motion(g, rough, g), cut)
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        g, rough, self._peak, *own = joint_growth([self], [block]) if block.joint is None else block.joint
-        self.g, self.rough = (float(x[-1]) for x in own or (g, rough))
-        more = np.zeros((len(g), 2)) if block.overshoot is None else block.overshoot
-        return self._bounds(block.c[:, -1], g, rough, cut_size(block), more)
+        joint = block.joint or JointEnergy.of_exact_motion(*joint_growth([self], [block]))
+        self.g, self.rough = joint.onward
+        return self._bounds(block.c[:, -1], joint, cut_size(block))
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
         given, self._given = self._given, None
-        return tuple(x[i : i + 1].copy() for x in given)
+        z, joint, cut = given
+        return z[i : i + 1].copy(), joint.at(i), cut[i : i + 1].copy()
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
-        self._given = z, g, rough, cut, more
-        known, speed, jumped = -(z @ self.static_rows.T), np.minimum(g, rough), None
-        slack = np.where(self.velocity_rows, times(speed, self.factors), times(g, self.factors))
-        slack = slack + times(cut, self.static_cut)
-        if more.any():
-            moved, moved_t = (times(x, self.at_start.factors) for x in more.T)
-            jumped = np.where(self.velocity_rows, moved_t, moved)
+    def _bounds(self, z: np.ndarray, joint: JointEnergy, cut: np.ndarray) -> Bounds:
+        self._given, known = (z, joint, cut), -(z @ self.static_rows.T)
+        slack, jumped = self._slack(joint, cut), self._started(joint)
+        level, speed = joint.level + cut, joint.norms[1] * joint.speed
+        position, velocity = self.norm_static(z) + level * self.per_mass, speed
+        if jumped is not None:
             slack += jumped
-        position = self.norm_static(z) + (cut + g) * self.per_mass + more[:, 0]
-        return Bounds(position, speed + more[:, 1], np.abs(known) + slack, jumped, known, slack)
+            overshoot, started = joint.overshoot, joint.started
+            position += overshoot[:, 0] if started is None else joint.steps.norms[0] * started * self.per_mass
+            velocity = speed + (overshoot[:, 1] if started is None else joint.steps.norms[1] * started)
+        return Bounds(position, velocity, np.abs(known) + slack, jumped, known, slack)
+
+    def _slack(self, joint: JointEnergy, cut: np.ndarray) -> np.ndarray:
+        """Bounds (S, R) of rows beside what is known, without what the start adds."""
+        places, rates = (np.minimum(c, most) for c, most in zip(self._of_rows(joint), joint.norms, strict=True))
+        still = times(joint.stored, places * self.factors) + times(joint.beside, self.factors)
+        # the speed has what is beside in it
+        moving = times(joint.speed, rates * self.factors)
+        return np.where(self.velocity_rows, moving, still) + times(cut, self.static_cut)
+
+    def _started(self, joint: JointEnergy) -> np.ndarray | None:
+        """What the start adds to rows (S, R); None: nothing."""
+        if joint.started is not None:
+            places, rates = self._of_rows(joint)
+            return times(joint.started, np.where(self.velocity_rows, rates, places) * self.factors)
+        if joint.overshoot is None or not joint.overshoot.any():
+            return None
+        moved, moved_t = (times(x, self.at_start.factors) for x in joint.overshoot.T)
+        return np.where(self.velocity_rows, moved_t, moved)
+
+    def _of_rows(self, joint: JointEnergy) -> tuple[np.ndarray, np.ndarray]:
+        """Factors c of every row, as a displacement and as a velocity, (R,) each."""
+        if not joint.steps.kappa:
+            return np.ones((2, len(self.factors)))
+        means = self.at_start.means
+        return joint.steps.displacement(joint.h, means), joint.steps.velocity(joint.h, means)
 
 
 class CorrectedEnergy(MechanismEnergy):
@@ -166,10 +242,10 @@ class CorrectedEnergy(MechanismEnergy):
         return found
 
     def _with_slow_modes(self, found: Bounds, block: Block) -> Bounds:
-        z, g, _, cut, _ = self._given
-        w = self._added.veer.w if self._added.veer else 0 * g
-        missed, less = cut + super().missed(block), times(g, self.factors) + times(cut, self.static_cut)
-        less -= np.minimum(self.slow.advance((block.h, z, w), self.impulses(block), missed, (self._peak, g)), less)
+        z, joint, cut = self._given
+        w = self._added.veer.w if self._added.veer else 0 * cut
+        missed, less, energy = cut + super().missed(block), self._slack(joint, cut), (joint.peak, joint.level)
+        less -= np.minimum(self.slow.advance((block.h, z, w), self.impulses(block), missed, energy), less)
         return replace(found, outputs=found.outputs - less, correction_bound=found.correction_bound - less)
 
     def missed(self, block: Block) -> np.ndarray:
@@ -203,8 +279,8 @@ class CorrectedEnergy(MechanismEnergy):
         rest, self._added = instant
         return super().bounds_at(rest)
 
-    def _bounds(self, z: np.ndarray, g: np.ndarray, rough: np.ndarray, cut: np.ndarray, more: np.ndarray) -> Bounds:
-        rest, added = super()._bounds(z, g, rough, cut, more), self._added
+    def _bounds(self, z: np.ndarray, joint: JointEnergy, cut: np.ndarray) -> Bounds:
+        rest, added = super()._bounds(z, joint, cut), self._added
         rows, size = self._seen(added.q, added.q_t)
         known = rest.correction + rows
         du = np.abs(np.column_stack([known, size]))
@@ -222,12 +298,16 @@ class CorrectedEnergy(MechanismEnergy):
         return np.where(self.velocity_rows, rows_times(q_t, rows), rows_times(q, rows)), sizes
 
 
-def joint_growth(energies: Sequence[MechanismEnergy], blocks: Sequence[Block]) -> tuple[np.ndarray, ...]:
+def joint_growth(
+    energies: Sequence[MechanismEnergy], blocks: Sequence[Block], impulse: float = 1.0
+) -> tuple[np.ndarray, ...]:
     """Return g and rough at the ends of the next segments, and the largest g in these, (S,) of all bodies together.
 
-    R is linear in a segment; of bodies without damping it varies in both.
+    R is linear in a segment; of bodies without damping it varies in both. impulse : of PassiveSteps.
     """
     varied = [energy.variations(block) for energy, block in zip(energies, blocks, strict=True)]
+    for x in varied:
+        x[:, -1] *= impulse
     known = [energy.roughness(block) for energy, block in zip(energies, blocks, strict=True)]
     others = [x[:, -1:] if energy.beta else x for x, energy in zip(varied, energies, strict=True)]
     work, R = sum(x for x, _ in known), np.sqrt(sum(ends**2 for _, ends in known))

@@ -34,10 +34,10 @@ def node_bounds(problem: Problem, make: Any, worst: dict[str, Worst]) -> dict[st
     worst : dict
         Estimator -> its worst instant.
     """
-    Z = _displacement_rows(problem)
+    shown = _shown(problem)
     parts: dict[str, list] = {name: [] for name in worst}
-    for first in progress(range(0, Z.shape[0], CHUNK), "bounds at nodes"):
-        seen = problem.with_displacements(Z[first : first + CHUNK].toarray())
+    for first in progress(range(0, shown.size, CHUNK), "bounds at nodes"):
+        seen = problem.with_displacements(problem.body.space.rows(_unit_rows(problem, shown[first : first + CHUNK])))
         for name, at in worst.items():
             found = make(name, seen).bounds_at(at.instant)
             parts[name].append((found.outputs[0] + at.widened * seen.rows.C_M, found.correction))
@@ -46,14 +46,19 @@ def node_bounds(problem: Problem, make: Any, worst: dict[str, Worst]) -> dict[st
 
 def node_displacements(problem: Problem, q: np.ndarray) -> np.ndarray:
     """Return the displacements (nodes, 3) of the reduced body at q (n,)."""
-    return (_displacement_rows(problem) @ (problem.V @ q)).reshape(-1, 3)
+    return problem.body.expand(problem.V @ q)[_shown(problem)].reshape(-1, 3)
 
 
-def _displacement_rows(problem: Problem) -> Any:
-    """Sparse rows (3 nodes, n_free): displacements of nodes, of the free coordinates."""
+def _shown(problem: Problem) -> np.ndarray:
+    """Numbers (3 nodes,) of the coordinates that are displacements of nodes."""
     body = problem.body
-    rows = body.dofs_per_node * np.arange(len(body.positions))[:, None] + np.arange(3)
-    return body.space.Z.tocsr()[rows.ravel()]
+    return (body.dofs_per_node * np.arange(len(body.positions))[:, None] + np.arange(3)).ravel()
+
+
+def _unit_rows(problem: Problem, coordinates: np.ndarray) -> np.ndarray:
+    rows = np.zeros((len(coordinates), problem.body.N))
+    rows[np.arange(len(coordinates)), coordinates] = 1.0
+    return rows
 
 
 def _joined(chunks: list) -> AtNodes:

@@ -1,8 +1,9 @@
-"""Undamped modes of a positive definite pencil (K, M), with the proof that none was missed."""
+"""Undamped modes of a positive definite pencil (K, M), with the proof that none was missed; damping by ratios."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from inspect import signature
 from typing import Any
 
@@ -12,6 +13,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from ..errors import AssumptionError
+from .free_mass_matrix import FreeMassMatrix
+from .oscillator import damping_ratios
 from .symmetric_factor import SymmetricFactor, negative_eigenvalues
 
 DENSE_LIMIT = 600  # below: LAPACK is faster than Lanczos and finds all modes by construction
@@ -95,7 +98,9 @@ def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float, order: np.ndar
         No factorisation of K - limit^2 M without pivoting, nor of neighbours of it.
     """
     for retry in range(RETRIES):  # a shift that meets an eigenvalue of a leading block: the next one does not
-        count = negative_eigenvalues(K - (limit * (1 - 0.1 * GAP * retry)) ** 2 * M, order)
+        square = (limit * (1 - 0.1 * GAP * retry)) ** 2
+        free = isinstance(M, FreeMassMatrix)
+        count = M.count_below(square) if free else negative_eigenvalues(K - square * M, order)
         if count is not None:
             return count
     raise AssumptionError(f"the modes below {limit:.6g} rad/s cannot be counted: K - sigma M has no L D L^T there")
@@ -173,3 +178,47 @@ def _missing(M, X: np.ndarray) -> np.ndarray:
     """What X^T M X lacks of the identity, symmetric to the last bit."""
     product = X.T @ (M @ X)
     return np.eye(X.shape[1]) - (product + product.T) / 2
+
+
+@dataclass(frozen=True)
+class ModalDamping:
+    """D = alpha M + beta K + M Phi diag(d) Phi^T M: modes phi_1 .. phi_k have the ratios zeta, all others Rayleigh's.
+
+    modes : the k lowest; ratios : (k,); rayleigh : (alpha, beta). d_i = 2 zeta_i omega_i - alpha - beta omega_i^2.
+    """
+
+    M: sp.csc_matrix
+    K: sp.csc_matrix
+    modes: Modes
+    ratios: np.ndarray
+    rayleigh: tuple[float, float]
+
+    @property
+    def count(self) -> int:
+        """Number k of modes with a ratio of their own."""
+        return len(self.ratios)
+
+    @cached_property
+    def _MPhi(self) -> np.ndarray:
+        return self.M @ self.modes.shapes
+
+    def __matmul__(self, V: np.ndarray) -> np.ndarray:
+        """Return D V."""
+        (alpha, beta), omega = self.rayleigh, self.modes.omega
+        own = 2 * (self.ratios - damping_ratios(omega, alpha, beta)) * omega
+        return alpha * (self.M @ V) + beta * (self.K @ V) + self._MPhi @ (own[:, None] * (self._MPhi.T @ V))
+
+    def ratios_of(self, omega: np.ndarray) -> np.ndarray:
+        """Return zeta of the lowest modes, whose omega (m,) ascend."""
+        zeta = damping_ratios(omega, *self.rayleigh)
+        zeta[: self.count] = self.ratios[: len(omega)]
+        return zeta
+
+    def aligned(self, modes: Modes) -> Modes:
+        """Return the modes with those of D as the first: of equal frequencies another solve may mix other vectors."""
+        k = self.count
+        rest = modes.shapes[:, k:]
+        rest = rest - self.modes.shapes @ (self._MPhi.T @ rest)
+        gram = np.linalg.cholesky(rest.T @ (self.M @ rest)) if rest.shape[1] else np.zeros((0, 0))
+        shapes = np.hstack([self.modes.shapes, np.linalg.solve(gram, rest.T).T])
+        return Modes(np.concatenate([self.modes.omega, modes.omega[k:]]), shapes, modes.cut)

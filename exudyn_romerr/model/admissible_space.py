@@ -12,11 +12,11 @@ import scipy.sparse as sp
 
 from ..checks import check_array, check_nodes
 from ..errors import AssumptionError, InputError
+from ..linalg.free_mass_matrix import FreeCoordinates, FreeMassMatrix
 from .floating_frame import skew
 
 RIGID_MODES = 6
 NOT_HELD = 1e-10  # of scaled reference rows; below, some rigid motion is not held
-FULL_ROWS = 1000  # nodes; a dense matrix of three times that is what a laptop factorises in seconds
 HELD = 1e-8  # |C_0 v| relative to |C_0| |v|: what Exudyn's own modes keep of the conditions they were made with
 
 
@@ -51,11 +51,6 @@ class MassOrthogonal:
 
     def rows(self, positions: np.ndarray, mass: sp.csc_matrix) -> np.ndarray:
         """Return C_0 = Rg^T M (6, 3 nodes), Rg the rigid motions; every row is full."""
-        if len(positions) > FULL_ROWS:
-            raise AssumptionError(
-                f"conditions M-orthogonal to rigid motions fill the stiffness of {len(positions)} nodes; allowed up "
-                f"to {FULL_ROWS}. Use Craig-Bampton modes, whose conditions see one interface only"
-            )
         return (mass @ rigid_modes(positions)).T
 
 
@@ -130,6 +125,10 @@ class Space:
         """Return Z^T A Z."""
         return sp.csc_matrix(self.Z.T @ A @ self.Z)
 
+    def pencil(self, mass: sp.csc_matrix, stiffness: sp.csc_matrix) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+        """Return Z^T M Z and Z^T K Z."""
+        return self.matrix(mass), self.matrix(stiffness)
+
     def loads(self, B: np.ndarray) -> np.ndarray:
         """Return Z^T B."""
         return self.Z.T @ B
@@ -144,13 +143,7 @@ class Space:
         if moved > 0:
             raise InputError(f"{name} moves fixed coordinates (largest entry there {moved:.3g}); they must be 0")
         if self.conditions is not None:
-            columns = q.reshape(self.N, -1)
-            size = np.outer(np.linalg.norm(self.conditions, axis=1), np.linalg.norm(columns, axis=0))
-            worst = np.max(np.abs(self.conditions @ columns) / np.where(size > 0, size, 1.0))
-            if worst > HELD:
-                raise InputError(
-                    f"{name} misses the reference conditions by {worst:.1e} of its size; allowed {HELD:g}"
-                )
+            _check_held(name, self.conditions, q)
         if self.is_rigid and np.max(np.abs(q - self.Z @ q[self.free])) > HELD * np.max(np.abs(q)):
             raise InputError(f"{name} deforms an interface that is to be rigid (RBE2 modes do not)")
         return q[self.free]
@@ -158,6 +151,73 @@ class Space:
     def expand(self, y: np.ndarray) -> np.ndarray:
         """Return q = Z y."""
         return self.Z @ y
+
+    def extended(self, C: np.ndarray) -> np.ndarray:
+        """Return rows (r, N) that take from q = Z y what rows C (r, n_free) take from y."""
+        rows = np.zeros((len(C), self.N))
+        rows[:, self.free] = C
+        return rows
+
+
+class FreeSpace:
+    """All displacements that are M-orthogonal to the rigid motions of a body: a Space whose Z is never made.
+
+    Z is full, and so are Z^T M Z and products with it; see linalg/free_mass_matrix.py.
+    """
+
+    is_rigid = False
+
+    def __init__(self, mass: sp.csc_matrix, positions: np.ndarray):
+        self.N, self.fixed = mass.shape[0], np.zeros(0, dtype=int)
+        self.conditions = mass_orthogonal().rows(positions, mass)
+        self._y = FreeCoordinates(mass, rigid_modes(positions - positions.mean(axis=0)))
+        self.free = self._y.free
+
+    def pencil(self, mass: sp.csc_matrix, stiffness: sp.csc_matrix) -> tuple[FreeMassMatrix, sp.csc_matrix]:
+        """Return Z^T M Z, which has products only, and Z^T K Z = K of the free coordinates, since K Rg = 0."""
+        return FreeMassMatrix(mass, stiffness, self._y), sp.csc_matrix(stiffness[self.free][:, self.free])
+
+    def matrix(self, A: sp.csc_matrix) -> sp.csc_matrix:
+        """Return Z^T A Z, which is full."""
+        return sp.csc_matrix(self._y.loads(self._y.loads(A).T).T)
+
+    def loads(self, B: np.ndarray) -> np.ndarray:
+        """Return Z^T B."""
+        return self._y.loads(B)
+
+    def rows(self, C: np.ndarray) -> np.ndarray:
+        """Return C Z."""
+        return np.ascontiguousarray(self._y.loads(C.T).T)
+
+    def coordinates(self, name: str, q: np.ndarray) -> np.ndarray:
+        """Return y of q = Z y; InputError if q, called `name`, is not in the space."""
+        _check_held(name, self.conditions, q)
+        return self._y.seen(q)
+
+    def expand(self, y: np.ndarray) -> np.ndarray:
+        """Return q = Z y."""
+        return self._y.expand(y)
+
+    def extended(self, C: np.ndarray) -> np.ndarray:
+        """Return rows (r, N) that take from q = Z y what rows C (r, n_free) take from y."""
+        return self._y.balanced(C.T).T
+
+
+def _check_held(name: str, conditions: np.ndarray, q: np.ndarray) -> None:
+    """Raise InputError unless q (N,) or (N, k), called `name`, meets the conditions (6, N)."""
+    columns = q.reshape(len(q), -1)
+    size = np.outer(np.linalg.norm(conditions, axis=1), np.linalg.norm(columns, axis=0))
+    worst = np.max(np.abs(conditions @ columns) / np.where(size > 0, size, 1.0))
+    if worst > HELD:
+        raise InputError(f"{name} misses the reference conditions by {worst:.1e} of its size; allowed {HELD:g}")
+
+
+def space_of(body: Any, reference: MeanMotion | MassOrthogonal | None, rigid: Sequence[Sequence[int]]) -> Any:
+    """Return the Space or FreeSpace of a body, which is held by `fixed` or by a reference."""
+    conditions, parts = condition_rows(body, reference), checked_parts(body, rigid)
+    if isinstance(reference, MassOrthogonal):
+        return FreeSpace(body.mass, body.positions)
+    return Space(body.N, body.fixed, conditions, parts)
 
 
 def condition_rows(body: Any, reference: MeanMotion | MassOrthogonal | None) -> np.ndarray | None:

@@ -12,12 +12,12 @@ import scipy.sparse as sp
 from ..checks import check_count
 from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
-from ..linalg.eigenmodes import Modes, lowest_modes
+from ..linalg.eigenmodes import ModalDamping, Modes, lowest_modes
 from ..linalg.factorisations import MANY, faster
-from ..linalg.modal_damping import ModalDamping
+from ..linalg.free_mass_matrix import FreeMassFactor, FreeMassMatrix, damping_of, explicit
 from ..linalg.oscillator import Constants
 from ..linalg.symmetric_factor import SymmetricFactor
-from .admissible_space import MassOrthogonal, MeanMotion, Space, checked_parts, condition_rows
+from .admissible_space import MassOrthogonal, MeanMotion, space_of
 from .definiteness import check_damping, check_mass, check_masses, check_not_swapped, check_stiffness
 from .matrix_input import checked_dofs, checked_matrix, checked_positions, checked_ratios, checked_rayleigh, precision
 
@@ -86,9 +86,9 @@ class ElasticBody:
         check_not_swapped(self.mass, self.stiffness)
         if self.fixed.size == self.N:
             raise InputError(f"fixed lists all {self.N} coordinates; at least one must stay free")
-        self.space = Space(self.N, self.fixed, condition_rows(self, reference), checked_parts(self, rigid))
+        self.space = space_of(self, reference, rigid)
         self.free = self.space.free
-        self.M, self.K = self.space.matrix(self.mass), self.space.matrix(self.stiffness)
+        self.M, self.K = self.space.pencil(self.mass, self.stiffness)
         if rayleigh is not None and damping is not None:
             raise InputError("rayleigh and damping were both given; pass one of them (or neither: undamped)")
         self.rayleigh = checked_rayleigh(rayleigh) if damping is None else None
@@ -96,8 +96,10 @@ class ElasticBody:
         help_at_hand = faster(self.free.size)
         if help_at_hand:
             warnings.warn(help_at_hand, stacklevel=2)
-        check_masses(self.M, self.free)
-        check_mass(self.M, self.mass_factor, self.free)
+        self.M = self.M if self.damping is None else explicit(self.M)
+        weighed, of = (self.mass, np.arange(self.N)) if isinstance(self.M, FreeMassMatrix) else (self.M, self.free)
+        check_masses(weighed, of)
+        check_mass(weighed, self.mass_factor, of)
         if self.free.size > MANY:
             del self.mass_factor  # made again for the norms that need it: before these, others take the memory
         check_stiffness(self.K, self.M, self.stiffness_factor, self.fixed.size, self.precision["stiffness"])
@@ -142,7 +144,7 @@ class ElasticBody:
         if self.damping is not None:
             return self.space.matrix(self.damping)
         alpha, beta = self.rayleigh
-        return sp.csc_matrix(alpha * self.M + beta * self.K) if alpha or beta else None
+        return damping_of(self.M, self.K, alpha, beta) if alpha or beta else None
 
     @property
     def dofs_per_node(self) -> int:
@@ -161,9 +163,9 @@ class ElasticBody:
         return float(translation @ (self.mass @ translation))
 
     @cached_property
-    def mass_factor(self) -> SymmetricFactor:
+    def mass_factor(self) -> SymmetricFactor | FreeMassFactor:
         """Factorisation of M on the free coordinates, made once."""
-        return SymmetricFactor(self.M)
+        return self.M.factor() if isinstance(self.M, FreeMassMatrix) else SymmetricFactor(self.M)
 
     @cached_property
     def stiffness_factor(self) -> SymmetricFactor:

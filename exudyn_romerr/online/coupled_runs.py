@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..estimates.overshoot import CarriedTurn, Overshoot, overshoots
-from ..estimators.coupled_energy import MechanismEnergy, joint_growth
+from ..decay.passive_steps import PassiveSteps, step_change
+from ..estimates.overshoot import CarriedTurn, Overshoot, StartStorage, overshoots
+from ..estimators.coupled_energy import EXACT, JointEnergy, MechanismEnergy, joint_growth
 from ..model.floating_frame import FrameRows
-from ..residual.felt_residuals import FeltResiduals
-from .run_messages import (
-    BEGUN_ANEW,
-    REPEATED,
-    ROUGH_RADIUS,
-    STARTS_DAMPED,
-    STARTS_HELD_BACK,
-    STARTS_ROUGHLY,
-    UNKNOWN_SCHEME,
-)
+from ..residual.felt_residuals import STARTED, FeltResiduals
+from .run_messages import BEGUN_ANEW, REPEATED, STARTS_DAMPED, UNKNOWN_SCHEME
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,12 +30,8 @@ SAME_STEP = 1e-6  # of a step: solvers add up their steps
 NEGLIGIBLE = 1e-3  # of the energy's root, what the integrator makes of the start
 ROUNDING = 1e-8  # of the terms of R(0): so much may a static solve leave
 # of the first step: what a residual of mass 1 makes velocities of slow modes by way of Rayleigh's alpha. Damping of
-# motion relative to a frame joins modes; with 6e-4 an error was 1.3 times its bound, with 3e-3 3.4 times
+# motion relative to a frame joins modes, so that no march of single ones tells
 CARRIED = 1e-4
-TOO_FAST = (
-    "no bound from t = {:g} s on (inf): the step grew by a factor of {:.3g} at once, and what an integrator with a "
-    "spectral radius below 1 makes of that is not known; set adaptiveStepIncrease to 2 at most"
-)
 
 
 def shared_energy(run: Run, stream: str) -> MechanismEnergy:
@@ -60,24 +49,49 @@ def joined_openings(runs: Sequence[Run], openings: Sequence[Opening]) -> list[Op
     return [o._replace(start=replace(o.start, joint=joint)) for o in openings]
 
 
+@dataclass(frozen=True)
+class Connectors:
+    """Springs and dampers beside bodies.
+
+    stiffness, damping : K_s <= stiffness M, in 1/s^2, D_s <= damping M, in 1/s; inf: unknown. covered : in s, the
+    largest beta with D_s >= beta K_s.
+    """
+
+    are_damped: bool = False
+    stiffness: float = 0.0
+    damping: float = 0.0
+    covered: float = np.inf
+
+
 class FirstSteps:
-    """What the integrator may add to |e|_M and |e'|_M of the bodies of a mechanism (estimates/overshoot.py).
+    """What the integrator makes of a start, and of steps of other sizes, in all bodies of a mechanism together.
+
+    Where damping leaves single modes apart, their march tells what accelerations at the start do (Overshoot). Dampers
+    in joints, Rayleigh's alpha and ratios of bodies' modes join modes of the mechanism: PassiveSteps holds for any.
 
     scheme : of the solver; None: unknown. share : of a residual at a step's begin in what the step feels of it, None:
-    not known. damped : whether there are dampers beside those of the bodies. These may have any ratio in a mode, and
-    they join modes: what they carry on into slow ones is in no march of single modes, so it is not certified. step :
-    that the solver tries first, None: unknown.
+    not known. step : that the solver tries first, None: unknown.
     """
 
     def __init__(
-        self, scheme: Scheme | None, share: float | None = None, damped: bool = False, step: float | None = None
+        self,
+        scheme: Scheme | None,
+        share: float | None = None,
+        connectors: Connectors = Connectors(),
+        step: float | None = None,
     ):
-        self._scheme, self._push, self._share, self.damped, self.step = scheme, 0.0, share, damped, step
+        self._scheme, self._share, self.connectors, self.step = scheme, share, connectors, step
+        self.steps = EXACT if scheme is None else PassiveSteps.of(**vars(scheme)) or EXACT
+        self._is_passive = scheme is not None and PassiveSteps.of(**vars(scheme)) is not None
+        self._push = 0.0
         self._doubts: list[Doubt] = []
         self._felt: dict[str, FeltResiduals] = {}
-        self._times, self._is_lost, self._varies = np.zeros(0), False, False  # the last two
+        self._times, self._varies = np.zeros(0), False  # the last two
+        self._grown = 1.0  # product of factors
         self._starts: list[tuple[AtStart, Opening]] = []  # until the first step
         self._overshoot: Overshoot | None = None
+        self._started: StartStorage | None = None
+        self._apart = False  # whether damping leaves modes apart
         self._carried: CarriedTurn | None = None
         self._positions = np.zeros(0)
 
@@ -103,46 +117,71 @@ class FirstSteps:
         return np.zeros(len(h)) if self._carried is None else self._carried.advance(h, turned)
 
     def _begin(self, h: float) -> None:
-        """Begin with a first step h; what is not certified is in the bound as far as damping may join modes."""
+        """Begin with a first step h."""
         dampings = [at.damping for at, _ in self._starts]
         alpha = max((known[0] for known in dampings if known is not None), default=0.0)
         radius = self._scheme.alpha_f / (1 - self._scheme.alpha_f)
-        doubts = [STARTS_DAMPED] * self.damped + [STARTS_ROUGHLY] * (radius < ROUGH_RADIUS)
-        doubts += [STARTS_HELD_BACK] * (alpha * h * (1 - radius) ** 2 / 4 > CARRIED)
-        terms = sum(_terms(*start) for start in self._starts) if doubts else 0.0
-        self._doubts = doubts if self._push > ROUNDING * terms else []
-        dampings += [None][: len(self._doubts)]
-        self._overshoot = Overshoot(self._scheme, float(self._starts[0][1].start.t), dampings)
+        joins = self.connectors.are_damped or None in dampings or alpha * h * (1 - radius) ** 2 / 4 > CARRIED
+        self._apart = not joins
+        if self._apart:
+            self._overshoot = Overshoot(self._scheme, float(self._starts[0][1].start.t), dampings)
+        elif self._is_passive and np.isfinite(self.connectors.stiffness):
+            sizes = self._push, self._accelerations()
+            self._started = StartStorage(self.steps, h, sizes, *self._excess(dampings))
+        elif self._push > ROUNDING * sum(_terms(*start) for start in self._starts):
+            self._doubts = [STARTS_DAMPED]
         self._starts = []
 
-    def doubts(self, overshoot: np.ndarray, g: np.ndarray) -> list[Doubt]:
-        """Return once why the start is not certified, with what the first call of advance returned, and g (S,)."""
+    def _excess(self, dampings: list[tuple[float, float] | None]) -> tuple[float | None, float]:
+        """Return beta and excess, D - beta (K + K_s) <= excess M: of bodies with one beta; else None."""
+        betas = {known and known[1] for known in dampings}
+        if len(betas) > 1 or None in betas or max(betas) > self.connectors.covered:
+            return None, 0.0
+        alphas = (
+            known[0] * at.relative**2 for (at, _), known in zip(self._starts, dampings, strict=True) if known[0]
+        )
+        return betas.pop(), self.connectors.damping + max(alphas, default=0.0)
+
+    def _accelerations(self) -> float:
+        """|a|_{K + K_s} of accelerations at the start, whatever joints make of them."""
+        parts = np.array([at.accelerations(_start(at, opening)) for at, opening in self._starts])
+        steepest = max(at.joints.steepest for at, _ in self._starts)
+        own, joined = np.linalg.norm(parts, axis=0)
+        return float(np.hypot(own + steepest * joined, np.sqrt(self.connectors.stiffness) * self._push))
+
+    def of_steps(self, h: np.ndarray) -> dict[str, Any]:
+        """Return what is known of steps h (S,) for a JointEnergy; after `repeated` and `advance` were asked."""
+        started = None if self._started is None else self._started.advance(len(h))
+        known = {"even": not self._varies, "apart": self._apart, "started": started}
+        return {"steps": self.steps, "h": float(h.max(initial=0.0)), **known}
+
+    def doubts(self, h: np.ndarray, g: np.ndarray) -> list[Doubt]:
+        """Return once why the start is not certified; h (S,) : the first steps, g (S,) : energies after them."""
         if not len(g):
             return []
         found, self._doubts = self._doubts, []
-        return found if overshoot[:, 1].max() > NEGLIGIBLE * g[-1] else []
+        return found if h[0] * self._push > NEGLIGIBLE * g[-1] else []
 
     def felt(self, stream: str, energies: Sequence[MechanismEnergy]) -> FeltResiduals | None:
         """Return what goes on with the energy of a stream by averages, from where it begins; None: nothing does."""
         if self._share is not None and stream not in self._felt:
             norms, betas = zip(*((energy.norm, energy.beta) for energy in energies), strict=True)
-            self._felt[stream] = FeltResiduals(self._share, norms, betas, (energies[0].g, energies[0].rough))
+            more = 0.0 if self._overshoot is None else STARTED
+            self._felt[stream] = FeltResiduals(self._share, norms, betas, (energies[0].g, energies[0].rough), more)
         return self._felt.get(stream)
 
     def advance(self, t: np.ndarray) -> np.ndarray:
-        """Return it (S, 2) at the next samples t (S,)."""
-        more = np.zeros((len(t), 2))
-        if self._push and len(t):
-            if self._overshoot is None:
-                self._begin(float(t[0] - self._times[0]))
-            more = self._push * self._overshoot.advance(t)
+        """Return what is marched of the start (S, 2) at the next samples t (S,)."""
+        if self._starts and len(t):
+            self._begin(float(t[0] - self._times[0]))
+        more = np.zeros((len(t), 2)) if self._overshoot is None else self._push * self._overshoot.advance(t)
         self._positions = more[:, 0]
         return more
 
     def repeated(self, t: np.ndarray) -> list[Doubt]:
         """Return once why nothing is certified, if some of the next samples t (S,) show that a step was repeated.
 
-        Before `lost` is asked. Steps are of the size that is tried first until one is repeated. With a spectral
+        Before `grown` is asked. Steps are of the size that is tried first until one is repeated. With a spectral
         radius of 1 errors were as in other runs.
         """
         times, is_first = np.append(self._times, t), len(self._times) < 2
@@ -152,16 +191,15 @@ class FirstSteps:
         self._varies = bool(np.any(np.abs(np.diff(h)) > SAME_STEP * h[1:]))
         return [REPEATED] * self._varies
 
-    def lost(self, t: np.ndarray) -> tuple[np.ndarray, list[str]]:
-        """Return at which of the next samples t (S,) there is no bound any more, and why, once."""
-        times, is_lost = np.append(self._times, t), np.full(len(t), self._is_lost)
+    def grown(self, t: np.ndarray) -> np.ndarray:
+        """Return the product of factors (S,) of steps that grew at once, at the next samples t (S,)."""
+        times = np.append(self._times, t)
         self._times, h = times[-2:], np.diff(times)
-        grew = np.flatnonzero(h[1:] > GREW * h[:-1]) + 1
-        if self._is_lost or not grew.size or not (self._scheme is None or overshoots(self._scheme)):
-            return is_lost, []
-        self._is_lost, first = True, grew[0]
-        is_lost[first - len(h) :] = True
-        return is_lost, [TOO_FAST.format(times[first], h[first] / h[first - 1])]
+        ratios = h[1:] / h[:-1]
+        grew = np.where((ratios > GREW) & overshoots(self._scheme), ratios, 1.0) if self._scheme else 1.0 + 0 * ratios
+        found = self._grown * np.cumprod([step_change(ratio) for ratio in grew])
+        self._grown = float(np.append(self._grown, found)[-1])
+        return np.append(np.ones(len(t) - len(found)), found)
 
     def seen(self, run: Run) -> np.ndarray | float:
         """Return what outputs in global axes of a body may see of it (S, r), at the samples of `advance`."""
@@ -195,18 +233,22 @@ def join_extensions(
     turned (S,) : of turned_in.
     """
     t = extensions[0].new.t
-    overshoot, repeated, (is_lost, notes) = first_steps.advance(t), first_steps.repeated(t), first_steps.lost(t)
-    notes = repeated + notes
+    notes, overshoot = first_steps.repeated(t), first_steps.advance(t)
+    grown = first_steps.grown(t)
+    of_steps = first_steps.of_steps(next(iter(extensions[0].segments.values()))[0].h)
     for stream in extensions[0].segments:
         blocks = [extension.segments[stream][0] for extension in extensions]
         energies = [shared_energy(run, stream) for run in runs]
-        joint, felt = joint_growth(energies, blocks), first_steps.felt(stream, energies)
-        notes = notes + first_steps.doubts(overshoot, joint[0])
-        joint = joint if felt is None else _sharpened(joint, felt, energies, blocks, turned)
-        joint = _with_carried(joint, first_steps.carried(blocks[0].h, turned))
-        joint = tuple(np.where(is_lost, np.inf, x) for x in joint)
+        own, felt = joint_growth(energies, blocks, first_steps.steps.impulse), first_steps.felt(stream, energies)
+        notes = notes + first_steps.doubts(blocks[0].h, own[0])
+        joint = replace(JointEnergy.of_exact_motion(*own), **of_steps)
+        joint.peak = joint.norms[0] * joint.peak
+        if felt is not None:
+            _take_averages(joint, felt, energies, blocks, turned)
+        joint.overshoot = overshoot
+        _add(joint, first_steps.carried(blocks[0].h, turned), grown)
         for block in blocks:
-            block.joint, block.overshoot = joint, overshoot
+            block.joint = joint
     for run in runs:
         run.messages += notes
     return notes
@@ -221,23 +263,29 @@ def turned_in(extension: Extension, frames: Sequence[np.ndarray], turning: np.nd
     return 2 * next(iter(extension.segments.values()))[0].h * np.max(rates, axis=0)
 
 
-def _sharpened(
-    joint: tuple[np.ndarray, ...],
+def _take_averages(
+    joint: JointEnergy,
     felt: FeltResiduals,
     energies: Sequence[MechanismEnergy],
     blocks: Sequence[Block],
     turned: np.ndarray,
-) -> tuple[np.ndarray, ...]:
-    """Return g, rough and the largest g of joint_growth, or by what is felt; with what two go on."""
-    own, own_rough, peak = joint
+) -> None:
+    """Take what steps feel of R, or the work of that, where it is smaller than what R varies by."""
     missed = np.linalg.norm([energy.missed(block) for energy, block in zip(energies, blocks, strict=True)], axis=0)
-    before = felt.latest
-    g, rough = felt.advance(blocks[0].h, [block.chain for block in blocks], missed, turned)
-    peak = np.minimum(peak, np.maximum(g, np.append(before, g[:-1])))
-    return np.minimum(own, g), np.minimum(own_rough, rough), peak, own, own_rough
+    found = felt.advance(blocks[0].h, [x.chain for x in blocks], joint.steps.impulse * missed, turned)
+    stored, beside = np.vstack([joint.stored, found[:2]]), np.vstack([0 * missed, found[2:]])
+    levels = joint.norms[0] * stored + beside
+    best = np.argmin(levels, axis=0), np.arange(len(missed))
+    joint.stored, joint.beside = stored[best], beside[best]
+    joint.speed = np.minimum(joint.speed, found[:2].min(axis=0))
+    known = np.append(felt.latest * joint.norms[0], levels[1])
+    joint.peak, felt.latest = np.minimum(joint.peak, np.maximum(known[1:], known[:-1])), known[-1] / joint.norms[0]
 
 
-def _with_carried(joint: tuple[np.ndarray, ...], more: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return g, rough and the largest g with what is beside them (S,), and what two go on with."""
-    g, rough, peak, *own = joint
-    return g + more, rough + more, peak + more, *(own or (g, rough))
+def _add(joint: JointEnergy, more: np.ndarray, grown: np.ndarray) -> None:
+    """Add what is beside (S,), and take the product of factors (S,)."""
+    joint.beside, joint.speed, joint.peak = joint.beside + more, joint.speed + more, joint.peak + more
+    if np.any(grown > 1):
+        joint.stored, joint.speed, joint.peak = (grown * x for x in (joint.stored, joint.speed, joint.peak))
+        # of the storage that allows it
+        joint.started = None if joint.started is None else np.sqrt(3.0) * grown * joint.started

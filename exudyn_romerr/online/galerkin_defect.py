@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..linalg.blocked_products import largest_sizes, rows_times
-from ..report.scope import Doubt
+from ..report.scope import Doubt, Reason
 
 if TYPE_CHECKING:
     from ..offline.prepared import Offline
@@ -16,13 +16,7 @@ if TYPE_CHECKING:
 TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
 TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
-UNCHECKED = Doubt(
-    "a load that is not known here would not be noticed",
-    "add eigenmodes",
-    "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not be "
-    "noticed",
-)
-KNOW_LOADS = "make known all loads and the damping that act on the body, or take shorter steps"
+UNCHECKED = Reason.UNCHECKED.doubt()
 
 
 class Defect:
@@ -79,7 +73,7 @@ def unbalanced(run: Balanced) -> list[Doubt]:
         "body is not known here, or depends on more than time, or damping differs, or a step was too long to be "
         "solved well; bounds hold for the loads known"
     )
-    return [Doubt(f"the run is not balanced by what is known of it, {found}", KNOW_LOADS, said)]
+    return [Reason.UNBALANCED.doubt(said=said, beside=found)]
 
 
 def _limit(run: Balanced) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..report.scope import Doubt
+from ..report.scope import Doubt, Reason
 from ..trajectory.segments import Start
 
 if TYPE_CHECKING:
@@ -21,25 +21,15 @@ IN_THE_SPAN = (
     "equilibrium say, pass initial='equilibrium' or initial=(q0, q0_t)"
 )
 
-NO_ACCELERATIONS = (
-    "the solver has no accelerations at its start: bounds begin at t = {:g} s, where the full body is taken to be as "
-    "the reduced one; what was wrong by then is in no bound and no estimate"
-)
-SAME_LOADS = "give user functions of loads the same value in both"
-LOADS_JUMP = (
-    "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below the "
-    "step size too, and no basis or bound follows that"
-)
 # joints and springs were linearised under the loads of the start, not of the equilibrium: a corrected error was 1.7
 # times its bound
-OTHER_LOADS = Doubt("other loads at the start than in the static solve before", SAME_LOADS, LOADS_JUMP)
+OTHER_LOADS = Reason.OTHER_LOADS.doubt()
 JUMP = 1e-6  # of the loads
 
 
 def begins_late(t: float) -> Doubt:
     """Return why no bound is certified of a run whose bounds begin at t, after its start."""
-    cure = "take an implicit solver with generalizedAlpha.computeInitialAccelerations = True"
-    return Doubt("the solver has no accelerations at its start", cure, NO_ACCELERATIONS.format(t))
+    return Reason.NO_ACCELERATIONS.doubt(t)
 
 
 def start_of(offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None) -> Start:
@@ -78,7 +68,7 @@ def loads_jump(offline: Offline, first: Samples, rest: np.ndarray | None) -> lis
     before, now = rest[known], first.u[0][known]
     if np.all(np.abs(now - before) <= JUMP * np.max(np.abs([before, now]), initial=0.0)):
         return []
-    return [OTHER_LOADS if scene.coupled else f"{LOADS_JUMP}. {SAME_LOADS.capitalize()}"]
+    return [OTHER_LOADS if scene.coupled else f"{OTHER_LOADS.said}. {OTHER_LOADS.cure.capitalize()}"]
 
 
 def driven_start(offline: Offline, first: Samples, start: Start) -> Start:

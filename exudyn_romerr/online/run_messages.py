@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from ..report.scope import Doubt
-from ..report.wording import NO_OUTPUTS, SMOOTHLY
+from ..report.scope import Doubt, Reason
+from ..report.wording import NO_OUTPUTS
 from ..trajectory.reconstruction import ROUNDING_SHARE
 from .galerkin_defect import Balanced, unbalanced
 
@@ -14,57 +14,12 @@ if TYPE_CHECKING:
 
     from .run_record import RunRecord, SolverFacts
 
-ROUGH_RADIUS = 0.2  # with 0 an error was 2.9 times its bound at the first instant, with 0.3 none was above
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
-RADIUS_OF_ONE = "set generalizedAlpha.spectralRadius = 1"
-SMOOTHLY_OR_UNDAMPED = f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, which may widen bounds"  # once 2.9 times
-BEGUN_ANEW = Doubt(
-    "a solve that goes on from another one, with a spectral radius below 1",
-    f"{RADIUS_OF_ONE}, or make one solve of both",
-    "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with modes "
-    "that ring and that they do not resolve, is not in the bound",
+BEGUN_ANEW, REPEATED, STARTS_DAMPED, UNKNOWN_SCHEME = (
+    reason.doubt() for reason in (Reason.BEGUN_ANEW, Reason.REPEATED, Reason.STARTS_DAMPED, Reason.UNKNOWN_SCHEME)
 )
-# an error was 1.08 times its bound
-OTHER_INDEX = Doubt(
-    "useIndex2Constraints in a solve that goes on from one without",
-    "set useIndex2Constraints in both solves, or in none",
-    "a solve with useIndex2Constraints goes on from one without: what it does as velocities jump to where "
-    "constraints of velocities have them is not in the bound",
-)
-REPEATED = Doubt(
-    "adaptive steps that were repeated, with a spectral radius below 1",
-    f"{RADIUS_OF_ONE}, or choose a step that need not be repeated (numberOfSteps)",
-    "steps are not of the size that was asked for: what Exudyn repeats with a smaller one goes on with accelerations "
-    "of the first try",
-)
-STARTS_DAMPED = Doubt(
-    "sudden start with dampers and a spectral radius below 1",
-    SMOOTHLY_OR_UNDAMPED,
-    "the run starts suddenly, by an integrator with a spectral radius below 1, and there are dampers beside those of "
-    "the bodies: what its first steps make of both, where they do not resolve modes, is in the bound as far as "
-    "examples tell, which is no proof",
-)
-STARTS_ROUGHLY = Doubt(
-    f"sudden start with a spectral radius below {ROUGH_RADIUS}",
-    SMOOTHLY_OR_UNDAMPED,
-    f"the run starts suddenly, by an integrator with a spectral radius below {ROUGH_RADIUS}: velocities of modes "
-    "that its first step does not resolve may be too large for linear equations",
-)
-STARTS_HELD_BACK = Doubt(
-    "sudden start with Rayleigh's alpha and a small spectral radius",
-    SMOOTHLY_OR_UNDAMPED,
-    "the run starts suddenly, by an integrator with a small spectral radius, and Rayleigh's alpha damps motion "
-    "relative to the frames: what its first steps make of both, where they do not resolve modes, is in the bound as "
-    "far as examples tell, which is no proof",
-)
-UNKNOWN_SCHEME = Doubt(
-    "the solver is not known",
-    "call SolveDynamic without storeSolver=False",
-    "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that they "
-    "do not resolve, is not in the bound",
-)
+OTHER_INDEX = Reason.OTHER_INDEX.doubt()  # an error was 1.08 times its bound
 CHANGED = "the mbs was changed meanwhile (by a PostStep function, or after the solve)"
-NO_CHANGES = "change no parameters before report() is asked, but let user functions depend on time"
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
 MOTION_JUMPS = (
     "loads or accelerations of the prescribed motion change within single steps: up to {:.1e} of the largest is not "
@@ -101,13 +56,12 @@ class Noted(Balanced, Protocol):
 
 def changed(said: str) -> Doubt:
     """Return the doubt of a mechanism that was changed, with what is said of it."""
-    return Doubt("the mbs was changed along the run", NO_CHANGES, said)
+    return Reason.CHANGED.doubt(said=said)
 
 
 def unseen(why: str) -> Doubt:
     """Return the doubt of a mechanism whose steps could not be looked at."""
-    said = f"whether the PostStep function changes the mechanism is not known, for its states cannot be asked: {why}"
-    return Doubt("changes along the run could not be looked for", NO_CHANGES, said)
+    return Reason.UNSEEN.doubt(why)
 
 
 def doubts_of(run: Noted, partners: Iterable[Noted] = ()) -> tuple[Doubt, ...]:
@@ -117,7 +71,7 @@ def doubts_of(run: Noted, partners: Iterable[Noted] = ()) -> tuple[Doubt, ...]:
     """
     noted = [doubt for doubt in doubts_in(run.messages) if run.offline.scene.coupled or not _is_change(doubt)]
     of_others = (doubt for other in partners for doubt in (*unbalanced(other), *doubts_in(other.messages)))
-    others = [Doubt(x.cause, x.cure, f"another body: {x.said}") for x in of_others if x not in noted]
+    others = [Doubt(x.cause, x.cure, f"another body: {x.said}", x.reason) for x in of_others if x not in noted]
     return tuple(dict.fromkeys([*unbalanced(run), *others, *noted]))
 
 
@@ -128,7 +82,7 @@ def doubts_in(messages: Iterable[str]) -> list[Doubt]:
 
 def _is_change(doubt: Doubt) -> bool:
     """Whether only coupled bounds have it: others follow from samples."""
-    return doubt.cure == NO_CHANGES
+    return doubt.reason in (Reason.CHANGED.name, Reason.UNSEEN.name)
 
 
 def planned_end(run: RunRecord) -> float | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..linalg.blocked_products import norms_times
 from ..report.data import NodeFields
-from ..report.wording import SMOOTHLY
+from ..report.scope import SMOOTHLY
 from ..trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:

@@ -1,8 +1,9 @@
-"""What bounds cover: scopes; Scene, what a scene adds to the body alone; Doubt, why no bound is certified."""
+"""What bounds cover: scopes; Scene, what a scene adds to the body alone; Reason, why no bound is certified."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -26,21 +27,124 @@ NOT_CERTIFIED = "not certified"  # said with every bound of a run of which there
 
 
 class Doubt(str):
-    """Why no bound of a run is certified: a message; and in few words, for a sentence, its cause, and the cure."""
+    """Why no bound of a run is certified: a message; in few words, for a sentence, its cause, and the cure.
+
+    reason : name of the Reason; empty: of a report that an older version has written.
+    """
 
     cause: str
     cure: str
     said: str
+    reason: str
 
-    def __new__(cls, cause: str, cure: str, said: str = "") -> Doubt:
+    def __new__(cls, cause: str, cure: str, said: str = "", reason: str = "") -> Doubt:
         """Return the message; said : what it says of the cause, if that is more."""
         made = super().__new__(cls, f"{said or cause}. No bound of this run is certified: {cure}")
-        made.cause, made.cure, made.said = cause, cure, said or cause
+        made.cause, made.cure, made.said, made.reason = cause, cure, said or cause, reason
         return made
 
-    def __getnewargs__(self) -> tuple[str, str, str]:
+    def __getnewargs__(self) -> tuple[str, str, str, str]:
         """How copies, those of pickle too, are made."""
-        return self.cause, self.cure, self.said
+        return self.cause, self.cure, self.said, self.reason
+
+
+SMOOTHLY = "let loads begin smoothly"
+RADIUS_OF_ONE = "set generalizedAlpha.spectralRadius = 1"
+SAME_LOADS = "give user functions of loads the same value in both"
+NO_CHANGES = "change no parameters before report() is asked, but let user functions depend on time"
+
+
+class Reason(Enum):
+    """All reasons why no bound of a run is certified: the cause in few words, the cure, and what more is said of it.
+
+    docs/limits.md has the table of them, and how often each is met.
+    """
+
+    UNCHECKED = (
+        "a load that is not known here would not be noticed",
+        "add eigenmodes",
+        "the wrenches of joints use up the balance V^T R = 0 of all modes: a load that is not known here would not "
+        "be noticed",
+    )
+    UNBALANCED = (
+        "the run is not balanced by what is known of it",
+        "make known all loads and the damping that act on the body, or take shorter steps",
+        "",
+    )
+    THIRD_ORDER = (
+        "the error is too large to be linear",
+        "add modes, or let loads and motion begin smoothly",
+        "linear equations leave out more than {} % of the deformation that they predict, as measured: what is of "
+        "third order in the error is in no bound",
+    )
+    REPEATED = (
+        "adaptive steps that were repeated, with a spectral radius below 1",
+        f"{RADIUS_OF_ONE}, or choose a step that need not be repeated (numberOfSteps)",
+        "steps are not of the size that was asked for: what Exudyn repeats with a smaller one goes on with "
+        "accelerations of the first try",
+    )
+    STARTS_DAMPED = (
+        "sudden start with dampers, and unknown springs or another integrator",
+        f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, without useNewmark, which may widen bounds",  # once 2.9 times
+        "the run starts suddenly, there are dampers beside those of the bodies, and what first steps make of both "
+        "is not known: the stiffness of a spring cannot be read from the mbs, or the integrator is another one",
+    )
+    BEGUN_ANEW = (
+        "a solve that goes on from another one, with a spectral radius below 1",
+        f"{RADIUS_OF_ONE}, or make one solve of both",
+        "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with "
+        "modes that ring and that they do not resolve, is not in the bound",
+    )
+    OTHER_INDEX = (
+        "useIndex2Constraints in a solve that goes on from one without",
+        "set useIndex2Constraints in both solves, or in none",
+        "a solve with useIndex2Constraints goes on from one without: what it does as velocities jump to where "
+        "constraints of velocities have them is not in the bound",
+    )
+    OTHER_LOADS = (
+        "other loads at the start than in the static solve before",
+        SAME_LOADS,
+        "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below "
+        "the step size too, and no basis or bound follows that",
+    )
+    NO_ACCELERATIONS = (
+        "the solver has no accelerations at its start",
+        "take an implicit solver with generalizedAlpha.computeInitialAccelerations = True",
+        "the solver has no accelerations at its start: bounds begin at t = {:g} s, where the full body is taken to "
+        "be as the reduced one; what was wrong by then is in no bound and no estimate",
+    )
+    UNKNOWN_SCHEME = (
+        "the solver is not known",
+        "call SolveDynamic without storeSolver=False",
+        "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that "
+        "they do not resolve, is not in the bound",
+    )
+    CHANGED = ("the mbs was changed along the run", NO_CHANGES, "")
+    UNSEEN = (
+        "changes along the run could not be looked for",
+        NO_CHANGES,
+        "whether the PostStep function changes the mechanism is not known, for its states cannot be asked: {}",
+    )
+    CONTROLLER = (
+        "a controller switches, or its gains do work",
+        "let the user function be smooth, within steps too, passive, without memory; or pass scope='inputs frozen'",
+        "",
+    )
+
+    @property
+    def cause(self) -> str:
+        """In few words."""
+        return self.value[0]
+
+    @property
+    def cure(self) -> str:
+        """What to do about it."""
+        return self.value[1]
+
+    def doubt(self, *found: object, said: str = "", beside: str = "") -> Doubt:
+        """Return it as met: found : what the sentence has places for; said : in its place; beside : the cause."""
+        cause = f"{self.cause}, {beside}" if beside else self.cause
+        return Doubt(cause, self.cure, said or self.value[2].format(*found), self.name)
 
 
 def causes_of(doubts: Iterable[Doubt]) -> str:

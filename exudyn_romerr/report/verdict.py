@@ -10,13 +10,12 @@ from ..estimates.estimate import RESOLVED
 from ..estimates.kept_estimate import LINEAR
 from .advice import advice, until_its_end
 from .estimate_wording import about, estimate_scope, estimated_kind, known
-from .scope import COUPLED, FROZEN, cures_of
+from .scope import COUPLED, FROZEN, SMOOTHLY, cures_of
 from .wording import (
     AS_IN_THIS_RUN,
     MORE_VECTORS,
     NOT_LINEAR,
     NOT_THE_MECHANISM,
-    SMOOTHLY,
     STEPS,
     at_most,
     at_round_off,

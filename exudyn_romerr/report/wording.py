@@ -50,7 +50,6 @@ NOT_LINEAR = "for the error is too large to be linear"
 RINGS = ", for what starts at once rings in modes that neither steps nor vectors resolve"
 MUCH_SHORTER = "take a twentieth of the step or less"
 # makes half widths 50 to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (test_cures.py)
-SMOOTHLY = "let loads begin smoothly"
 CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
     "steps": "halve the step",
     "vectors": MORE_VECTORS,

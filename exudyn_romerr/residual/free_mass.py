@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
+from ..decay.passive_steps import Means
 from ..linalg.blocked_products import by_columns
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
@@ -18,6 +19,9 @@ from ..model.shared_body import made_once
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
     from .problem import Problem
+
+ROUNDING = 1e-13  # of squares: interfaces that move alike
+FEW_ROWS = 64  # of outputs; of all nodes of a mesh it would take two more solves each
 
 
 class FreeMass:
@@ -36,7 +40,7 @@ class FreeMass:
         self._Rg = rigid_modes(body.positions - body.positions.mean(axis=0))
         self._carried = body.mass @ self._Rg
         self._of_rigid = cholesky(self._Rg.T @ self._carried, lower=True)
-        self._B = self._factor.half_solve(self._space.loads(self._by_rigid(self._carried.T).T))
+        self._B = self._factor.half_solve(self.pull)
         self._root = cholesky(np.eye(RIGID_MODES) - self._B.T @ self._B, lower=True)
         self._body = body
 
@@ -50,9 +54,32 @@ class FreeMass:
         """See turned_mass."""
         return turned_mass(self._body, self)
 
+    @cached_property
+    def relative(self) -> float:
+        """See relative_motion."""
+        return relative_motion(self._body, self)
+
     def norms(self, columns: np.ndarray) -> np.ndarray:
         """Norms (k,) of columns (n_free, k) that see no rigid motion: balanced loads, or output rows transposed."""
         return np.linalg.norm(self._halves(columns), axis=0)
+
+    def means(self, columns: np.ndarray, norms: np.ndarray) -> Means:
+        """Means of what columns (n_free, R) see, output rows transposed, of which `norms` are."""
+        stiff = self._body.stiffness_factor
+        moved = stiff.solve(columns)
+        size = np.maximum(np.einsum("ij,ij->j", columns, moved), np.finfo(float).tiny)
+        if len(norms) > FEW_ROWS:
+            return Means(norms**2 / size)
+        pushed = self._body.M @ moved - self.pull @ (self.pull.T @ moved)
+        inverse = np.maximum(np.einsum("ij,ij->j", moved, pushed), np.finfo(float).tiny)
+        squares = np.maximum(np.sum(stiff.half_solve(pushed) ** 2, axis=0), np.finfo(float).tiny)
+        return Means(norms**2 / size, inverse / size, squares / size)
+
+    def compliance(self, columns: np.ndarray) -> tuple[float, float]:
+        """Largest acceleration by a force and by a torque, columns (N, 3 or 6), of where these act, per unit."""
+        gram = self.gram(columns.T)
+        parts = gram[:3, :3], gram[3:, 3:]
+        return tuple(float(np.linalg.eigvalsh(part)[-1]) if part.size else 0.0 for part in parts)
 
     def gram(self, rows: np.ndarray) -> np.ndarray:
         """C M^-1 C^T (r, r) of rows C (r, N) of all coordinates, which see rigid motions, too."""
@@ -60,6 +87,16 @@ class FreeMass:
         still = rows.T - self._carried @ solve_triangular(self._of_rigid.T, rigid)
         halves = np.vstack([self._halves(self._space.loads(still)), rigid])
         return halves.T @ halves
+
+    def response(self, columns: np.ndarray) -> np.ndarray:
+        """Admissible part y (n_free, k) of what balanced columns accelerate, Z y + Rg r = M^-1 columns."""
+        rigid = solve_triangular(self._root.T, self._halves(columns)[-RIGID_MODES:])
+        return self._factor.solve(columns + self.pull @ rigid)
+
+    @cached_property
+    def pull(self) -> np.ndarray:
+        """Z^T M Rg (n_free, 6), Rg M-orthonormal: what accelerations of the frame do to the held body."""
+        return self._space.loads(self._by_rigid(self._carried.T).T)
 
     def _by_rigid(self, x: np.ndarray) -> np.ndarray:
         return solve_triangular(self._of_rigid, x, lower=True)
@@ -78,9 +115,9 @@ class AtStart:
     however the body is turned; 0 in its own.
     """
 
-    def __init__(self, problem: Problem):
+    def __init__(self, problem: Problem, unknown: int = 0):
         self._residual, self._rows, self._outputs = problem.terms, problem.rows.C, problem.outputs
-        self._views = problem.views
+        self._views, self._wrenches = problem.views, problem.B[:, problem.B.shape[1] - unknown :]
 
     def prepare(self) -> None:
         """Make what most runs need before the first one; of all mesh nodes, say, it would take long."""
@@ -103,6 +140,12 @@ class AtStart:
         )
 
     @cached_property
+    def means(self) -> Means:
+        """Of the output rows; those that take solves where these are few."""
+        body, C = self._residual.body, self._rows
+        return made_once(body, "means of rows", (C,), lambda: self._mass.means(C.T, self.factors))
+
+    @cached_property
     def shown(self) -> np.ndarray:
         """See the class."""
         found = []
@@ -120,6 +163,11 @@ class AtStart:
         """See turned_mass."""
         return self._mass.turning
 
+    @property
+    def relative(self) -> float:
+        """See relative_motion."""
+        return self._mass.relative
+
     def coordinates(self, *sample: np.ndarray) -> np.ndarray:
         """Return z (k,) of q, q', q'' (n,) and inputs (p,) as they are."""
         return self._residual.coordinates(*sample)
@@ -127,6 +175,16 @@ class AtStart:
     def push(self, z: np.ndarray) -> float:
         """Return |R|_{M^-1} of the residual R = L z."""
         return float(self._mass.norms(self._residual.of(z)[:, None])[0])
+
+    @cached_property
+    def joints(self) -> FreeInterfaces:
+        """What forces at the interfaces accelerate."""
+        body, W = self._residual.body, self._wrenches
+        return made_once(body, "free interfaces", (W,), lambda: FreeInterfaces(body, self._mass, W))
+
+    def accelerations(self, z: np.ndarray) -> tuple[float, float]:
+        """Return parts of |a|_K of the start, whatever joints do: see FreeInterfaces.split."""
+        return self.joints.split(self._residual.of(z))
 
     def terms(self, z: np.ndarray) -> float:
         """Return the sum of |.|_{M^-1} of the terms of R, one for each entry of z: what R may be rounding of."""
@@ -142,12 +200,46 @@ class AtStart:
         return by_columns(lambda part: self._mass.norms(part)[None], columns, np.empty((1, columns.shape[1])))[0]
 
 
+class FreeInterfaces:
+    """|a|_K of accelerations that a residual and any forces at the interfaces make together.
+
+    M a = -R - F w, F the wrenches of all interfaces, that by which the body is held included. Joints choose w such
+    that |M a|_{M^-1} over all bodies is no more than without: a = a_0 - M^-1 F y, with a_0 of the part of R that is
+    M^-1-orthogonal to F, and |F y|_{M^-1} no more than that of the other part. So |a|_K <= |a_0|_K + steepest |F y|.
+    """
+
+    def __init__(self, body: ElasticBody, mass: FreeMass, wrenches: np.ndarray | sp.spmatrix):
+        columns = wrenches.toarray() if sp.issparse(wrenches) else np.asarray(wrenches)
+        columns = np.hstack([columns, -mass.pull])  # the last six: forces on the frame, beside those on it itself
+        responses, on_frame = mass.response(columns), np.diag(np.append(np.zeros(columns.shape[1] - 6), np.ones(6)))
+        values, X = np.linalg.eigh(columns.T @ responses + on_frame)
+        X = X[:, values > ROUNDING * values[-1]] / np.sqrt(values[values > ROUNDING * values[-1]])
+        self._columns, self._responses = columns @ X, responses @ X
+        self._mass, self._K = mass, body.K
+        stiff = self._responses.T @ (body.K @ self._responses)
+        self.steepest = float(np.sqrt(np.linalg.eigvalsh(stiff)[-1]))  # largest |M^-1 F y|_K, in rad/s
+
+    def split(self, R: np.ndarray) -> tuple[float, float]:
+        """Return |a_0|_K, and |.|_{M^-1} of the part of a balanced R (n_free,) that interfaces may change."""
+        a = self._mass.response(R[:, None])[:, 0]
+        y = self._columns.T @ a
+        a = a - self._responses @ y
+        return float(np.sqrt(a @ (self._K @ a))), float(np.linalg.norm(y))
+
+
 def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
     """|c - (c Rg) (C_0 Rg)^-1 C_0|_{M^-1} of rows C (R, n_free) on the free body: as its frame sees velocities."""
-    rows = np.zeros((len(C), body.N))
-    rows[:, body.space.free] = C
+    rows = body.space.extended(C)
     rows -= (rows @ rigid_modes(body.positions)) @ _frame_rows(body)
     return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
+
+
+def relative_motion(body: ElasticBody, mass: FreeMass) -> float:
+    """|u|_M over |e|_M at most, u what a motion e of the body is relative to its frame."""
+    Rg = rigid_modes(body.positions)
+    L = cholesky(Rg.T @ (body.mass @ Rg), lower=True)
+    carried = L.T @ mass.gram(_frame_rows(body)) @ L  # |Rg c|_M^2 of the motion c of the frame
+    return 1 + float(np.sqrt(np.linalg.eigvalsh(carried)[-1]))
 
 
 def turned_mass(body: ElasticBody, mass: FreeMass) -> float:

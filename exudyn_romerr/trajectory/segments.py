@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -81,11 +81,10 @@ class Block:
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
     turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
-    bent, moved : (S, 2), see Turn.of_curve. joint : energies (3, S) of all bodies of a mechanism together;
+    bent, moved : (S, 2), see Turn.of_curve. joint : JointEnergy of a mechanism (coupled_energy.py);
     None: this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
     chain : (S + 1, k), z where straight lines lead from one to the next; None: c are other curves.
-    is_driven : turn and cut are those of a frame that moves as a function of time says. overshoot : (S, 2), what the
-    integrator may add to |e|_M and |e'|_M of all bodies together; None: nothing.
+    is_driven : turn and cut are those of a frame that moves as a function of time says.
     """
 
     t: np.ndarray
@@ -98,10 +97,9 @@ class Block:
     cut: Cut | None = None
     bent: np.ndarray | None = None
     moved: np.ndarray | None = None
-    joint: tuple[np.ndarray, ...] | None = None
+    joint: Any = None
     added: Added | None = None
     is_driven: bool = False
-    overshoot: np.ndarray | None = None
     chain: np.ndarray | None = None
     _made: dict = field(default_factory=dict, init=False)
     _of_ends: dict = field(default_factory=dict, init=False)
@@ -109,7 +107,7 @@ class Block:
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
         """Return blocks one after another, as segmenters make them: with t, h, c, unresolved and skipped only."""
-        later = ("turn", "cut", "bent", "moved", "joint", "added", "overshoot")
+        later = ("turn", "cut", "bent", "moved", "joint", "added")
         if any(getattr(block, name) is not None for block in blocks for name in later):
             raise ValueError(f"blocks are joined before any of {', '.join(later)} is known")
         fields = ("t", "h", "c", "unresolved", "unresolved_variation")
@@ -123,7 +121,7 @@ class Block:
 
     def without_residual(self) -> Block:
         """Return the same segments with R = 0, of this body alone."""
-        return replace(self, c=0 * self.c, chain=None, joint=None, added=None, overshoot=None)
+        return replace(self, c=0 * self.c, chain=None, joint=None, added=None)
 
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""

@@ -89,7 +89,7 @@ NODES = [exu.NodeType.RotationEulerParameters, exu.NodeType.RotationRotationVect
 
 def turned_masses(fem, body, node, rng):
     """|dM a|_{M^-1} over |a|_M at most, a radian, about axes of a body and some others, of Exudyn's M: all modes."""
-    modes, start = body.space.Z.toarray(), Rotation.from_rotvec([0.4, -0.3, 0.9])
+    modes, start = body.expand(np.eye(body.free.size)), Rotation.from_rotvec([0.4, -0.3, 0.9])
     fem.modeBasis = {"matrix": modes, "type": "NormalModes"}
     mbs = exu.SystemContainer().AddSystem()
     cms = ObjectFFRFreducedOrderInterface(fem, rigidBodyNodeType=node)

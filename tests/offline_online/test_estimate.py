@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.report.wording import SMOOTHLY
+from exudyn_romerr.report.scope import SMOOTHLY
 from models.exact import full_solution, reduced_solution, reduced_trajectory
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model

@@ -8,9 +8,9 @@ import pytest
 from exudyn_romerr.estimates.estimate import CAUSES
 from exudyn_romerr.report.advice import ABOUT_ENOUGH, NOT_RESOLVED, judged, next_step
 from exudyn_romerr.report.estimate_wording import known, off_by
-from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
+from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, SMOOTHLY
 from exudyn_romerr.report.verdict import sentence
-from exudyn_romerr.report.wording import CURES_OF_CAUSES, CURES_OF_CHECKS, MUCH_SHORTER, RINGS, SMOOTHLY
+from exudyn_romerr.report.wording import CURES_OF_CAUSES, CURES_OF_CHECKS, MUCH_SHORTER, RINGS
 from tests.report.test_verdict import output
 
 CONDITION = "under the frame motion, loads and joint forces of this run"

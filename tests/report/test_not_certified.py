@@ -16,8 +16,7 @@ from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice
 from exudyn_romerr.mode_selection.tried_run import TriedRun
-from exudyn_romerr.online import galerkin_defect, run_messages
-from exudyn_romerr.online.initial_condition import begins_late
+from exudyn_romerr.online import run_messages
 from exudyn_romerr.online.run_messages import doubts_of
 from exudyn_romerr.online.run_record import SolverFacts
 from exudyn_romerr.online.tolerance_check import ToleranceCheck
@@ -29,7 +28,7 @@ from exudyn_romerr.report.plots.body_surface import draw_body
 from exudyn_romerr.report.plots.over_time import draw_bounds, draw_causes, draw_signal
 from exudyn_romerr.report.plots.panels import plot_causes, plot_report
 from exudyn_romerr.report.plots.style import new_figure, picture
-from exudyn_romerr.report.scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES, with_doubts
+from exudyn_romerr.report.scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES, Doubt, Reason, with_doubts
 from exudyn_romerr.report.verdict import row_verdict
 from exudyn_romerr.sweeps.collect import text_of
 from tests.helpers.theorem import random_case
@@ -44,17 +43,18 @@ MISSED = SimpleNamespace(
     defect=0.01,
 )
 DOUBTS = {
-    "goes on": run_messages.BEGUN_ANEW,
-    "goes on by index 2": run_messages.OTHER_INDEX,
-    "steps repeated": run_messages.REPEATED,
-    "starts with dampers": run_messages.STARTS_DAMPED,
-    "starts with a radius near 0": run_messages.STARTS_ROUGHLY,
-    "starts with alpha": run_messages.STARTS_HELD_BACK,
+    "goes on": Reason.BEGUN_ANEW.doubt(),
+    "goes on by index 2": Reason.OTHER_INDEX.doubt(),
+    "goes on with other loads": Reason.OTHER_LOADS.doubt(),
+    "steps repeated": Reason.REPEATED.doubt(),
+    "starts with dampers": Reason.STARTS_DAMPED.doubt(),
+    "not linear": Reason.THIRD_ORDER.doubt(10),
+    "controller": Reason.CONTROLLER.doubt(said="at t = 1 s a spring jumps"),
     "not looked at": run_messages.unseen("a table that ends"),
-    "solver not kept": run_messages.UNKNOWN_SCHEME,
+    "solver not kept": Reason.UNKNOWN_SCHEME.doubt(),
     "mbs changed": run_messages.changed("parameters"),
-    "begins late": begins_late(0.1),
-    "nothing to check": galerkin_defect.UNCHECKED,
+    "begins late": Reason.NO_ACCELERATIONS.doubt(0.1),
+    "nothing to check": Reason.UNCHECKED.doubt(),
     "not balanced": doubts_of(MISSED)[0],
 }
 CLAIM = re.compile(r"at most|bounded by|<= \d|within \d|error bound|\bbound \d")
@@ -72,6 +72,11 @@ def plain():
     report.nodes = NodeFields(SHOWN, {}, moved, dict.fromkeys(SHOWN, 0.0), POSITIONS)
     report.compare("y", report.t, case.full[0] @ case.C.T)
     return report
+
+
+def test_there_is_one_of_every_reason():
+    assert sorted(doubt.reason for doubt in DOUBTS.values()) == sorted(reason.name for reason in Reason)
+    assert [Doubt(*doubt.__getnewargs__()) for doubt in DOUBTS.values()] == [*DOUBTS.values()]
 
 
 @pytest.mark.parametrize("name", DOUBTS)

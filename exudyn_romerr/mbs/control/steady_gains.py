@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...report.scope import Doubt
+from ...report.scope import Doubt, Reason
 from ..access.state_guard import set_state, state_kept
 from ..memory.user_memory import memory_kept
 from .control_functions import Spring, are_passive, find_controls
@@ -19,8 +19,6 @@ LOOKED = 32  # steps within that: what linear equations leave out is looked for 
 GROWTH = 0.01  # of a stiffness, by time alone: more does work on the error
 ROUGH = 0.25  # of what the gains at both ends of a step move a force by: it may miss the mean of them by less
 ROUNDING = 1e-9  # of the largest force
-CAUSE = "a controller switches, or its gains do work"
-CURE = "let the user function be smooth, within steps too, passive, without memory; or pass scope='inputs frozen'"
 FAILS = "fails beside a motion that it was asked for: {}"
 WORKS = "has negative, or coupled, stiffness or damping, which may do work on the error"
 KEEPS = (
@@ -108,7 +106,7 @@ class SteadyGains:
                 wrong = "" if along in seen else _wrong(along, mbs, t, first=i == 0)
                 if wrong:
                     seen.add(along)
-                    yield along, Doubt(CAUSE, CURE, f"at t = {t:g} s {along.spring.name} {wrong}")
+                    yield along, Reason.CONTROLLER.doubt(said=f"at t = {t:g} s {along.spring.name} {wrong}")
 
 
 def _wrong(along: _Along, mbs: Any, t: float, first: bool) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 
 from ...errors import AssumptionError, InputError, RomErrError
 from ...model.admissible_space import (
-    FULL_ROWS,
     HELD,
     MassOrthogonal,
     MeanMotion,
@@ -90,7 +89,7 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
         return Reference(None, f"{still.size} nodes that no mode moves", _coordinates(still))
     raise AssumptionError(
         "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest "
-        f"motion, allowed {HELD:g}): {_listed(tried)}{_too_many(flex)}; {NEARLY if _nearly(tried) else CURE}"
+        f"motion, allowed {HELD:g}): {_listed(tried)}; {NEARLY if _nearly(tried) else CURE}"
     )
 
 
@@ -171,13 +170,6 @@ def _is_rigid(nodes: list[int], positions: np.ndarray, V: np.ndarray) -> bool:
     motions = np.linalg.qr(rigid_modes(positions[nodes] - positions[nodes].mean(axis=0)))[0]
     part = V.reshape(len(positions), 3, -1)[nodes].reshape(3 * len(nodes), -1)
     return bool(np.max(np.abs(part - motions @ (motions.T @ part))) <= HELD * np.max(np.abs(V)))
-
-
-def _too_many(flex: FloatingBody) -> str:
-    """Why free eigenmodes of a large body are not known."""
-    if len(flex.positions) <= FULL_ROWS:
-        return ""
-    return f"; free eigenmodes are not known above {FULL_ROWS} nodes, use Craig-Bampton modes"
 
 
 def _nearly(tried: dict[str, float]) -> bool:

@@ -191,7 +191,9 @@ class Reaction:
             return
         energies = [shared_energy(watch.run.companion, STREAM) for watch in self._watches]
         blocks = [extension.segments[STREAM][0] for extension in extensions]
-        g = np.array(blocks[0].joint)[[0, 2]]
+        joint = blocks[0].joint
+        started = 0.0 if joint.started is None else joint.steps.norms[0] * joint.started
+        g = np.array([joint.level, joint.peak]) + started
         impulses = sum(one.impulses(block) for one, block in zip(energies, blocks, strict=True))
         left = self._positions.advance(tangents, self._tangents.readings, steps, g, impulses)
         self._keep_left([rows + self._first_steps.seen(run) for rows, run in zip(left, runs, strict=True)])

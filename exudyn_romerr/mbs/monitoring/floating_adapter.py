@@ -17,6 +17,7 @@ from ...model.floating_frame import FramePose, Jitter
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
+from ...residual.free_mass import FreeMass
 from ...residual.problem import Deferred
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor, node_coordinates
@@ -114,6 +115,11 @@ class MovingSubject:
     def outputs(self) -> tuple[Output, ...]:
         """What is bounded."""
         return tuple(self._options.outputs)
+
+    def compliance(self, marker: int) -> tuple[float, float] | None:
+        """Return what a unit force and torque at a marker accelerate it by at most; None: it is not on the body."""
+        place = self._sampler.actions.places.get(marker)
+        return None if place is None else FreeMass.of(self._body).compliance(place.columns)
 
     def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
         """Return V (N, n) and the full K (N, N)."""

@@ -12,8 +12,9 @@ import numpy as np
 from ...errors import AssumptionError, InputError, RunError
 from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
-from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, turned_in
-from ..access.mbs_items import first_step, has_dampers, scheme_of, share_of
+from ...online.coupled_runs import Connectors, FirstSteps, join_extensions, joined_openings, turned_in
+from ..access.mbs_items import first_step, scheme_of, share_of
+from ..control.connectors import connectors
 from ..control.steady_gains import SteadyGains
 from ..derivatives.linearisation import Tangents
 from ..mechanism.kept_equations import KeptEquations
@@ -60,7 +61,8 @@ class Mechanism:
         self.equations, self._gains = KeptEquations(mbs, may_change), SteadyGains(mbs)
         self._coupled = [watch for watch in self._watches if watch.is_coupled]
         self._check_others(self._watches)
-        self._first_steps = FirstSteps(scheme_of(mbs), None, has_dampers(mbs), first_step(mbs))
+        known = connectors(mbs, self._compliance) if self._coupled else Connectors()
+        self._first_steps = FirstSteps(scheme_of(mbs), None, known, first_step(mbs))
         self._partners = self._coupled or [x for x in self._watches if x.is_frozen and x.enriched is not None]
         if self._coupled:
             self._together(self._prepare, mbs)
@@ -68,6 +70,10 @@ class Mechanism:
             self._estimate(self._prepare_reaction, mbs)
         for sensors in self._sensors:
             sensors.begin(mbs, self.tangents)
+
+    def _compliance(self, marker: int) -> tuple[float, float] | None:
+        found = (watch.subject.compliance(marker) for watch in self._coupled if watch.error is None)
+        return next((one for one in found if one is not None), None)
 
     def read_tangent(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again, 0: not at all."""
@@ -165,7 +171,7 @@ class Mechanism:
     def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, sensors: Sequence) -> Reaction:
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         share = None if holds_rates else share_of(mbs)
-        first = FirstSteps(scheme, share, self._first_steps.damped, self._first_steps.step)
+        first = FirstSteps(scheme, share, self._first_steps.connectors, self._first_steps.step)
         steps = first, self.tangents, StepErrors(self.tangents, residuals, holds_rates, self.equations)
         return Reaction(self._partners, Feedback(scheme), *steps, sensors)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...report.scope import Doubt
+from ...report.scope import Reason
 
 # what may be left, in sizes of r: looked at now and then it came out down to 0.17 of what it is, looked at everywhere
 # within 2 %; the rest is for what is of third order, and for motion outside the span of the vectors
@@ -15,12 +15,7 @@ SAMPLED, LOOKED = 8.0, 2.0
 # of the prediction: above it, what linear equations leave out has an error of its own that bounds do not have; with
 # 0.22 an error was 1.05 times its bound, a corrected one 1.22 times. Random mechanisms have less than 0.04
 NOT_LINEAR = 0.1
-OF_THIRD_ORDER = Doubt(
-    "the error is too large to be linear",
-    "add modes, or let loads and motion begin smoothly",
-    f"linear equations leave out more than {100 * NOT_LINEAR:g} % of the deformation that they predict, as measured: "
-    "what is of third order in the error is in no bound",
-)
+OF_THIRD_ORDER = Reason.THIRD_ORDER.doubt(f"{100 * NOT_LINEAR:g}")
 
 
 class Measured(NamedTuple):

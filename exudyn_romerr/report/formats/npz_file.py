@@ -56,7 +56,7 @@ def _at_nodes(nodes: NodeFields) -> dict[str, np.ndarray]:
     return arrays if nodes.positions is None else {**arrays, "nodes/positions": nodes.positions}
 
 
-def _plain(doubts: Iterable[Doubt]) -> list[tuple[str, str, str]]:
+def _plain(doubts: Iterable[Doubt]) -> list[tuple[str, ...]]:
     return [doubt.__getnewargs__() for doubt in doubts]
 
 

@@ -12,7 +12,8 @@ from exudyn import itemInterface
 from exudyn.FEM import ObjectFFRFreducedOrderInterface
 
 import exudyn_romerr as romerr
-from exudyn_romerr.report.wording import MORE_VECTORS, SMOOTHLY
+from exudyn_romerr.report.scope import SMOOTHLY
+from exudyn_romerr.report.wording import MORE_VECTORS
 from models import floating
 
 SUDDEN = {"h": 1e-3, "grows": 0.0, "beta": 0.0, "vectors": "auto", "scope": "auto", "n": 4}

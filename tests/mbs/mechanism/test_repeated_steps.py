@@ -70,7 +70,7 @@ def shown(radius, *times):
     found = []
     for t in times:
         found.append(steps.repeated(np.array(t)))
-        steps.lost(np.array(t))
+        steps.grown(np.array(t))
     return found
 
 
