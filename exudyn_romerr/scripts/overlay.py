@@ -39,11 +39,11 @@ CACHES = ("~/.cache", "~/.config/matplotlib")  # of libraries
 class Overlay:
     """The folder `root` of a run, in which `home`, the user's working folder, stands once more.
 
-    free : folders in which anybody may write, which count unless they are above one of the user's. refused : paths
-    that the script would have written to.
+    free : folders in which anybody may write, which count unless they are above one of the user's; the first is that
+    of this run, above root. refused : paths that the script would have written to.
     """
 
-    def __init__(self, root: str, home: str, free: Sequence[str] = ()):
+    def __init__(self, root: str, home: str, free: Sequence[str]):
         self.root, self.refused = os.path.realpath(root), []
         self._users, self._is_busy = [os.path.realpath(home)], False
         self._free = [os.path.realpath(os.path.expanduser(path)) for path in (*free, *CACHES)]
@@ -59,7 +59,9 @@ class Overlay:
         """Go there, for the rest of the process; return what stands for the script; its folder is the user's, too."""
         folder, name = os.path.split(os.path.abspath(script))
         self._users.append(os.path.realpath(folder))
-        self._fill(self.root, os.path.abspath(os.sep))
+        for top in {os.path.splitdrive(path)[0] + os.sep for path in self._users}:
+            os.makedirs(self.at(top), exist_ok=True)
+            self._fill(self.at(top), top)
         own = os.path.join(self.at(self._users[1]), name)
         self._own(own)  # a copy: even what realpath says of __file__ is in this run's folder
         self._chdir(self._folder(self.at(self._users[0])))
@@ -82,7 +84,10 @@ class Overlay:
         """Return where Exudyn, whose writing Python does not see, may write; keep : what is there is needed."""
         if not path:
             return path
-        inside = self._inside(self._full(path))
+        full = self._full(path)
+        if _within(full, self._free[0]) and not self._is_inside(full):  # a temporary file of this run
+            return path
+        inside = self._inside(full)
         self._is_busy = True
         try:
             self._own(inside, keep)

@@ -337,7 +337,7 @@ def test_what_exudyn_writes_stays_in_the_runs_folder(tmp_path):
     text = MASS.replace("settings.solution.file.write = False", "settings.solution.file.name = 'solution/all.txt'")
     text = text.replace('name="mass",', f'name="mass", fileName={str(away)!r},')
     text = text.replace('name="calls",', 'name="calls", fileName="solution/calls.txt",')
-    text = text.replace("ADAPTIVE", WRITES)
+    text = text.replace("ADAPTIVE", WRITES) + "SC.renderer.Start()\nSC.renderer.RedrawAndSaveImage()\n"
     names = ("all.txt", "calls.txt", "restart.txt", "restart.txt.bck", "information.txt", "console.txt")
     (home / "solution").mkdir(parents=True)
     for name in names:
@@ -385,6 +385,13 @@ def test_nothing_to_compare_is_an_error(tmp_path, capsys):
         romerr.verify(path, controllers="jump")
     with pytest.raises(InputError, match="top of a file"):
         romerr.verify(lambda: None)
+
+
+def test_temporary_files_of_the_script_are_where_it_looks_for_them(tmp_path):
+    text = MASS.replace("import sys", "import sys, tempfile\nplace = tempfile.mkdtemp() + '/sensor.txt'", 1)
+    text = text.replace('name="mass",', 'name="mass", fileName=place,') + "assert len(open(place).readlines()) > 50\n"
+    told = run_child(request(written(tmp_path, text))).told
+    assert (told["status"], told["error"]) == (0, "")
 
 
 def test_functions_and_any_executor(tmp_path):

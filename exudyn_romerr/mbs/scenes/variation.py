@@ -89,6 +89,8 @@ class Variation:
         system.Assemble = self._assembled(system.Assemble)
         system.SetPreStepUserFunction = self._held(system.SetPreStepUserFunction)
         exudyn.SetWriteToFile = self._placed(exudyn.SetWriteToFile)
+        for owner in (exudyn.Renderer, exudyn.SystemContainer):  # without a window it raises, or waits for one
+            owner.RedrawAndSaveImage = _no_image
         self._exudyn = exudyn
         for name in SOLVERS:
             solver = getattr(exudyn, name)
@@ -267,6 +269,10 @@ class Variation:
                 recorded.shows.append("" if shows is None else shows.name)
                 recorded.data.append(data)
         self.solves.append(recorded)
+
+
+def _no_image(*arguments: Any, **options: Any) -> None:
+    """Save no image of a window that is not there."""
 
 
 def _settings(arguments: tuple, options: dict[str, Any]) -> Any:

@@ -83,7 +83,9 @@ class Scenario:
         return np.array([x, v, f - v @ A.T - x @ B.T]) @ X.T
 
     def error(self, R):
-        return self.motion([np.hstack([part.Rg, part.body.expand(np.eye(part.body.free.size))]) for part in self.parts], -R)
+        return self.motion(
+            [np.hstack([part.Rg, part.body.expand(np.eye(part.body.free.size))]) for part in self.parts], -R
+        )
 
     @cached_property
     def truth(self):
