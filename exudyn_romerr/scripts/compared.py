@@ -252,10 +252,8 @@ class _Component:
         if {"all", "half", finest} <= {*self._y}:
             apart = self._change("unchanged", "all") - self._change("unchanged", "half")
             apart -= self._change("unchanged", finest)
-            total, half = (
-                total + apart,
-                half + _largest(apart),
-            )  # at half the step; shorter ones may add as much again
+            total = total + apart
+            half += _largest(apart)  # that is at half the step; shorter ones may add as much again
         return judge(_largest(total), half, limit, MEASURED)
 
 

@@ -324,9 +324,10 @@ settings.solution.restart.writePeriod = 0.1
 settings.solution.restart.name = "solution/restart.txt"
 settings.solution.solverInformationFileName = "solution/information.txt"
 settings.timeIntegration.verboseModeFile = 2
-exu.SetWriteToFile("solution/console.txt")
+exu.SetWriteToFile("solution/console.txt", flagFlushAlways=True)
 exu.Print("theirs")
 exu.SetWriteToFile("", False)
+assert "theirs" in open("solution/console.txt").read()
 """
 
 
@@ -503,6 +504,16 @@ def test_differences_that_do_not_shrink_are_no_error():
     assert row.of["step"].answer.value == "not known"
     assert row.of["step"].reason == DO_NOT_SHRINK
     assert row.of["sum"].answer.value != "enough"
+
+
+def test_what_both_do_not_add_up_to_is_in_the_whole():
+    """Errors of second order in the step: 0.01 with the script's modes, 0.21 with more, which change 0.1 at any."""
+    steps, modes, both = 0.01, 0.1, 0.2
+    values = {"unchanged": 0.0, "again": 0.0, "half": 0.75 * steps, "quarter": 0.9375 * steps, "modes": modes}
+    signal = signal_of(**values, all=modes + 0.75 * (steps + both))
+    (row,) = rows_of_signal(signal, Tolerances())
+    whole = row.of["sum"]
+    assert abs(steps + modes + both - whole.size) <= whole.half_width < 2 * both
 
 
 def test_two_ways_to_more_modes_are_both_said():
