@@ -100,7 +100,7 @@ def count_below(M: sp.csc_matrix, K: sp.csc_matrix, limit: float, order: np.ndar
     for retry in range(RETRIES):  # a shift that meets an eigenvalue of a leading block: the next one does not
         square = (limit * (1 - 0.1 * GAP * retry)) ** 2
         free = isinstance(M, FreeMassMatrix)
-        count = M.count_below(square) if free else negative_eigenvalues(K - square * M, order)
+        count = M.count_below(square, order) if free else negative_eigenvalues(K - square * M, order)
         if count is not None:
             return count
     raise AssumptionError(f"the modes below {limit:.6g} rad/s cannot be counted: K - sigma M has no L D L^T there")

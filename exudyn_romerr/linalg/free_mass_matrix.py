@@ -31,7 +31,7 @@ class FreeCoordinates:
 
     Attributes
     ----------
-    free : (N - 6,) numbers of the coordinates f of y; d are the others. motions : (N, 6), scaled.
+    free, held : (N - 6,), (6,) numbers of the coordinates f of y, and of d. motions : (N, 6), scaled.
     carried : (N, 6), M motions.
     """
 
@@ -39,8 +39,8 @@ class FreeCoordinates:
         self.motions = motions / np.linalg.norm(motions, axis=0)
         self.carried = mass @ self.motions
         self._gram = cho_factor(self.motions.T @ self.carried)
-        self._held = np.sort(qr(self.motions.T, mode="r", pivoting=True)[1][: motions.shape[1]])
-        self.free = np.setdiff1d(np.arange(len(motions)), self._held)
+        self.held = np.sort(qr(self.motions.T, mode="r", pivoting=True)[1][: motions.shape[1]])
+        self.free = np.setdiff1d(np.arange(len(motions)), self.held)
 
     def loads(self, B: np.ndarray | sp.spmatrix) -> np.ndarray:
         """Return what forces B (N, k) do work with on y, (N - 6, k) or (N - 6,)."""
@@ -55,13 +55,13 @@ class FreeCoordinates:
 
     def seen(self, u: np.ndarray) -> np.ndarray:
         """Return y (N - 6, ...) of u (N, ...); rigid motions have none."""
-        return u[self.free] - self.motions[self.free] @ np.linalg.solve(self.motions[self._held], u[self._held])
+        return u[self.free] - self.motions[self.free] @ np.linalg.solve(self.motions[self.held], u[self.held])
 
     def balanced(self, b: np.ndarray) -> np.ndarray:
         """Return forces (N, k) on all coordinates, in balance, whose work on y is that of b (N - 6, k): T^T b."""
         found = np.zeros((len(self.motions), b.shape[1]))
         found[self.free] = b
-        found[self._held] = -np.linalg.solve(self.motions[self._held].T, self.motions[self.free].T @ b)
+        found[self.held] = -np.linalg.solve(self.motions[self.held].T, self.motions[self.free].T @ b)
         return found
 
 
@@ -108,9 +108,13 @@ class FreeMassMatrix(LinearOperator):
         found = self @ np.eye(self.shape[0])
         return (found + found.T) / 2
 
-    def count_below(self, square: float) -> int | None:
-        """Return how many modes have omega^2 < square: those of the free body but its rigid motions."""
-        found = negative_eigenvalues(self._K - square * self.whole)
+    def count_below(self, square: float, order: np.ndarray | None = None) -> int | None:
+        """Return how many modes have omega^2 < square: those of the free body but its rigid motions.
+
+        order : of y, in which K of y is eliminated, if it is known.
+        """
+        order = None if order is None else np.concatenate([self._y.free[order], self._y.held])
+        found = negative_eigenvalues(self._K - square * self.whole, order)
         return None if found is None else found - self._y.motions.shape[1]
 
     def factor(self) -> FreeMassFactor:

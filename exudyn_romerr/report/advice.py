@@ -35,8 +35,6 @@ FAR = 3.0  # times the estimate with its half width: below it both say much the 
 ABOUT_ENOUGH, NOT_RESOLVED = "about enough", "not resolved"
 RUN_ON = "run on without tolerance="
 RUN_TO_END = "let it run to its end; the messages say what ended it, where that is known"
-NOT_COVERED = "the mechanism's answer is not covered"
-MEASURED_ONLY = f"{MEASURE_IT}, for {NOT_COVERED}"
 NO_BOUND = "no finite bound: the messages or reasons say why"
 
 
@@ -59,7 +57,7 @@ def next_step(out: OutputData, time: str, scope: dict[str, str]) -> str:
         return _lowers_bound(out, None) or RUN_ON
     verdict, found = judged(out, time, scope), known(out)
     if holds_for_run_alone(out, scope, verdict):
-        return MEASURED_ONLY
+        return MEASURE_IT
     if verdict == "enough":
         return f"enough{under(scope)}"
     if verdict == ABOUT_ENOUGH:
@@ -110,11 +108,12 @@ def until_its_end(planned_end: float | None, said: str) -> str:
 
 
 def holds_for_run_alone(out: OutputData, scope: dict[str, str], verdict: str) -> bool:
-    """Return whether what makes the verdict that nothing is to be done leaves the mechanism's answer out.
+    """Return whether what says that nothing is to be done, or is not resolved, leaves the mechanism's answer out.
 
-    Nobody knows then whether that is so: a controller's answer to the error, say, may be many times larger.
+    Then it is not known whether that is so, nor would it be if it were resolved: what a controller does with other
+    steps, say, may be many times larger.
     """
-    if verdict == ABOUT_ENOUGH:
+    if verdict in (ABOUT_ENOUGH, NOT_RESOLVED):
         return estimate_scope(out, scope) == FROZEN
     return verdict in ("enough", "round-off", "zero") and widest_scope(scope) == FROZEN
 
@@ -170,12 +169,15 @@ def _shorter_steps(out: OutputData, cause: str, row: int | None, found: Known) -
 
 
 def _for_run_alone(out: OutputData, time: str, row: int | None, verdict: str) -> str:
-    """What is small enough under the forces of a run, and that the mechanism's answer to it is not known."""
+    """What is small enough, or not resolved, under the forces of a run, and what measures the whole."""
+    estimate = f"the estimate of the {estimated_kind(out, time)}"
+    if verdict == NOT_RESOLVED:
+        return f"under this run's forces {estimate} is not resolved: {MEASURE_IT}"
     estimated = verdict == ABOUT_ENOUGH
-    of = f"the estimate of the {estimated_kind(out, time)}" if estimated else f"the bound of the {error_kind(time)}"
+    of = estimate if estimated else f"the bound of the {error_kind(time)}"
     at_floor = verdict == "round-off" or (estimated and not is_enough(out, known(out, row)))
     size = "zero" if verdict == "zero" else "at round-off" if at_floor else f"within {permitted(out)[1]}"
-    return f"under this run's forces {of} is {size}, but {NOT_COVERED}: {MEASURE_IT}"
+    return f"under this run's forces {of} is {size}: {MEASURE_IT}"
 
 
 def _about_enough(out: OutputData, time: str, scope: dict[str, str], row: int | None) -> str:

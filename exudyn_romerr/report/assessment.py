@@ -147,13 +147,14 @@ def _proved(out: OutputData, row: int) -> tuple[float, float]:
 
 
 def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
-    found = known(out, row)
+    found, is_frozen = known(out, row), estimate_scope(out, report.scope) == FROZEN
+    others = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
     if found is None:
-        return _made(out, row, "unknown", f"{NO_ESTIMATE} {_limit(out)}", _next(report, out, row))
+        todo = others if is_frozen else _next(report, out, row)
+        return _made(out, row, "unknown", f"{NO_ESTIMATE} {_limit(out)}", todo)
     kind, size = estimated_kind(out, report.time), about(out, found)
-    if estimate_scope(out, report.scope) == FROZEN:
+    if is_frozen:
         said = f"{AS_IN_THIS_RUN} its {kind} is {size}, but {NOT_THE_MECHANISM}"
-        others = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
         return _made(out, row, "unknown", said, others)
     steps = "" if kind == "error" else "; what the time steps do is not in it"
     answer = _answer(out, row, found)

@@ -12,12 +12,14 @@ from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
 from .scope import FROZEN
 from .wording import (
     CURES_OF_CHECKS,
+    FROZEN_FIRST,
     MUCH_SHORTER,
     NOT_LINEAR,
     RINGS,
     SHORT,
     digits,
     error_kind,
+    for_run_alone,
     percent,
     permitted,
     rounded_up,
@@ -25,7 +27,7 @@ from .wording import (
 )
 
 if TYPE_CHECKING:
-    from .data import OutputData
+    from .data import OutputData, ReportData
 
 THREE_DIGITS = 0.05  # half width over the largest estimate: below it the third digit says something
 SMALL = 0.1  # of what other causes make: that is not what makes an error too large to be linear
@@ -158,6 +160,16 @@ def estimate_scope(out: OutputData, scope: dict[str, str]) -> str:
     return out.estimate_scope or widest_scope(scope)
 
 
+def said_first(report: ReportData) -> str:
+    """Return what a report with frozen inputs says before all else; empty: they are not frozen."""
+    if widest_scope(report.scope) != FROZEN:
+        return ""
+    outputs = report.outputs.values()
+    if outputs and all(estimate_scope(out, report.scope) != FROZEN for out in outputs):
+        return f"bounds hold {for_run_alone(report.scope)}. Estimates are those of the mechanism, and cover both"
+    return FROZEN_FIRST
+
+
 def estimated_under(out: OutputData, scope: dict[str, str]) -> str:
     """Return what must be said with an estimate, in two words; "about" says that it is of first order."""
     return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
@@ -176,7 +188,8 @@ def about(out: OutputData, found: Known) -> str:
     if found.is_resolved:
         notes = "; ".join(filter(None, [_share(found.size, found.value), ", ".join(_parts(found))]))
         return f"about {number(found)} {out.unit}{notes and f' ({notes})'}"
-    cure = "" if out.uncertified else f": {found.first_cure}"  # others help where that is
+    # others help where it is not certified; and with frozen inputs no half width is that of the whole error
+    cure = "" if out.uncertified or out.estimate_scope == FROZEN else f": {found.first_cure}"
     not_resolved = "" if is_enough(out, found) else f"not resolved{cure}"
     if not_resolved and found.tells_nothing:
         return f"not known ({not_resolved})"

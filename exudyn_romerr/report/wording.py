@@ -60,10 +60,13 @@ NAMES = 8  # of outputs or rows of which the same is said
 LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
-NOT_THE_MECHANISM = "what joints and controllers answer is not covered and may be many times larger"
+NOT_THE_MECHANISM = (
+    "what joints and controllers do with other steps or modes is not covered and may be many times larger"
+)
 FROZEN_FIRST = (
-    "only the error under this run's own forces is told: what joints and controllers make of it, and of other steps, "
-    "is not, and may be many times larger. romerr verify SCRIPT measures it"
+    "only the error under the forces, controller actions and frame motion of this run. What joints and controllers "
+    "(PreStep functions) do differently with other steps or modes is not in it, and may be many times larger. To "
+    "measure it, type: romerr verify your_script.py"
 )
 REMAINDER = "linear equations leave out about {} % of the deformation that {!r} predicts, as measured"
 NO_OUTPUTS = (
@@ -75,7 +78,7 @@ SAMPLED = (
     "reduction error at sampled residuals; the error of the time integration is not covered, nor what the residual "
     "does between the samples"
 )
-MEASURE_IT = "measure it with romerr verify SCRIPT"
+MEASURE_IT = "romerr verify your_script.py measures the whole error"
 SHORT = {COUPLED: ", to first order", FROZEN: ", inputs frozen"}
 
 

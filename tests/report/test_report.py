@@ -13,8 +13,8 @@ import pytest
 from exudyn_romerr import InputError, load_report
 from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.overview import overview
-from exudyn_romerr.report.scope import FROZEN, Doubt
-from exudyn_romerr.report.wording import RINGS, rounded_up
+from exudyn_romerr.report.scope import COUPLED, FROZEN, Doubt
+from exudyn_romerr.report.wording import NOT_THE_MECHANISM, RINGS, rounded_up
 from tests.helpers import tolerances as tol
 from tests.helpers.theorem import random_case
 
@@ -95,16 +95,15 @@ def test_table_has_a_line_for_each_output(report):
     most, largest = out.bound["best"].max(), np.abs(out.value).max()
     at_most = f"{rounded_up(most)} m ({float(f'{100 * most / largest:.2g}'):g} %), inputs frozen"
     assert y == ("y", f"{largest:.4g} m", at_most, "inputs frozen", "start from equilibrium, or add modes")
-    step = "measure it with romerr verify SCRIPT, for the mechanism's answer is not covered"
-    assert v[-2:] == ("inputs frozen", step)
+    assert v[-2:] == ("inputs frozen", "romerr verify your_script.py measures the whole error")
 
 
 def test_summary_of_several_outputs_says_each_thing_once(report):
     """What all bounds hold under is in the head; outputs with one next step share its line; rows are in details."""
     report.scope = dict.fromkeys(report.scope, FROZEN)
     first, _, head, y, v, todo, more, *rest = str(report).splitlines()
-    assert first.startswith("! only the error under this run's own forces is told")
-    assert "romerr verify" in first
+    assert first.startswith("! only the error under the forces, controller actions and frame motion of this run. ")
+    assert first.endswith("type: romerr verify your_script.py")
     assert re.split(r"  +", head) == ["output", "largest value", "reduction error at most, inputs frozen"]
     assert [re.split(r"  +", line)[0] for line in (y, v)] == ["y", "v"]
     assert todo == "next step: start from equilibrium, or add modes, for 'initial' makes most of the error"
@@ -116,7 +115,7 @@ def test_summary_of_several_outputs_says_each_thing_once(report):
     report.output("v").tolerance = 1e6
     assert str(report).splitlines()[5:7] == [
         "next step, y: start from equilibrium, or add modes, for 'initial' makes most of the error",
-        "next step, v: measure it with romerr verify SCRIPT, for the mechanism's answer is not covered",
+        "next step, v: romerr verify your_script.py measures the whole error",
     ]
 
 
@@ -268,8 +267,12 @@ def test_table_has_a_column_of_estimates_where_there_are_any(report):
     assert head[2:4] == ("error about", "reduction error at most")
     assert y[2].endswith(" (10 %), inputs frozen")
     out.uncertainty_parts["steps"] = out.uncertainty = 0.04 * np.abs(out.value)
+    said = f"{0.14 * largest:.2g} m or less (14 %), not resolved"
+    y, todo = overview(report)[1], "romerr verify your_script.py measures the whole error"
+    assert (y[2], y[-1]) == (f"{said}, inputs frozen", todo)
+    out.estimate_scope = COUPLED
     y, todo = overview(report)[1], "let loads begin smoothly"  # without the reason
-    assert (y[2], y[-1]) == (f"{0.14 * largest:.2g} m or less (14 %), not resolved, inputs frozen", todo)
+    assert (y[2], y[-1]) == (said, todo)
     assert f"next step, y: {todo}{RINGS}" in str(report)
     assert f": {todo}{RINGS}" in report.details
     out.round_off = np.full_like(out.value, largest)
@@ -391,6 +394,6 @@ def test_what_frozen_inputs_mean_is_said_in_full_once(report):
     report.scope = dict.fromkeys(report.scope, FROZEN)
     first, *others = [line for line in report.details.splitlines() if ": up to " in line]
     assert "under the frame motion, loads and joint forces of this run the" in first
-    assert "what joints and controllers answer is not covered and may be many times larger" in first
+    assert NOT_THE_MECHANISM in first
     assert len(others) == 3
     assert all("; inputs frozen, the reduction error is at most" in line for line in others)

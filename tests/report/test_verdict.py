@@ -87,8 +87,8 @@ ONE = {"auxiliary": COMPLETE}
             {"auxiliary": FROZEN},
             "reconstructed",
             "tip z is up to 2 m; under the frame motion, loads and joint forces of this run the error is at most "
-            "1 m (50 %) (what joints and controllers answer is not covered and may be many times larger); 100 % "
-            "of it from the basis: add modes.",
+            "1 m (50 %) (what joints and controllers do with other steps or modes is not covered and may be many "
+            "times larger); 100 % of it from the basis: add modes.",
         ),
         (
             output(2.0, {"auxiliary": 1.0}, {"auxiliary": COUPLED}, shares=(0.0, 0.0, 0.0, 1.0)),
@@ -164,10 +164,10 @@ def test_nothing_is_enough_without_the_mechanisms_answer(bound, round_off, size)
     scope = {"auxiliary": FROZEN}
     out = output(2.0, {"auxiliary": bound}, scope, round_off)
     assert out.advice("reconstructed", scope) == (
-        f"under this run's forces the bound of the error is {size}, but the mechanism's answer is not covered: "
-        "measure it with romerr verify SCRIPT"
+        f"under this run's forces the bound of the error is {size}: romerr verify your_script.py measures the whole "
+        "error"
     )
-    assert next_step(out, "reconstructed", scope).startswith("measure it with romerr verify SCRIPT")
+    assert next_step(out, "reconstructed", scope) == "romerr verify your_script.py measures the whole error"
 
 
 @pytest.mark.parametrize(("bound", "share"), [(0.5, " (25 %)"), (2.8, " (140 %)"), (20.0, " (1000 %)"), (20.5, "")])
@@ -199,7 +199,8 @@ def test_at_most_is_said_only_with_what_it_holds_under():
     (line,) = out.verdict("reconstructed", {"auxiliary": FROZEN})
     assert line == (
         "tip z: up to 2 m; under the frame motion, loads and joint forces of this run the error is at most 1 m "
-        "(50 %), by 'auxiliary' (what joints and controllers answer is not covered and may be many times larger)"
+        "(50 %), by 'auxiliary' (what joints and controllers do with other steps or modes is not covered and may be "
+        "many times larger)"
     )
     for scope, said in ((COMPLETE, ""), (COUPLED, ", to first order"), (FROZEN, ", inputs frozen")):
         assert under({"auxiliary": scope}) == said

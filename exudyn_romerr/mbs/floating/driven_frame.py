@@ -64,7 +64,7 @@ class DrivenFrame:
         end = end if end > start else start + self.short  # a run's first sample
         d = self.over(start, end, min(step, end - start))(t)
         motion, (off_r, off_al) = self.motion(d), self._off(d)
-        u = terms.values(actions, t, motion, q, q_t)
+        u = terms.values(actions, t, motion, q, q_t, None)  # no mode has a rigid part here
         off, n = np.zeros_like(u), q.shape[1]
         off[:, :3], off[:, 3:12] = off_r[:, None], off_al[:, None]
         off[:, 12 : 12 + 9 * n] = np.tile(off_al[:, None] * np.abs(q), 9)

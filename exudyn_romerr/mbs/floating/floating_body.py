@@ -18,7 +18,7 @@ from ...model.floating_frame import require_isotropic_mass, translations
 from ...model.matrix_input import checked_ratios
 from ..access.mbs_items import FFRF, dense
 from ..access.reduced_damping import rayleigh_factors
-from .frame_node import FrameNode
+from .frame_node import FrameNode, RigidPart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -155,7 +155,8 @@ def _check_version(version: str) -> None:
 class ReducedMatrices:
     """What the object of the mbs holds: modes V (N, n), damping D (n, n), its frame's node.
 
-    rayleigh: factors of D; zero where the body has ratios by mode.
+    rayleigh: factors of D; zero where the body has ratios by mode. rigid : the part of V that is motion of the frame;
+    held : V without it, which the reference conditions hold. Both are set once these are known.
     """
 
     V: np.ndarray
@@ -163,6 +164,8 @@ class ReducedMatrices:
     rayleigh: tuple[float, float]
     frame: FrameNode
     nodes: tuple[int, int]
+    held: np.ndarray | None = None
+    rigid: RigidPart | None = None
 
 
 def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:

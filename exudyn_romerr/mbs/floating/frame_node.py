@@ -1,13 +1,17 @@
-"""FrameNode: motion of a floating frame from its node's coordinates; one entry for each type of node."""
+"""FrameNode: motion of a floating frame from its node's coordinates; one entry for each type of node.
+
+RigidPart: what modes move the body as a rigid one beside it, which is motion of the frame, too.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import AssumptionError
-from ...model.floating_frame import FrameMotion
+from ...model.floating_frame import FrameMotion, skew
 from ...trajectory.unit_sphere import bend
 from ..access.euler_parameters import axes_of, rates_of
 from ..access.mbs_items import QUATERNIONS
@@ -66,6 +70,58 @@ class FrameNode:
         """Return r (3,) and A (3, 3) of the reference configuration."""
         motion = self.motion(*np.zeros((3, 1, self.size)))
         return motion.r[0], motion.A[0]
+
+
+@dataclass(frozen=True, eq=False)
+class RigidPart:
+    """Modes are V + Rg T: reference conditions hold V, Rg T is rigid motion, and moves the frame that they hold.
+
+    moves : T (6, n), translations and rotations about the origin by each mode. share : |Rg T_j|_M over that of the
+    mode, largest. alpha : 1/s, Rayleigh's, of Exudyn's damping, which acts on velocities by the modes as they are.
+    """
+
+    moves: np.ndarray
+    share: float
+    alpha: float = 0.0
+
+    def beside(self, vectors: int) -> RigidPart:
+        """Return that of modes and so many vectors behind them, which the conditions hold."""
+        return replace(self, moves=np.hstack([self.moves, np.zeros((6, vectors))]))
+
+    def add_inertia(self, u: np.ndarray, motion: FrameMotion, *states: np.ndarray) -> None:
+        """Add to b, S of inertia_coordinates (S, 12 + ...) what modes move as a rigid body; states: see `frame`.
+
+        Accelerations of places in axes of the frame: of d + t~ x and its rates, d'' + S d + 2 w~ d' + ... .
+        """
+        (d, d_t, d_tt), (t, t_t, t_tt) = self._parts(*states)
+        S, w = motion.S, 2 * skew(motion.w)
+        u[:, :3] += d_tt + self.alpha * d_t + _times(S, d) + _times(w, d_t)
+        turned = skew(t_tt + self.alpha * t_t) + S @ skew(t) + w @ skew(t_t)
+        u[:, 3:12] += turned.reshape(-1, 9)
+
+    def frame(self, motion: FrameMotion, *states: np.ndarray) -> FrameMotion:
+        """Return the motion of the frame that the conditions hold, to first order in the rigid part.
+
+        states : q, q_t, q_tt (S, n).
+        """
+        from scipy.spatial.transform import Rotation  # here, for it takes long to import, and few bodies need it
+
+        (d, d_t, d_tt), (t, t_t, t_tt) = self._parts(*states)
+        A, w, al, W = motion.A, motion.w, motion.al, skew(motion.w)
+        r, r_t = motion.r + _times(A, d), motion.r_t + _times(A, _times(W, d) + d_t)
+        r_tt = motion.r_tt + _times(A, _times(motion.S, d) + 2 * _times(W, d_t) + d_tt)
+        w_0 = w + np.cross(w, t) + t_t
+        al_0 = al + np.cross(al, t) + np.cross(w, t_t) + t_tt
+        return FrameMotion(r, r_t, r_tt, A @ Rotation.from_rotvec(t).as_matrix(), w_0, al_0)
+
+    def _parts(self, *states: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Translations and rotations, each with its rates (S, 3)."""
+        moved = [q @ self.moves.T for q in states]
+        return [x[:, :3] for x in moved], [x[:, 3:] for x in moved]
+
+
+def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    return np.einsum("sij,sj->si", matrices, vectors)
 
 
 def _euler_parameters(p, p_t, p_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ...errors import AssumptionError
 from ..access.mbs_items import numbers
 
 if TYPE_CHECKING:
@@ -44,6 +45,28 @@ def read_support(mbs: Any, model: ReducedMatrices, reference_markers: set[int]) 
     if len(held) >= model.frame.size - (model.frame.size == 7):  # Euler parameters: the last follows from the others
         return Support(True, False, f"coordinate constraints hold the frame's node {model.nodes[0]}")
     return Support(False, False, "the frame moves as joints, connectors and loads let it")
+
+
+def require_free_node(mbs: Any, model: ReducedMatrices) -> None:
+    """AssumptionError if something acts on the frame's node itself, of modes that move the body in this frame.
+
+    A force there does no work on modes, as one on the body would, whose rigid part it moves.
+    """
+    own = {i for i in range(mbs.systemData.NumberOfMarkers()) if _is_on(mbs.GetMarker(i), model.nodes[0])}
+    objects = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
+    acting = [item["name"] for item in objects if own & numbers(item, "markerNumbers")]
+    loads = (mbs.GetLoad(i) for i in range(mbs.systemData.NumberOfLoads()))
+    acting += [load["name"] for load in loads if int(load["markerNumber"]) in own]
+    if acting:
+        raise AssumptionError(
+            f"{', '.join(acting)} act on the frame's node {model.nodes[0]} itself, and {model.rigid.share:.1e} of a "
+            "mode moves the body as a rigid one in this frame: call romerr.hold_modes(fem, nodes, weights) with the "
+            "interface that holds the frame before ObjectFFRFreducedOrderInterface(fem), or use markers on mesh nodes"
+        )
+
+
+def _is_on(marker: dict, node: int) -> bool:
+    return node in numbers(marker, "nodeNumber") | numbers(marker, "nodeNumbers")
 
 
 def _welds(mbs: Any, item: dict, reference_markers: set[int]) -> bool:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ...model.floating_frame import FrameMotion
     from .actions import Actions
     from .floating_body import FloatingBody
+    from .frame_node import RigidPart
     from .frame_support import Support
 
 
@@ -25,19 +26,23 @@ class InputTerms:
     ----------
     unknown : number of trailing columns of wrenches. weighs : whether inertia or gravity comes first; the first three
     values are b then. minor : inputs that are small, see packed_residual.py. first_load : number of columns before
-    the loads. by_function : all inputs are functions of time alone.
+    the loads. by_function : all inputs are functions of time alone. rigid : what modes move beside V (N, n), which
+    the reference conditions hold; None: nothing.
     """
 
-    def __init__(self, actions: Actions, support: Support, flex: FloatingBody, V: np.ndarray):
+    def __init__(
+        self, actions: Actions, support: Support, flex: FloatingBody, V: np.ndarray, rigid: RigidPart | None = None
+    ):
         self.at_rest = support.at_rest
         self.unknown = sum(place.columns.shape[1] for place in actions.wrenches)
         self.by_function = self.at_rest and not self.unknown and not any(load.follows for load in actions.loads)
         self.weighs = not self.at_rest or bool(actions.gravity)
-        self._flex, self._V = flex, V
+        self._flex, self._V, self.rigid = flex, V, rigid
         self._loads = [sp.csc_matrix(of.columns) for of in (*actions.loads, *actions.wrenches)]
         self.minor = None if self.at_rest else slice(RIGID_INERTIA, RIGID_INERTIA + 9 * V.shape[1])  # M E_ij V
         self.first_load = 3 * self.weighs if self.minor is None else self.minor.stop
-        self._turns = [load.place.turn_rows @ V if load.follows else None for load in actions.loads]
+        turned = 0.0 if rigid is None or self.at_rest else rigid.moves[3:]
+        self._turns = [load.place.turn_rows @ V + turned if load.follows else None for load in actions.loads]
 
     @property
     def made_of(self) -> tuple[Any, ...]:
@@ -54,11 +59,17 @@ class InputTerms:
         # sparse: two thirds of what turns with the frame are zeros
         return sp.hstack([*inertia, sp.csc_matrix((len(self._V), 0)), *self._loads], format="csc")
 
-    def values(self, actions: Actions, t: np.ndarray, motion: FrameMotion, q, q_t) -> np.ndarray:
-        """Return u (S, p) of times t (S,) and states q, q_t (S, n), with zeros for the wrenches."""
+    def values(self, actions: Actions, t: np.ndarray, motion: FrameMotion, q, q_t, q_tt) -> np.ndarray:
+        """Return u (S, p) of times t (S,) and states q, q_t, q_tt (S, n), with zeros for the wrenches.
+
+        motion : of the frame of the mbs; at rest, of the one that the reference conditions hold. q_tt : needed where
+        modes have a rigid part.
+        """
         u = np.empty((len(t), self.first_load + 3 * len(self._turns) + self.unknown))
         if self.weighs:
             self._inertia(actions.gravity_at(t), motion, q, q_t, u[:, : self.first_load])
+            if self.rigid is not None and not self.at_rest:
+                self.rigid.add_inertia(u, motion, q, q_t, q_tt)
         for i, (load, turn) in enumerate(zip(actions.loads, self._turns, strict=True)):
             first = self.first_load + 3 * i
             u[:, first : first + 3] = load.local(t, motion, None if turn is None else q @ turn.T)

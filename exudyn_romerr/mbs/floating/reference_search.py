@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -19,27 +19,50 @@ from ...model.admissible_space import (
     rigid_parts,
 )
 from ...model.shared_body import keep_with, shared_body
+from .frame_node import RigidPart
 
 if TYPE_CHECKING:
     from ...model.body import ElasticBody
-    from .floating_body import FloatingBody
+    from .floating_body import FloatingBody, ReducedMatrices
 
-CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
-NEARLY = (
-    "the smallest is what Exudyn's RBE3 modes are off in N/m: call romerr.hold_modes(fem, nodes, weights) with that "
-    "interface after ComputeHurtyCraigBamptonModes, before ObjectFFRFreducedOrderInterface(fem)"
+MASS_ORTHOGONAL = "rigid motions, M-orthogonal"
+OF_THE_FRAME = (
+    "modes: up to {:.1e} of one (mass norm) moves the body as a rigid one, which is taken for motion of its frame to "
+    "first order"
 )
-NEAR = 1e-2
+CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
+# |Rg T_j|_M of a mode over that of the mode: what Exudyn's solvers leave is 1e-6 to 1e-3. Modes that other conditions
+# hold have 0.3 and more of it, and their frame is not that of the conditions at hand
+SMALL = 0.1
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Conditions found: `conditions` for ElasticBody, or coordinates `fixed` and parts `rigid`; their source."""
+    """Conditions found: `conditions` for ElasticBody, or coordinates `fixed` and parts `rigid`; their source.
+
+    held (N, n) : the modes without what they move in spite of the conditions, `moves` (6, n) of Rg moves; share : the
+    size of that. None: the conditions hold the modes as they are.
+    """
 
     conditions: MeanMotion | MassOrthogonal | None
     source: str
     fixed: tuple[int, ...] = ()
     rigid: tuple[tuple[int, ...], ...] = ()
+    held: np.ndarray | None = None
+    moves: np.ndarray | None = None
+    share: float = 0.0
+
+    def of(self, model: ReducedMatrices) -> ReducedMatrices:
+        """Return the body as it is in the mbs, with the modes that the conditions hold and what is beside them."""
+        if self.moves is None:
+            return replace(model, held=model.V)
+        return replace(model, held=self.held, rigid=RigidPart(self.moves, self.share, model.rayleigh[0]))
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Lines of the plan."""
+        found = f"floating body: held in its frame by {self.source}"
+        return (found,) if self.moves is None else (found, OF_THE_FRAME.format(self.share))
 
 
 # the last one found at interfaces: they, by name, the modes, and the conditions
@@ -74,12 +97,17 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
     if flex.interfaces == "rigid":
         return _rigid_interfaces(flex, V, [set(motion.nodes.tolist()) for motion in interfaces.values()])
     if flex.reference is not None:
-        off = _misfit(flex.reference, flex, V)
+        off, found = _misfit(flex.reference, flex, V), Reference(flex.reference, "reference= of floating_body")
         if off > HELD:
-            raise InputError(f"reference= does not fit the modes: they move it by {off:.1e}, allowed {HELD:g}")
-        return Reference(flex.reference, "reference= of floating_body")
+            found = _nearly(found, flex, V) if np.isfinite(off) else replace(found, share=np.inf)
+        if found.share > SMALL:
+            raise InputError(
+                f"reference= does not fit the modes: {found.share:.1e} of one is rigid motion that it does not hold; "
+                f"allowed {SMALL:g}"
+            )
+        return found
     tried = {}
-    for candidates in (interfaces, _node_sets(flex.fem), {"rigid motions, M-orthogonal": MassOrthogonal()}):
+    for candidates in (interfaces, _node_sets(flex.fem), {MASS_ORTHOGONAL: MassOrthogonal()}):
         tried |= {name: _misfit(candidate, flex, V) for name, candidate in candidates.items()}
         fits = {name: candidate for name, candidate in candidates.items() if tried[name] <= HELD}
         if fits:
@@ -87,10 +115,28 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
     still = _still_nodes(flex, V)
     if _holds(still, flex.positions):
         return Reference(None, f"{still.size} nodes that no mode moves", _coordinates(still))
+    candidates = {**interfaces, **_node_sets(flex.fem), MASS_ORTHOGONAL: MassOrthogonal()}
+    known = (Reference(candidate, name) for name, candidate in candidates.items() if np.isfinite(tried[name]))
+    near = [_nearly(reference, flex, V) for reference in known]
+    best = min(near, key=lambda found: found.share, default=None)
+    if best is not None and best.share <= SMALL:
+        return best
+    shares = ", ".join(f"{found.source} {found.share:.1e}" for found in near)
     raise AssumptionError(
-        "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest "
-        f"motion, allowed {HELD:g}): {_listed(tried)}; {NEARLY if _nearly(tried) else CURE}"
+        "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest share "
+        f"of a mode that is rigid motion in spite of them, allowed {SMALL:g}): {shares}; {CURE}"
     )
+
+
+def _nearly(reference: Reference, flex: FloatingBody, V: np.ndarray) -> Reference:
+    """Take from the modes the rigid motion that conditions do not hold; inf: nothing else is left of one."""
+    C, Rg = reference.conditions.rows(flex.positions, flex.mass), rigid_modes(flex.positions)
+    moves, held = np.zeros((6, V.shape[1])), V
+    for _ in range(2):  # once more, for what rounding left
+        more = np.linalg.solve(C @ Rg, C @ held)
+        moves, held = moves + more, held - Rg @ more
+    rigid, whole = (np.sqrt(np.einsum("ij,ij->j", x, flex.mass @ x)) for x in (Rg @ moves, V))
+    return replace(reference, held=held, moves=moves, share=float(np.max(rigid / whole)))
 
 
 def held_body(flex: FloatingBody, rayleigh: tuple[float, float], reference: Reference) -> ElasticBody:
@@ -172,11 +218,6 @@ def _is_rigid(nodes: list[int], positions: np.ndarray, V: np.ndarray) -> bool:
     return bool(np.max(np.abs(part - motions @ (motions.T @ part))) <= HELD * np.max(np.abs(V)))
 
 
-def _nearly(tried: dict[str, float]) -> bool:
-    """Whether some conditions are missed by little: what Exudyn's solver leaves, not another choice of modes."""
-    return min(tried.values(), default=np.inf) < NEAR
-
-
 def _misfit(candidate: Any, flex: FloatingBody, V: np.ndarray) -> float:
     """|C V| over |C| |V|, largest over conditions and modes; inf if C leaves a rigid motion."""
     try:
@@ -236,7 +277,3 @@ def _holds(nodes: np.ndarray, positions: np.ndarray) -> bool:
     arms = positions[nodes] - positions[nodes].mean(axis=0)
     lengths = np.linalg.svd(arms, compute_uv=False)
     return bool(lengths[1] > HELD * lengths[0])
-
-
-def _listed(tried: dict[str, float]) -> str:
-    return ", ".join(f"{name} {off:.1e}" for name, off in tried.items())

@@ -37,11 +37,23 @@ class Sampler:
 
     def __call__(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt (S, n), u (S, p), None if it is a function of time, and the frame (S, 24)."""
+        motion, held = self._frames(states)
+        q, q_t, q_tt = (state[:, self.frame.size :] for state in states)
+        motion = held if self.terms.at_rest else motion
+        u = None if self.terms.by_function else self._inputs(t, motion, q, q_t, q_tt)
+        return q, q_t, q_tt, u, held.rows()
+
+    def held_frame(self, *states: np.ndarray) -> np.ndarray:
+        """Return the motion (S, 24) of the frame that the reference conditions hold, q, q_t, q_tt (S, size + n)."""
+        return self._frames(states)[1].rows()
+
+    def _frames(self, states: tuple[np.ndarray, ...]) -> tuple[FrameMotion, FrameMotion]:
+        """Motion of the frame of the mbs, and of the one that the reference conditions hold."""
         size = self.frame.size
         motion = self.frame.motion(*(state[:, :size] for state in states))
-        q, q_t, q_tt = (state[:, size:] for state in states)
-        u = None if self.terms.by_function else self._inputs(t, motion, q, q_t, q_tt)
-        return q, q_t, q_tt, u, motion.rows()
+        if self.terms.rigid is None:
+            return motion, motion
+        return motion, self.terms.rigid.frame(motion, *(state[:, size:] for state in states))
 
     def accelerated(self, t: float, rows: tuple) -> tuple | None:
         """Return the rows of one instant with accelerations that are in balance, where the solver has set none.
@@ -65,7 +77,7 @@ class Sampler:
 
     def _inputs(self, t: np.ndarray, motion: FrameMotion, q, q_t, q_tt) -> np.ndarray:
         """Inertia, loads, and the wrenches that V^T R = 0 leaves."""
-        return self.balanced(q, q_t, q_tt, self.terms.values(self.actions, t, motion, q, q_t))
+        return self.balanced(q, q_t, q_tt, self.terms.values(self.actions, t, motion, q, q_t, q_tt))
 
     def balanced(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Put into u (S, p), whose wrenches are zero, those that the balance asks for."""

@@ -113,8 +113,8 @@ def find_scope(
         raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
     frozen = (
         f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the "
-        "motion of the frame, the loads and the wrenches of this simulation; their feedback is not covered and may "
-        "make the error of the whole mechanism many times larger"
+        "motion of the frame, the loads and the wrenches of this simulation; their feedback, and what other steps "
+        "make of them, is not covered and may make the error of the whole mechanism many times larger"
     )
     if refusal:
         note = f"no coupled bound: {refusal}"
@@ -210,8 +210,9 @@ def _of_pre_step(function: Callable) -> str:
     calls = ", ".join(sorted(setters_in([function])))
     return (
         f"the PreStep user function {name} {f'calls {calls} and ' if calls else ''}may change the mechanism or its "
-        "loads before any step: let a controller be the user function of a spring in the joint "
-        "(springTorqueUserFunction, springForceUserFunction), which is asked when errors move the mechanism, too"
+        "loads before any step, otherwise with other steps or modes: romerr verify measures that. Covered is a "
+        "smooth controller that is the user function of a spring in the joint (springTorqueUserFunction, "
+        "springForceUserFunction), which is asked when errors move the mechanism, too"
     )
 
 

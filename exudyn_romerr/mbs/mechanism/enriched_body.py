@@ -84,7 +84,7 @@ class EnrichedBody:
         rigid = cache(lambda: None if scene.stiff is None else with_rigid_interfaces(body, scene.stiff))
         if scene.stiff is not None:
             rigid_response(body, scene.stiff, stacked_rows(options.outputs, body)[0], rigid)
-        V, Z = model.V, body.space
+        Z = body.space
         inertia, loads, wrenches = (
             Z.loads(part)
             for part in (
@@ -93,7 +93,7 @@ class EnrichedBody:
                 np.hstack([*(place.columns for place in actions.wrenches), np.zeros((body.N, 0))]),
             )
         )
-        V_y, asked = Z.coordinates("V", V), options.auxiliary_modes
+        V_y, asked = Z.coordinates("V", model.held), options.auxiliary_modes
         self.most = len(V_y)
         if asked == "auto":
             asked = first_count(self.most, model.D.any(), scene.stiff is None and any(model.rayleigh))
@@ -113,20 +113,22 @@ class EnrichedBody:
         count = f"{asked} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}{found.beside(asked)}"
         self.note = f"estimator 'auxiliary': {count}, up to {highest:.4g} rad/s, reacting with the mechanism"
         self.damping = partial(damping_products, body)
-        self.flex, self.shapes = flex, np.hstack([V, P])
-        self._couple(flex, V.shape[1])
+        self.flex, self.shapes = flex, np.hstack([model.V, P])
+        held = self.shapes if model.rigid is None else np.hstack([model.held, P])
+        self._couple(flex, held, model.V.shape[1])
         # where forces act: their motion by P (3, m); torques do not care
         self._moved_loads = [(not load.torque) * load.place.columns[:, :3].T @ P for load in actions.loads]
         self._force(body, V_y, found.P)
         del P, V_y, found, inertia, loads, wrenches  # of a large body they take memory that is short now
-        self._prepare(flex, body, self.shapes, actions, support, scene, options)
+        wide = InputTerms(actions, support, flex, held, model.rigid and model.rigid.beside(self.m))
+        self._prepare(body, held, wide, actions, scene, options)
 
-    def _couple(self, flex: FloatingBody, n: int) -> None:
-        """Matrices between the body's coordinates and P, and of P (m, m), behind n modes."""
+    def _couple(self, flex: FloatingBody, held: np.ndarray, n: int) -> None:
+        """Matrices between the body's coordinates and P, and of P (m, m), behind n modes; held : see RigidPart."""
         sums = self.sums = ShapeSums.of(flex.mass, flex.stiffness, flex.positions, self.shapes)
         V, P = slice(n), slice(n, None)
         self.K_PP, self.K_VP = sums.K[P, P], sums.K[V, P]
-        D = self.damping(self.shapes, self.shapes[:, P], sums.M[:, P], sums.K[:, P])
+        D = self.damping(held, held[:, P], sums.M[:, P], sums.K[:, P])
         self.D_VP, self.D_PP = D[V], D[P]
         # of unit vectors: sum M P, sum x_i M P_j, V_i^T M P_j, P_i^T M P_j
         self._pull, self._arms = sums.pull[:, P].copy(), sums.of_x[:, :, P].copy()
@@ -137,9 +139,8 @@ class EnrichedBody:
         residual = ResidualMap(body, V, body.space.loads(self._terms.columns))
         self._layout, self._forcing = residual.coordinates, -residual.seen_by(P.T)
 
-    def _prepare(self, flex, body, V: np.ndarray, actions: Actions, support: Support, scene: Scene, options) -> None:
-        terms = InputTerms(actions, support, flex, V)
-        self.deformations = Deformations.of(body, V, options.outputs, flex.mass)
+    def _prepare(self, body, V: np.ndarray, terms: InputTerms, actions: Actions, scene: Scene, options) -> None:
+        self.deformations = Deformations.of(body, V, options.outputs, self.flex.mass)
         kept = {name: getattr(options, name) for name in ("outputs", "residual", "kernels", "time")}
         self.offline: Offline = prepare(
             body,
@@ -242,7 +243,9 @@ class EnrichedBody:
         by[1, : 2 * size] = by[0, 2 * size : -1] = np.concatenate([step, -step])
         q, q_t, q_tt = ((x[:, None] + dx).reshape(-1, x.shape[1]) for x, dx in zip(states, by, strict=True))
         motion = self._frame.motion(*(x[:, :size] for x in (q, q_t, q_tt)))
-        inputs = self._terms.values(self._actions, np.repeat(t, by.shape[1]), motion, q[:, size:], q_t[:, size:])
+        inputs = self._terms.values(
+            self._actions, np.repeat(t, by.shape[1]), motion, *(x[:, size:] for x in (q, q_t, q_tt))
+        )
         inputs = inputs.reshape(len(t), by.shape[1], -1)
         found = inputs[:, :-1] @ self._forcing[:, self._layout.input_slot].T
         found = found.reshape(len(t), 2, 2, size, self.m).swapaxes(3, 4)

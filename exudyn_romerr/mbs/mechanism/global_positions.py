@@ -186,10 +186,12 @@ class OtherDeformations(EnrichedBody):
 
 def _seen(body: EnrichedBody, q: np.ndarray) -> _Sight:
     """What outputs of a body see at coordinates q (S, all) of the mechanism."""
-    offline, size = body.offline, body.frame_size
-    steps = DIFFERENCE * np.vstack([np.zeros(size), np.eye(size), -np.eye(size)])
-    frames = (q[:, None, body.columns[:size]] + steps).reshape(-1, size)
-    moved, modal = body.sampler.frame.motion(frames, 0 * frames, 0 * frames).rows(), q[:, body.modal]
+    offline, size, modal = body.offline, body.frame_size, q[:, body.modal]
+    moving = size if body.sampler.terms.rigid is None else len(body.columns)  # coordinates that move the held frame
+    steps = DIFFERENCE * np.eye(moving, len(body.columns) + body.m)
+    steps = np.vstack([0 * steps[:1], steps, -steps])
+    states = (np.pad(q[:, body.columns], ((0, 0), (0, body.m)))[:, None] + steps).reshape(-1, steps.shape[1])
+    moved = body.sampler.held_frame(states, 0 * states, 0 * states)
     shown, rigid, rows = [], [], [np.zeros((len(q), 0, len(offline.value_rows)))]
     for out, part, view, of in zip(offline.outputs, offline.slices, offline.views, offline.shown_slices, strict=True):
         if view is not None and out.of != "velocity":
@@ -197,12 +199,14 @@ def _seen(body: EnrichedBody, q: np.ndarray) -> _Sight:
             at = view.values(np.repeat(base, len(steps), axis=0), moved, offline.scene.pose)
             at = at.reshape(len(q), len(steps), -1)
             shown.extend(range(of.start, of.stop))
-            rigid.append((at[:, 1 : size + 1] - at[:, size + 1 :]).swapaxes(1, 2) / (2 * DIFFERENCE))
+            rigid.append((at[:, 1 : moving + 1] - at[:, moving + 1 :]).swapaxes(1, 2) / (2 * DIFFERENCE))
             rows.append(np.zeros((len(q), rigid[-1].shape[1], len(offline.value_rows))))
             rows[-1][:, :, part] = view.matrices(moved[:: len(steps)])
     whole = np.concatenate(rows, axis=1)
-    rigid = np.concatenate([np.zeros((len(q), 0, size)), *rigid], axis=1)
-    return _Sight(np.array(shown, dtype=int), rigid, whole @ offline.value_rows, whole)
+    rigid, by_modes = np.split(np.concatenate([np.zeros((len(q), 0, moving)), *rigid], axis=1), [size], axis=2)
+    modal = whole @ offline.value_rows
+    modal[:, :, : moving - size] += by_modes
+    return _Sight(np.array(shown, dtype=int), rigid, modal, whole)
 
 
 def _asked(body: EnrichedBody) -> bool:

@@ -96,7 +96,7 @@ def _sizes(body: EnrichedBody, root: np.ndarray, t: np.ndarray, here: Sequence, 
     if body.offline.packing is not None:
         u, _ = body.offline.packing(u)
     whole = bound.norm(body.offline.coordinates(q, q_t, q_tt, u))
-    before = body.sampler.frame.motion(*(x[:, :size] for x in here)).rows()
+    before = body.sampler.held_frame(*here)
     veer = Veer.between(u[:, :3], moved[2][:, :3] - here[2][:, :3], before, frame)
     added = (row_norms((x - y)[:, size:] @ bound.root.T) for x, y in zip(moved[:2], here, strict=False))
     force = veer.unbalanced(*added, bound.arm, bound.mass)

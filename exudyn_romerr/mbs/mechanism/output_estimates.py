@@ -83,7 +83,5 @@ class OutputEstimates:
 
     def _rows(self, states: States) -> tuple[np.ndarray, np.ndarray]:
         """Rows of outputs (S, R) in the frame, and the motion of the frame (S, 24)."""
-        size = self._body.frame_size
-        frame = self._body.sampler.frame.motion(*(state[:, :size] for state in states))
-        q, q_t = (state[:, size:] for state in states[:2])
-        return self._body.offline.outputs_of(q, q_t), frame.rows()
+        q, q_t = (state[:, self._body.frame_size :] for state in states[:2])
+        return self._body.offline.outputs_of(q, q_t), self._body.sampler.held_frame(*states)

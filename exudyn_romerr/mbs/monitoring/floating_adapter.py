@@ -24,7 +24,7 @@ from ..access.mbs_items import load_factor, node_coordinates
 from ..access.reduced_damping import damping_text, require_modal_damping
 from ..floating.driven_frame import PrescribedMotion
 from ..floating.floating_body import read_object
-from ..floating.frame_support import read_support
+from ..floating.frame_support import read_support, require_free_node
 from ..floating.input_terms import InputTerms
 from ..floating.loads_and_joints import read_actions
 from ..floating.reference_search import find_reference, held_body, stiff_space
@@ -77,11 +77,14 @@ class MovingSubject:
         model = read_object(mbs, self._flex)
         actions = read_actions(mbs, self._flex, model, load_factor(mbs) if static else None)
         reference = find_reference(self._flex, model.V, actions.interfaces())
-        body = self._made_body(model, reference)
+        model, body = reference.of(model), self._made_body(model, reference)
+        if model.rigid is not None:
+            require_free_node(mbs, model)
         if body.modal is not None:
-            require_modal_damping(body, model.V, model.D)
+            require_modal_damping(body, model.held, model.D)
         support = read_support(mbs, model, actions.drop_idle(body))
-        support = support if static else self._motion.taken(mbs, model, support, body, self._wanted)
+        if not static and model.rigid is None:  # else its function moves another frame than that of the mbs
+            support = self._motion.taken(mbs, model, support, body, self._wanted)
         columns = np.concatenate([node_coordinates(mbs, node) for node in model.nodes])
         scope = self._find_scope(mbs, model, actions, support, static, attached, others)
         held = support if scope.name == COMPLETE else replace(support, known=False, unknown="")  # of no use in others
@@ -92,7 +95,7 @@ class MovingSubject:
             if before and before[0] == signature:
                 _, self._sampler, self.enriched, self.more = before
             else:
-                terms = InputTerms(actions, support, self._flex, model.V)
+                terms = InputTerms(actions, support, self._flex, model.held, model.rigid)
                 scene = self._scene(model, actions, terms, reference, support, scope)
                 scene = self._enriched_scene(scene, scope, body, model, actions, support, columns, terms)
                 offline = self._prepare(body, model, terms, scene)
@@ -199,7 +202,7 @@ class MovingSubject:
         known = SampledSignal(self._known_inputs, terms.columns.shape[1]) if terms.by_function else None
         return prepare(
             body,
-            Basis(model.V, note=f"{model.V.shape[1]} modes of object {self.item}"),
+            Basis(model.held, note=f"{model.V.shape[1]} modes of object {self.item}"),
             replace(self._options, inputs=Deferred(lambda: terms.columns, terms.made_of), input_function=known),
             sampled_inputs=not terms.by_function,
             scene=scene,
@@ -209,7 +212,7 @@ class MovingSubject:
         """Inputs (T, p) of a frame at rest where it was when the solve began."""
         q = np.zeros((len(t), self._model.V.shape[1]))
         terms, actions = self._sampler.terms, self._sampler.actions
-        return terms.values(actions, t, self._model.frame.at_rest(self._now, len(t)), q, q)
+        return terms.values(actions, t, self._model.frame.at_rest(self._now, len(t)), q, q, q)
 
     def _driven_inputs(self, *of_curve: Any) -> Inputs:
         """Inputs of a frame that moves as its function says, see DrivenFrame.inputs."""
@@ -243,11 +246,11 @@ class MovingSubject:
             checked=terms.unknown < model.V.shape[1],
             pose=FramePose(r, A),
             driven=self._driven_inputs if support.known and scope.name == COMPLETE else None,
-            jitter=Jitter.of(flex.mass, flex.positions, model.V, FramePose(r, A)) if support.at_rest else None,
+            jitter=Jitter.of(flex.mass, flex.positions, model.held, FramePose(r, A)) if support.at_rest else None,
             minor=terms.minor,
             stiff=stiff_space(flex, model.V, actions.interfaces()),
             computed=(
-                f"floating body: held in its frame by {reference.source}",
+                *reference.lines,
                 damping_text(flex.modal_damping, model.rayleigh),
                 f"frame: {support.text}",
                 *actions.lines(),

@@ -59,6 +59,6 @@ def set_modal_damping(mbs: Any, flex: FloatingBody) -> np.ndarray:
     model = read_object(mbs, flex)
     reference = find_reference(flex, model.V, read_interfaces(mbs, flex))
     _MADE[flex] = body = held_body(flex, model.rayleigh, reference)
-    D = reduced_damping(body, model.V)
+    D = reduced_damping(body, reference.of(model).held)
     mbs.SetObjectParameter(flex.number, "dampingMatrixReduced", exu.MatrixContainer(D))
     return D

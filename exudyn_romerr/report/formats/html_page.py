@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..estimate_wording import estimated_under, known, off_by
+from ..estimate_wording import estimated_under, known, off_by, said_first
 from ..overview import overview
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
 from ..verdict import sentence
@@ -23,6 +23,7 @@ from ..wording import (
     outside,
     rounded_up,
     under,
+    widest_scope,
 )
 from .atomic_write import write_whole
 from .html_elements import CSS, items, numbers, paragraph, section, table, words
@@ -37,14 +38,18 @@ if TYPE_CHECKING:
 MEANINGS = {
     COMPLETE: "loads and supports do not depend on how the body deforms: the bound is that of the full body",
     COUPLED: "joints, springs and other bodies react to the body's error: covered to first order; time steps are not",
-    FROZEN: "the bound holds for the full body under the frame motion, loads and wrenches of this run; what the "
-    "mechanism makes of the error is not covered",
+    FROZEN: "the bound holds for the full body under the frame motion, loads and wrenches of this run; what joints "
+    "and controllers do with other steps or modes is not covered",
 }
 TIME_WORDS = {
     "reconstructed": "The error of the time integration is included.",
     "sampled": "The error of the time integration is not covered, nor what the residual does between the samples.",
     "static": "A static solve: there is no time integration.",
 }
+OF_THE_BODY = (
+    "The error of the time integration is included as far as it is the body's own, under the forces of this run; "
+    "what other steps make of these is not."
+)
 ABOUT = (
     "An estimate is the error of the reduced output as well as it can be told, with its half width; it is no bound. "
     "Value + estimate is the best guess of the full model's output."
@@ -79,6 +84,7 @@ def page(report: ReportData) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{safe}">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',
         f"<style>{CSS}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>",
+        *([paragraph(f"{first}.", "first")] if (first := said_first(report)) else []),
         paragraph(_extent(report), "extent"),
         *(['<p><a href="#messages">Read the messages below, too.</a></p>'] if report.messages else []),
         *_verdicts(report),
@@ -140,7 +146,9 @@ def _scope(report: ReportData) -> Iterator[str]:
         yield paragraph("No bound of this run is certified:")
         yield items(remedies(report.uncertified))
     has_estimates = any(out.estimate is not None for out in report.outputs.values())
-    yield paragraph(f"{TIME_WORDS[report.time]} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
+    is_of_body = report.time == "reconstructed" and widest_scope(report.scope) == FROZEN
+    time = OF_THE_BODY if is_of_body else TIME_WORDS[report.time]
+    yield paragraph(f"{time} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
 
 def _tables(report: ReportData) -> Iterator[str]:

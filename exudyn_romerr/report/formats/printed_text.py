@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..advice import advice, until_its_end
-from ..estimate_wording import covers_time, off_by
+from ..estimate_wording import covers_time, off_by, said_first
 from ..overview import aligned, next_steps, short_table
-from ..scope import FROZEN, NOT_CERTIFIED
+from ..scope import NOT_CERTIFIED
 from ..verdict import row_verdict
 from ..wording import (
-    FROZEN_FIRST,
     SAMPLED,
     advises,
     corrected_within,
     digits,
     outside,
-    widest_scope,
 )
 
 if TYPE_CHECKING:
@@ -61,7 +59,8 @@ def _tells_nothing(out: OutputData) -> bool:
 
 def _first(report: ReportData) -> list[str]:
     """Return what stands first: what is not covered at all, then the instants."""
-    return [*([f"! {FROZEN_FIRST}"] if widest_scope(report.scope) == FROZEN else []), _extent(report)]
+    first = said_first(report)
+    return [*([f"! {first}"] if first else []), _extent(report)]
 
 
 def _extent(report: ReportData) -> str:

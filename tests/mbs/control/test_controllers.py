@@ -97,6 +97,9 @@ def test_load_that_looks_elsewhere_has_no_coupled_bound(name):
     report = found(name)
     assert set(report.scope.values()) == {FROZEN}
     assert "(motor) is a controller that looks at the motion elsewhere" in report.scope_reason
+    first = str(report).splitlines()[0]  # estimates do cover what the controller does
+    assert first.startswith("! bounds hold under the frame motion, loads and joint forces of this run; ")
+    assert first.endswith("Estimates are those of the mechanism, and cover both")
 
 
 @pytest.mark.parametrize("name", ["spring", "load"])
@@ -380,5 +383,5 @@ def test_function_before_steps_is_named_with_what_it_sets():
     assert "aim calls SetObjectParameter" in report.scope_reason
     assert "springTorqueUserFunction" in report.scope_reason
     for said in (str(report), report.details, page(report)):  # what the controller answers with is in no bound
-        assert "measure it with romerr verify SCRIPT" in said
+        assert "romerr verify your_script.py" in said
         assert not re.search(r"\benough\b", said)

@@ -40,6 +40,11 @@ def links_of(shape, rng, parts):
         yield rows, rng.permutation(6) < rng.integers(*locked), *springs
 
 
+def admissible(part):
+    """All motions of a body (N, N): rigid ones, then those that its reference conditions admit."""
+    return np.hstack([part.Rg, part.body.expand(np.eye(part.body.free.size))])
+
+
 @dataclass(frozen=True)
 class Scenario:
     """A mechanism under loads (T, 2 per body), linear between times with steps h."""
@@ -83,9 +88,7 @@ class Scenario:
         return np.array([x, v, f - v @ A.T - x @ B.T]) @ X.T
 
     def error(self, R):
-        return self.motion(
-            [np.hstack([part.Rg, part.body.expand(np.eye(part.body.free.size))]) for part in self.parts], -R
-        )
+        return self.motion([admissible(part) for part in self.parts], -R)
 
     @cached_property
     def truth(self):
@@ -221,7 +224,7 @@ def test_bounds_are_linear_in_the_load(seed, factor):
 def attained(kind, count, first=1.0):
     """Equal bodies, a load on one missed free mode of each, constant or suddenly so: all energy moves, then none."""
     part = lattice(np.random.default_rng(7), kind)
-    (M, _, K), X = part.matrices, np.hstack([part.Rg, part.body.expand(np.eye(part.body.free.size))])
+    (M, _, K), X = part.matrices, admissible(part)
     squares, modes = la.eigh(X.T @ K @ X, X.T @ M @ X)
     B, loads = M @ X @ modes[:, 6:8], np.append(first, np.ones(STEPS))[:, None] * ([1.0, 0.0] * count)
     parts = [replace(part, B=B, C=B.T, V=part.body.expand(modes[6:, 8:]))] * count
@@ -284,7 +287,7 @@ def swung_up():
     R = -2 beta K e' is where -e'^T R - e'^T D e' is |R|^2/(4 beta): e swings up as if its damping were negative.
     """
     part, beta = lattice(np.random.default_rng(7), "free"), 0.03
-    (M, _, K), X = part.matrices, np.hstack([part.Rg, part.body.expand(np.eye(part.body.free.size))])
+    (M, _, K), X = part.matrices, admissible(part)
     squares, modes = la.eigh(X.T @ K @ X, X.T @ M @ X)
     omega, B = squares[-1] ** 0.5, M @ X @ modes[:, [-1, -1]]
     body = ElasticBody(M, K, positions=part.body.positions, reference=mass_orthogonal(), rayleigh=(0.0, beta / omega))
