@@ -33,7 +33,7 @@ OF_THE_FRAME = (
 CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
 # |Rg T_j|_M of a mode over that of the mode: what Exudyn's solvers leave is 1e-6 to 1e-3. Modes that other conditions
 # hold have 0.3 and more of it, and their frame is not that of the conditions at hand
-SMALL = 0.1
+SMALL = 0.03
 
 
 @dataclass(frozen=True)
