@@ -335,7 +335,7 @@ def test_what_exudyn_writes_stays_in_the_runs_folder(tmp_path):
     """C++ opens files past Python: names are changed before, links taken away."""
     home = tmp_path / "home"
     away = tmp_path / "away.txt"
-    text = MASS.replace("settings.solution.file.write = False", "settings.solution.file.name = 'solution/all.txt'")
+    text = MASS.replace("settings.solution.file.write = False", "settings.solution.file.name = 'solution/all'")
     text = text.replace('name="mass",', f'name="mass", fileName={str(away)!r},')
     text = text.replace('name="calls",', 'name="calls", fileName="solution/calls.txt",')
     text = text.replace("ADAPTIVE", WRITES) + "SC.renderer.Start()\nSC.renderer.RedrawAndSaveImage()\n"

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 SOLVERS = ("MainSolverImplicitSecondOrder", "MainSolverExplicit", "MainSolverStatic")
 STATIC = "MainSolverStatic"
 ORDERS = {"DOPRI5": 5, "ODE23": 3}  # of methods that choose their steps by tolerances
+ENDINGS = (".txt", ".sol")  # of solution files, text or binary, whose name has none
 CALLS = {  # of FEMinterface: the argument that is the number of modes
     "ComputeHurtyCraigBamptonModes": "nEigenModes",
     "ComputeEigenmodes": "nModes",
@@ -218,6 +219,12 @@ class Variation:
             self._exudyn.config.outputDirectory = os.path.dirname(self._place(os.path.join(directory, "x")))
 
     def _placed_name(self, name: str, keep: bool = False) -> str:
+        """Return a name that Exudyn may write to, also with the endings that it adds."""
+        for ending in ENDINGS if name else ():
+            self._one_placed(f"{name}{ending}", keep)
+        return self._one_placed(name, keep)
+
+    def _one_placed(self, name: str, keep: bool) -> str:
         directory = self._exudyn.config.outputDirectory
         if name and directory and not os.path.isabs(name):
             self._place(os.path.join(directory, name), keep)
