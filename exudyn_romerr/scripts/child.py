@@ -30,9 +30,9 @@ def main(path: str) -> None:
     """Run what a request asks for."""
     with open(path, encoding="utf-8") as file:
         request = json.load(file)
-    _end_with_parent()
     scratch = os.path.dirname(os.path.abspath(path))
     overlay = Overlay(_made(scratch, "run"), request["home"], (scratch, request["temporary"]))
+    _end_with_parent(overlay)
     child = _Child(request, overlay)
     tempfile.tempdir = os.environ["TMPDIR"] = _made(scratch, "temporary")
     request["script"] = overlay.enter(request["script"])
@@ -48,8 +48,8 @@ def _made(folder: str, name: str) -> str:
     return path
 
 
-def _end_with_parent() -> None:
-    """End when the parent does, which holds the other end of stdin; a script finds its stdin empty."""
+def _end_with_parent(overlay: Overlay) -> None:
+    """End when the parent does, which holds the other end of stdin, and leave nothing; a script's stdin is empty."""
     line = os.dup(0)
     empty = os.open(os.devnull, os.O_RDONLY)
     os.dup2(empty, 0)
@@ -58,6 +58,7 @@ def _end_with_parent() -> None:
     def wait() -> None:
         while os.read(line, 1):
             pass
+        overlay.remove()
         os._exit(ORPHANED)
 
     threading.Thread(target=wait, daemon=True).start()

@@ -91,11 +91,13 @@ def stop_all() -> None:
 
 
 def _kill(process: subprocess.Popen) -> None:
-    """End a process, and what it has started; one that has ended may have left others."""
+    """End a process, and what it has started."""
+    if process.returncode is not None:  # its number may be another's by now
+        return
     if os.name != "posix":
         process.kill()
         return
-    with suppress(ProcessLookupError, PermissionError):  # there is none any more; macOS: none but what has ended
+    with suppress(ProcessLookupError, PermissionError):  # it has just ended
         os.killpg(process.pid, signal.SIGKILL)
 
 

@@ -45,7 +45,7 @@ class Overlay:
 
     def __init__(self, root: str, home: str, free: Sequence[str]):
         self.root, self.refused = os.path.realpath(root), []
-        self._users, self._is_busy = [os.path.realpath(home)], False
+        self._users, self._is_busy, self._is_removed = [os.path.realpath(home)], False, False
         self._free = [os.path.realpath(os.path.expanduser(path)) for path in (*free, *CACHES)]
         self._chdir = os.chdir
 
@@ -73,6 +73,11 @@ class Overlay:
         """Return the place of an absolute path in the folder of this run."""
         drive, rest = os.path.splitdrive(os.path.normpath(path))
         return os.path.normpath(os.path.join(self.root, *_parts(drive.replace(":", "")), *_parts(rest)))
+
+    def remove(self) -> None:
+        """Remove the folder above root, whose other files are of this run, too; nothing is looked at from now on."""
+        self._is_removed = True
+        shutil.rmtree(self._free[0], ignore_errors=True)
 
     def chdir(self, path: Any) -> None:
         """Go to what stands for a folder: one of the user's is never the current one."""
@@ -106,7 +111,7 @@ class Overlay:
         return inside
 
     def _audit(self, event: str, arguments: tuple) -> None:
-        if self._is_busy or (event != "open" and event not in CHANGES):
+        if self._is_busy or self._is_removed or (event != "open" and event not in CHANGES):
             return
         self._is_busy = True  # what is done here raises events, too
         try:

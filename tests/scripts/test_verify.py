@@ -479,6 +479,7 @@ def test_processes_end_with_their_parent(tmp_path):
     while Path(f"/proc/{pid}").exists() and "Z" not in Path(f"/proc/{pid}/stat").read_text().split()[2]:
         assert time.monotonic() < limit
         time.sleep(0.05)
+    assert not any((tmp_path / "scratch").iterdir())
 
 
 def test_modes_by_the_scripts_own_call_where_a_body_cannot_be_read():
