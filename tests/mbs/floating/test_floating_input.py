@@ -755,7 +755,7 @@ REFERENCES = {
         bar,
         {"reference": mean_motion(*RIGHT)},
         InputError,
-        "reference= does not fit the modes.*allowed 1e-08",
+        "reference= does not fit the modes.*allowed 0.03",
     ),
     "given, of free modes": (bar, {"reference": mass_orthogonal()}, InputError, "reference= does not fit the modes"),
     "given, with nodes that are not there": (
