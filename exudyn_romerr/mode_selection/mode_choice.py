@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..report.scope import NOT_CERTIFIED, cures_of
-from ..report.wording import SAMPLED, digits, not_certified
+from ..report.wording import NOT_THE_MECHANISM, SAMPLED, digits, not_certified
 from .modal_forecast import ESTIMATE, TINY, fewest_modes
 from .tried_run import BASIS, INTERFACES, SLACK, STEP, TriedRun
 
@@ -98,7 +98,7 @@ class ModeChoice:
 
     def __str__(self) -> str:
         scopes = {scope for report in self.reports for scope in report.scope.values()}
-        frozen = ", inputs frozen (the mechanism's answer is not covered)" if self.chosen.is_frozen else ""
+        frozen = f", inputs frozen ({NOT_THE_MECHANISM})" if self.chosen.is_frozen else ""
         closest = "" if self.chosen.is_enough else "came closest, "
         doubts = not_certified(self.chosen.uncertified)
         bounds = f"its bounds{doubts and f' ({doubts})'} are {'' if self.met else 'not '}within the tolerance{frozen}"

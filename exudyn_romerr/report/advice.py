@@ -108,14 +108,13 @@ def until_its_end(planned_end: float | None, said: str) -> str:
 
 
 def holds_for_run_alone(out: OutputData, scope: dict[str, str], verdict: str) -> bool:
-    """Return whether what says that nothing is to be done, or is not resolved, leaves the mechanism's answer out.
+    """Return whether what makes the verdict leaves out what joints and controllers do with other steps or modes.
 
-    Then it is not known whether that is so, nor would it be if it were resolved: what a controller does with other
-    steps, say, may be many times larger.
+    That may be many times larger: then nothing is known to be enough, nor what helps most.
     """
-    if verdict in (ABOUT_ENOUGH, NOT_RESOLVED):
-        return estimate_scope(out, scope) == FROZEN
-    return verdict in ("enough", "round-off", "zero") and widest_scope(scope) == FROZEN
+    if verdict in ("enough", "round-off", "zero"):
+        return widest_scope(scope) == FROZEN
+    return estimate_scope(out, scope) == FROZEN
 
 
 def largest_part(out: OutputData, row: int) -> str:
@@ -169,13 +168,18 @@ def _shorter_steps(out: OutputData, cause: str, row: int | None, found: Known) -
 
 
 def _for_run_alone(out: OutputData, time: str, row: int | None, verdict: str) -> str:
-    """What is small enough, or not resolved, under the forces of a run, and what measures the whole."""
-    estimate = f"the estimate of the {estimated_kind(out, time)}"
+    """What is known under the forces of a run, and what measures the whole."""
+    if verdict == "infinite":
+        return f"{NO_BOUND}; {MEASURE_IT}"
+    found, estimate = known(out, row), f"the estimate of the {estimated_kind(out, time)}"
+    if verdict in CURES_OF_CAUSES:
+        said = _of_bound(out, verdict, row) if found is None else _of_estimate(out, verdict, row, found)
+        return f"under this run's forces {said}; {MEASURE_IT}"
     if verdict == NOT_RESOLVED:
         return f"under this run's forces {estimate} is not resolved: {MEASURE_IT}"
     estimated = verdict == ABOUT_ENOUGH
     of = estimate if estimated else f"the bound of the {error_kind(time)}"
-    at_floor = verdict == "round-off" or (estimated and not is_enough(out, known(out, row)))
+    at_floor = verdict == "round-off" or (estimated and not is_enough(out, found))
     size = "zero" if verdict == "zero" else "at round-off" if at_floor else f"within {permitted(out)[1]}"
     return f"under this run's forces {of} is {size}: {MEASURE_IT}"
 

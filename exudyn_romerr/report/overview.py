@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .advice import advice, by_bound, judged, next_step, until_its_end
+from .advice import advice, by_bound, holds_for_run_alone, judged, next_step, until_its_end
 from .estimate_wording import about_all, estimated_kind, estimated_under
 from .scope import ATTACH_ALL, NOT_CERTIFIED, UNATTACHED, cures_of
 from .wording import (
@@ -110,8 +110,9 @@ def _what_to_do(report: ReportData, out: OutputData) -> str:
     if step not in next_step(out, report.time, report.scope):  # of the run, not of this output
         return step
     cause = judged(out, report.time, report.scope)
-    because = f", for {cause!r} makes most of the error" if cause in CURES_OF_CAUSES else ""
-    return f"{next_step(out, report.time, report.scope)}{because}"
+    if cause not in CURES_OF_CAUSES or holds_for_run_alone(out, report.scope, cause):
+        return next_step(out, report.time, report.scope)
+    return f"{next_step(out, report.time, report.scope)}, for {cause!r} makes most of the error"
 
 
 def _step(report: ReportData, out: OutputData) -> str:

@@ -20,6 +20,7 @@ from tests.helpers.theorem import random_case
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = ("fast", "convolution")
+VERIFY = "romerr verify your_script.py measures the whole error"
 
 
 @pytest.fixture
@@ -94,8 +95,10 @@ def test_table_has_a_line_for_each_output(report):
     out = report.output("y")
     most, largest = out.bound["best"].max(), np.abs(out.value).max()
     at_most = f"{rounded_up(most)} m ({float(f'{100 * most / largest:.2g}'):g} %), inputs frozen"
-    assert y == ("y", f"{largest:.4g} m", at_most, "inputs frozen", "start from equilibrium, or add modes")
-    assert v[-2:] == ("inputs frozen", "romerr verify your_script.py measures the whole error")
+    assert y == ("y", f"{largest:.4g} m", at_most, "inputs frozen", VERIFY)
+    assert v[-2:] == ("inputs frozen", VERIFY)
+    report.scope = dict.fromkeys(report.scope, COUPLED)
+    assert overview(report)[1][-2:] == ("coupled (linearised)", "start from equilibrium, or add modes")
 
 
 def test_summary_of_several_outputs_says_each_thing_once(report):
@@ -106,16 +109,17 @@ def test_summary_of_several_outputs_says_each_thing_once(report):
     assert first.endswith("type: romerr verify your_script.py")
     assert re.split(r"  +", head) == ["output", "largest value", "reduction error at most, inputs frozen"]
     assert [re.split(r"  +", line)[0] for line in (y, v)] == ["y", "v"]
-    assert todo == "next step: start from equilibrium, or add modes, for 'initial' makes most of the error"
+    assert todo == f"next step: {VERIFY}"
     assert more.endswith("print(report.details)")
     assert not any("up to" in line for line in rest)
     assert str(report).count("inputs frozen") == 1 + 2 * len(report.scope) + 1  # estimators twice each, and the scope
     rows = [line for line in report.details.splitlines() if ": up to " in line]
     assert len(rows) == sum(out.value.shape[1] for out in report.outputs.values())
+    report.scope = dict.fromkeys(report.scope, COUPLED)
     report.output("v").tolerance = 1e6
-    assert str(report).splitlines()[5:7] == [
+    assert str(report).splitlines()[4:6] == [
         "next step, y: start from equilibrium, or add modes, for 'initial' makes most of the error",
-        "next step, v: romerr verify your_script.py measures the whole error",
+        "next step, v: enough, to first order: within the tolerance of 1e+06 m/s",
     ]
 
 
@@ -268,8 +272,8 @@ def test_table_has_a_column_of_estimates_where_there_are_any(report):
     assert y[2].endswith(" (10 %), inputs frozen")
     out.uncertainty_parts["steps"] = out.uncertainty = 0.04 * np.abs(out.value)
     said = f"{0.14 * largest:.2g} m or less (14 %), not resolved"
-    y, todo = overview(report)[1], "romerr verify your_script.py measures the whole error"
-    assert (y[2], y[-1]) == (f"{said}, inputs frozen", todo)
+    y = overview(report)[1]
+    assert (y[2], y[-1]) == (f"{said}, inputs frozen", VERIFY)
     out.estimate_scope = COUPLED
     y, todo = overview(report)[1], "let loads begin smoothly"  # without the reason
     assert (y[2], y[-1]) == (said, todo)

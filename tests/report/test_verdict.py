@@ -88,7 +88,8 @@ ONE = {"auxiliary": COMPLETE}
             "reconstructed",
             "tip z is up to 2 m; under the frame motion, loads and joint forces of this run the error is at most "
             "1 m (50 %) (what joints and controllers do with other steps or modes is not covered and may be many "
-            "times larger); 100 % of it from the basis: add modes.",
+            "times larger); under this run's forces 100 % of it from the basis: add modes; romerr verify "
+            "your_script.py measures the whole error.",
         ),
         (
             output(2.0, {"auxiliary": 1.0}, {"auxiliary": COUPLED}, shares=(0.0, 0.0, 0.0, 1.0)),
