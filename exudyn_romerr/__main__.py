@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from . import __version__
 from .errors import InputError, RomErrError
-from .judgement.answers import read_tolerance
+from .report.answers import read_tolerance
 from .scripts.execute import INTERRUPTED
 from .scripts.files import checked_files, tried, write_files
 from .scripts.run import run, show

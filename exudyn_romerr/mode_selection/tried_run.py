@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..report.assessment import ANSWERS, TOO_LARGE
-from ..report.estimate_wording import covers_time, estimate_scope, known, parts_of
+from ..report.estimate_wording import covers_time, estimate_scope, is_known, parts_of
 from ..report.scope import FROZEN, NOT_CERTIFIED
 from ..report.wording import digits, rounded_up, widest_scope
 from .modal_forecast import BOUND, ESTIMATE
@@ -131,7 +131,7 @@ class TriedRun:
         found = []
         for name, limit in self.tolerance.items():
             out = outputs[name]
-            if known(out) is None:
+            if not is_known(out):
                 continue
             parts, of_steps = parts_of(out), out.uncertainty_parts.get("steps", 0.0)
             for cause, what, half in (

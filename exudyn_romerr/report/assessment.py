@@ -8,34 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..checks import check_choice
 from ..errors import InputError
-from .advice import RUN_TO_END, advice, cure_of_stop, largest_part, stop
-from .estimate_wording import about, estimate_scope, estimated_kind, is_enough, known
-from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, causes_of, cures_of
-from .wording import (
-    AS_IN_THIS_RUN,
-    MEASURE_IT,
-    NOT_THE_MECHANISM,
-    advises,
-    digits,
-    instant,
-    listed,
-    rounded_down,
-    rounded_up,
-    widest_scope,
-)
+from .answers import ASSESSED, Answer
+from .scope import COMPLETE
+from .table import TITLES, said, share_in_brackets
+from .verdicts import CAUSES, ESTIMATED, NO_ESTIMATE, NONE, Limit, Verdict, not_covered, row_of
+from .wording import digits, listed, rounded_down, rounded_up, widest_scope
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from .data import OutputData, ReportData
-    from .estimate_wording import Known
+    from .verdicts import Row
 
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
 SMALL = 0.01  # of the largest row: one below it that decides alone is told of
 TOO_LARGE = ANSWERS[:2]
-NO_ESTIMATE = "there is no estimate of its error, and no proof that it is within"
-UNCERTIFIED = "what is computed of this run is not certified ({})"
+WHERE = {"likely": "within", "unlikely": "above", "unknown": "and does not tell whether that is within"}
+NOTHING = "nothing to do"
 
 
 @dataclass(frozen=True)
@@ -65,11 +56,15 @@ class Assessment:
         return self.text
 
 
-def assess(report: ReportData, name: str, tolerance: float, relative: bool = False) -> Assessment:
+def assess(
+    report: ReportData, name: str, tolerance: float, relative: bool = False, cause: str | None = None
+) -> Assessment:
     """Return what is known of an output's error beside a tolerance; see BoundReport.assess."""
     out = report.output(name)
+    if cause is not None:
+        check_choice("cause", cause, CAUSES)
     limits = _limits(out, tolerance, relative)
-    found = [_of_row(report, replace(out, tolerance=limit), row) for row, limit in enumerate(limits)]
+    found = [_of_row(report, out, i, limit, cause) for i, limit in enumerate(limits)]
     worst = _worst(out, found, limits)
     told = _with_small_row(out, tolerance, found, found.index(worst)) if relative else worst
     return replace(told, rows={name: row.answer for name, row in zip(out.row_names, found, strict=True)})
@@ -105,95 +100,70 @@ def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
     return [float(tolerance * size) for size in sizes]
 
 
-def _of_row(report: ReportData, out: OutputData, row: int) -> Assessment:
-    """What is known of one row beside out.tolerance, of a run that ended early as far as it went."""
-    if out.uncertified:
-        return _made(out, row, "unknown", UNCERTIFIED.format(causes_of(out.uncertified)), cures_of(out.uncertified))
-    found = _of_instants(report, out, row)
-    if found.answer in TOO_LARGE:
-        return found
-    if out.stopped is not None:
-        said = f"{stop(out, report.time)}; until then {_without_head(found, out, row)}"
-        return _made(out, row, "unknown", said, cure_of_stop(out, row))
-    if not advises(report):
-        said = f"only the first instant was bounded; there {_without_head(found, out, row)}"
-        return _made(out, row, "unknown", said, "see the messages")
-    if report.planned_end is not None:
-        said = f"the run ends at {instant(report.time, report.t[-1])} and was to go to {report.planned_end:.4g} s"
-        return _made(out, row, "unknown", f"{said}; until then {_without_head(found, out, row)}", RUN_TO_END)
-    return found
+def _of_row(report: ReportData, out: OutputData, i: int, limit: float, cause: str | None) -> Assessment:
+    """What is known of one row: what is proved of the whole error first, then what is estimated."""
+    row = row_of(report, out, i, Limit(limit, True))
+    if cause is None:
+        verdict, proof = row.of["sum"], _proof(report, out, i, limit, row)
+        if proof is not None and not (proof.answer == "proven" and verdict.reason):
+            return proof
+        return _estimated(row, verdict, "its error", limit)
+    return _estimated(row, row.of.get(cause) or _without(row), f"its error by {TITLES[cause]}", limit)
 
 
-def _of_instants(report: ReportData, out: OutputData, row: int) -> Assessment:
-    """What is known of one row at the instants of the run: what is proved first, then what is estimated."""
-    if widest_scope(report.scope) == COMPLETE and report.time != "sampled":
-        most, least = _proved(out, row)
-        if most <= out.tolerance:
-            said = f"its error is at most {rounded_up(most)} {out.unit}, within {_limit(out)}"
-            return _made(out, row, "proven", said, "nothing to do")
-        if least > out.tolerance:
-            said = f"its error is at least {rounded_down(least)} {out.unit}, above {_limit(out)}"
-            return _made(out, row, "disproven", said, _smaller(report, out, row))
-    return _estimated(report, out, row)
+def _without(row: Row) -> Verdict:
+    """The verdict on a cause that has none: there is nothing of it, where others have an estimate."""
+    modes = row.of.get("modes")
+    if modes is None:
+        return not_covered(NO_ESTIMATE)
+    return modes if modes.how == NONE else Verdict(0.0, 0.0, ESTIMATED, Answer.ENOUGH)
 
 
-def _proved(out: OutputData, row: int) -> tuple[float, float]:
+def _proof(report: ReportData, out: OutputData, i: int, limit: float, row: Row) -> Assessment | None:
+    """What bounds of the whole error, time steps included, prove; None: nothing."""
+    if widest_scope(report.scope) != COMPLETE or report.time == "sampled" or out.uncertified:
+        return None
+    most, least = _proved(out, i)
+    if most <= limit:
+        told = f"its error is at most {rounded_up(most)} {row.unit}, within {_tolerance(row, limit)}"
+        return _made(row, "proven", told, NOTHING)
+    if least > limit:
+        told = f"its error is at least {rounded_down(least)} {row.unit}, above {_tolerance(row, limit)}"
+        return _made(row, "disproven", told, _cure(row))
+    return None
+
+
+def _proved(out: OutputData, i: int) -> tuple[float, float]:
     """What the largest error is at most, and at least; nothing, 0, without the corrected output."""
-    most = float(np.max(out.bound["best"][:, row] + out.round_off[:, row]))
+    most = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
     if out.corrected is None:
         return most, 0.0
-    doubt = out.corrected_bound[:, row] + out.round_off[:, row]
-    return most, max(float(np.max(np.abs(out.corrected - out.value)[:, row] - doubt)), 0.0)
+    doubt = out.corrected_bound[:, i] + out.round_off[:, i]
+    return most, max(float(np.max(np.abs(out.corrected - out.value)[:, i] - doubt)), 0.0)
 
 
-def _estimated(report: ReportData, out: OutputData, row: int) -> Assessment:
-    found, is_frozen = known(out, row), estimate_scope(out, report.scope) == FROZEN
-    others = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
-    if found is None:
-        todo = others if is_frozen else _next(report, out, row)
-        return _made(out, row, "unknown", f"{NO_ESTIMATE} {_limit(out)}", todo)
-    kind, size = estimated_kind(out, report.time), about(out, found)
-    if is_frozen:
-        said = f"{AS_IN_THIS_RUN} its {kind} is {size}, but {NOT_THE_MECHANISM}"
-        return _made(out, row, "unknown", said, others)
-    steps = "" if kind == "error" else "; what the time steps do is not in it"
-    answer = _answer(out, row, found)
-    if answer == "unknown" and not found.is_resolved:
-        if found.tells_nothing:
-            said = f"its {kind} is not known, and so not whether it is within {_limit(out)}{steps}"
-            return _made(out, row, answer, said, found.cure)
-        half = f"up to {rounded_up(found.half, 2)} {out.unit}" if np.isfinite(found.half) else "not known"
-        said = f"the estimate of its {kind}, {digits(found.size, 2)} {out.unit}, half width {half}, does not tell"
-        return _made(out, row, answer, f"{said} whether it is within {_limit(out)}", found.cure)
-    where = {"likely": "within", "unlikely": "above"}.get(answer, "too close to tell from")
-    following = _smaller if answer == "unlikely" else _next
-    todo = "nothing to do" if answer == "likely" else following(report, out, row)
-    return _made(out, row, answer, f"its {kind} is {size}, {where} {_limit(out)}{steps}", todo)
+def _estimated(row: Row, verdict: Verdict, what: str, limit: float) -> Assessment:
+    answer = ASSESSED[verdict.answer]
+    if verdict.size is None:
+        told = f"{what} is not known, and so not whether it is within {_tolerance(row, limit)}"
+    else:
+        size = f"{said(verdict, row.unit)}{share_in_brackets(verdict, row.largest)}"
+        told = f"{what} is about {size}, {WHERE[answer]} {_tolerance(row, limit)}"
+    if verdict.reason and answer != "likely":
+        told = f"{told} ({verdict.reason})"
+    return _made(row, answer, told, NOTHING if answer == "likely" else verdict.cure or _cure(row))
 
 
-def _answer(out: OutputData, row: int, found: Known) -> str:
-    if is_enough(out, found):
-        return "likely"
-    least = np.max(np.abs(out.estimate)[:, row] - out.uncertainty[:, row] - out.round_off[:, row])
-    return "unlikely" if found.is_resolved and least > out.tolerance else "unknown"
+def _tolerance(row: Row, limit: float) -> str:
+    return f"the tolerance of {digits(limit)} {row.unit}".rstrip()
 
 
-def _made(out: OutputData, row: int, answer: str, said: str, todo: str) -> Assessment:
-    return Assessment(answer, f"{out.row_names[row]}: {answer}, {said}", todo)
+def _cure(row: Row) -> str:
+    """What lowers the largest part of an error."""
+    parts = [verdict for cause, verdict in row.of.items() if cause != "sum" and verdict.cure]
+    worst = max(parts, key=lambda verdict: verdict.most, default=row.of["sum"])
+    return worst.cure or NOTHING
 
 
-def _without_head(found: Assessment, out: OutputData, row: int) -> str:
-    return found.said.removeprefix(f"{out.row_names[row]}: {found.answer}, ")
-
-
-def _limit(out: OutputData) -> str:
-    return f"the tolerance of {digits(out.tolerance)} {out.unit}".rstrip()
-
-
-def _smaller(report: ReportData, out: OutputData, row: int) -> str:
-    """What lowers an error that is too large: what makes it, however well the estimate is resolved."""
-    return largest_part(out, row) if advises(report) else "see the messages"
-
-
-def _next(report: ReportData, out: OutputData, row: int) -> str:
-    return advice(out, report.time, report.scope, row) if advises(report) else "see the messages"
+def _made(row: Row, answer: str, told: str, todo: str) -> Assessment:
+    return Assessment(answer, f"{row.label}: {answer}, {told}", todo)

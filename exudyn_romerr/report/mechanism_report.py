@@ -54,10 +54,10 @@ class MechanismReport(BoundReport):
         """InputError: those of report.bodies are meant."""
         raise InputError(ASK_BODIES.format("node_bound"))
 
-    def assess(self, name: str, tolerance: float, relative: bool = False) -> Assessment:
+    def assess(self, name: str, tolerance: float, relative: bool = False, cause: str | None = None) -> Assessment:
         """As of a body: what is proved of one needs no other; see BoundReport.assess."""
         of = next((body for body in self.bodies if name in body.outputs), super())
-        return of.assess(name, tolerance, relative)
+        return of.assess(name, tolerance, relative, cause)
 
     def _estimator_lines(self) -> list[str]:
         return [line for i, body in enumerate(self.bodies) for line in (f"  bodies[{i}]:", *body._estimator_lines())]

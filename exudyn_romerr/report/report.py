@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,13 @@ import numpy as np
 from ..checks import check_array, check_choice, real_array
 from ..errors import InputError
 from ..trajectory.samples import instants_in
-from .advice import advice
 from .assessment import Assessment, assess
 from .data import OutputData, ReportData
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
-from .verdict import row_verdict
+from .table import by_sensor
+from .verdicts import Verdict, limit_of, row_of
 from .wording import at_round_off, estimator_lines, reason_of
 
 
@@ -43,7 +43,11 @@ class OutputReport(OutputData):
     tolerance : what attach, or choose_modes, was asked to keep the bound below, None: nothing. stopped : instant at
     which such a tolerance, of this or another output, stopped the run before its end; None: none did. beside_steps :
     what helps beside shorter steps where these do not resolve what starts at once. uncertified : see BoundReport.
+    verdict[cause] : "modes", "interfaces", "step", "start" where there is something of them, and "sum": size, half
+    width, answer, reason and cure beside `tolerance`, of the component where that is worst; of BoundReport.output.
     """
+
+    verdict: dict[str, Verdict] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """In a line what it is and which arrays it has: they would fill screens, and need the report's scope."""
@@ -57,17 +61,9 @@ class OutputReport(OutputData):
             f"instants; {arrays}; print(report) says what they mean>"
         )
 
-    def verdict(self, time: str, scope: dict[str, str]) -> list[str]:
-        """Return a line for each row: largest value, estimate of its error, largest bound, whose bound that is."""
-        return [row_verdict(self, row, time, scope) for row in range(self.value.shape[1])]
-
     def at_round_off(self) -> np.ndarray:
         """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
         return at_round_off(self)
-
-    def advice(self, time: str, scope: dict[str, str]) -> str:
-        """Return one line: what makes most of the error and what to do, or "enough"; see docs/reading_a_bound.md."""
-        return advice(self, time, scope)
 
 
 @dataclass(repr=False)
@@ -88,8 +84,12 @@ class BoundReport(ReportData):
     outputs: dict[str, OutputReport]
 
     def output(self, name: str) -> OutputReport:
-        """Return the output of that name; InputError lists the known ones."""
-        return super().output(name)
+        """Return the output of that name, with its verdicts; InputError lists the known ones."""
+        out = super().output(name)
+        limit = limit_of(out)
+        (row,) = by_sensor([row_of(self, out, i, limit) for i in range(out.value.shape[1])])
+        out.verdict = row.of
+        return out
 
     def reason(self, e: str) -> str:
         """Return in words what estimator e assumes, why its bound is inf where it is, and why it has its scope."""
@@ -127,12 +127,11 @@ class BoundReport(ReportData):
             out.estimate_off = _ratio(np.max(np.abs(out.error - out.estimate), axis=0), truth, both_zero=0.0)
         return out
 
-    def assess(self, name: str, tolerance: float, relative: bool = False) -> Assessment:
+    def assess(self, name: str, tolerance: float, relative: bool = False, cause: str | None = None) -> Assessment:
         """Say whether the error of an output is within a tolerance at all instants, as far as that is known.
 
         "proven", "disproven": by bounds of scope complete with the time steps, rounding included. "likely",
-        "unlikely": by the estimate with its half width; without the time steps where the text says "reduction error".
-        "unknown": else. Table in docs/reading_a_bound.md.
+        "unlikely": by the estimate with its half width. "unknown": else. Table in docs/reading_a_bound.md.
 
         Parameters
         ----------
@@ -140,6 +139,8 @@ class BoundReport(ReportData):
             Of the output. Of several rows that counts of which the answer is worst.
         tolerance : float
             In the unit of the output, or with relative=True as a share of each row's largest |value|.
+        cause : {"modes", "interfaces", "step", "start"}, optional
+            Of that part of the error alone; nothing is proved of parts.
 
         Returns
         -------
@@ -149,9 +150,9 @@ class BoundReport(ReportData):
         Raises
         ------
         InputError
-            Unknown output; a tolerance that is not a positive finite number.
+            Unknown output or cause; a tolerance that is not a positive finite number.
         """
-        return assess(self, name, tolerance, relative)
+        return assess(self, name, tolerance, relative, cause)
 
     def __repr__(self) -> str:
         axis, unit = ("load factor", "") if self.time == "static" else ("t", " s")
@@ -159,18 +160,18 @@ class BoundReport(ReportData):
         return f"<BoundReport: {len(self.outputs)} output{'s' * (len(self.outputs) != 1)}, {span}>"
 
     def __str__(self) -> str:
-        return self.details if len(self.outputs) < 2 else summary(self, self._scope_lines())
+        return summary(self, self._scope_lines())
 
     @property
     def details(self) -> str:
-        """Every row of every output in words, advice, corrected outputs, all estimators; what one output prints."""
+        """Every component of every output, bounds by all estimators, corrected outputs, what is assumed."""
         return details(self, self._estimator_lines())
 
     def _estimator_lines(self) -> list[str]:
         return estimator_lines(self)
 
     def _scope_lines(self) -> list[str]:
-        """Return what is printed of the bounds of several outputs, below these."""
+        """Return what print(report) says of the bounds of all outputs, below these."""
         return self._estimator_lines()
 
     def save(self, path: str | os.PathLike) -> None:

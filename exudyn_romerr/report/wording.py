@@ -27,35 +27,6 @@ if TYPE_CHECKING:
     from .data import OutputData, ReportData
     from .scope import Doubt
 
-CURES_OF_CAUSES = {
-    "basis": "basis: add modes",
-    "interfaces": "rigid (RBE2) interfaces, not from the number of modes: take RBE3 modes, or "
-    "floating_body(..., interfaces='rigid') if they are rigid in reality",
-    "time step": "step size, not the basis: halve it",
-    "initial": "initial error: start from equilibrium, or add modes that hold the initial state",
-    "jumps": "load jumps: add modes, or let the load grow over a short time",
-}
-STEPS = {  # in two words, for a table
-    "basis": "add modes",
-    "interfaces": "take RBE3 modes, or interfaces='rigid'",
-    "time step": "halve the step",
-    "initial": "start from equilibrium, or add modes",
-    "jumps": "let loads grow, or add modes",
-    "round-off": "nothing to improve",
-    "zero": "nothing to improve",
-    "infinite": "see the reasons",
-}
-MORE_VECTORS = "more vectors (auxiliary_modes=...)"
-NOT_LINEAR = "for the error is too large to be linear"
-RINGS = ", for what starts at once rings in modes that neither steps nor vectors resolve"
-MUCH_SHORTER = "take a twentieth of the step or less"
-# makes half widths 50 to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (test_cures.py)
-CURES_OF_CHECKS = {  # of an estimate whose half width is too large: by the check that makes most of it
-    "steps": "halve the step",
-    "vectors": MORE_VECTORS,
-    "loads": "smoother loads",
-    "proved": "add modes",  # what is left is of modes above all that "auto" follows: more vectors bring nothing
-}
 NAMES = 8  # of outputs or rows of which the same is said
 LONGEST = 1e4  # numbers below it are written without an exponent
 ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
@@ -124,11 +95,6 @@ def sharpest_at_nodes(report: ReportData) -> str:
     """Return, of the estimators whose scope covers most, the one whose largest bound at a node is smallest."""
     known = (e for e in widest(report.scope) if e in report.node_bound)
     return min(known, key=lambda e: np.max(report.node_bound[e]))
-
-
-def best_estimator(out: OutputData, row: int, scope: dict[str, str]) -> str:
-    """Return the estimator with the smallest bound, of those whose scope covers most."""
-    return min(widest(scope), key=lambda e: largest(out.bound[e], row))
 
 
 def under(scope: dict[str, str], e: str = "best", doubts: Iterable[Doubt] = ()) -> str:
@@ -230,11 +196,6 @@ def reason_of(report: ReportData, e: str) -> str:
 def is_uncertified(report: ReportData) -> bool:
     """Return whether something speaks against all of its bounds."""
     return bool(report.uncertified)
-
-
-def advises(report: ReportData) -> bool:
-    """Return whether the report gives advice: not if no bound is certified, or of a run's first instant only."""
-    return not is_uncertified(report) and (report.time == "static" or len(report.t) > 1)
 
 
 def at_round_off(out: OutputData) -> np.ndarray:

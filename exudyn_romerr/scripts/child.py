@@ -177,10 +177,10 @@ class _Child:
         """What a watched run says of itself, as --json has it."""
         if self.watched is None:
             return []
-        from ..judgement.answers import Tolerances
-        from ..judgement.verdicts import rows_of
+        from ..judgement.judgement import rows_of_solve
+        from ..report.answers import Tolerances
 
-        return [row.as_json() for solve in self.watched.solves for row in rows_of(solve, Tolerances())]
+        return [row.as_json() for solve in self.watched.solves for row in rows_of_solve(solve, Tolerances())]
 
 
 def _in_a_line(error: BaseException) -> str:

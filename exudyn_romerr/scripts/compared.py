@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..judgement.answers import Answer
-from ..judgement.verdicts import CAUSES, CURES, MEASURED, Row, judge, not_covered
+from ..report.answers import Answer
+from ..report.cures import OF_CAUSES
 from ..report.data import UNITS
+from ..report.verdicts import CAUSES, MEASURED, Row, judge, not_covered
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from ..judgement.answers import Tolerances
+    from ..report.answers import Tolerances
     from .child_run import Result
 
 SAME_TIME = 1e-9  # of the end time: solvers add up their steps
@@ -232,7 +233,7 @@ class _Component:
             return None
         if found is None or isinstance(found, str):
             return None if found is None or found == NO_STEPS else not_covered(found)
-        verdict = judge(_largest(found[0]), found[1], limit, MEASURED, CURES[cause])
+        verdict = judge(_largest(found[0]), found[1], limit, MEASURED, OF_CAUSES[cause])
         if cause == "step" and not self.shrinks and verdict.answer is not Answer.ENOUGH:
             return replace(verdict, answer=Answer.NOT_KNOWN, reason=DO_NOT_SHRINK)
         return verdict

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..judgement.table import TITLES, by_sensor
-from ..judgement.verdicts import CAUSES
 from ..report.plots.style import CAUSE_STYLES, new_figure, of_one_size, save
+from ..report.table import TITLES, by_sensor
+from ..report.verdicts import CAUSES
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Sequence
 
-    from ..judgement.verdicts import Row, Verdict
+    from ..report.verdicts import Row, Verdict
 
 STYLES = {
     "modes": CAUSE_STYLES["basis"][1:],

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Any
 
-from ..judgement.answers import STATUS, Tolerances
+from ..report.answers import STATUS, Tolerances
 from .after_import import after_import
 from .execute import Ending, check_script, execute
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from types import ModuleType
 
+    from ..judgement.judgement import Judgement
     from ..judgement.solve import Solve
-    from ..judgement.verdicts import Judgement
     from ..report.report import BoundReport
 
 NO_EXUDYN = "the script does not import exudyn, so there is nothing to tell"
@@ -57,9 +57,9 @@ class Run:
     @cached_property
     def judgement(self) -> Judgement:
         """Verdicts on every sensor, component and cause."""
-        from ..judgement.verdicts import Judgement, rows_of
+        from ..judgement.judgement import Judgement, rows_of_solve
 
-        rows = [row for solve in self.solves for row in rows_of(solve, self.tolerances)]
+        rows = [row for solve in self.solves for row in rows_of_solve(solve, self.tolerances)]
         notes = [*self.notes, *self.tolerances.notes(row.name for row in rows)]
         return Judgement(rows, self.solves, notes)
 
@@ -76,7 +76,7 @@ class Run:
         return STATUS[self.judgement.answer]
 
     def __str__(self) -> str:
-        from ..judgement.table import text
+        from ..judgement.judgement import text
 
         return text(self.judgement, self.script)
 

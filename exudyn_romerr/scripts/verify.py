@@ -16,10 +16,10 @@ from typing import Any
 from .._version import __version__
 from ..checks import check_choice
 from ..errors import InputError, RunError
-from ..judgement.answers import STATUS, Answer, Tolerances
+from ..judgement.judgement import Judgement, text
 from ..judgement.solve import Solve
-from ..judgement.table import text
-from ..judgement.verdicts import CAUSES, Judgement, Verdict
+from ..report.answers import STATUS, Answer, Tolerances
+from ..report.verdicts import CAUSES, Verdict
 from .child_run import Request, Result, run_child, stop_all
 from .compared import estimates, rows_of_signal, signals, two_ways
 from .execute import check_script

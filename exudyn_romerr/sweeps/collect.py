@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
-from ..report.estimate_wording import estimated_under, known
+from ..report.estimate_wording import estimated_under, is_known
 from ..report.formats.atomic_write import write_whole
 from ..report.formats.csv_table import largest
 from ..report.report import BoundReport
@@ -115,9 +115,11 @@ def _report_rows(name: str, value: Any) -> Iterator[dict[str, Any]]:
 
 def _largest_of(report: BoundReport, out: OutputReport, row: int) -> dict[str, Any]:
     size, bound = (float(np.max(np.abs(x[:, row]))) for x in (out.value, out.bound["best"]))
-    found = known(out, row)
-    estimate = None if found is None else f"{digits(found.size)}{estimated_under(out, report.scope)}"
-    half = None if found is None else rounded_up(found.half) if np.isfinite(found.half) else "not known"
+    estimate, half = None, None
+    if is_known(out, row):
+        most, off = (float(np.max(np.abs(x[:, row]))) for x in (out.estimate, out.uncertainty))
+        estimate = f"{digits(most)}{estimated_under(out, report.scope)}"
+        half = rounded_up(off) if np.isfinite(off) else "not known"
     bound = (
         f"{rounded_up(bound)}{under(report.scope, doubts=out.uncertified)}" if np.isfinite(bound) else "not bounded"
     )

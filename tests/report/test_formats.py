@@ -204,8 +204,8 @@ def test_a_failed_write_leaves_the_older_file(report, tmp_path, monkeypatch, nam
 def test_rows_are_called_by_their_labels_everywhere(report):
     assert report.output("corner").row_names == ["corner x", "corner y"]
     text = report.details
-    assert re.search(r"^corner x: up to .* m/s", text, re.MULTILINE)
-    assert re.search(r"^tip z: up to", text, re.MULTILINE)
+    assert re.search(r"^corner x  +\S+ m/s", text, re.MULTILINE)
+    assert re.search(r"^tip z  +\S+ m", text, re.MULTILINE)
 
 
 def test_rows_without_labels_are_numbered(case):
@@ -295,7 +295,7 @@ def test_estimates_are_saved_and_files_without_are_still_read(report, case, tmp_
     old = load_report(path)
     assert (old.output("tip z").estimate, old.output("tip z").estimate_scope) == (None, "")
     assert " about " not in str(old)
-    assert "tip z: up to" in old.details
+    assert "\ntip z  " in old.details
 
 
 def test_files_without_labels_are_still_read(report, tmp_path):

@@ -15,9 +15,9 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
-from exudyn_romerr.judgement.answers import STATUS, Answer
-from exudyn_romerr.judgement.verdicts import CAUSES
 from exudyn_romerr.mbs.scenes import found_bodies
+from exudyn_romerr.report.answers import STATUS, Answer
+from exudyn_romerr.report.verdicts import CAUSES
 from exudyn_romerr.scripts.run import NO_BODY
 
 ROOT = Path(__file__).resolve().parents[2]

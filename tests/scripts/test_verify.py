@@ -17,7 +17,7 @@ import pytest
 import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
 from exudyn_romerr.errors import InputError, RunError
-from exudyn_romerr.judgement.answers import Tolerances
+from exudyn_romerr.report.answers import Tolerances
 from exudyn_romerr.scripts.child_run import ASKS, Request, Result, run_child
 from exudyn_romerr.scripts.compared import DO_NOT_SHRINK, Signal, rows_of_signal, two_ways
 from exudyn_romerr.scripts.verify import BY_CALL, _planned

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..data import is_beside
-from ..estimate_wording import known
+from ..estimate_wording import is_known
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
 from ..wording import for_run_alone
@@ -62,8 +62,8 @@ def _worst(report: ReportData, rows: list[tuple[OutputData, int, str]]) -> list[
 
 def _share(out: OutputData, row: int) -> float:
     """The error of a row as far as it is known, a share of the largest value of its output."""
-    found = known(out, row)
-    error = np.max(out.bound["best"][:, row]) if found is None else found.most
+    known = is_known(out, row)
+    error = np.max(np.abs(out.estimate[:, row]) + out.uncertainty[:, row] if known else out.bound["best"][:, row])
     size = np.max(np.abs(out.value), initial=0.0)
     return float(error / size) if size > 0 else float(error > 0)
 

@@ -8,25 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..estimate_wording import estimated_under, known, off_by, said_first
-from ..overview import overview
+from ..data import is_beside
+from ..estimate_wording import estimated_under, is_known, off_by, said_first
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
-from ..verdict import sentence
+from ..table import by_sensor, first_sentences, reasons, summary
+from ..table import table as verdicts_table
+from ..verdicts import rows_of as verdicts_of
 from ..wording import (
-    advises,
-    best_estimator,
     check_name,
     corrected_within,
     digits,
     instant,
-    not_certified,
     outside,
     rounded_up,
     under,
+    widest,
     widest_scope,
 )
 from .atomic_write import write_whole
-from .html_elements import CSS, items, numbers, paragraph, section, table, words
+from .html_elements import CSS, items, numbers, paragraph, section, table
 from .html_figures import figures, rows_of
 from .provenance import made_here
 
@@ -109,22 +109,28 @@ def _extent(report: ReportData) -> str:
 def _verdicts(report: ReportData) -> Iterator[str]:
     if not report.outputs:
         yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
-    head, *lines = overview(report) or [()]
-    if lines:
-        yield table("All outputs", head, lines)
+        return
+    rows = verdicts_of(report)
+    outputs = by_sensor(rows)
+    asked = [row for row in outputs if not is_beside(report, row.name)]
+    yield paragraph(summary(asked, "output"), "first")
+    yield from (paragraph(said) for said in (*first_sentences(asked), *reasons(asked)))
+    head, *lines = verdicts_table(outputs, "output")
+    yield table("All outputs", head, lines)
+    head, *lines = verdicts_table(rows, "component")
+    if len(rows) > len(outputs):
+        yield table("All components", head, lines)
     for out, row, name in rows_of(report):
-        said = sentence(out, row, report.time, report.scope, advises(report), report.planned_end).removeprefix(name)
-        notes = paragraph(" ".join(_notes(report, out, row)), "note")
-        yield f'<div class="verdict">\n<p><b>{escape(name)}</b>{words(said)}</p>\n{notes}</div>'
+        notes = " ".join(_notes(report, out, row))
+        if notes:
+            yield f'<div class="verdict">\n{paragraph(f"{name}: {notes}", "note")}</div>'
 
 
 def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
-    best = best_estimator(out, row, report.scope)
-    certain = f", {not_certified(out.uncertified)}" if out.uncertified else ""
-    if np.isfinite(np.max(out.bound["best"][:, row])):
-        yield f"Bound by '{best}', scope {report.scope[best]}{certain}."
-    else:
-        yield f"No bound by '{best}', scope {report.scope[best]}{certain}. That estimator {report.reasons[best]}."
+    """What stands beside a verdict: which bound, what the corrected output is worth, how far a truth is away."""
+    best = min(widest(report.scope), key=lambda e: np.max(out.bound[e][:, row], initial=0.0))
+    if not np.isfinite(np.max(out.bound["best"][:, row])):
+        yield f"No bound by '{best}'. That estimator {report.reasons[best]}."
     if out.corrected is not None:
         said = corrected_within(out, out.corrected_bound[:, row], report.scope)
         yield f"{said[0].upper()}{said[1:]}."
@@ -163,7 +169,7 @@ def _tables(report: ReportData) -> Iterator[str]:
         )
         rows = [_output_row(report, out, row, name, estimators) for out, row, name in rows_of(report)]
         yield numbers("Largest bounds of outputs, and when", head, rows)
-    if estimated := [found for found in rows_of(report) if known(found[0], found[1]) is not None]:
+    if estimated := [found for found in rows_of(report) if is_known(found[0], found[1])]:
         head = ("output", "largest estimate", "half width", "parts", "parts of the half width")
         rows = [_estimate_row(report, out, row, name) for out, row, name in estimated]
         yield numbers("Estimates of the error, largest values over time", head, rows)

@@ -1,4 +1,4 @@
-"""What print(report) shows: each thing once, on a screen; and all there is to say, row by row."""
+"""What print(report) shows: enough or not, by cause, on a screen; and all there is to say, component by component."""
 
 from __future__ import annotations
 
@@ -6,17 +6,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..advice import advice, until_its_end
+from ..data import is_beside
 from ..estimate_wording import covers_time, off_by, said_first
-from ..overview import aligned, next_steps, short_table
-from ..scope import NOT_CERTIFIED
-from ..verdict import row_verdict
+from ..scope import FROZEN, NOT_CERTIFIED
+from ..table import aligned, by_sensor, first_sentences, reasons, table
+from ..table import summary as first_sentence
+from ..verdicts import NONE, rows_of
 from ..wording import (
+    AS_IN_THIS_RUN,
+    NOT_THE_MECHANISM,
     SAMPLED,
-    advises,
     corrected_within,
     digits,
+    error_kind,
     outside,
+    rounded_up,
+    under,
+    widest_scope,
 )
 
 if TYPE_CHECKING:
@@ -24,31 +30,59 @@ if TYPE_CHECKING:
 
     from ..data import OutputData, ReportData
 
-MORE = "every row, with parts and corrected output: print(report.details)"
+MORE = "every component, bounds by all estimators, corrected outputs: print(report.details)"
+OUTPUT = "output"  # what a line of its tables is of
 
 
 def summary(report: ReportData, scope_lines: Sequence[str]) -> str:
-    """Return the text of a report of several outputs, all rows of one together.
-
-    scope_lines : what the bounds cover.
-    """
-    told = [line for out in report.outputs.values() for line in _compared(out, report.time, f"{out.name}: ")]
-    steps = [*next_steps(report), *told, MORE]
-    return "\n".join([*_first(report), *aligned(short_table(report)), *steps, *_messages(report), *scope_lines])
+    """Return the text of a report, a line for each output; scope_lines : what the bounds cover."""
+    compared = [line for out in report.outputs.values() for line in _compared(out, report.time, f"{out.name}: ")]
+    lines = [*_first(report), *_answers(report), *compared, *_messages(report)]
+    return "\n".join([*lines, *scope_lines, *([MORE] if report.outputs else [])])
 
 
 def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
-    """Return a line for every row of every output, advice, corrected outputs; estimator_lines : of the whole body."""
-    lines = [*_first(report), *_messages(report)]
+    """Return a line for every component, and what bounds say of each output; estimator_lines : of the whole body."""
+    lines, rows = [*_first(report), *_messages(report)], rows_of(report)
+    lines += aligned(table(rows, OUTPUT)) if rows else []
     for place, out in enumerate(report.outputs.values()):
-        rows = range(out.value.shape[1])
-        lines += [row_verdict(out, row, report.time, report.scope, place + row == 0) for row in rows]
-        if advises(report):
-            lines.append(f"  {until_its_end(report.planned_end, advice(out, report.time, report.scope))}")
-        if out.corrected is not None and not _tells_nothing(out):
-            lines.append(f"  {corrected_within(out, out.corrected_bound, report.scope, in_full=False)}")
-        lines += _compared(out, report.time, "  ")
+        lines += [f"{out.name}: {said}" for said in _of_bounds(report, out, place == 0)]
+        lines += _compared(out, report.time, f"{out.name}: ")
     return "\n".join([*lines, *estimator_lines])
+
+
+def _answers(report: ReportData) -> list[str]:
+    """Sentences of what was asked for, and the table, with what stands beside it for the sake of its bounds."""
+    rows = by_sensor(rows_of(report))
+    if not rows:
+        return []
+    asked = [row for row in rows if not is_beside(report, row.name)]
+    known = any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
+    tables = [*first_sentences(asked), "", *aligned(table(rows, OUTPUT)), ""] if known else []
+    return [first_sentence(asked, OUTPUT), *tables, *reasons(asked)]
+
+
+def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[str]:
+    """What bounds say of an output, each with its condition, in full in the first line, and its corrected value."""
+    is_frozen, most = widest_scope(report.scope) == FROZEN, "bounded by" if out.uncertified else "at most"
+    known = _by_all(report, out)
+    if not known:
+        yield "no finite bound: report.reason(...) says why"
+    elif is_frozen:
+        yield f"{AS_IN_THIS_RUN} its error is {most} {known}{f' ({NOT_THE_MECHANISM})' if is_first else ''}"
+    else:
+        yield f"its {error_kind(report.time)} is {most} {known}"
+    if out.corrected is not None and not _tells_nothing(out):
+        yield corrected_within(out, out.corrected_bound, report.scope, in_full=False)
+
+
+def _by_all(report: ReportData, out: OutputData) -> str:
+    """The largest bound of each estimator, and what it holds under."""
+    return ", ".join(
+        f"{rounded_up(np.max(out.bound[e]))} {out.unit} by {e!r}{under(report.scope, e, out.uncertified)}"
+        for e in report.scope
+        if np.isfinite(np.max(out.bound[e]))
+    )
 
 
 def _tells_nothing(out: OutputData) -> bool:
@@ -65,7 +99,7 @@ def _first(report: ReportData) -> list[str]:
 
 def _extent(report: ReportData) -> str:
     axis = "load factor" if report.time == "static" else "t / s"
-    return f"bounds at {len(report.t)} instants, {axis} = {report.t[0]:g} .. {report.t[-1]:g}"
+    return f"{len(report.t)} instants, {axis} = {report.t[0]:g} .. {report.t[-1]:g}"
 
 
 def _messages(report: ReportData) -> Iterator[str]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...checks import check_count
-from ..estimate_wording import estimated_kind, estimated_under, known
+from ...estimates.estimate import RESOLVED
+from ..estimate_wording import estimated_kind, estimated_under, is_known
 from ..scope import NOT_CERTIFIED
 from ..wording import at_round_off, error_kind, rounded_up, under
 from .readable_axes import OF_BOUND, OF_HALF_WIDTH, above, largest_in_words, limits_of_errors, limits_of_signal
@@ -188,8 +189,10 @@ def _estimate(ax: Any, report: ReportData, out: OutputData, row: int, limits: tu
 
 def _not_resolved(out: OutputData, row: int) -> str:
     """For a legend: that the estimate is no number to rely on."""
-    found = known(out, row)
-    return " (not resolved)" if found is not None and found.tells_nothing else ""
+    if not is_known(out, row):
+        return ""
+    size, half, value = (float(np.max(np.abs(x[:, row]))) for x in (out.estimate, out.uncertainty, out.value))
+    return " (not resolved)" if half > RESOLVED * size and half > value else ""
 
 
 def _doubt(out: OutputData) -> str:

@@ -6,11 +6,11 @@ import exudyn as exu
 import numpy as np
 import pytest
 from exudyn import itemInterface
+from exudyn_romerr.report.overview import overview
 
 import exudyn_romerr as romerr
 from exudyn_romerr import AssumptionError, InputError, attach, floating_body
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
-from exudyn_romerr.report.overview import overview
 from models import floating, mechanisms
 from tests.helpers.mechanism_runs import (
     BOTH,

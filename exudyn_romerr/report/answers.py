@@ -22,12 +22,11 @@ class Answer(str, Enum):
 
 
 STATUS = {Answer.ENOUGH: 0, Answer.TOO_LARGE: 3, Answer.NOT_KNOWN: 4, Answer.NOT_COVERED: 4}
-OF_ASSESS = {  # answers of report.assess
-    "proven": Answer.ENOUGH,
-    "likely": Answer.ENOUGH,
-    "unknown": Answer.NOT_KNOWN,
-    "unlikely": Answer.TOO_LARGE,
-    "disproven": Answer.TOO_LARGE,
+ASSESSED = {  # in words of report.assess, where bounds prove nothing
+    Answer.ENOUGH: "likely",
+    Answer.NOT_KNOWN: "unknown",
+    Answer.NOT_COVERED: "unknown",
+    Answer.TOO_LARGE: "unlikely",
 }
 SHARE = 1e-3  # of the largest value, where no tolerance was given: nobody needs less
 NEEDED = "a positive number in the model's unit (0.001), a share of the largest value (1%), or of one sensor: tip=1%"

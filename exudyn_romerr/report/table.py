@@ -1,48 +1,29 @@
-"""The answer as text: what is enough and what is not, then a line for each sensor, a column for each cause."""
+"""Verdicts as text: what is enough and what is not, then a line for each output, a column for each cause."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..report.overview import aligned
-from ..report.wording import digits, listed, percent, rounded_up
 from .answers import SHARE, Answer, worst
-from .verdicts import CAUSES, CURES, MEASURED, NONE, Judgement, Row
+from .verdicts import CAUSES, MEASURED, NONE, Row
+from .wording import digits, listed, percent, rounded_up
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from .verdicts import Verdict
 
-FEW_SOLVES = 3  # of these each has its own table; of more a line each
 TITLES = {"modes": "modes", "interfaces": "rigid interfaces", "step": "step", "start": "start", "sum": "whole error"}
-MEASURE = "romerr verify {} measures it"
 NOT_RIGID = "if the part is not as rigid there as its modes make it; no number of modes cures that"
 BESIDE = ("order", "noise", "estimated about")
 SHOWN = 0.005  # of a size: a half width below it is not seen in two digits
 
 
-def text(judgement: Judgement, script: str) -> str:
-    """Return all that `romerr run` prints; script : as the user typed it, for what to type next."""
-    sensors = by_sensor(judgement.rows)
-    lines = [*judgement.notes]
-    if sensors:
-        lines.append(summary(sensors))
-    if any(verdict.how != NONE for row in sensors for verdict in row.of.values()):
-        lines += [*first_sentences(sensors), "", *_tables(sensors, judgement)]
-    return "\n".join([*lines, *reasons(sensors, script)])
-
-
-def _tables(sensors: Sequence[Row], judgement: Judgement) -> list[str]:
-    numbers = sorted({row.solve for row in sensors})
-    if len(numbers) > FEW_SOLVES:
-        return aligned(table_of_solves(sensors, numbers))
-    lines: list[str] = []
-    for number in numbers:
-        lines += [f"solve {number} ({judgement.solves[number].kind}):"] if len(numbers) > 1 else []
-        lines += aligned(table([row for row in sensors if row.solve == number]))
-    return lines
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return lines of text whose columns begin below each other."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
 def by_sensor(rows: Sequence[Row]) -> list[Row]:
@@ -75,12 +56,12 @@ def _worst_of(verdicts: Sequence[Verdict]) -> Verdict:
     return max((verdict for verdict in verdicts if verdict.answer is answer), key=lambda verdict: verdict.most)
 
 
-def summary(sensors: Sequence[Row]) -> str:
-    """Return the sentence that stands first: enough or not, for which cause."""
+def summary(sensors: Sequence[Row], what: str = "sensor") -> str:
+    """Return the sentence that stands first: enough or not, for which cause; what : they are rows of."""
     answer, asked = worst(row.answer for row in sensors), sensors[0].is_asked
-    within = "its tolerance" if asked else f"{100 * SHARE:g} % of what the sensor shows"
+    within = "its tolerance" if asked else f"{100 * SHARE:g} % of what the {what} shows"
     if answer is Answer.ENOUGH:
-        return f"Enough: the error of every sensor is within {within}."
+        return f"Enough: the error of every {what} is within {within}."
     causes = [cause for cause in CAUSES if any(cause in row.of and row.of[cause].answer is answer for row in sensors)]
     of = f", by {listed([TITLES[cause] for cause in causes])}" if causes else ""
     names = listed(list(dict.fromkeys(row.name for row in sensors if row.answer is answer)))
@@ -106,10 +87,10 @@ def _of_cause(sensors: Sequence[Row], cause: str) -> str:
     same = [row for row in known if row.of[cause].answer is answer]
     row = max(same, key=lambda row: row.of[cause].most / (row.largest or 1.0))
     verdict = row.of[cause]
-    size = f"{_said(verdict, row.unit)}{_in_brackets(verdict, row.largest)} at {row.name}"
+    size = f"{said(verdict, row.unit)}{share_in_brackets(verdict, row.largest)} at {row.name}"
     if cause == "interfaces" and answer is not Answer.ENOUGH:
         return f"{title}: {size}, {NOT_RIGID}."
-    todo = "" if answer is Answer.ENOUGH else f"; {CURES[cause]}"
+    todo = f"; {verdict.cure}" if verdict.cure else ""
     return f"{title}: {_word(row, verdict)}, {size}{todo}."
 
 
@@ -124,33 +105,40 @@ def _word(row: Row, verdict: Verdict) -> str:
     return "too close to the tolerance to tell"
 
 
-def table(sensors: Sequence[Row]) -> list[tuple[str, ...]]:
-    """Return head and a line for each sensor, a column for each cause."""
-    causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in sensors)]
+def table(sensors: Sequence[Row], what: str = "sensor") -> list[tuple[str, ...]]:
+    """Return head and a line for each sensor, or of what they are rows, a column for each cause."""
+    causes = [cause for cause in (*CAUSES, "sum") if any(_has_size(row, cause) for row in sensors)]
     with_bound = any(row.bound is not None for row in sensors)
-    how = _how(sensors)
-    head = ("sensor", "up to", *(f"{TITLES[cause]} {how}" for cause in causes), *(["at most"] if with_bound else []))
-    lines = [head, *(_line(row, causes, with_bound) for row in sensors)]
-    if how != MEASURED:
+    word = how(sensors)
+    scopes = {row.scope for row in sensors if row.bound is not None}
+    shared = scopes.pop() if len(scopes) == 1 else ""
+    most = [f"at most{shared and f' ({shared})'}"] if with_bound else []
+    head = (what, "up to", *(f"{TITLES[cause]} {word}" for cause in causes), *most)
+    lines = [head, *(_line(replace(row, scope="" if shared else row.scope), causes, with_bound) for row in sensors)]
+    if word != MEASURED:
         return lines
     return [line + beside for line, beside in zip(lines, [BESIDE, *map(_beside, sensors)], strict=True)]
 
 
-def _how(sensors: Sequence[Row]) -> str:
-    """The word for sizes."""
+def _has_size(row: Row, cause: str) -> bool:
+    return cause in row.of and row.of[cause].size is not None
+
+
+def how(sensors: Sequence[Row]) -> str:
+    """Return the word for sizes: "about", or "measured"."""
     return MEASURED if any(x.how == MEASURED for row in sensors for x in row.of.values()) else "about"
 
 
 def _line(row: Row, causes: Sequence[str], with_bound: bool) -> tuple[str, ...]:
     size = "" if row.largest is None else f"{digits(row.largest, 4)} {row.unit}".rstrip()
     bound = "" if row.bound is None else f"{rounded_up(row.bound, 2)}{row.scope and f' ({row.scope})'}"
-    return (row.name, size, *(_cell(row, cause) for cause in causes), *([bound] if with_bound else []))
+    return (row.label or row.name, size, *(_cell(row, cause) for cause in causes), *([bound] if with_bound else []))
 
 
 def _beside(row: Row) -> tuple[str, ...]:
     """What stands beside a measured error: order of the step's, noise, the run's own estimate."""
     order = "" if row.order is None else digits(row.order, 2)
-    estimated = "not covered" if row.estimated is None or row.estimated.size is None else _said(row.estimated)
+    estimated = "not covered" if row.estimated is None or row.estimated.size is None else said(row.estimated)
     return order, "" if row.noise is None else digits(row.noise, 1), estimated
 
 
@@ -161,51 +149,33 @@ def _cell(row: Row, cause: str) -> str:
         return ""
     if verdict.size is None:
         return verdict.answer.value
-    return f"{_said(verdict)}{_in_brackets(verdict, row.largest)}"
+    return f"{said(verdict)}{share_in_brackets(verdict, row.largest)}"
 
 
-def table_of_solves(sensors: Sequence[Row], numbers: Iterable[int]) -> list[tuple[str, ...]]:
-    """Return head and a line for each solve: the sensor with the largest share of each cause."""
-    causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in sensors)]
-    lines = [("solve", "answer", *(f"{TITLES[cause]} {_how(sensors)}" for cause in causes))]
-    for number in numbers:
-        own = [row for row in sensors if row.solve == number]
-        lines.append((str(number), worst(row.answer for row in own).value, *(_worst_cell(own, x) for x in causes)))
-    return lines
+def said(verdict: Verdict, unit: str = "") -> str:
+    """Return size and half width in as many digits as these leave."""
+    unit = unit and f" {unit}"
+    if verdict.is_at_round_off:
+        return f"{rounded_up(verdict.most, 1)}{unit} or less, at round-off"
+    if not verdict.is_resolved:
+        return f"{rounded_up(verdict.most, 2)}{unit} or less"
+    off = float(f"{verdict.half_width:.3g}")  # a difference, whose last digits are rounding
+    half = f" +- {rounded_up(off, 1)}" if off > SHOWN * verdict.size else ""
+    return f"{digits(verdict.size, 2)}{half}{unit}"
 
 
-def _worst_cell(sensors: Sequence[Row], cause: str) -> str:
-    known = [row for row in sensors if cause in row.of and row.of[cause].size is not None and row.largest]
-    if not known:
-        return Answer.NOT_COVERED.value
-    row = max(known, key=lambda row: row.of[cause].most / row.largest)
-    return f"{_said(row.of[cause], row.unit)}{_in_brackets(row.of[cause], row.largest)}, {row.name}"
+def share_in_brackets(verdict: Verdict, of: float | None) -> str:
+    """Return the share of what the output shows."""
+    size = verdict.size if verdict.is_resolved else verdict.most
+    return f" ({percent(size / of) or 'more than 10 times'})" if of else ""
 
 
-def reasons(sensors: Sequence[Row], script: str) -> list[str]:
-    """Return a line for sensors of which something is not covered: why, and what to type."""
+def reasons(sensors: Sequence[Row]) -> list[str]:
+    """Return a line for what is not covered, or does not tell: which, and why."""
     why: dict[str, list[str]] = {}
     for row in sensors:
         found = [row.of[x] for x in ("sum", *CAUSES) if x in row.of]
         missing = next((x for x in found if x.how == NONE or x.reason), None)
         if missing is not None and row.name not in why.setdefault(missing.reason, []):
             why[missing.reason].append(row.name)
-    lines = [f"not known, {listed(names)}: {reason}" for reason, names in why.items()]
-    if _how(sensors) != MEASURED and (lines or any(row.answer is Answer.NOT_KNOWN for row in sensors)):
-        lines.append(MEASURE.format(script))
-    return lines
-
-
-def _said(verdict: Verdict, unit: str = "") -> str:
-    """Size and half width in as many digits as these leave."""
-    unit = unit and f" {unit}"
-    if not verdict.is_resolved:
-        return f"{rounded_up(verdict.most, 2)}{unit} or less"
-    half = f" +- {rounded_up(verdict.half_width, 1)}" if verdict.half_width > SHOWN * verdict.size else ""
-    return f"{digits(verdict.size, 2)}{half}{unit}"
-
-
-def _in_brackets(verdict: Verdict, of: float | None) -> str:
-    """The share of what the sensor shows."""
-    size = verdict.size if verdict.is_resolved else verdict.most
-    return f" ({percent(size / of) or 'more than 10 times'})" if of else ""
+    return [f"not known, {listed(names)}: {reason}" for reason, names in why.items()]

@@ -1,0 +1,134 @@
+"""Judgement: all verdicts on a script's solves, and the text of them that the command line prints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ..report.answers import Answer, worst
+from ..report.data import is_beside
+from ..report.table import (
+    TITLES,
+    aligned,
+    by_sensor,
+    first_sentences,
+    how,
+    reasons,
+    said,
+    share_in_brackets,
+    summary,
+    table,
+)
+from ..report.verdicts import ALWAYS, CAUSES, MEASURED, NONE, Row, limit_of, not_covered, row_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from ..report.answers import Tolerances
+    from .solve import Solve
+
+FEW_SOLVES = 3  # of these each has its own table; of more a line each
+MEASURE = "romerr verify {} measures it"
+NO_SENSOR = "all bodies"  # stands for outputs of a scene without sensors
+NO_NUMBER = "nothing is known of its error"
+
+
+@dataclass
+class Judgement:
+    """All rows of a script, and how it went.
+
+    Attributes
+    ----------
+    rows : of all solves. solves : what was found of them. notes : what else is to be said.
+    """
+
+    rows: list[Row]
+    solves: Sequence[Solve] = ()
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def answer(self) -> Answer:
+        """The answer that counts for all rows."""
+        return worst(row.answer for row in self.rows)
+
+
+def rows_of_solve(solve: Solve, tolerances: Tolerances) -> list[Row]:
+    """Return the rows of a solve: of every component that its report has, and of each sensor that it has not."""
+    rows: list[Row] = []
+    report = solve.report
+    for out in report.outputs.values() if report is not None else ():
+        still = solve.chosen and not out.value.any()  # the interface that holds the frame: nobody asked for it
+        if not is_beside(report, out.name) and not still:
+            limit = limit_of(out, tolerances)
+            rows += [row_of(report, out, i, limit, solve.number) for i in range(out.value.shape[1])]
+    seen = {row.name for row in rows}
+    missing = [name for name in solve.sensors if name not in seen]
+    if not rows and not missing:
+        missing = [NO_SENSOR]
+    return rows + [_without(solve, name, reason_of(solve, name)) for name in missing]
+
+
+def reason_of(solve: Solve, name: str) -> str:
+    """Return why there is no number of a sensor."""
+    if solve.failure is not None:
+        return str(solve.failure)
+    left_out = solve.report.plan.left_out if solve.report is not None else ()
+    own = (
+        why for what, why in left_out if name in (what, what.removeprefix("sensor ").strip("'")) or f"({name})" in why
+    )
+    return next(own, "") or "; ".join(f"{which}: {why}" for which, why in solve.refused) or NO_NUMBER
+
+
+def _bare(what: str) -> str:
+    """The name of a sensor that a plan leaves out."""
+    return what.removeprefix("sensor ").strip("'")
+
+
+def _without(solve: Solve, name: str, reason: str) -> Row:
+    return Row(name, 0, solve.number, "", None, dict.fromkeys((*ALWAYS, "sum"), not_covered(reason)))
+
+
+def text(judgement: Judgement, script: str) -> str:
+    """Return all that `romerr run` prints; script : as the user typed it, for what to type next."""
+    sensors = by_sensor(judgement.rows)
+    lines = [*judgement.notes]
+    if sensors:
+        lines.append(summary(sensors))
+    if any(verdict.how != NONE for row in sensors for verdict in row.of.values()):
+        lines += [*first_sentences(sensors), "", *_tables(sensors, judgement)]
+    return "\n".join([*lines, *reasons(sensors), *_measure(sensors, script)])
+
+
+def _tables(sensors: Sequence[Row], judgement: Judgement) -> list[str]:
+    numbers = sorted({row.solve for row in sensors})
+    if len(numbers) > FEW_SOLVES:
+        return aligned(table_of_solves(sensors, numbers))
+    lines: list[str] = []
+    for number in numbers:
+        lines += [f"solve {number} ({judgement.solves[number].kind}):"] if len(numbers) > 1 else []
+        lines += aligned(table([row for row in sensors if row.solve == number]))
+    return lines
+
+
+def table_of_solves(sensors: Sequence[Row], numbers: Iterable[int]) -> list[tuple[str, ...]]:
+    """Return head and a line for each solve: the sensor with the largest share of each cause."""
+    causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in sensors)]
+    lines = [("solve", "answer", *(f"{TITLES[cause]} {how(sensors)}" for cause in causes))]
+    for number in numbers:
+        own = [row for row in sensors if row.solve == number]
+        lines.append((str(number), worst(row.answer for row in own).value, *(_worst_cell(own, x) for x in causes)))
+    return lines
+
+
+def _worst_cell(sensors: Sequence[Row], cause: str) -> str:
+    known = [row for row in sensors if cause in row.of and row.of[cause].size is not None and row.largest]
+    if not known:
+        return Answer.NOT_COVERED.value
+    row = max(known, key=lambda row: row.of[cause].most / row.largest)
+    return f"{said(row.of[cause], row.unit)}{share_in_brackets(row.of[cause], row.largest)}, {row.name}"
+
+
+def _measure(sensors: Sequence[Row], script: str) -> list[str]:
+    """What to type where something is not known."""
+    unknown = any(row.answer in (Answer.NOT_KNOWN, Answer.NOT_COVERED) for row in sensors)
+    return [MEASURE.format(script)] if unknown and how(sensors) != MEASURED else []
