@@ -9,9 +9,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..report.assessment import ANSWERS, TOO_LARGE
-from ..report.estimate_wording import covers_time, estimate_scope, is_known, parts_of
 from ..report.scope import FROZEN, NOT_CERTIFIED
-from ..report.wording import digits, rounded_up, widest_scope
+from ..report.wording import covers_time, digits, estimate_scope, is_known, parts_of, rounded_up, widest_scope
 from .modal_forecast import BOUND, ESTIMATE
 
 if TYPE_CHECKING:

@@ -12,9 +12,8 @@ from ..estimates.estimate import RESOLVED
 from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
 from .answers import SHARE, Answer, Tolerance
 from .cures import cure_of
-from .estimate_wording import covers_time, estimate_scope, parts_of
 from .scope import COMPLETE, FROZEN, Reason, causes_of, cures_of
-from .wording import MEASURE_IT, NOT_THE_MECHANISM, instant, widest_scope
+from .wording import MEASURE_IT, NOT_THE_MECHANISM, covers_time, estimate_scope, instant, parts_of, widest_scope
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

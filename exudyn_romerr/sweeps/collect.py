@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
-from ..report.estimate_wording import estimated_under, is_known
 from ..report.formats.atomic_write import write_whole
 from ..report.formats.csv_table import largest
 from ..report.report import BoundReport
-from ..report.wording import bound_column, digits, rounded_up, under
+from ..report.wording import bound_column, digits, estimated_under, is_known, rounded_up, under
 from .result_files import results_in
 from .variations import Failure
 

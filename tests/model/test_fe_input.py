@@ -142,7 +142,7 @@ def test_examples_run_from_any_folder(tmp_path):
     """And leave nothing behind."""
     script = ROOT / "examples" / "fe_abaqus.py"
     run = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert re.search(r"^stress xx +8\.\d+e\+05 Pa +\d+ \+- \d+ Pa .* Pa", run.stdout, re.MULTILINE)
+    assert re.search(r"^stress xx +8\.\d+e\+05 Pa +\d+ \+- \d+ ", run.stdout, re.MULTILINE)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -6,9 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exudyn_romerr.report.estimate_wording import off_by, parts_of
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, PAGE, SCOPES
-from exudyn_romerr.report.wording import corrected_within, digits, rounded_down, rounded_up, scope_lines, under
+from exudyn_romerr.report.wording import (
+    corrected_within,
+    digits,
+    off_by,
+    parts_of,
+    rounded_down,
+    rounded_up,
+    scope_lines,
+    under,
+)
 from tests.helpers.report_outputs import estimated, output
 
 

@@ -12,9 +12,8 @@ from ...errors import InputError
 from ...estimates.estimate import RESOLVED
 from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
 from ...mode_selection.tried_run import outputs_of
-from ...report.estimate_wording import estimated_kind
 from ...report.scope import COUPLED, FROZEN
-from ...report.wording import NOT_THE_MECHANISM, at_most, digits, error_kind, rounded_up, widest_scope
+from ...report.wording import NOT_THE_MECHANISM, at_most, digits, error_kind, estimated_kind, rounded_up, widest_scope
 from .scene_run import build_trial, same_times
 
 if TYPE_CHECKING:

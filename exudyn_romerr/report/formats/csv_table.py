@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..estimate_wording import estimated_under
-from ..wording import bound_column, check_name, under
+from ..wording import bound_column, check_name, estimated_under, under
 from .atomic_write import write_whole
 
 if TYPE_CHECKING:

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..data import is_beside
-from ..estimate_wording import is_known
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
-from ..wording import for_run_alone
+from ..wording import for_run_alone, is_known
 from .html_elements import paragraph
 
 if TYPE_CHECKING:

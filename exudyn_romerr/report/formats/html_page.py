@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..data import is_beside
-from ..estimate_wording import estimated_under, is_known, off_by, said_first
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
 from ..table import by_sensor, first_sentences, reasons, summary
 from ..table import table as verdicts_table
@@ -18,9 +17,13 @@ from ..wording import (
     check_name,
     corrected_within,
     digits,
+    estimated_under,
     instant,
+    is_known,
+    off_by,
     outside,
     rounded_up,
+    said_first,
     under,
     widest,
     widest_scope,

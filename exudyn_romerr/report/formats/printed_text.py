@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..data import is_beside
-from ..estimate_wording import covers_time, off_by, said_first
 from ..scope import FROZEN, NOT_CERTIFIED
 from ..table import aligned, by_sensor, first_sentences, reasons, table
 from ..table import summary as first_sentence
@@ -17,10 +16,13 @@ from ..wording import (
     NOT_THE_MECHANISM,
     SAMPLED,
     corrected_within,
+    covers_time,
     digits,
     error_kind,
+    off_by,
     outside,
     rounded_up,
+    said_first,
     under,
     widest_scope,
 )

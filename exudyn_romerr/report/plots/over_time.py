@@ -8,9 +8,8 @@ import numpy as np
 
 from ...checks import check_count
 from ...estimates.estimate import RESOLVED
-from ..estimate_wording import estimated_kind, estimated_under, is_known
 from ..scope import NOT_CERTIFIED
-from ..wording import at_round_off, error_kind, rounded_up, under
+from ..wording import at_round_off, error_kind, estimated_kind, estimated_under, is_known, rounded_up, under
 from .readable_axes import OF_BOUND, OF_HALF_WIDTH, above, largest_in_words, limits_of_errors, limits_of_signal
 from .style import (
     CAUSE_STYLES,
