@@ -12,7 +12,7 @@ from ..estimates.estimate import RESOLVED
 from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
 from .answers import SHARE, Answer, Tolerance
 from .cures import cure_of
-from .scope import COMPLETE, FROZEN, Reason, causes_of, cures_of
+from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
 from .wording import MEASURE_IT, NOT_THE_MECHANISM, covers_time, estimate_scope, instant, parts_of, widest_scope
 
 if TYPE_CHECKING:
@@ -213,7 +213,8 @@ def _verdicts(report: ReportData, out: OutputData, i: int, limit: float | None, 
         return {"sum": _by_bound(report, out, limit, bound)}
     if estimate_scope(out, report.scope) == FROZEN:
         why = report.scope_reason.partition(";")[0].removeprefix("no coupled bound: ") or NOT_THE_MECHANISM
-        frozen = not_covered(f"only the error under this run's forces is known: {why}", MEASURE_IT)
+        cure = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
+        frozen = not_covered(f"only the error under this run's forces is known: {why}", cure)
         return dict.fromkeys((*ALWAYS, "sum"), frozen)
     found, floor = _by_cause(report, out, i, limit), _largest(out.round_off[:, i])
     if not covers_time(out, report.time):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..answers import Answer
 from ..data import is_beside
 from ..scope import FROZEN, NOT_CERTIFIED
 from ..table import aligned, by_sensor, first_sentences, reasons, table
@@ -61,7 +62,8 @@ def _answers(report: ReportData) -> list[str]:
     asked = [row for row in rows if not is_beside(report, row.name)]
     known = any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
     tables = [*first_sentences(asked), "", *aligned(table(rows, OUTPUT)), ""] if known else []
-    return [first_sentence(asked, OUTPUT), *tables, *reasons(asked)]
+    cures = dict.fromkeys(row.of["sum"].cure for row in asked if row.answer is Answer.NOT_COVERED)
+    return [first_sentence(asked, OUTPUT), *tables, *reasons(asked), *(f"next: {cure}" for cure in cures)]
 
 
 def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[str]:
