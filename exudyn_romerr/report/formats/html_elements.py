@@ -16,11 +16,8 @@ body { font: 16px/1.5 system-ui, "Segoe UI", Roboto, Arial, sans-serif; color: #
   max-width: 60rem; margin: 2rem auto; padding: 0 1rem; overflow-wrap: anywhere; }
 h1 { font-size: 1.6rem; margin-bottom: 0; }
 h2 { font-size: 1.2rem; margin-top: 2rem; border-bottom: 1px solid #bbb; }
-.extent, .note, figcaption { color: #555; font-size: 0.9rem; }
+.extent, figcaption { color: #555; font-size: 0.9rem; }
 .extent { margin-top: 0; }
-.verdict { border-left: 0.4rem solid #0072b2; background: #f2f6fa; padding: 0.1rem 1rem; margin: 1rem 0; }
-.verdict p { margin: 0.5rem 0; }
-.verdict p:first-child { font-size: 1.1rem; }
 figure { margin: 1rem 0; }
 img { width: 100%; height: auto; }
 .wide { overflow-x: auto; margin: 1rem 0; }
@@ -34,7 +31,7 @@ pre { background: #f4f4f4; padding: 0.6rem; white-space: pre-wrap; }
 @media print {
   body { font-size: 10pt; max-width: none; margin: 0; padding: 0; print-color-adjust: exact; }
   h2, caption { break-after: avoid; }
-  figure, .verdict, tr, pre { break-inside: avoid; }
+  figure, tr, pre { break-inside: avoid; }
   tbody tr:first-child { break-before: avoid; }
   img { max-height: 235mm; object-fit: contain; }
   .wide { overflow: visible; }

@@ -123,10 +123,9 @@ def _verdicts(report: ReportData) -> Iterator[str]:
     head, *lines = verdicts_table(rows, "component")
     if len(rows) > len(outputs):
         yield table("All components", head, lines)
-    for out, row, name in rows_of(report):
-        notes = " ".join(_notes(report, out, row))
-        if notes:
-            yield f'<div class="verdict">\n{paragraph(f"{name}: {notes}", "note")}</div>'
+    notes = [f"{name}: {note}" for out, row, name in rows_of(report) for note in _notes(report, out, row)]
+    if notes:
+        yield items(notes)
 
 
 def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
