@@ -119,13 +119,22 @@ def has_joints_only(mbs: Any) -> bool:
 
 def has_dampers(mbs: Any) -> bool:
     """Whether there may be damping beside that of floating bodies: parameters of other objects that are not zero."""
-    items = (mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()))
     return any(
         (any(name in key.lower() for name in DAMPING) and _is_given(value)) or (_is_of_spring(key) and bool(value))
-        for item in items
-        if item["objectType"] not in BODIES
-        for key, value in item.items()
+        for i in range(mbs.systemData.NumberOfObjects())
+        for key, value in mbs.GetObject(i).items()
+        if mbs.GetObject(i)["objectType"] not in BODIES and not stands_alone(mbs, i)
     )
+
+
+def stands_alone(mbs: Any, number: int) -> bool:
+    """Whether an object is a linear body that no other object touches: it leaves the mechanism what it is."""
+    item = mbs.GetObject(number)
+    if item["objectType"] != "GenericODE2":
+        return False
+    others = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()) if i != number]
+    nodes = [(node, _markers_on(mbs, node, number)) for node in numbers(item, "nodeNumbers")]
+    return not any(_touches(other, markers, node) for other in others for node, markers in nodes)
 
 
 def _is_of_spring(key: str) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...online.coupled_runs import Connectors
-from ..access.mbs_items import BODIES, DAMPING, has_dampers, numbers
+from ..access.mbs_items import BODIES, DAMPING, has_dampers, numbers, stands_alone
 from .control_functions import find_controls
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def connectors(mbs: Any, of_marker: Callable[[int], Compliance | None]) -> Conne
     stiffness, damping, covered = 0.0, 0.0, np.inf
     for i in range(mbs.systemData.NumberOfObjects()):
         item = mbs.GetObject(i)
-        if item["objectType"] in BODIES or item.get("activeConnector") is False:
+        if item["objectType"] in BODIES or item.get("activeConnector") is False or stands_alone(mbs, i):
             continue
         k, d = _matrices(item, gains.get(i))
         markers = numbers(item, "markerNumbers") if k is None or d is None or k.any() or d.any() else ()

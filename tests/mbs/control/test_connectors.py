@@ -53,7 +53,9 @@ def test_stiffness_and_damping_are_bounded_by_mass(name):
     assert found.covered == pytest.approx({"both": 1e-3, "Cartesian": 1e-3, "torsional": 2e-3}.get(name, 3e-3))
 
 
-def test_what_is_not_known_is_inf():
+@pytest.mark.parametrize("touched", [True, False])
+def test_what_is_not_known_is_inf(touched):
+    """Damping of a linear body, where something else touches that."""
     mbs = two_boxes("both")
     node = mbs.AddNode(
         itemInterface.NodeGenericODE2(
@@ -64,9 +66,12 @@ def test_what_is_not_known_is_inf():
         )
     )
     mbs.AddObject(itemInterface.ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.eye(1), dampingMatrix=np.eye(1)))
+    if touched:
+        ends = [mbs.AddMarker(itemInterface.MarkerNodeCoordinate(nodeNumber=node, coordinate=0)) for _ in range(2)]
+        mbs.AddObject(itemInterface.ObjectConnectorCoordinate(markerNumbers=ends))
     mbs.Assemble()
     found = connectors(mbs, lambda marker: None)
-    assert (found.are_damped, found.damping, found.covered) == (True, np.inf, 0.0)
+    assert (found.damping, found.covered) == ((np.inf, 0.0) if touched else (51.16, 1e-3))
     assert np.isfinite(found.stiffness)
 
 

@@ -107,9 +107,10 @@ def bushings(seed):
     return (tuple(replace(link, kind="bushing") for link in first), *others)
 
 
-def holding(item):
-    """An mbs with one object."""
-    return SimpleNamespace(GetObject=lambda i: item, systemData=SimpleNamespace(NumberOfObjects=lambda: 1))
+def holding(*items):
+    """An mbs with these objects."""
+    counts = {"NumberOfObjects": lambda: len(items), "NumberOfMarkers": lambda: 0}
+    return SimpleNamespace(GetObject=lambda i: items[i], systemData=SimpleNamespace(**counts))
 
 
 @pytest.mark.parametrize(
@@ -124,6 +125,12 @@ def test_dampers_are_found(given, is_damped):
     assert has_dampers(holding({**dict(given), "objectType": "Connector"})) == is_damped
 
 
-@pytest.mark.parametrize(("kind", "is_damped"), [("FFRFreducedOrder", False), ("GenericODE2", True)])
-def test_damping_of_floating_bodies_is_their_own(kind, is_damped):
-    assert has_dampers(holding({"objectType": kind, "dampingMatrix": np.eye(2)})) == is_damped
+def test_damping_of_floating_bodies_is_their_own():
+    """And of linear ones that nothing else touches."""
+    floating, linear = (
+        {"objectType": kind, "dampingMatrix": np.eye(2)} for kind in ("FFRFreducedOrder", "GenericODE2")
+    )
+    linear["nodeNumbers"] = [3]
+    assert not has_dampers(holding(floating))
+    assert not has_dampers(holding(linear, floating))
+    assert has_dampers(holding(linear, {"objectType": "Connector", "nodeNumbers": [3]}))
