@@ -33,6 +33,8 @@ NOT_LINEAR = "for the error is too large to be linear"
 MUCH_SHORTER = "take a twentieth of the step or less"
 TWENTIETH = 20.0  # times shorter steps: who is told to halve them would not get there
 # makes half widths 50 to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (test_cures.py)
+FAR = 3.0  # times the estimate of what it bounds: from there on a bound says that it is far off, not the error
+SHARPER = "the bound is {} times the estimate: auxiliary_modes=60, or 130, make it sharper"
 OF_CHECKS = {"steps": "halve the step", "vectors": MORE_VECTORS, "loads": "smoother loads"}
 
 

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 NAMES = 8  # of outputs or rows of which the same is said
 LONGEST = 1e4  # numbers below it are written without an exponent
-ENOUGH = 1e-3  # of the largest value: nobody needs less who asked for no tolerance
 AS_IN_THIS_RUN = "under the frame motion, loads and joint forces of this run"  # a bound with frozen inputs holds so
 NOT_THE_MECHANISM = (
     "what joints and controllers do with other steps or modes is not covered and may be many times larger"
@@ -201,20 +200,6 @@ def is_uncertified(report: ReportData) -> bool:
 def at_round_off(out: OutputData) -> np.ndarray:
     """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
     return np.max(out.bound["best"], axis=0, initial=0.0) < 2 * np.max(out.round_off, axis=0, initial=0.0)
-
-
-def permitted(out: OutputData) -> tuple[float, str]:
-    """Return the error that is small enough, and in words: the tolerance, or ENOUGH of the largest value of all rows.
-
-    A position is measured by how far it moves: where a body is says nothing about how much it deforms. Of an output
-    that stays zero nothing is enough unless a tolerance says so.
-    """
-    if out.tolerance is not None:
-        return out.tolerance, f"the tolerance of {digits(out.tolerance, 4)} {out.unit}"
-    moves = out.of == "position"
-    largest = np.max(np.ptp(out.value, axis=0) if moves else np.abs(out.value), initial=0.0)
-    of_all = f" of {out.name}" if out.value.shape[1] > 1 else ""
-    return ENOUGH * largest, f"{100 * ENOUGH:g} % of the largest {'change' if moves else 'value'}{of_all}"
 
 
 def outside(out: OutputData, row: int, time: str) -> str:

@@ -61,21 +61,17 @@ class Measured:
 
 @dataclass(frozen=True)
 class BodySensors:
-    """Sensors on mesh nodes of a body: those that can be outputs, and (sensor, why not) of the others.
-
-    unnamed : names of what no sensor measures, but stands beside one.
-    """
+    """Sensors on mesh nodes of a body: those that can be outputs, and (sensor, why not) of the others."""
 
     measured: tuple[Measured, ...]
     left_out: tuple[tuple[str, str], ...]
-    unnamed: frozenset[str] = frozenset()
 
     def in_the_frame_too(self) -> BodySensors:
         """Return all, and what the body's frame sees of nodes whose sensors are in global axes, each once."""
         seen = {item.key for item in self.measured}
         framed = {f.key: f for f in (item.in_the_frame() for item in self.measured if item.frame == "global")}
         added = tuple(item for key, item in framed.items() if key not in seen)
-        return BodySensors(self.measured + added, self.left_out, frozenset(item.name for item in added))
+        return BodySensors(self.measured + added, self.left_out)
 
 
 def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:

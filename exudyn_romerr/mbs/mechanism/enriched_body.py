@@ -26,7 +26,6 @@ from ...residual.residual import ResidualMap
 from ..access.reduced_damping import damping_products
 from ..floating.input_terms import InputTerms
 from ..floating.sampler import Sampler
-from .more_vectors import first_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,6 +38,10 @@ if TYPE_CHECKING:
     from ..floating.floating_body import FloatingBody, ReducedMatrices
     from ..floating.frame_support import Support
 
+# vectors of "auto": 20 static responses (those to the inertia of 14 modes and of the frame are 26) and a round of
+# responses to their own inertia; 14 more where a third deform rigid interfaces or damping is not Rayleigh's; 34 more
+# of a LARGE body (coordinates) that nothing damps: once its vectors are made they cost little
+VECTORS, STIFF, UNDAMPED, LARGE = 26, 40, 60, 20_000
 DIFFERENCE = 1e-4  # of coordinates and rates, to differentiate by: inertia forces are polynomials of low degree
 
 
@@ -52,17 +55,22 @@ class Couplings(NamedTuple):
     K_rows: np.ndarray
 
 
+def count_of(most: int, is_damped: bool, is_easy: bool) -> int:
+    """Return how many vectors "auto" is, of so many that there can be."""
+    undamped = UNDAMPED if most > LARGE else VECTORS
+    return min((VECTORS if is_easy else STIFF) if is_damped else undamped, most)
+
+
 class EnrichedBody:
     """Offline part of the feedback of one body: vectors P, their coupling to the mechanism, bounds of modes and P.
 
     Attributes
     ----------
-    m : number of vectors. asked, most : how many were to be made, and how many there can be. keeps : (m,) bool, those
-    that leave the interfaces rigid that the modes make rigid: all, if these make none rigid. first : (m,) bool, those
-    that fewer would have been. deformations : what bounds rows of modes, vectors and the rest. columns, frame, modal
-    : coordinates in the mbs, of its frame, its modes. offline, sampler : of the body on modes and vectors.
-    midpoint_residual : as asked for. note : line for the plan. flex, shapes (N, n + m) : the body as it is in the
-    mbs, its modes and vectors. sums : of these. damping : X^T D Y.
+    m : number of vectors. keeps : (m,) bool, those that leave the interfaces rigid that the modes make rigid: all, if
+    these make none rigid. first : (m,) bool, those that fewer would have been. deformations : what bounds rows of
+    modes, vectors and the rest. columns, frame, modal : coordinates in the mbs, of its frame, its modes. offline,
+    sampler : of the body on modes and vectors. midpoint_residual : as asked for. note : line for the plan. flex,
+    shapes (N, n + m) : the body as it is in the mbs, its modes and vectors. sums : of these. damping : X^T D Y.
     """
 
     def __init__(
@@ -94,10 +102,9 @@ class EnrichedBody:
             )
         )
         V_y, asked = Z.coordinates("V", model.held), options.auxiliary_modes
-        self.most = len(V_y)
         if asked == "auto":
-            asked = first_count(self.most, model.D.any(), scene.stiff is None and any(model.rayleigh))
-        asked = self.asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
+            asked = count_of(len(V_y), model.D.any(), scene.stiff is None and any(model.rayleigh))
+        asked = check_count("auxiliary_modes", asked, len(V_y), "free coordinates; or 'auto'")
         try:
             found = made_once(
                 body,
@@ -110,7 +117,7 @@ class EnrichedBody:
         del rigid
         P, self.m, self.keeps, self.first = Z.expand(found.P), found.P.shape[1], found.keeps, found.first
         highest = found.omega.max(initial=0.0)
-        count = f"{asked} vectors{' to begin with' if options.auxiliary_modes == 'auto' else ''}{found.beside(asked)}"
+        count = f"{asked} vectors{found.beside(asked)}"
         self.note = f"estimator 'auxiliary': {count}, up to {highest:.4g} rad/s, reacting with the mechanism"
         self.damping = partial(damping_products, body)
         self.flex, self.shapes = flex, np.hstack([model.V, P])

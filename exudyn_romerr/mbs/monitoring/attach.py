@@ -73,9 +73,8 @@ def attach(
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
         vectors made for the body ("auto": 26, or 40 of a damped one whose damping is not Rayleigh's or whose modes
-        make interfaces rigid, 60 of a large undamped one, and on top those that deform rigid interfaces; then 60 and
-        130, where bounds in the first steps ask for it and it pays: a message of the run says so), and bounds are of
-        the reduction error, whatever time says.
+        make interfaces rigid, 60 of a large undamped one, and on top those that deform rigid interfaces), and bounds
+        are of the reduction error, whatever time says.
     midpoint_residual : bool
         Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
         samples: Exudyn's equations are evaluated in the middle of steps, of all where what they leave is rough.

@@ -40,7 +40,7 @@ NO_POSITIONS = "positions in global axes have an estimate only: {}"
 class Reaction:
     """The linearised mechanism with the vectors of its bodies behind its own coordinates (theory.md 7).
 
-    size : coordinates of mechanism and vectors. parts : bodies, where these are. extended : tangents. said : notes.
+    size : coordinates of mechanism and vectors. parts : bodies, where these are. extended : tangents.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Reaction:
     ):
         self._watches, self._feedback, self._tangents = watches, feedback, tangents
         self._first_steps, self._step_errors, self._sensors = first_steps, step_errors, sensors
-        self.said, self._estimates = list[str](), [OutputEstimates(watch.enriched) for watch in watches]
+        self._estimates = [OutputEstimates(watch.enriched) for watch in watches]
         self.size = tangents.size
         self.parts: list[tuple[EnrichedBody, slice]] = []
         for body in (watch.enriched for watch in watches):
@@ -223,7 +223,6 @@ class Reaction:
 
     def _say(self, notes: list[str]) -> None:
         """Say it once, in the reports of all bodies; what the runs say without vectors is not said by these."""
-        self.said += [note for note in notes if any(note not in watch.run.messages for watch in self._watches)]
         for note, watch in product(notes, self._watches):
             watch.note(note)
         notes.clear()

@@ -6,7 +6,6 @@ The frame's inertia terms, the loads and the wrenches of joints are inputs of a 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,7 +33,7 @@ from ..floating.sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 from ..mechanism.enriched_body import EnrichedBody
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Collection, Sequence
 
     from ...model.body import ElasticBody
     from ...model.outputs import Output
@@ -67,7 +66,6 @@ class MovingSubject:
             import scipy.interpolate  # noqa: F401
         self._use(options.outputs or ())
         self.enriched: EnrichedBody | None = None
-        self.more: Callable[[int], EnrichedBody] | None = None  # of "auto": with so many vectors, or all
         self.columns, self._motion = np.zeros(0, dtype=int), PrescribedMotion()
         self._signature = self._before = ()  # of this solve; what was made for one before: a static one, most often
         self._body: ElasticBody | None = None
@@ -90,10 +88,10 @@ class MovingSubject:
         held = support if scope.name == COMPLETE else replace(support, known=False, unknown="")  # of no use in others
         signature = (model.V.tobytes(), id(body), held, scope, self.sensors, *actions.signature())
         if signature != self._signature:
-            now = (self._signature, self._sampler, self.enriched, self.more) if self._signature else ()
+            now = (self._signature, self._sampler, self.enriched) if self._signature else ()
             before, self._before, self._signature = self._before, now, ()  # until all of what follows was done
             if before and before[0] == signature:
-                _, self._sampler, self.enriched, self.more = before
+                _, self._sampler, self.enriched = before
             else:
                 terms = InputTerms(actions, support, self._flex, model.held, model.rigid)
                 scene = self._scene(model, actions, terms, reference, support, scope)
@@ -135,25 +133,19 @@ class MovingSubject:
 
     def _enriched_scene(self, scene: Scene, scope: Found, body, model, actions, support, columns, terms) -> Scene:
         """Make the body with vectors if the mechanism answers its errors; return the scene, which says so."""
-        self.enriched = self.more = None
+        self.enriched = None
         if not (scene.feedback or scope.answers):
             return scene
         kept = (self._flex, body, model, actions, support, replace(scene, scope=COUPLED, feedback=True))
-        make = partial(EnrichedBody, *kept, columns, terms)
         try:
-            self.enriched = make(self._options)
+            self.enriched = EnrichedBody(*kept, columns, terms, self._options)
         except Exception as error:
             if scene.feedback:
                 raise
             return replace(scene, left_out=(*scene.left_out, (BY_MECHANISM, str(error))))
-        self.more = partial(self._with_vectors, make) if self._options.auxiliary_modes == "auto" else None
         computed = (*scene.computed, self.enriched.note, TANGENT, ESTIMATE)
         left_out = scene.left_out if self._options.midpoint_residual else (*scene.left_out, BETWEEN)
         return replace(scene, computed=computed, left_out=left_out)
-
-    def _with_vectors(self, make: Callable, count: int) -> EnrichedBody:
-        found = make(replace(self._options, auxiliary_modes=min(count, self.enriched.most)))
-        return found.use(self._sampler.actions)
 
     def _find_scope(self, mbs: Any, *scene: Any) -> Found:
         """Return the scope; where no outputs were asked for, take those that the sensors show."""

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
-from weakref import proxy  # a mechanism that keeps itself waits for garbage collection, with all that it holds
 
 import numpy as np
 
@@ -19,7 +17,6 @@ from ..control.steady_gains import SteadyGains
 from ..derivatives.linearisation import Tangents
 from ..mechanism.kept_equations import KeptEquations
 from ..mechanism.late_readings import LateReadings
-from ..mechanism.more_vectors import MoreVectors
 from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
 from ..shadow.seen_vectors import seen_vectors
@@ -163,17 +160,15 @@ class Mechanism:
         settings = mbs.sys["simulationSettings"]
         self.tangents = Tangents(mbs, settings.parallel.numberOfThreads)
         holds_rates = settings.timeIntegration.generalizedAlpha.useIndex2Constraints
-        make = partial(Mechanism._reaction_of, proxy(self), TRAPEZOIDAL if holds_rates else of_solver, holds_rates)
-        self._reaction = make(mbs, self._sensors)
+        self._reaction = self._reaction_of(TRAPEZOIDAL if holds_rates else of_solver, holds_rates, mbs)
         self._reaction.extended.seen = seen_vectors(mbs, self._reaction.parts, self.tangents)
-        self._more = MoreVectors(self._coupled, self.tangents, make, self._sensors)
 
-    def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any, sensors: Sequence) -> Reaction:
+    def _reaction_of(self, scheme: Scheme, holds_rates: bool, mbs: Any) -> Reaction:
         residuals = StoredResiduals(self.tangents, mbs) if self._partners[0].enriched.midpoint_residual else None
         share = None if holds_rates else share_of(mbs)
         first = FirstSteps(scheme, share, self._first_steps.connectors, self._first_steps.step)
         steps = first, self.tangents, StepErrors(self.tangents, residuals, holds_rates, self.equations)
-        return Reaction(self._partners, Feedback(scheme), *steps, sensors)
+        return Reaction(self._partners, Feedback(scheme), *steps, self._sensors)
 
     def _join_openings(self) -> None:
         if self._opens:
@@ -197,7 +192,6 @@ class Mechanism:
                 raise RunError("the solve was interrupted before anything was bounded; solve again")
             rows = self._with_multipliers(rows)
             self._reaction.open(rows, self._before, self._at_hand[0])
-            self._more.open(rows)
             self._before = None
 
     def _join_extensions(self) -> None:
@@ -211,7 +205,7 @@ class Mechanism:
     def _advance_reaction(self, rows: tuple[np.ndarray, ...]) -> None:
         if self._reaction is not None and all(watch.extension is not None for watch in self._partners):
             rows = tuple(x[int(self._opens) :].copy() for x in self._with_multipliers(rows))
-            self._reaction = self._more.advance(self._reaction, rows, self._at_hand[0])
+            self._reaction.advance(rows, self._at_hand[0])
 
     def _with_multipliers(self, rows: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
         """The rows, which may be the first of those at hand."""

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..answers import Answer
+from ..cures import FAR, SHARPER
 from ..data import is_beside
-from ..scope import FROZEN, NOT_CERTIFIED
+from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..table import aligned, by_sensor, first_sentences, reasons, table
 from ..table import summary as first_sentence
 from ..verdicts import NONE, rows_of
@@ -20,6 +21,7 @@ from ..wording import (
     covers_time,
     digits,
     error_kind,
+    is_known,
     off_by,
     outside,
     rounded_up,
@@ -76,8 +78,18 @@ def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[
         yield f"{AS_IN_THIS_RUN} its error is {most} {known}{f' ({NOT_THE_MECHANISM})' if is_first else ''}"
     else:
         yield f"its {error_kind(report.time)} is {most} {known}"
+    if (times := _times_the_estimate(report, out)) > FAR:
+        yield SHARPER.format(digits(times, 2))
     if out.corrected is not None and not _tells_nothing(out):
         yield corrected_within(out, out.corrected_bound, report.scope, in_full=False)
+
+
+def _times_the_estimate(report: ReportData, out: OutputData) -> float:
+    """How far a bound of the modes is above the estimate of what it bounds; 0 where vectors lower none."""
+    if not is_known(out) or widest_scope(report.scope) != COUPLED:
+        return 0.0
+    bound, error = np.max(out.bound["best"]), np.max(np.abs(out.estimate - out.estimate_parts.get("time step", 0.0)))
+    return float(bound / error) if error > 0 and np.isfinite(bound) else 0.0
 
 
 def _by_all(report: ReportData, out: OutputData) -> str:
