@@ -88,7 +88,7 @@ def cases() -> list[Case | Refusal]:
         ),
         Case("N = 1, solved", partial(chain, 0.1, N=1, solved=True), 1.1),
         Case("n = N, solved", partial(chain, 0.1, n=5, solved=True), 1.1),
-        Case("n = N, exact samples", partial(chain, 0.1, n=5, time="sampled"), np.inf, "at round-off"),
+        Case("n = N, exact samples", partial(chain, 0.1, n=5, time="sampled"), np.inf, "Modes: enough, "),
         Refusal("massless coordinate", partial(small, bodies.massless(False)), r"coordinates \[2\]"),
         Refusal("massless motion", partial(small, bodies.massless(True)), "1 by -1, 2 by 1"),
         Case("held by 1e-12 of its stiffness", partial(scenes.held, 1e-12), 60),

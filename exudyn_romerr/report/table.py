@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .verdicts import Verdict
 
 TITLES = {"modes": "modes", "interfaces": "rigid interfaces", "step": "step", "start": "start", "sum": "whole error"}
-NOT_RIGID = "if the part is not as rigid there as its modes make it; no number of modes cures that"
+NOT_RIGID = "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does"
 BESIDE = ("order", "noise", "estimated about")
 SHOWN = 0.005  # of a size: a half width below it is not seen in two digits
 
