@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -168,22 +168,41 @@ def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int
     )
 
 
-def judge(
-    size: float, half: float, limit: float | None, how: str, cure: str = "", floor: float = 0.0, reason: str = ""
-) -> Verdict:
-    """Return the verdict on an error of that size, half width and tolerance (None: none asked).
+class Reservation(NamedTuple):
+    """Why numbers do not tell that an error is small enough, and what to do; empty: they do.
 
-    reason : why numbers do not tell that it is enough, or what it is; empty: they do.
+    until_then : they are right as far as the run went: what is too large until then is.
     """
+
+    why: str = ""
+    cure: str = ""
+    until_then: bool = False
+
+
+NONE_SUCH = Reservation()
+
+
+def judge(
+    size: float,
+    half: float,
+    limit: float | None,
+    how: str,
+    cure: str = "",
+    floor: float = 0.0,
+    but: Reservation = NONE_SUCH,
+) -> Verdict:
+    """Return the verdict on an error of that size, half width and tolerance (None: none asked)."""
+    cure = but.cure or cure
     if not np.isfinite(size + half):
         return Verdict(None, None, how, Answer.NOT_KNOWN, NO_ESTIMATE, cure)
     if limit is None:
         return Verdict(size, half, how, Answer.ENOUGH, floor=floor)
-    if size - half - floor > limit and half <= RESOLVED * size:
+    answer = Answer.NOT_KNOWN
+    if size + half + floor <= limit and not but.why:
+        answer, cure = Answer.ENOUGH, ""
+    elif size - half - floor > limit and half <= RESOLVED * size and (but.until_then or not but.why):
         answer = Answer.TOO_LARGE
-    else:
-        answer = Answer.ENOUGH if size + half + floor <= limit and not reason else Answer.NOT_KNOWN
-    return Verdict(size, half, how, answer, reason, "" if answer is Answer.ENOUGH else cure, floor)
+    return Verdict(size, half, how, answer, but.why, cure, floor)
 
 
 def not_covered(reason: str, cure: str = "") -> Verdict:
@@ -216,16 +235,16 @@ def _verdicts(report: ReportData, out: OutputData, i: int, limit: float | None, 
         cure = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
         frozen = not_covered(f"only the error under this run's forces is known: {why}", cure)
         return dict.fromkeys((*ALWAYS, "sum"), frozen)
-    found, floor = _by_cause(report, out, i, limit), _largest(out.round_off[:, i])
+    found = _by_cause(report, out, i, limit)
     if not covers_time(out, report.time):
         found["step"] = not_covered(NO_STEPS, MEASURE_IT)
-    found["sum"] = _of_all(report, out, i, limit, bound, floor, found)
+    found["sum"] = _of_all(report, out, i, limit, bound, found)
     return found
 
 
 def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) -> dict[str, Verdict]:
     """Verdicts on CAUSES of which there is something; vectors check modes and interfaces together."""
-    parts, found, reason = parts_of(out), {}, _doubt(report, out)
+    parts, found, but = parts_of(out), {}, _reservation(report, out)
     zero = np.zeros(len(out.value))
     for cause in CAUSES:
         part = zero + sum(parts[name][:, i] for name in PARTS[cause] if name in parts)
@@ -234,8 +253,8 @@ def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) 
         if cause == "interfaces":  # of what vectors say each part has its share
             half *= size / (size + (found["modes"].size or 0.0)) if size else 0.0
         if size > 0 or (cause in ALWAYS and (cause, report.time) != ("step", "static")):
-            cure = reason.cure or cure_of(out, cause, size, half, _by_check(halves), limit)
-            found[cause] = judge(size, half, limit, ESTIMATED, cure, _largest(out.round_off[:, i]), reason.why)
+            cure = cure_of(out, cause, size, half, _by_check(halves), limit)
+            found[cause] = judge(size, half, limit, ESTIMATED, cure, _largest(out.round_off[:, i]), but)
     return found
 
 
@@ -243,51 +262,49 @@ def _by_bound(report: ReportData, out: OutputData, limit: float | None, bound: f
     """The verdict on the whole error where a bound is all there is."""
     if widest_scope(report.scope) != COMPLETE or report.time == "sampled":
         return not_covered(NO_ESTIMATE, MEASURE_IT)
-    if limit is not None and bound <= limit and not out.uncertified:
+    but = _reservation(report, out)
+    if limit is not None and bound <= limit and not out.uncertified and not but.why:
         return Verdict(None, None, ESTIMATED, Answer.ENOUGH)
-    cure = cures_of(out.uncertified) or cure_of(out, None, 0.0, 0.0, {}, limit)
-    return Verdict(None, None, ESTIMATED, Answer.NOT_KNOWN, causes_of(out.uncertified) or NO_ESTIMATE, cure)
+    cure = cures_of(out.uncertified) or but.cure or cure_of(out, None, 0.0, 0.0, {}, limit)
+    why = causes_of(out.uncertified) or but.why or NO_ESTIMATE
+    return Verdict(None, None, ESTIMATED, Answer.NOT_KNOWN, why, cure)
 
 
-def _of_all(report: ReportData, out: OutputData, i: int, limit, bound: float, floor: float, found: dict) -> Verdict:
+def _of_all(
+    report: ReportData,
+    out: OutputData,
+    i: int,
+    limit: float | None,
+    bound: float,
+    found: dict[str, Verdict],
+) -> Verdict:
     """The verdict on the whole error: by its bound where that is one, else by the estimate."""
-    size, reason = _largest(out.estimate[:, i]), _doubt(report, out)
-    half = _half_width(out.estimate[:, i], out.uncertainty[:, i])
-    verdict = judge(size, half, limit, ESTIMATED, floor=floor, reason=reason.why)
+    floor, but = _largest(out.round_off[:, i]), _reservation(report, out)
+    size, half = _largest(out.estimate[:, i]), _half_width(out.estimate[:, i], out.uncertainty[:, i])
+    verdict = judge(size, half, limit, ESTIMATED, floor=floor, but=but)
     if found.get("step", verdict).how == NONE:
         return not_covered(found["step"].reason, MEASURE_IT)
-    is_whole = widest_scope(report.scope) == COMPLETE and report.time != "sampled" and not reason.why
+    is_whole = widest_scope(report.scope) == COMPLETE and report.time != "sampled" and not but.why
     if is_whole and limit is not None and bound <= limit:
         return Verdict(verdict.size, verdict.half_width, ESTIMATED, Answer.ENOUGH, floor=floor)
     worst = max(found.values(), key=lambda x: x.most, default=verdict)
-    return verdict if verdict.answer is Answer.ENOUGH else _with_cure(verdict, worst.cure)
+    return verdict if verdict.answer is Answer.ENOUGH else replace(verdict, cure=worst.cure)
 
 
-def _with_cure(verdict: Verdict, cure: str) -> Verdict:
-    return Verdict(verdict.size, verdict.half_width, verdict.how, verdict.answer, verdict.reason, cure, verdict.floor)
-
-
-class _Doubt(NamedTuple):
-    """Why an estimate does not tell that an error is small enough, and what to do; empty: it does."""
-
-    why: str = ""
-    cure: str = ""
-
-
-def _doubt(report: ReportData, out: OutputData) -> _Doubt:
+def _reservation(report: ReportData, out: OutputData) -> Reservation:
     doubts = of_estimates(out.uncertified)
     if doubts:
-        return _Doubt(causes_of(doubts), cures_of(doubts))
+        return Reservation(causes_of(doubts), cures_of(doubts))
     if out.stopped is not None:
-        return _Doubt(
-            f"the run was stopped at {instant(report.time, out.stopped)} by tolerance=", "run on without it"
-        )
+        why = f"the run was stopped at {instant(report.time, out.stopped)} by tolerance="
+        return Reservation(why, "run on without it", True)
     if report.planned_end is not None:
         end = instant(report.time, report.t[-1])
-        return _Doubt(f"the run ends at {end} and was to go to {report.planned_end:.4g} s", "let it run to its end")
+        why = f"the run ends at {end} and was to go to {report.planned_end:.4g} s"
+        return Reservation(why, "let it run to its end", True)
     if report.time != "static" and len(report.t) < 2:
-        return _Doubt(FIRST_INSTANT, "see the messages")
-    return _Doubt()
+        return Reservation(FIRST_INSTANT, "see the messages")
+    return NONE_SUCH
 
 
 def of_estimates(doubts: Iterable[Doubt]) -> list[Doubt]:

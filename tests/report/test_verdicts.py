@@ -165,6 +165,17 @@ def test_doubts_of_older_files_concern_estimates():
     assert row_of(["1"], uncertified=(Doubt("it starts", "smoothly"),)).answer is Answer.NOT_KNOWN
 
 
+def test_what_is_doubted_is_neither_enough_nor_too_large():
+    doubted = row_of(["1e-4"], uncertified=(Reason.CHANGED.doubt(said="it was changed"),))
+    assert {verdict.answer for verdict in doubted.of.values()} == {Answer.NOT_KNOWN}
+
+
+def test_bounds_alone_do_not_tell_of_what_the_run_did_not_reach():
+    out = output(2.0, {"auxiliary": 1e-3}, {"auxiliary": COMPLETE})
+    (row,) = rows_of(report_of((out, {"auxiliary": COMPLETE}), planned_end=2.5))
+    assert (row.answer, row.of["sum"].cure) == (Answer.NOT_KNOWN, "let it run to its end")
+
+
 def test_of_a_part_of_a_run_nothing_is_enough():
     early = row_of(["1"], planned_end=2.5)
     assert early.answer is Answer.NOT_KNOWN
