@@ -67,7 +67,7 @@ class LateReadings:
         enriched: Any = None,
     ):
         self._tangents, self._mbs, self._t, self._states = tangents, mbs, t, states
-        self._enriched, self._tried = enriched, set[float]()
+        self._enriched, self._tried, self._true = enriched, set[float](), set[tuple]()
         self._rates = np.hstack(states[2:])  # and multipliers
         self._can_read: bool | None = None
         self.failure: Exception | None = None
@@ -152,12 +152,17 @@ class LateReadings:
     def _missed(self) -> Iterator[int]:
         """Rows whose forces or positions are not those that the tangents around them belong to."""
         for interval in self._intervals():
+            around = tuple(r.t for r in self._tangents.readings[max(interval.j - 1, 0) : interval.j + 3])
+            if around in self._true:  # of readings farther away a spline knows little
+                continue
             off = np.abs(self._turned(interval)) @ self._tangents.carried_near(self._t[interval.middle]).turning
             by_forces = self._off(interval)
             if by_forces.max() > OFF:
                 off = np.maximum(off, self._off_in_motions(interval, by_forces))
             if off.max() > OFF:
                 yield interval.rows.start + int(off.argmax())
+            else:
+                self._true.add(around)
 
     def _turned(self, interval: _Interval) -> np.ndarray:
         """How far q (S, n) of the rows of an interval is from what its readings let expect."""
