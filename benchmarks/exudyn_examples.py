@@ -97,6 +97,8 @@ def equality(bare: Ran, ours: Ran) -> str:
     """Return whether states and sensors are the same, in words."""
     if not bare.states:
         return "none kept"
+    if None in (bare.status, ours.status):
+        return "not compared"
     names = {*bare.states} | {*ours.states}
     changed = [name for name in names if not _same(bare.states.get(name), ours.states.get(name))]
     return f"{len(changed)} of {len(names)} arrays differ" if changed else f"all {len(names)} arrays equal"

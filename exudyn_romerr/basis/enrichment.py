@@ -170,9 +170,12 @@ class _Responses:
             columns, most = mass @ self._add(columns @ (combined[:count].T / size[:count])), ROUND
 
     def missed(self, forces: np.ndarray) -> tuple[np.ndarray, float]:
-        """What V and P leave of the responses, where |.|_K is the 2-norm, and the largest norm of these."""
-        energies = self._part.energies(forces)
-        return without(orthonormal(self._energies), energies), np.linalg.norm(energies, axis=0).max()
+        """What V and P leave of the responses, where |.|_K is the 2-norm, and the largest norm of whole responses.
+
+        Of the whole ones: where interfaces that are rigid change nothing, the second part is rounding.
+        """
+        energies, whole = self._part.energies(forces), self._factor.half_solve(forces)
+        return without(orthonormal(self._energies), energies), np.linalg.norm(whole, axis=0).max()
 
     def _add(self, forces: np.ndarray) -> np.ndarray:
         """Take responses, K-orthogonal to V and P."""

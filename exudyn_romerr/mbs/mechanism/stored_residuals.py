@@ -92,6 +92,7 @@ class StoredResiduals:
         """
         t, light = rows[0][first:], np.sqrt(self._tangents.readings[-1].masses)
         known = np.maximum(np.abs(dv * light).max(axis=0), SEEN * self._largest(dv))
+        known[known == 0] = np.inf  # where nothing moves at all, residuals are not compared with anything
         looked = self._looked(mbs, t, np.abs(dv[first:]) * light / known)
         moves, t = np.diff(t)[:, None] / (light * known), (t[:-1] + t[1:]) / 2  # residuals, in sizes of local errors
         r = np.zeros((len(t), len(light)))
