@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from . import __version__
 from .errors import InputError, RomErrError
-from .report.answers import read_tolerance
+from .report.answers import WRONG_USAGE, read_tolerance
 from .scripts.execute import INTERRUPTED
 from .scripts.files import checked_files, tried, write_files
 from .scripts.run import run, show
@@ -36,10 +36,12 @@ WRITTEN = {
 STATUS = "exit status: 0 fine; 1 something given is wrong, the message says what to do; 2 wrong usage"
 STATUS_OF_RUN = (
     "exit status: that of the script; with --tolerance, where the script ends well: 0 enough, 3 too large, "
-    "4 not known; 2 wrong usage"
+    "4 not known; 2 wrong usage, a --tolerance of a sensor that there is not, too"
 )
-STATUS_OF_VERIFY = "exit status: 0; with --tolerance: 0 enough, 3 too large, 4 not known; 2: nothing could be run"
-WRONG_USAGE = 2
+STATUS_OF_VERIFY = (
+    "exit status: 0; with --tolerance: 0 enough, 3 too large, 4 not known; 2: nothing could be run, or a --tolerance "
+    "of a sensor that there is not"
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -78,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
         "--tolerance",
         type=_tolerance,
         metavar="X",
-        help="say of every output whether its error is within X: 1%% of each row's largest value, or in its unit",
+        help="say whether errors are within X: in the model's units (0.001), or as a share of what each shows (1%%)",
     )
     plot = _add(
         commands,
@@ -169,7 +171,14 @@ def _verify(given: argparse.Namespace) -> int:
     written = [tried(path, partial({"json": found.save, "plot": found.plot}[x], path)) for x, path in files.items()]
     if not given.quiet:
         show("\n".join([f"romerr {__version__}: {given.script}", str(found), *written]))
+    _tell_misspelt(found.misspelt if given.quiet else [])
     return found.status
+
+
+def _tell_misspelt(lines: Sequence[str]) -> None:
+    """Print what is wrong usage even where no answer is wanted."""
+    for line in lines:
+        print(f"romerr: {line}", file=sys.stderr)
 
 
 def _add_scripted(commands, name: str, about: str, example: str, status: str) -> argparse.ArgumentParser:
@@ -213,6 +222,7 @@ def _run(given: argparse.Namespace) -> int:
     written = write_files(done, files)
     if not given.quiet:
         show("\n".join(["", f"romerr {__version__}: {given.script}", str(done), *written]))
+    _tell_misspelt(done.misspelt if given.quiet else [])
     done.ending.leave()
     return done.status
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ..report.answers import Answer, worst
 from ..report.data import is_beside
+from ..report.report_rows import limit_of, row_of
 from ..report.table import (
     TITLES,
+    UNSURE,
+    YOURS,
     aligned,
     by_sensor,
     first_sentences,
@@ -19,7 +22,7 @@ from ..report.table import (
     summary,
     table,
 )
-from ..report.verdicts import ALWAYS, CAUSES, MEASURED, NONE, Row, limit_of, not_covered, row_of
+from ..report.verdicts import ALWAYS, CAUSES, NONE, Row, not_covered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -28,7 +31,6 @@ if TYPE_CHECKING:
     from .solve import Solve
 
 FEW_SOLVES = 3  # of these each has its own table; of more a line each
-MEASURE = "romerr verify {} measures it"
 NO_SENSOR = "all bodies"  # stands for outputs of a scene without sensors
 NO_NUMBER = "nothing is known of its error"
 
@@ -65,7 +67,7 @@ def rows_of_solve(solve: Solve, tolerances: Tolerances) -> list[Row]:
     missing = [name for name in solve.sensors if name not in seen]
     if not rows and not missing:
         missing = [NO_SENSOR]
-    return rows + [_without(solve, name, reason_of(solve, name)) for name in missing]
+    return rows + [_without(solve, name, reason_of(solve, name), tolerances) for name in missing]
 
 
 def reason_of(solve: Solve, name: str) -> str:
@@ -79,56 +81,55 @@ def reason_of(solve: Solve, name: str) -> str:
     return next(own, "") or "; ".join(f"{which}: {why}" for which, why in solve.refused) or NO_NUMBER
 
 
-def _bare(what: str) -> str:
-    """The name of a sensor that a plan leaves out."""
-    return what.removeprefix("sensor ").strip("'")
+def _without(solve: Solve, name: str, reason: str, tolerances: Tolerances) -> Row:
+    found, asked = not_covered(reason), tolerances.of(name)
+    if asked is None:
+        found = replace(found, answer=Answer.NO_TOLERANCE)
+    of = dict.fromkeys((*ALWAYS, "sum"), found)
+    return Row(name, 0, solve.number, "", None, None, of, is_asked=tolerances.is_given)
 
 
-def _without(solve: Solve, name: str, reason: str) -> Row:
-    return Row(name, 0, solve.number, "", None, dict.fromkeys((*ALWAYS, "sum"), not_covered(reason)))
+def text(judgement: Judgement, script: str, what_next: str = "") -> str:
+    """Return all that `romerr run` and `verify` print: the answer, the tables, why, notes.
+
+    script : as the user typed it, for what to type next. what_next : what is told where something is not known, {}
+    stands for the script; empty: nothing.
+    """
+    rows, lines = judgement.rows, []
+    if rows:
+        lines.append(summary(rows))
+    if any(verdict.how != NONE for row in rows for verdict in row.of.values()):
+        lines += [*first_sentences(rows), "", *_tables(rows, judgement)]
+    lines += [*reasons(rows, script), *judgement.notes]
+    is_unsure = any(row.answer in UNSURE for row in rows)
+    is_said = any(YOURS in verdict.cure for row in rows for verdict in row.of.values())
+    return "\n".join([*lines, *([what_next.format(script)] if what_next and is_unsure and not is_said else [])])
 
 
-def text(judgement: Judgement, script: str) -> str:
-    """Return all that `romerr run` prints; script : as the user typed it, for what to type next."""
-    sensors = by_sensor(judgement.rows)
-    lines = [*judgement.notes]
-    if sensors:
-        lines.append(summary(sensors))
-    if any(verdict.how != NONE for row in sensors for verdict in row.of.values()):
-        lines += [*first_sentences(sensors), "", *_tables(sensors, judgement)]
-    return "\n".join([*lines, *reasons(sensors), *_measure(sensors, script)])
-
-
-def _tables(sensors: Sequence[Row], judgement: Judgement) -> list[str]:
-    numbers = sorted({row.solve for row in sensors})
+def _tables(rows: Sequence[Row], judgement: Judgement) -> list[str]:
+    numbers = sorted({row.solve for row in rows})
     if len(numbers) > FEW_SOLVES:
-        return aligned(table_of_solves(sensors, numbers))
+        return aligned(table_of_solves(rows, numbers))
     lines: list[str] = []
     for number in numbers:
         lines += [f"solve {number} ({judgement.solves[number].kind}):"] if len(numbers) > 1 else []
-        lines += aligned(table([row for row in sensors if row.solve == number]))
+        lines += aligned(table(by_sensor([row for row in rows if row.solve == number])))
     return lines
 
 
-def table_of_solves(sensors: Sequence[Row], numbers: Iterable[int]) -> list[tuple[str, ...]]:
+def table_of_solves(rows: Sequence[Row], numbers: Iterable[int]) -> list[tuple[str, ...]]:
     """Return head and a line for each solve: the sensor with the largest share of each cause."""
-    causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in sensors)]
-    lines = [("solve", "answer", *(f"{TITLES[cause]} {how(sensors)}" for cause in causes))]
+    causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in rows)]
+    lines = [("solve", "answer", *(f"{TITLES[cause]} {how(rows)}" for cause in causes))]
     for number in numbers:
-        own = [row for row in sensors if row.solve == number]
+        own = [row for row in rows if row.solve == number]
         lines.append((str(number), worst(row.answer for row in own).value, *(_worst_cell(own, x) for x in causes)))
     return lines
 
 
-def _worst_cell(sensors: Sequence[Row], cause: str) -> str:
-    known = [row for row in sensors if cause in row.of and row.of[cause].size is not None and row.largest]
+def _worst_cell(rows: Sequence[Row], cause: str) -> str:
+    known = [row for row in rows if cause in row.of and row.of[cause].size is not None]
     if not known:
         return Answer.NOT_COVERED.value
-    row = max(known, key=lambda row: row.of[cause].most / row.largest)
-    return f"{said(row.of[cause], row.unit)}{share_in_brackets(row.of[cause], row.largest)}, {row.name}"
-
-
-def _measure(sensors: Sequence[Row], script: str) -> list[str]:
-    """What to type where something is not known."""
-    unknown = any(row.answer in (Answer.NOT_KNOWN, Answer.NOT_COVERED) for row in sensors)
-    return [MEASURE.format(script)] if unknown and how(sensors) != MEASURED else []
+    row = max(known, key=lambda row: row.share(cause))
+    return f"{said(row.of[cause], row.unit)}{share_in_brackets(row.of[cause], row.extent)}, {row.label or row.name}"

@@ -49,6 +49,7 @@ class Run:
     companion: Run | None = None  # of the trajectory with auxiliary vectors
     partners: tuple[Run, ...] = ()  # of other bodies, whose energy is bounded together with that of this one
     is_static = begins_late = False  # late: errors before its first sample are in no bound
+    continues = False  # whether it has the error that the run before ended with
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
         self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
@@ -100,6 +101,7 @@ class Run:
     def open(self, opening: Opening) -> None:
         """Begin the run."""
         first, before, start, *_ = opening
+        self.continues = before is not None
         self._own = self.offline.own_motion(start) if before is None else before._own
         rounded = self.offline.rounded(first, self._own)
         if start is not None:

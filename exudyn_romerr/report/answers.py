@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from difflib import get_close_matches
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,27 +14,36 @@ if TYPE_CHECKING:
 
 
 class Answer(str, Enum):
-    """What is known of an error beside its tolerance; the best first."""
+    """What is known of an error beside its tolerance; what counts least first."""
 
+    NO_TOLERANCE = "no tolerance"
     ENOUGH = "enough"
     NOT_KNOWN = "not known"
     NOT_COVERED = "not covered"
     TOO_LARGE = "too large"
 
 
-STATUS = {Answer.ENOUGH: 0, Answer.TOO_LARGE: 3, Answer.NOT_KNOWN: 4, Answer.NOT_COVERED: 4}
+WRONG_USAGE = 2
+STATUS = {
+    Answer.ENOUGH: 0,
+    Answer.NO_TOLERANCE: WRONG_USAGE,  # the answer only where every tolerance names what no sensor is called
+    Answer.TOO_LARGE: 3,
+    Answer.NOT_KNOWN: 4,
+    Answer.NOT_COVERED: 4,
+}
 ASSESSED = {  # in words of report.assess, where bounds prove nothing
+    Answer.NO_TOLERANCE: "unknown",
     Answer.ENOUGH: "likely",
     Answer.NOT_KNOWN: "unknown",
     Answer.NOT_COVERED: "unknown",
     Answer.TOO_LARGE: "unlikely",
 }
-SHARE = 1e-3  # of the largest value, where no tolerance was given: nobody needs less
+SHARE = 1e-2  # of the largest value, where no tolerance was given: what most engineers ask for
 NEEDED = "a positive number in the model's unit (0.001), a share of the largest value (1%), or of one sensor: tip=1%"
 
 
 def worst(answers: Iterable[Answer]) -> Answer:
-    """Return the answer that counts for all: too large before not known before enough."""
+    """Return the answer that counts for all: too large before not known before enough before no tolerance."""
     order = list(Answer)
     return max(answers, key=order.index, default=Answer.NOT_KNOWN)
 
@@ -81,12 +91,17 @@ class Tolerances:
             return Tolerance(SHARE, True)
         return self._of.get(name, self._of.get(None))
 
-    def notes(self, names: Iterable[str]) -> list[str]:
-        """Return a line for each name that no sensor has; names : of all sensors."""
+    def misspelt(self, names: Iterable[str]) -> list[str]:
+        """Return a line for each name that no sensor has, with the nearest that one has; names : of all sensors."""
         known = list(dict.fromkeys(names))
-        unknown = [name for name in self._of if name is not None and name not in known]
-        has = f"sensors are {', '.join(map(repr, known))}" if known else "there are no sensors with a number"
-        return [f"--tolerance names {name!r}; {has}" for name in unknown]
+        unknown = [name for name in self._of if name is not None and name not in known] if known else []
+        return [f"--tolerance names {name!r}, which no sensor is called; {_nearest(name, known)}" for name in unknown]
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    near = get_close_matches(name, known, 1, 0.0)
+    beside = [repr(other) for other in known if other not in near]
+    return f"did you mean {near[0]!r}?{(beside and ' There are ' + ', '.join(beside) + ', too') or ''}"
 
 
 def _named(text: str) -> tuple[str | None, Tolerance]:

@@ -11,9 +11,10 @@ import numpy as np
 from ..checks import check_choice
 from ..errors import InputError
 from .answers import ASSESSED, Answer
+from .report_rows import row_of
 from .scope import COMPLETE
 from .table import TITLES, said, share_in_brackets
-from .verdicts import CAUSES, ESTIMATED, NO_ESTIMATE, NONE, Limit, Verdict, not_covered, row_of
+from .verdicts import CAUSES, ESTIMATED, NO_ESTIMATE, NONE, Limit, Verdict, not_covered
 from .wording import digits, listed, rounded_down, rounded_up, widest_scope
 
 if TYPE_CHECKING:
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from .verdicts import Row
 
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
-SMALL = 0.01  # of the largest row: one below it that decides alone is told of
 TOO_LARGE = ANSWERS[:2]
+PRINTED = dict(zip(ANSWERS, (*[Answer.TOO_LARGE] * 2, Answer.NOT_KNOWN, *[Answer.ENOUGH] * 2), strict=True))
 WHERE = {"likely": "within", "unlikely": "above", "unknown": "and does not tell whether that is within"}
 NOTHING = "nothing to do"
 
@@ -33,11 +34,12 @@ NOTHING = "nothing to do"
 class Assessment:
     """Whether the error of an output is within a tolerance; see BoundReport.assess.
 
-    answer : "proven", "likely", "unknown", "unlikely" or "disproven", that of the worst row. said, todo : why, and
-    what to do next. rows : the answer of every row, by its name.
+    answer : "proven", "likely", "unknown", "unlikely" or "disproven", that of the worst row. name : of that row.
+    said, todo : why, and what to do next. rows : the answer of every row, by its name.
     """
 
     answer: str
+    name: str
     said: str
     todo: str
     rows: dict[str, str] = field(default_factory=dict)
@@ -47,10 +49,11 @@ class Assessment:
         """A sentence of all: the worst row, what to do, the answers of other rows."""
         others: dict[str, list[str]] = {}
         for name, answer in self.rows.items():
-            if not self.said.startswith(f"{name}: "):
-                others.setdefault(answer, []).append(name)
-        told = ", ".join(f"{listed(others[answer])} {answer}" for answer in ANSWERS if answer in others)
-        return f"{self.said}: {self.todo}{told and f' (other rows: {told})'}."
+            if name != self.name:
+                others.setdefault(PRINTED[answer].value, []).append(name)
+        told = ", ".join(f"{listed(names)} {word}" for word, names in others.items())
+        beside = told and f" (other rows: {told})"
+        return f"{self.name}: {PRINTED[self.answer].value}, {self.said}: {self.todo}{beside}."
 
     def __str__(self) -> str:
         return self.text
@@ -65,30 +68,15 @@ def assess(
         check_choice("cause", cause, CAUSES)
     limits = _limits(out, tolerance, relative)
     found = [_of_row(report, out, i, limit, cause) for i, limit in enumerate(limits)]
-    worst = _worst(out, found, limits)
-    told = _with_small_row(out, tolerance, found, found.index(worst)) if relative else worst
-    return replace(told, rows={name: row.answer for name, row in zip(out.row_names, found, strict=True)})
+    return replace(
+        _worst(out, found), rows={name: row.answer for name, row in zip(out.row_names, found, strict=True)}
+    )
 
 
-def _worst(out: OutputData, found: Sequence[Assessment], limits: Sequence[float]) -> Assessment:
-    """The worst answer; of rows with it that of the largest tolerance (of shares, it moves most), of these bound."""
+def _worst(out: OutputData, found: Sequence[Assessment]) -> Assessment:
+    """The worst answer; of rows with it that which moves most, of these that with the largest bound."""
     ranks = [ANSWERS.index(assessment.answer) for assessment in found]
-    return found[np.lexsort((-np.max(out.bound["best"], axis=0), -np.array(limits), ranks))[0]]
-
-
-def _with_small_row(out: OutputData, tolerance: float, found: list[Assessment], row: int) -> Assessment:
-    """The answer of the worst row, which, where rows that hardly move make it, says what to ask of all instead.
-
-    A share of what is next to nothing asks for more than anybody needs, and often for more than rounding leaves.
-    """
-    sizes = np.max(np.abs(out.value), axis=0)
-    largest = int(np.argmax(sizes))
-    if sizes[row] >= SMALL * sizes[largest]:
-        return found[row]
-    small, large = (f"up to {digits(sizes[i])}" for i in (row, largest))
-    why = f"this row is {small} {out.unit}, {out.row_names[largest]} {large}"
-    absolute = rounded_down(tolerance * sizes[largest])
-    return replace(found[row], todo=f"{why}; assess({out.name!r}, {absolute}) asks for the same of all rows")
+    return found[np.lexsort((-np.max(out.bound["best"], axis=0), -out.extents, ranks))[0]]
 
 
 def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
@@ -96,8 +84,8 @@ def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real) or not 0 < tolerance < np.inf:
         needed = "as a share of the largest value, such as 0.01" if relative else f"in {out.unit or 'its unit'}"
         raise InputError(f"tolerance={tolerance!r} of {out.name!r}; pass a positive finite number, {needed}")
-    sizes = np.max(np.abs(out.value), axis=0) if relative else np.ones(out.value.shape[1])
-    return [float(tolerance * size) for size in sizes]
+    shown = float(out.extents.max()) if relative else 1.0
+    return [float(tolerance) * shown] * out.value.shape[1]
 
 
 def _of_row(report: ReportData, out: OutputData, i: int, limit: float, cause: str | None) -> Assessment:
@@ -147,7 +135,7 @@ def _estimated(row: Row, verdict: Verdict, what: str, limit: float) -> Assessmen
     if verdict.size is None:
         told = f"{what} is not known, and so not whether it is within {_tolerance(row, limit)}"
     else:
-        size = f"{said(verdict, row.unit)}{share_in_brackets(verdict, row.largest)}"
+        size = f"{said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)}"
         told = f"{what} is about {size}, {WHERE[answer]} {_tolerance(row, limit)}"
     if verdict.reason and answer != "likely":
         told = f"{told} ({verdict.reason})"
@@ -166,4 +154,4 @@ def _cure(row: Row) -> str:
 
 
 def _made(row: Row, answer: str, told: str, todo: str) -> Assessment:
-    return Assessment(answer, f"{row.label}: {answer}, {told}", todo)
+    return Assessment(answer, row.label, told, todo)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from math import ceil, sqrt
-from typing import TYPE_CHECKING
+from math import ceil
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,47 +30,65 @@ OF_BOUNDS = {  # by cause of a bound
 }
 MORE_VECTORS = "more vectors (auxiliary_modes=...)"
 NOT_LINEAR = "for the error is too large to be linear"
-MUCH_SHORTER = "take a twentieth of the step or less"
-TWENTIETH = 20.0  # times shorter steps: who is told to halve them would not get there
-# makes half widths 50 to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (test_cures.py)
+AGAIN = "then ask again"  # where an error, or its half width, is too large to tell how far to go
+MOST_TIMES = 20  # times shorter steps: what is told at once; farther away nothing says that it gets there
+LOWEST_ORDER = 1.0  # in which errors of steps are taken to fall where a lower order was measured
 FAR = 3.0  # times the estimate of what it bounds: from there on a bound says that it is far off, not the error
 SHARPER = "the bound is {} times the estimate: auxiliary_modes=60, or 130, make it sharper"
-OF_CHECKS = {"steps": "halve the step", "vectors": MORE_VECTORS, "loads": "smoother loads"}
+OF_CHECKS = {"vectors": MORE_VECTORS, "loads": "smoother loads"}
+
+
+class Steps(NamedTuple):
+    """How many steps a run has taken, None: not known, or not of one size; in which order their error falls."""
+
+    count: int | None
+    order: float = 2.0
 
 
 def cure_of(
     out: OutputData,
-    cause: str | None,
+    cause: str,
     size: float,
     half: float,
     halves: Mapping[str, float],
     limit: float | None,
+    steps: Steps,
 ) -> str:
-    """Return what to do about one cause of an error.
+    """Return what to do about one cause of an error, with a number where there is one.
 
-    cause : None: of a bound beside which there is no estimate. size, half : of the error, and its half width.
-    halves : parts of that by check. limit : what is allowed.
+    size, half : of the error, and its half width. halves : parts of that by check. limit : what is allowed.
     """
-    if cause is None:
-        return OF_BOUNDS[max(out.causes, key=lambda name: np.max(np.abs(out.causes[name]), initial=0.0))]
-    if half <= RESOLVED * size or cause == "interfaces":
-        return _shorter_steps(size, limit) if cause == "step" and limit is not None else OF_CAUSES[cause]
-    if out.beside_steps:  # what starts at once rings in modes that neither steps nor vectors resolve
+    is_resolved = half <= RESOLVED * size
+    if is_resolved or cause == "interfaces":
+        return shorter_steps(size + half, limit, steps) if cause == "step" else OF_CAUSES[cause]
+    # What starts at once rings in modes that neither steps nor vectors resolve: a smooth start makes half widths 50
+    # to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (tests: test_cures.py)
+    if out.beside_steps:
         return out.beside_steps[0]
     check = max(halves, key=halves.get)
     if check in (LINEAR, LINEAR_STEPS):
-        return f"{OF_CAUSES[cause]}, {NOT_LINEAR}"
-    if check == "steps" and _is_far(halves[check], float(np.max(np.abs(out.value), initial=0.0))):
-        return MUCH_SHORTER
+        return f"{shorter_steps(size + half, limit, steps) if cause == 'step' else OF_CAUSES[cause]}, {NOT_LINEAR}"
+    if check == "steps":
+        return shorter_steps(size + half, limit, steps, is_resolved)
     return OF_CHECKS.get(check, OF_CAUSES[cause])
 
 
-def _shorter_steps(size: float, limit: float) -> str:
-    """How much shorter: errors fall with the square of the step at best."""
-    times = ceil(sqrt(size / limit)) if limit > 0 else 2
-    return OF_CAUSES["step"] if times <= 2 else f"take steps {times} times as short"
+def cure_of_bound(out: OutputData) -> str:
+    """Return what lowers the largest cause of a bound beside which there is no estimate."""
+    return OF_BOUNDS[max(out.causes, key=lambda name: np.max(np.abs(out.causes[name]), initial=0.0))]
 
 
-def _is_far(half: float, value: float) -> bool:
-    """Whether halving would not get there: half widths fall with the square of the step at best."""
-    return value > 0 and TWENTIETH**2 * RESOLVED * value < half < np.inf
+def shorter_steps(most: float, limit: float | None, steps: Steps, is_resolved: bool = True) -> str:
+    """Return how many steps to take: an error falls with a power of the step, its order.
+
+    most : size and half width. limit : what is allowed; None: nothing was asked. is_resolved : whether most is a
+    number to go by; else, or where it is far away, the answer is asked for again.
+    """
+    if limit is None or not 0 < limit < most:
+        return OF_CAUSES["step"]
+    needed = (most / limit) ** (1 / max(steps.order, LOWEST_ORDER))
+    is_far = not needed <= MOST_TIMES  # inf, too
+    times = MOST_TIMES if is_far else max(ceil(needed), 2)
+    told = f"{times} times as short"
+    said = f"take steps {told}" if steps.count is None else f"take {steps.count * times:,} steps, {told}"
+    return said if is_resolved and not is_far else f"{said}, {AGAIN}"

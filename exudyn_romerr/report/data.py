@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..checks import check_choice
 from ..errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    import numpy as np
 
     from .scope import Doubt
 
@@ -29,6 +29,26 @@ UNITS = {  # of what Exudyn's sensors show, by OutputVariableType without "Local
     "Stress": "Pa",
 }
 IN_THE_FRAME = " in the frame"  # ends the name of what the body's frame sees of an output in global axes, beside it
+
+
+def extents(value: np.ndarray, is_position: bool = False) -> np.ndarray:
+    """Return of each component the largest |value|; of a position how far it moves.
+
+    The largest of these is what 1 % is a share of, wherever it is said. Where a body is says nothing about its error.
+
+    Parameters
+    ----------
+    value : (T, r)
+        In the output's unit.
+    is_position : bool
+        Whether it is a place.
+
+    Returns
+    -------
+    (r,)
+        In the output's unit. Does not cover: what happens between the instants.
+    """
+    return np.ptp(value, axis=0) if is_position else np.max(np.abs(value), axis=0, initial=0.0)
 
 
 @dataclass(frozen=True)
@@ -93,6 +113,11 @@ class OutputData:
     uncertified: tuple[Doubt, ...] = ()
 
     @property
+    def extents(self) -> np.ndarray:
+        """What each component shows at most, (r,)."""
+        return extents(self.value, self.of == "position")
+
+    @property
     def row_names(self) -> list[str]:
         """How the rows are called: "tip x", "tip y"; "tip row 1" without labels; "tip" if there is only one."""
         count = self.value.shape[1]
@@ -119,6 +144,8 @@ class ReportData:
     remainder: dict[str, float] = field(default_factory=dict)
     made: dict[str, str] = field(default_factory=dict)
     planned_end: float | None = None
+    ended_by: str = ""
+    on_purpose: bool = False
     origin: str = ""
     uncertified: tuple[Doubt, ...] = ()
 

@@ -16,8 +16,9 @@ from .data import OutputData, ReportData
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
-from .table import by_sensor
-from .verdicts import Verdict, limit_of, row_of
+from .report_rows import limit_of, row_of
+from .table import worst_by_cause
+from .verdicts import Verdict
 from .wording import at_round_off, estimator_lines, reason_of
 
 
@@ -77,8 +78,10 @@ class BoundReport(ReportData):
     what linear equations leave out over that of the deformation that auxiliary vectors predict, as measured; empty
     where it was not. messages : what the reader must know first. made : when, by which script and versions the run
     was bounded. planned_end : where the solver was to go to, if the run ends before; None: it does not, or that is
-    not known. origin : the file it was saved to, or read from, last. uncertified : why no bound of it is certified, a
-    message each, with .cause and .cure in few words; empty: nothing speaks against them but their scope.
+    not known; ended_by, on_purpose : by what, in words, and whether that
+    was meant. origin : the file it was saved to, or read from, last. uncertified : why no bound
+    of it is certified, a message each, with .cause and .cure in few words; empty: nothing speaks against them but
+    their scope.
     """
 
     outputs: dict[str, OutputReport]
@@ -87,8 +90,7 @@ class BoundReport(ReportData):
         """Return the output of that name, with its verdicts; InputError lists the known ones."""
         out = super().output(name)
         limit = limit_of(out)
-        (row,) = by_sensor([row_of(self, out, i, limit) for i in range(out.value.shape[1])])
-        out.verdict = row.of
+        out.verdict = worst_by_cause([row_of(self, out, i, limit) for i in range(out.value.shape[1])])
         return out
 
     def reason(self, e: str) -> str:
@@ -131,14 +133,16 @@ class BoundReport(ReportData):
         """Say whether the error of an output is within a tolerance at all instants, as far as that is known.
 
         "proven", "disproven": by bounds of scope complete with the time steps, rounding included. "likely",
-        "unlikely": by the estimate with its half width. "unknown": else. Table in docs/reading_a_bound.md.
+        "unlikely": by the estimate with its half width. "unknown": else. Printed are "enough", "too large" and "not
+        known". Table in docs/reading_a_bound.md.
 
         Parameters
         ----------
         name : str
             Of the output. Of several rows that counts of which the answer is worst.
         tolerance : float
-            In the unit of the output, or with relative=True as a share of each row's largest |value|.
+            In the unit of the output, or with relative=True as a share of the largest |value| that its rows show
+            together; of a position of how far it moves.
         cause : {"modes", "interfaces", "step", "start"}, optional
             Of that part of the error alone; nothing is proved of parts.
 

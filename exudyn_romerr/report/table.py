@@ -1,23 +1,30 @@
-"""Verdicts as text: what is enough and what is not, then a line for each output, a column for each cause."""
+"""Verdicts as text: what is enough and what is not, then a line for each sensor, a column for each cause."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 from typing import TYPE_CHECKING
 
-from .answers import SHARE, Answer, worst
+from .answers import SHARE, Answer
 from .verdicts import CAUSES, MEASURED, NONE, Row
 from .wording import digits, listed, percent, rounded_up
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from .verdicts import Verdict
 
 TITLES = {"modes": "modes", "interfaces": "rigid interfaces", "step": "step", "start": "start", "sum": "whole error"}
 NOT_RIGID = "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does"
 BESIDE = ("order", "noise", "estimated about")
+CONTRADICTION = "Measured {}, estimated about {} at {}: one of both is wrong."
+CONTRADICTION = "Measured {}, estimated about {} at {}: one of both is wrong."
 SHOWN = 0.005  # of a size: a half width below it is not seen in two digits
+UNSURE = (Answer.NOT_KNOWN, Answer.NOT_COVERED)
+NOT_ASKED = (Answer.ENOUGH, Answer.NO_TOLERANCE)  # of which there is nothing to do
+OPTION, ASSESS = "--tolerance", "report.assess"  # what another tolerance is given by
+YOURS = "your_script.py"  # in cures: the script that the user has
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -27,110 +34,207 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def by_sensor(rows: Sequence[Row]) -> list[Row]:
-    """Return one row for each sensor and solve: the largest component, and of each cause the worst of all."""
+    """Return of each sensor and solve the component whose error is the largest share of its tolerance.
+
+    Where another component is the worst of a cause, it follows in a row of its own.
+    """
     found: dict[tuple, list[Row]] = {}
     for row in rows:
         found.setdefault((row.solve, row.name), []).append(row)
-    return [_merged(of) for of in found.values()]
+    return [row for of in found.values() for row in _told(of)]
 
 
-def _merged(rows: Sequence[Row]) -> Row:
-    bounds, noises = [row.bound for row in rows], [row.noise for row in rows if row.noise is not None]
-    estimates = [row.estimated for row in rows if row.estimated is not None]
-    largest = [row.largest for row in rows if row.largest is not None]
+def _told(rows: Sequence[Row]) -> list[Row]:
+    first = max(rows, key=lambda row: (row.share("sum"), _known_share(row)))
+    told = [first]
+    for cause in CAUSES:
+        worst = max(rows, key=lambda row, cause=cause: (row.share(cause), row is first))
+        if all(worst is not row for row in told):
+            told.append(worst)
+    return told
+
+
+def _known_share(row: Row) -> float:
+    """The largest share of a cause that is known."""
+    return max((share for cause in CAUSES if isfinite(share := row.share(cause))), default=0.0)
+
+
+def worst_by_cause(rows: Sequence[Row]) -> dict[str, Verdict]:
+    """Return of each cause, and of the sum, the verdict on the component where it is worst."""
     causes = [cause for cause in (*CAUSES, "sum") if any(cause in row.of for row in rows)]
-    return replace(
-        rows[0],
-        largest=max(largest, default=None),
-        of={cause: _worst_of([row.of[cause] for row in rows if cause in row.of]) for cause in causes},
-        bound=None if None in bounds else max(bounds),
-        order=max(rows, key=lambda row: row.of["step"].most if "step" in row.of else 0.0).order,
-        noise=max(noises, default=None),
-        estimated=max(estimates, key=lambda verdict: verdict.most, default=None),
-        label="",
+    return {cause: max(_with(rows, cause), key=lambda row, x=cause: row.share(x)).of[cause] for cause in causes}
+
+
+def _with(rows: Sequence[Row], cause: str) -> list[Row]:
+    return [row for row in rows if cause in row.of]
+
+
+def _largest_first(rows: Sequence[Row]) -> list[str]:
+    """Causes that there are, that with the largest share of its tolerance first: what to see to first."""
+    largest = {cause: max((row.share(cause) for row in _with(rows, cause)), default=None) for cause in CAUSES}
+    return sorted((cause for cause in CAUSES if largest[cause] is not None), key=lambda cause: -largest[cause])
+
+
+def summary(rows: Sequence[Row], what: str = "sensor", how_to_ask: str = OPTION) -> str:
+    """Return the first line: every sensor and cause that is too large, then every one that is not known.
+
+    rows : of all components. what : they are of. how_to_ask : what another tolerance is given by.
+    """
+    uncovered = [row for row in rows if all(verdict.how == NONE for verdict in row.of.values())]
+    still = [row for row in rows if row.shows_nothing and row.answer not in NOT_ASKED]
+    others = [row for row in rows if all(row is not other for other in uncovered)]
+    said = [
+        *_ends(rows),
+        *_by_causes("Too large", others, (Answer.TOO_LARGE,)),
+        *_by_causes("Not known", [row for row in others if not row.shows_nothing], UNSURE, (Answer.TOO_LARGE,)),
+        *_list("Shows 0 throughout", still),
+        *_list("Not covered by any estimate", uncovered),
+        *_contradictions(rows),
+        *_enough(rows, what),
+        *_list("No tolerance", _that_are(rows, Answer.NO_TOLERANCE)),
+    ]
+    is_assumed = any(not row.is_asked for row in rows)
+    assumed = f" ({100 * SHARE:g} % assumed; {how_to_ask})." if is_assumed else "."
+    return " ".join(said).removesuffix(".") + assumed
+
+
+def _list(word: str, rows: Sequence[Row]) -> list[str]:
+    return [f"{word}: {_names(rows)}."] if rows else []
+
+
+def _ends(rows: Sequence[Row]) -> list[str]:
+    """Until when runs went that were to go farther."""
+    several = len({row.solve for row in rows}) > 1
+    ends = dict.fromkeys((row.solve, row.until) for row in rows if row.until)
+    return [f"{f'Solve {solve} u' if several else 'U'}{until[1:]}." for solve, until in ends]
+
+
+def _by_causes(
+    word: str, rows: Sequence[Row], answers: tuple[Answer, ...], besides: tuple[Answer, ...] = ()
+) -> list[str]:
+    """A sentence that names sensors by cause, those with the same sensors together.
+
+    besides : answers of which a sensor and cause is named already.
+    """
+    of = [row for row in rows if row.answer not in NOT_ASKED]
+    by_names: dict[str, list[str]] = {}
+    for cause in _largest_first(of):
+        own = [row for row in _with(of, cause) if cause == "step" or not row.is_coarse]
+        named = {row.name for row in own if row.of[cause].answer in besides}
+        if names := _names(row for row in own if row.of[cause].answer in answers and row.name not in named):
+            by_names.setdefault(names, []).append(TITLES[cause])
+    parts = [f"by {_and(causes)}: {names}" for names, causes in by_names.items()]
+    told = {row.name for row in of if _has_cause(row, besides)}
+    alone = _names(
+        row for row in of if row.answer in answers and not _has_cause(row, answers) and row.name not in told
     )
+    said = [f"{word}, {'; '.join(parts)}."] if parts else []
+    return said + ([f"{word}: {alone}."] if alone else [])
 
 
-def _worst_of(verdicts: Sequence[Verdict]) -> Verdict:
-    answer = worst(verdict.answer for verdict in verdicts)
-    return max((verdict for verdict in verdicts if verdict.answer is answer), key=lambda verdict: verdict.most)
+def _has_cause(row: Row, answers: tuple[Answer, ...]) -> bool:
+    return any(row.of[cause].answer in answers for cause in CAUSES if cause in row.of)
 
 
-def summary(sensors: Sequence[Row], what: str = "sensor") -> str:
-    """Return the sentence that stands first: enough or not, for which cause; what : they are rows of."""
-    answer, asked = worst(row.answer for row in sensors), sensors[0].is_asked
-    within = "its tolerance" if asked else f"{100 * SHARE:g} % of what the {what} shows"
-    if answer is Answer.ENOUGH:
-        return f"Enough: the error of every {what} is within {within}."
-    causes = [cause for cause in CAUSES if any(cause in row.of and row.of[cause].answer is answer for row in sensors)]
-    of = f", by {listed([TITLES[cause] for cause in causes])}" if causes else ""
-    names = listed(list(dict.fromkeys(row.name for row in sensors if row.answer is answer)))
-    if answer is Answer.TOO_LARGE:
-        return f"{'Too large' if asked else f'More than {100 * SHARE:g} %'}{of}: {names}."
-    if answer is Answer.NOT_COVERED:
-        return f"Not covered by any estimate: {names}."
-    return f"Not known whether it is enough{of}: {names}."
+def _and(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
-def first_sentences(sensors: Sequence[Row]) -> list[str]:
-    """Return a sentence for each cause: enough or not, how large, at which sensor, what to do."""
-    return [_of_cause(sensors, cause) for cause in CAUSES if any(cause in row.of for row in sensors)]
+def _names(rows: Iterable[Row]) -> str:
+    return listed(list(dict.fromkeys(row.name for row in rows)))
 
 
-def _of_cause(sensors: Sequence[Row], cause: str) -> str:
-    """The sentence about one cause, told by the worst of all sensors that have a number."""
+def _that_are(rows: Sequence[Row], *answers: Answer) -> list[Row]:
+    return [row for row in rows if row.answer in answers]
+
+
+def _contradictions(rows: Sequence[Row]) -> list[str]:
+    """Both numbers of the sensors of which runs and estimate tell different things."""
+    told: dict[str, Row] = {}
+    for row in rows:
+        largest = told.get(row.name)
+        if row.is_contradicted and row.answer not in NOT_ASKED:
+            told[row.name] = row if largest is None or row.estimated.size > largest.estimated.size else largest
+    both = ((row, said(row.of["sum"], row.unit), said(row.estimated, row.unit)) for row in told.values())
+    return [CONTRADICTION.format(one, other, row.label or row.name) for row, one, other in both]
+
+
+def _enough(rows: Sequence[Row], what: str) -> list[str]:
+    """That all is enough of which something was asked; nothing where something is not."""
+    enough = _that_are(rows, Answer.ENOUGH)
+    if not enough or any(row.answer not in NOT_ASKED for row in rows):
+        return []
+    which = f"every {what}" if len(enough) == len(rows) else _names(enough)
+    return [f"Enough: the error of {which} is within its tolerance."]
+
+
+def first_sentences(rows: Sequence[Row]) -> list[str]:
+    """Return a sentence for each cause: enough or not, how large, at which component, what to do.
+
+    The cause with the largest share of its tolerance stands first. rows : of all components.
+    """
+    told = [(cause, [row for row in _with(rows, cause) if _is_told(row, cause)]) for cause in _largest_first(rows)]
+    return [_of_cause(of, cause) for cause, of in told if of]
+
+
+def _is_told(row: Row, cause: str) -> bool:
+    """Whether a cause is worth a sentence: where steps resolve nothing, they come first, alone."""
+    if row.shows_nothing:
+        return row.of[cause].answer is Answer.TOO_LARGE
+    return cause == "step" or not row.is_coarse
+
+
+def _of_cause(rows: Sequence[Row], cause: str) -> str:
+    """The sentence about one cause: what is too large, then what is not known, each by the worst component."""
     title = TITLES[cause].capitalize()
-    known = [row for row in sensors if cause in row.of and row.of[cause].size is not None]
-    if not known:
-        return f"{title}: not known."
-    answer = worst(row.of[cause].answer for row in known)
-    same = [row for row in known if row.of[cause].answer is answer]
-    row = max(same, key=lambda row: row.of[cause].most / (row.largest or 1.0))
+    known = [row for row in rows if row.of[cause].size is not None]
+    found = [[row for row in known if row.of[cause].answer is answer] for answer in reversed(Answer)]
+    clauses = [_clause(max(of, key=lambda row: row.share(cause)), cause) for of in found if of]
+    todo = [of for of in found if of and of[0].of[cause].answer not in NOT_ASKED]
+    return f"{title}: {'; '.join(clauses[: max(len(todo), 1)]) or 'not known'}."
+
+
+def _clause(row: Row, cause: str) -> str:
     verdict = row.of[cause]
-    size = f"{said(verdict, row.unit)}{share_in_brackets(verdict, row.largest)} at {row.name}"
-    if cause == "interfaces" and answer is not Answer.ENOUGH:
-        return f"{title}: {size}, {NOT_RIGID}."
-    todo = f"; {verdict.cure}" if verdict.cure else ""
-    return f"{title}: {_word(row, verdict)}, {size}{todo}."
+    word = "measured" if verdict.how == MEASURED else "about"
+    size = f"{word} {said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)} at {row.label or row.name}"
+    if cause == "interfaces" and verdict.answer not in NOT_ASKED:
+        return f"{_word(verdict)}, {size}, {NOT_RIGID}"
+    return f"{_word(verdict)}, {size}{verdict.cure and f'; {verdict.cure}'}"
 
 
-def _word(row: Row, verdict: Verdict) -> str:
-    """The answer in a word or two; without a tolerance of the user's nothing is called too large."""
-    if verdict.answer is Answer.ENOUGH:
-        return "enough"
-    if not verdict.is_resolved:
-        return "not resolved"
-    if verdict.answer is Answer.TOO_LARGE:
-        return "too large" if row.is_asked else f"more than {100 * SHARE:g} %"
-    return "too close to the tolerance to tell"
+def _word(verdict: Verdict) -> str:
+    """The answer, and why it is none where the number is one to rely on."""
+    is_close = verdict.answer is Answer.NOT_KNOWN and verdict.is_resolved and not verdict.reason
+    return f"{verdict.answer.value}{' (too close to the tolerance)' if is_close else ''}"
 
 
-def table(sensors: Sequence[Row], what: str = "sensor") -> list[tuple[str, ...]]:
-    """Return head and a line for each sensor, or of what they are rows, a column for each cause."""
-    causes = [cause for cause in (*CAUSES, "sum") if any(_has_size(row, cause) for row in sensors)]
-    with_bound = any(row.bound is not None for row in sensors)
-    word = how(sensors)
-    scopes = {row.scope for row in sensors if row.bound is not None}
+def table(rows: Sequence[Row], what: str = "sensor") -> list[tuple[str, ...]]:
+    """Return head and a line for each row, a column for each cause; what : rows are of."""
+    causes = [cause for cause in (*CAUSES, "sum") if any(_has_size(row, cause) for row in rows)]
+    with_bound = any(row.bound is not None for row in rows)
+    word = how(rows)
+    scopes = {row.scope for row in rows if row.bound is not None}
     shared = scopes.pop() if len(scopes) == 1 else ""
     most = [f"at most{shared and f' ({shared})'}"] if with_bound else []
     head = (what, "up to", *(f"{TITLES[cause]} {word}" for cause in causes), *most)
-    lines = [head, *(_line(replace(row, scope="" if shared else row.scope), causes, with_bound) for row in sensors)]
+    lines = [head, *(_line(replace(row, scope="" if shared else row.scope), causes, with_bound) for row in rows)]
     if word != MEASURED:
         return lines
-    return [line + beside for line, beside in zip(lines, [BESIDE, *map(_beside, sensors)], strict=True)]
+    return [line + beside for line, beside in zip(lines, [BESIDE, *map(_beside, rows)], strict=True)]
 
 
 def _has_size(row: Row, cause: str) -> bool:
     return cause in row.of and row.of[cause].size is not None
 
 
-def how(sensors: Sequence[Row]) -> str:
+def how(rows: Sequence[Row]) -> str:
     """Return the word for sizes: "about", or "measured"."""
-    return MEASURED if any(x.how == MEASURED for row in sensors for x in row.of.values()) else "about"
+    return MEASURED if any(x.how == MEASURED for row in rows for x in row.of.values()) else "about"
 
 
 def _line(row: Row, causes: Sequence[str], with_bound: bool) -> tuple[str, ...]:
-    size = "" if row.largest is None else f"{digits(row.largest, 4)} {row.unit}".rstrip()
+    size = "" if row.extent is None else f"{digits(row.extent, 4)} {row.unit}".rstrip()
     bound = "" if row.bound is None else f"{rounded_up(row.bound, 2)}{row.scope and f' ({row.scope})'}"
     return (row.label or row.name, size, *(_cell(row, cause) for cause in causes), *([bound] if with_bound else []))
 
@@ -149,33 +253,39 @@ def _cell(row: Row, cause: str) -> str:
         return ""
     if verdict.size is None:
         return verdict.answer.value
-    return f"{said(verdict)}{share_in_brackets(verdict, row.largest)}"
+    return f"{said(verdict)}{share_in_brackets(verdict, row.extent)}"
 
 
 def said(verdict: Verdict, unit: str = "") -> str:
     """Return size and half width in as many digits as these leave."""
     unit = unit and f" {unit}"
+    if verdict.half_width is None:
+        return f"{digits(verdict.size, 2)}{unit} or more"
     if verdict.is_at_round_off:
         return f"{rounded_up(verdict.most, 1)}{unit} or less, at round-off"
     if not verdict.is_resolved:
         return f"{rounded_up(verdict.most, 2)}{unit} or less"
     off = float(f"{verdict.half_width:.3g}")  # a difference, whose last digits are rounding
-    half = f" +- {rounded_up(off, 1)}" if off > SHOWN * verdict.size else ""
+    half = f" +- {rounded_up(off, 2)}" if off > SHOWN * verdict.size else ""
     return f"{digits(verdict.size, 2)}{half}{unit}"
 
 
 def share_in_brackets(verdict: Verdict, of: float | None) -> str:
-    """Return the share of what the output shows."""
-    size = verdict.size if verdict.is_resolved else verdict.most
+    """Return what `said` says as a share of what the sensor shows."""
+    is_size = verdict.half_width is None or (verdict.is_resolved and not verdict.is_at_round_off)
+    size = verdict.size if is_size else verdict.most
     return f" ({percent(size / of) or 'more than 10 times'})" if of else ""
 
 
-def reasons(sensors: Sequence[Row]) -> list[str]:
-    """Return a line for what is not covered, or does not tell: which, and why."""
-    why: dict[str, list[str]] = {}
-    for row in sensors:
-        found = [row.of[x] for x in ("sum", *CAUSES) if x in row.of]
-        missing = next((x for x in found if x.how == NONE or x.reason), None)
-        if missing is not None and row.name not in why.setdefault(missing.reason, []):
-            why[missing.reason].append(row.name)
-    return [f"not known, {listed(names)}: {reason}" for reason, names in why.items()]
+def reasons(rows: Sequence[Row], script: str = YOURS) -> list[str]:
+    """Return a line for what is not covered, or does not tell: which, why, and what to do.
+
+    rows : of all components. script : as the user typed it, for what to type next.
+    """
+    why: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        for verdict in (row.of[x] for x in ("sum", *CAUSES) if x in row.of and row.answer not in NOT_ASKED):
+            if verdict.reason and verdict.answer in UNSURE:
+                names = why.setdefault((verdict.reason, verdict.cure.replace(YOURS, script)), [])
+                names += [row.name] if row.name not in names else []
+    return [f"not known, {listed(names)}: {said}{cure and f'; {cure}'}" for (said, cure), names in why.items()]

@@ -167,6 +167,7 @@ class _Child:
             "solve_seconds": sum(solve.seconds for solve in solves),
             "has_controllers": self.variation is not None and self.variation.has_controllers,
             "bodies": 0 if self.bodies is None else self.bodies.count,
+            "may_be_rigid": self.variation is None or self.variation.may_be_rigid,
             "without_vectors": [order for order, found in self.vectors.items() if found is None],
             "notes": [*self.notes, *(f"refused to write {path}" for path in dict.fromkeys(self.overlay.refused))],
             "rows": self._rows(),

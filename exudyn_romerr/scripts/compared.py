@@ -10,16 +10,17 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..report.answers import Answer
-from ..report.cures import OF_CAUSES
-from ..report.data import UNITS
-from ..report.verdicts import CAUSES, MEASURED, Row, judge, not_covered
+from ..report.cures import AGAIN, OF_CAUSES, Steps, shorter_steps
+from ..report.data import UNITS, extents
+from ..report.verdicts import CAUSES, MEASURED, NONE, Row, Verdict, judge, judged, not_covered, not_the_rest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from ..report.answers import Tolerances
     from .child_run import Result
 
+FINER = ("half", "quarter", "all")  # runs that take shorter steps
 SAME_TIME = 1e-9  # of the end time: solvers add up their steps
 ABOVE_NOISE = 3.0  # times what two equal runs differ by: below it nothing is measurable
 LEAST_ORDER, MOST_ORDER = 0.5, 6.0  # between them halving fits an order; Exudyn's methods have 1 to 5
@@ -27,6 +28,13 @@ TURNS, MOVES = "Rotation", "Position"
 NOT_RUN = "{} was not had: {}"
 OTHER_SENSORS = "the script has other sensors or solves in it"
 DO_NOT_SHRINK = "differences do not shrink with the step (chaotic, or contact at other instants)"
+SHRINK_LITTLE = "differences shrink too little with the step to tell where they lead"
+OTHER_INSTANTS = "find what happens at other instants with other steps: contact, friction, a controller that switches"
+SAME_STEPS = "it took no shorter steps: the script sets its steps by itself, at each call of the solver"
+OF_CALL = "rigid interfaces are in no run: modes are more by the script's own call, which cannot see them"
+OF_STRESS = "stress is measured by modes of the script's own call, which cannot see rigid interfaces"
+BY_RBE3 = "compare with modes of RBE3 (computationMode=HCBstaticModeSelection.RBE3)"
+STRESS = ("Stress", "Strain")  # begin what sensors show of stress modes, which our vectors have none of
 NO_STEPS = "a static solve has no time steps"
 SHORTER = 1e-6  # of the end time: a run that ends so much earlier has not gone all the way
 ENDED = "it ended at t = {:.6g} s, the unchanged run at {:.6g} s"
@@ -41,7 +49,10 @@ class Signal(NamedTuple):
     """One sensor of one solve in all runs: times (T,), values (T, r) at the instants of the unchanged run, by run.
 
     missing : why other runs have none. has_bodies : whether the script has reduced bodies. left : for each component
-    what the run with most vectors says of itself that these leave out, too; 0 where it says nothing.
+    what the run with most vectors says of itself that these leave out, too; 0 where it says nothing. by_call :
+    whether modes are to be measured by those of the script's own call; unseen : why rigid interfaces are in no run,
+    empty: they are, or there are none. steps : of the unchanged run, None: not of one size. until, on_purpose : where
+    it ended early, see Recorded.
     """
 
     name: str
@@ -53,6 +64,11 @@ class Signal(NamedTuple):
     missing: dict[str, str]
     has_bodies: bool = True
     left: tuple[float, ...] = ()
+    by_call: bool = False
+    unseen: str = ""
+    steps: int | None = None
+    until: str = ""
+    on_purpose: bool = False
 
 
 def signals(results: Mapping[str, Result]) -> list[Signal]:
@@ -66,23 +82,54 @@ def signals(results: Mapping[str, Result]) -> list[Signal]:
 
 
 def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dict[str, Any]) -> Signal:
-    data = solve["data"][j]
+    data, base = solve["data"][j], results["unchanged"]
     t, of, missing = data[:, 0], {"unchanged": data[:, 1:]}, {}
-    late = t[-1] - SHORTER * abs(t[-1])
     for run, result in results.items():
-        if run == "unchanged":
-            continue
-        if result.failure:
-            missing[run] = result.failure
-        elif len(result.solves) <= i or result.solves[i]["names"] != solve["names"]:
-            missing[run] = OTHER_SENSORS
-        elif (end := result.solves[i]["data"][j][-1, 0]) < late:
-            missing[run] = ENDED.format(end, t[-1])
-        else:
-            of[run] = _at(t, result.solves[i]["data"][j])
-    has_bodies = bool(results["unchanged"].told["bodies"])
-    is_static, left = solve["kind"] == "static", _left(results, name, i, data.shape[1] - 1)
-    return Signal(name, solve["shows"][j], i, is_static, t, of, missing, has_bodies, left)
+        if run != "unchanged":
+            why = _why_missing(run, result, i, j, solve)
+            if why:
+                missing[run] = why
+            else:
+                of[run] = _at(t, result.solves[i]["data"][j])
+    is_stress = solve["shows"][j].startswith(STRESS)
+    return Signal(
+        name,
+        solve["shows"][j],
+        i,
+        solve["kind"] == "static",
+        t,
+        of,
+        missing,
+        bool(base.told["bodies"]),
+        _left(results, name, i, data.shape[1] - 1),
+        is_stress or bool(base.told.get("without_vectors")),
+        _unseen(base, is_stress),
+        len(np.unique(t)) - 1 if solve.get("fixed", True) and len(t) > 1 else None,
+        solve.get("until", ""),
+        solve.get("on_purpose", False),
+    )
+
+
+def _why_missing(run: str, result: Result, i: int, j: int, solve: dict[str, Any]) -> str:
+    """Why a run says nothing of a sensor; empty: it does."""
+    if result.failure:
+        return result.failure
+    if len(result.solves) <= i or result.solves[i]["names"] != solve["names"]:
+        return OTHER_SENSORS
+    data, t = result.solves[i]["data"][j], solve["data"][j][:, 0]
+    if data[-1, 0] < t[-1] - SHORTER * abs(t[-1]):
+        return ENDED.format(data[-1, 0], t[-1])
+    if run in FINER and solve["kind"] != "static" and len(data) <= len(t):
+        return SAME_STEPS
+    return ""
+
+
+def _unseen(base: Result, is_stress: bool) -> str:
+    """Why rigid interfaces, if there may be some, are in no run."""
+    if base.vectors and not base.told.get("without_vectors"):
+        is_rigid = any(not keeps.all() for _, keeps in base.vectors.values())
+        return OF_STRESS if is_stress and is_rigid else ""
+    return OF_CALL if base.told["bodies"] and base.told.get("may_be_rigid", True) else ""
 
 
 def estimates(result: Result | None) -> list[dict[str, Any]]:
@@ -93,7 +140,14 @@ def estimates(result: Result | None) -> list[dict[str, Any]]:
 def _left(results: Mapping[str, Result], name: str, solve: int, count: int) -> tuple[float, ...]:
     rows = estimates(results.get("free") or results.get("modes"))
     of = {row["component"]: row["modes"] for row in rows if (row["name"], row["solve"]) == (name, solve)}
-    return tuple((of[c]["size"] or 0.0) if of.get(c) else 0.0 for c in range(count))
+    return tuple(_most(of.get(c)) for c in range(count))
+
+
+def _most(told: dict[str, Any] | None) -> float:
+    """Size and half width of an error as --json has it; 0 where nothing is said of it."""
+    if told is None or told["how"] == NONE:
+        return 0.0
+    return math.inf if told["half_width"] is None else told["size"] + told["half_width"]
 
 
 def _at(t: np.ndarray, data: np.ndarray) -> np.ndarray:
@@ -127,29 +181,33 @@ def two_ways(results: Mapping[str, Result]) -> list[str]:
 
 def rows_of_signal(signal: Signal, tolerances: Tolerances) -> list[Row]:
     """Return a row for every component of a sensor."""
-    y = signal.of["unchanged"]
-    extents = np.ptp(y, axis=0) if signal.shows == MOVES else np.abs(y).max(axis=0, initial=0.0)
+    shown = extents(signal.of["unchanged"], signal.shows == MOVES)
     tolerance = tolerances.of(signal.name)
-    limit = None if tolerance is None else tolerance.of(float(extents.max()))
-    return [_row(signal, c, float(extents[c]), limit, tolerances.is_given) for c in range(y.shape[1])]
+    limit = None if tolerance is None else tolerance.of(float(shown.max()))
+    return [_row(signal, c, shown, limit, tolerances.is_given) for c in range(len(shown))]
 
 
-def _row(signal: Signal, c: int, largest: float, limit: float | None, is_asked: bool) -> Row:
-    one = _Component(signal, c)
+def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_asked: bool) -> Row:
+    one, axis = _Component(signal, c), "xyz"[c] if len(shown) == 3 else ""
     of = {cause: verdict for cause in CAUSES if (verdict := one.verdict(cause, limit)) is not None}
     of["sum"] = one.whole(limit, of)
+    if signal.until and not signal.on_purpose:
+        of = not_the_rest(of, signal.until)
     return Row(
         signal.name,
         c,
         signal.solve,
         UNITS.get(signal.shows.removesuffix("Local"), ""),
-        largest,
-        of,
+        float(shown[c]),
+        float(shown.max()),
+        judged(of, float(shown.max()), limit),
         tolerance=limit,
         order=one.order,
         noise=one.noise,
-        label=f"{signal.name} {'xyz'[c]}" if signal.of["unchanged"].shape[1] == 3 else signal.name,
+        label=f"{signal.name} {axis}".rstrip(),
+        axis=axis,
         is_asked=is_asked,
+        until=signal.until,
     )
 
 
@@ -162,7 +220,8 @@ class _Component:
         self._left = signal.left[c] if signal.left else 0.0
         self.noise = _largest(self._change("unchanged", "again")) if "again" in self._y else 0.0
         self.order: float | None = None
-        self.shrinks = True
+        self.differ = 0.0  # largest difference of two runs of which one has half the step of the other
+        self.unshrunk = ""  # why no limit is known that these tend to
         self._steps = self._by_steps()
 
     def _change(self, one: str, other: str) -> np.ndarray:
@@ -184,11 +243,12 @@ class _Component:
         d1, d2 = _largest(first), _largest(second)
         if not np.isfinite(d1 + d2):
             return DO_NOT_SHRINK
+        self.differ = max(d1, d2)
         if d2 <= max(self._floor(), np.finfo(float).tiny):
             return first + second, self._floor() + d2
         self.order = math.log2(d1 / d2) if d1 > 0 else 0.0
         if not LEAST_ORDER <= self.order:
-            self.shrinks = False  # all that is known: what they differ by, and no limit that they tend to
+            self.unshrunk = DO_NOT_SHRINK if d2 >= d1 else SHRINK_LITTLE
             return first + second, max(d1, d2) + self._floor()
         left = second / (2 ** min(self.order, MOST_ORDER) - 1)  # Richardson: what steps shorter still would change
         return first + second + left, _largest(left) + self._floor()
@@ -214,40 +274,68 @@ class _Component:
 
     def modes(self) -> tuple[np.ndarray, float] | None:
         """What more modes change: our vectors beside those of the script, or more by the script's own call."""
-        return self.by_vectors() or self.by_call()
+        return self.by_call() if self._signal.by_call else self.by_vectors() or self.by_call()
 
-    def verdict(self, cause: str, limit: float | None) -> Any:
+    def interfaces(self) -> tuple[np.ndarray, float] | None:
+        """What vectors that free rigid interfaces change."""
+        return None if self._signal.unseen else self._by_modes("free", "modes")
+
+    def verdict(self, cause: str, limit: float | None) -> Verdict | None:
         """The verdict on one cause; None: there is nothing of it."""
-        if cause == "modes":
-            found = self.modes()
-            if found is None and not self._signal.has_bodies:
-                return None
-            if found is None:
-                missing = self._signal.missing.get("modes") or self._signal.missing.get("twice")
-                return not_covered(NOT_RUN.format("the run with more modes", missing) if missing else NO_VECTORS)
-        elif cause == "interfaces":
-            found = self._by_modes("free", "modes")
-        elif cause == "step":
-            found = self._steps
-        else:
+        if cause == "step":
+            return self._of_steps(limit)
+        if cause == "start" or not self._signal.has_bodies:
             return None
-        if found is None or isinstance(found, str):
-            return None if found is None or found == NO_STEPS else not_covered(found)
-        verdict = judge(_largest(found[0]), found[1], limit, MEASURED, OF_CAUSES[cause])
-        if cause == "step" and not self.shrinks and verdict.answer is not Answer.ENOUGH:
-            return replace(verdict, answer=Answer.NOT_KNOWN, reason=DO_NOT_SHRINK)
-        return verdict
+        found = {"modes": self.modes, "interfaces": self.interfaces}[cause]()
+        if found is None:
+            return self._unmeasured(cause)
+        return self._judged(found, limit, OF_CAUSES[cause])
 
-    def whole(self, limit: float | None, of: Mapping[str, Any]) -> Any:
+    def _judged(self, found: tuple[np.ndarray, float], limit: float | None, cure: str = "") -> Verdict:
+        time = float(self._signal.t[np.argmax(np.abs(found[0]))])
+        return replace(judge(_largest(found[0]), found[1], limit, MEASURED, cure), time=time)
+
+    def _unmeasured(self, cause: str) -> Verdict | None:
+        """Why nothing was measured of a cause; None: there is nothing of it."""
+        missing = self._signal.missing
+        if cause == "interfaces":
+            if self._signal.unseen:
+                return not_covered(self._signal.unseen, BY_RBE3)
+            return (
+                not_covered(NOT_RUN.format("the run with free interfaces", missing["free"]))
+                if "free" in missing
+                else None
+            )
+        why = missing.get("four times" if self._signal.by_call else "modes") or missing.get("twice")
+        return not_covered(NOT_RUN.format("the run with more modes", why) if why else NO_VECTORS)
+
+    def _of_steps(self, limit: float | None) -> Verdict | None:
+        """The verdict on the step; where a run and one with half its step differ by twice the limit, one is wrong."""
+        if isinstance(self._steps, str):
+            return None if self._steps == NO_STEPS else not_covered(self._steps)
+        steps = Steps(self._signal.steps, self.order or 2.0)
+        cure = shorter_steps(_largest(self._steps[0]) + self._steps[1], limit, steps)
+        verdict = self._judged(self._steps, limit, cure)
+        if not self.unshrunk or verdict.answer in (Answer.ENOUGH, Answer.NO_TOLERANCE):
+            return verdict
+        is_wrong = limit is not None and self.differ > 2 * limit
+        return replace(
+            verdict,
+            size=self.differ,
+            half_width=None,
+            answer=Answer.TOO_LARGE if is_wrong else Answer.NOT_KNOWN,
+            reason=self.unshrunk,
+            cure=OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else f"{_four_times(steps)}, {AGAIN}",
+        )
+
+    def whole(self, limit: float | None, of: Mapping[str, Verdict]) -> Verdict:
         """The verdict on all together, with what both do not add up to; half width: of each, and as much again."""
-        parts = [self.modes(), self._by_modes("free", "modes")] if self._signal.has_bodies else []
-        if not self._signal.is_static:
-            if isinstance(self._steps, str) or of["step"].reason:
-                return of["step"]
-            parts.append(self._steps)
-        if parts[:1] == [None]:
-            return of["modes"]
-        total = sum(part[0] for part in parts if part is not None)
+        unknown = [verdict for verdict in of.values() if verdict.half_width is None]
+        if unknown:
+            return self._at_least(of.values(), unknown[0])
+        parts = [self.modes(), self.interfaces()] if self._signal.has_bodies else []
+        parts += [] if self._signal.is_static else [self._steps]
+        total = sum(part[0] for part in parts if part is not None) + np.zeros(len(self._signal.t))
         half = sum(part[1] for part in parts if part is not None)
         finest = "free" if "free" in self._y else "modes"
         if {"all", "half", finest} <= {*self._y}:
@@ -255,7 +343,22 @@ class _Component:
             apart -= self._change("unchanged", finest)
             total = total + apart
             half += _largest(apart)  # that is at half the step; shorter ones may add as much again
-        return judge(_largest(total), half, limit, MEASURED)
+        return self._judged((total, half), limit, max(of.values(), key=lambda verdict: verdict.most).cure)
+
+    def _at_least(self, causes: Iterable[Verdict], unknown: Verdict) -> Verdict:
+        """The whole where one cause is not known: at least as large as the largest that is known."""
+        known = [verdict for verdict in causes if verdict.size is not None]
+        sizes = [verdict.size for verdict in known]
+        is_wrong = any(verdict.answer is Answer.TOO_LARGE for verdict in known)
+        answer = Answer.TOO_LARGE if is_wrong else unknown.answer
+        how = MEASURED if known else NONE
+        return Verdict(max(sizes, default=None), None, how, answer, unknown.reason, unknown.cure)
+
+
+def _four_times(steps: Steps) -> str:
+    return (
+        "take steps 4 times as short" if steps.count is None else f"take {4 * steps.count:,} steps, 4 times as short"
+    )
 
 
 def _largest(x: np.ndarray) -> float:

@@ -9,26 +9,30 @@ import sys
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
-from types import CodeType, ModuleType, TracebackType
+from types import CodeType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..process.own_frames import without_our_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-OURS = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # the package: its frames are no news to users
 FAILED, INTERRUPTED = 1, 130  # exit statuses, as of python and as shells have them
 EXIT_CODES = 256
 
 
 @dataclass(frozen=True)
 class Ending:
-    """How a script ended: exit status, the exception that ended it but SystemExit, text for stderr of sys.exit."""
+    """How a script ended: exit status, the exception that ended it but SystemExit, text for stderr of sys.exit.
+
+    began : whether a line of it was run; not where it is no Python.
+    """
 
     status: int = 0
     error: BaseException | None = None
     said: str = ""
+    began: bool = True
 
     def show(self) -> None:
         """Print what python prints when a script ends so."""
@@ -77,7 +81,11 @@ def execute(script: str, arguments: Sequence[str] = (), name: str = "__main__") 
     module = ModuleType(name)
     with _as_main(module, script, arguments):
         try:
-            exec(_compiled(module.__file__), module.__dict__)
+            code = _compiled(module.__file__)
+        except (SyntaxError, ValueError) as error:  # ValueError: null bytes
+            return Ending(FAILED, without_our_frames(error), began=False)
+        try:
+            exec(code, module.__dict__)
         except SystemExit as end:
             return _exited(end.code)
         except BaseException as error:  # whatever it is: python would print it and end
@@ -115,32 +123,6 @@ def _exited(code: Any) -> Ending:
     if code is None or isinstance(code, int):
         return Ending((code or 0) % EXIT_CODES)
     return Ending(FAILED, said=str(code))
-
-
-def without_our_frames(error: BaseException) -> BaseException:
-    """Return the exception, its causes too, without frames of this package in its traceback."""
-    seen: list[BaseException] = []
-    waiting: list[BaseException | None] = [error]
-    while waiting:
-        one = waiting.pop()
-        if one is not None and not any(one is other for other in seen):
-            seen.append(one)
-            one.__traceback__ = _kept(one.__traceback__)
-            waiting += [one.__cause__, one.__context__]
-    return error
-
-
-def _kept(trace: TracebackType | None) -> TracebackType | None:
-    """The traceback without our frames; from its end on, for one of a deep recursion has a thousand."""
-    traces: list[TracebackType] = []
-    while trace is not None:
-        if not os.path.abspath(trace.tb_frame.f_code.co_filename).startswith(OURS + os.sep):
-            traces.append(trace)
-        trace = trace.tb_next
-    kept = None
-    for one in reversed(traces):
-        kept = TracebackType(kept, one.tb_frame, one.tb_lasti, one.tb_lineno)
-    return kept
 
 
 def _flush() -> None:

@@ -57,7 +57,7 @@ def _draw(axes: Any, sensors: Sequence[Row], cause: str, offset: float, width: f
     colour, hatch = STYLES[cause]
     at = [i for i, row in enumerate(sensors) if _known(row, cause)]
     sizes = [100 * sensors[i].of[cause].size / sensors[i].largest for i in at]
-    halves = [100 * sensors[i].of[cause].half_width / sensors[i].largest for i in at]
+    halves = [100 * (sensors[i].of[cause].half_width or 0.0) / sensors[i].largest for i in at]
     places, how = [i + offset * width for i in at], sensors[at[0]].of[cause].how
     below = [min(half, 0.9 * size) for half, size in zip(halves, sizes, strict=True)]  # a logarithm has no zero
     axes.bar(places, sizes, width, color=colour, hatch=hatch, edgecolor="white", label=f"{TITLES[cause]}, {how}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Any
 
-from ..report.answers import STATUS, Tolerances
+from ..report.answers import STATUS, WRONG_USAGE, Tolerances
 from .after_import import after_import
 from .execute import Ending, check_script, execute
 
@@ -27,6 +27,8 @@ NO_SOLVE = "{} reduced flexible {}, but no solve moves {}: nothing to tell"
 NO_BODY = "no reduced flexible body (ObjectFFRFreducedOrder) in {} {}: nothing is reduced, so no mode is missing"
 NOTHING = "no reduced flexible body and no solve: nothing to tell"
 NOT_WATCHED = "{} in other processes ({} started) not watched: the answer below is of this process alone"
+MEASURE = "romerr verify {} measures it"
+NOT_READ = "the script was not run: it is no Python that can be read ({})"
 CHOSEN = "the scene has no sensors; outputs chosen for it: interfaces, and the node of each body farthest from them"
 
 
@@ -60,8 +62,12 @@ class Run:
         from ..judgement.judgement import Judgement, rows_of_solve
 
         rows = [row for solve in self.solves for row in rows_of_solve(solve, self.tolerances)]
-        notes = [*self.notes, *self.tolerances.notes(row.name for row in rows)]
-        return Judgement(rows, self.solves, notes)
+        return Judgement(rows, self.solves, self.notes)
+
+    @property
+    def misspelt(self) -> list[str]:
+        """A line for each name in a tolerance that no sensor has."""
+        return self.tolerances.misspelt(row.name for row in self.judgement.rows)
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -70,15 +76,18 @@ class Run:
 
     @property
     def status(self) -> int:
-        """Exit status: the script's own; if it ended well and a tolerance was asked for, that of the answer."""
+        """Exit status: the script's own; if it ended well and a tolerance was asked for, that of the answer.
+
+        A name in a tolerance that no sensor has is wrong usage.
+        """
         if self.ending.status or not self.tolerances.is_given:
             return self.ending.status
-        return STATUS[self.judgement.answer]
+        return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
 
     def __str__(self) -> str:
         from ..judgement.judgement import text
 
-        return text(self.judgement, self.script)
+        return "\n".join([*self.misspelt, text(self.judgement, self.script, MEASURE)])
 
 
 def run(
@@ -115,7 +124,8 @@ def run(
     tolerances, path = Tolerances([str(text) for text in texts]), check_script(script)
     with _Watching() as watching:
         ending = execute(path, arguments)
-        return Run(path, ending, watching.solves, watching.notes(), tolerances)
+        notes = watching.notes() if ending.began else [NOT_READ.format(_in_a_line(ending.error))]
+        return Run(path, ending, watching.solves, notes, tolerances)
 
 
 class _Watching:
@@ -180,6 +190,10 @@ class _Watching:
 
         process.BaseProcess.start = counted
         self._stack.callback(setattr, process.BaseProcess, "start", start)
+
+
+def _in_a_line(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}"
 
 
 def _count(number: int, what: str) -> str:

@@ -18,10 +18,10 @@ from ..checks import check_choice
 from ..errors import InputError, RunError
 from ..judgement.judgement import Judgement, text
 from ..judgement.solve import Solve
-from ..report.answers import STATUS, Answer, Tolerances
-from ..report.verdicts import CAUSES, Verdict
+from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, worst
+from ..report.verdicts import CAUSES, Verdict, beside_estimate
 from .child_run import Request, Result, run_child, stop_all
-from .compared import estimates, rows_of_signal, signals, two_ways
+from .compared import STRESS, estimates, rows_of_signal, signals, two_ways
 from .execute import check_script
 
 CONTROLLERS = ("follow", "hold")
@@ -61,10 +61,14 @@ class Verification:
         """Verdicts on every sensor, component and cause; all measured."""
         rows = [row for one in signals(self.results) for row in rows_of_signal(one, self.tolerances)]
         estimated = {(x["name"], x["component"], x["solve"]): x["sum"] for x in estimates(self.results.get("again"))}
-        rows = [replace(row, estimated=_verdict(estimated.get((row.name, row.component, row.solve)))) for row in rows]
+        rows = [beside_estimate(row, _verdict(estimated.get((row.name, row.component, row.solve)))) for row in rows]
         solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
-        notes = [*self.notes, *two_ways(self.results), *self.tolerances.notes(row.name for row in rows)]
-        return Judgement(rows, solves, notes)
+        return Judgement(rows, solves, [*self.notes, *two_ways(self.results)])
+
+    @property
+    def misspelt(self) -> list[str]:
+        """A line for each name in a tolerance that no sensor has."""
+        return self.tolerances.misspelt(row.name for row in self.judgement.rows)
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -74,7 +78,9 @@ class Verification:
     @property
     def status(self) -> int:
         """Exit status: 0, or with a tolerance that of the answer."""
-        return STATUS[self.judgement.answer] if self.tolerances.is_given else 0
+        if not self.tolerances.is_given:
+            return 0
+        return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
 
     def answer(self, name: str, tolerance: float | str, cause: str | None = None) -> str:
         """Return "enough", "too large", "not known" or "not covered" for a sensor, of the whole error or one cause.
@@ -90,9 +96,8 @@ class Verification:
         check_choice("name", name, names)
         asked = Tolerances([str(tolerance)])
         found = [row for one in signals(self.results) if one.name == name for row in rows_of_signal(one, asked)]
-        order = list(Answer)
         of = [row.of[cause or "sum"].answer for row in found if (cause or "sum") in row.of]
-        return max(of, key=order.index, default=Answer.NOT_COVERED).value
+        return worst(of or [Answer.NOT_COVERED]).value
 
     def save(self, path: str | os.PathLike) -> None:
         """Write all numbers and answers as JSON."""
@@ -123,7 +128,7 @@ class Verification:
         draw_causes(self.judgement.rows, path)
 
     def __str__(self) -> str:
-        return text(self.judgement, self.script)
+        return "\n".join([*self.misspelt, text(self.judgement, self.script)])
 
 
 def _verdict(told: dict[str, Any] | None) -> Verdict | None:
@@ -262,7 +267,9 @@ def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> 
         if is_free:
             found.append(replace(plain, name="free", vectors=every, watch=True))
         found.append(replace(held, name="all", vectors=every, steps=2))
-    if by_call or first.told["without_vectors"] or (first.told["bodies"] and not first.vectors):
+    shows_stress = any(shows.startswith(STRESS) for solve in first.solves for shows in solve.get("shows", ()))
+    is_by_call = by_call or first.told["without_vectors"] or not first.vectors or shows_stress
+    if first.told["bodies"] and is_by_call:
         found += [replace(plain, name=name, factor=n) for name, n in (("twice", 2), ("four times", 4))]
     return found
 

@@ -1,5 +1,7 @@
 """Judgement of a script: rows of all solves, what has none and why, and the text of them."""
 
+from dataclasses import replace
+
 import pytest
 
 from exudyn_romerr.errors import InputError
@@ -48,8 +50,9 @@ def test_sensors_without_a_row_say_why():
     of = {row.name: row for row in rows_of_solve(solve, Tolerances())}
     assert of["force"].of["sum"].reason == "it is shared"
     assert of["stress"].of["sum"].reason == "body 3 (arm): it has a user function"
-    assert worst(row.answer for row in of.values()) is Answer.TOO_LARGE
+    assert worst(row.answer for row in of.values()) is Answer.NOT_COVERED
     told = text(Judgement([*of.values()], [solve]), "arm.py")
+    assert told.startswith("Not covered by any estimate: force, stress (1 % assumed; --tolerance).")
     assert "not known, force: it is shared" in told
     solve.report, solve.failure = None, ValueError("no frame")
     assert {row.of["sum"].reason for row in rows_of_solve(solve, Tolerances())} == {"no frame"}
@@ -57,13 +60,15 @@ def test_sensors_without_a_row_say_why():
 
 def test_of_components_the_worst_is_told():
     one, other = (verdicts(["5e-3"], parts={"basis": x, "time step": 1e-3}) for x in (1e-3, 9e-3))
-    (row,) = by_sensor([one, other])
+    (row,) = by_sensor([replace(one, component=0), replace(other, component=1)])
     assert row.of["modes"].size == 9e-3
     assert row.answer is Answer.TOO_LARGE
     told = text(Judgement([one, other], [Solve(0, "dynamic", 1)]), "a.py").split("\n")
     assert told[0] == "Too large, by modes: tip z."
-    assert told[1] == "Modes: too large, 0.009 +- 0.0002 m (0.45 %) at tip z; more modes."
-    assert told[2] == "Step: enough, 0.0014 m or less (0.066 %) at tip z."  # half widths above 30 % are no digits
+    assert told[1] == "Modes: too large, about 0.009 +- 0.0002 m (0.45 %) at tip z; more modes."
+    assert (
+        told[2] == "Step: enough, about 0.0014 m or less (0.066 %) at tip z."
+    )  # half widths above 30 % are no digits
 
 
 @pytest.mark.parametrize("text", ["", "x", "-1", "0", "nan", "inf%", "tip=", "tip=-1", "=", "1 2"])

@@ -12,9 +12,9 @@ import pytest
 from exudyn_romerr import Output, load_report
 from exudyn_romerr.report.formats import html_figures
 from exudyn_romerr.report.formats import html_page as page
+from exudyn_romerr.report.report_rows import rows_of
 from exudyn_romerr.report.scope import NOT_CERTIFIED, Doubt, with_doubts
-from exudyn_romerr.report.table import by_sensor, summary, table
-from exudyn_romerr.report.verdicts import rows_of
+from exudyn_romerr.report.table import ASSESS, by_sensor, summary, table
 from exudyn_romerr.report.wording import rounded_up
 from tests.helpers.theorem import random_case
 
@@ -168,7 +168,7 @@ def test_every_output_has_a_figure_before_one_has_two(case):
 def test_answers_come_first_then_tables_of_outputs_and_components(report):
     """The words that are printed."""
     found, rows = read(report), rows_of(report)
-    assert found.words.index(summary(by_sensor(rows), "output")) < found.words.index("All outputs")
+    assert found.words.index(summary(rows, "output", ASSESS)) < found.words.index("All outputs")
     assert found.of("caption")[:2] == ["All outputs", "All components"]
     for made in (by_sensor(rows), rows):
         for line in table(made, "output")[1:]:

@@ -27,8 +27,8 @@ from exudyn_romerr.report.plots.body_surface import draw_body
 from exudyn_romerr.report.plots.over_time import draw_bounds, draw_causes, draw_signal
 from exudyn_romerr.report.plots.panels import plot_causes, plot_report
 from exudyn_romerr.report.plots.style import new_figure, picture
+from exudyn_romerr.report.report_rows import of_estimates
 from exudyn_romerr.report.scope import COUPLED, FROZEN, NOT_CERTIFIED, SCOPES, Doubt, Reason, with_doubts
-from exudyn_romerr.report.verdicts import of_estimates
 from exudyn_romerr.sweeps.collect import text_of
 from tests.helpers.report_outputs import output
 from tests.helpers.theorem import random_case
@@ -170,7 +170,7 @@ def test_assessments_prove_nothing(plain, cause):
     assert replace(plain, time="reconstructed").assess("y", 1e9).answer == "proven"
     if of_estimates([doubt]):
         assert found.answer == "unknown"
-        assert f"({doubt.cause}): {doubt.cure} (other rows: y row 2 unknown)." in found.text
+        assert f"({doubt.cause}): {doubt.cure} (other rows: y row 1 not known)." in found.text
     else:
         assert found.answer == "likely"
 

@@ -100,14 +100,15 @@ def test_first_come_answers_by_cause_then_a_table(report):
     known(report, {"basis": 1e-5, "time step": 0.1}).output("v").tolerance = 1e6
     for out in report.outputs.values():
         out.beside_steps, out.uncertainty_parts = (), {"steps": out.uncertainty}
-    extent, first, modes, step, _, head, y, v, _, *rest = str(report).splitlines()
+    extent, first, step, modes, _, head, y, v, _, *rest = str(report).splitlines()
     assert extent == f"{len(report.t)} instants, t / s = 0 .. {report.t[-1]:g}"
-    assert first == "More than 0.1 %, by step: y."
+    assert first == "Too large, by step: y (1 % assumed; report.assess)."
     assert modes.startswith("Modes: enough, ")
-    assert re.fullmatch(r"Step: more than 0.1 %, \S+ \+- \S+ m \(10 %\) at y; take steps \d+ times as short.", step)
+    action = r"take (?:[\d,]+ )?steps,? \d+ times as short"
+    assert re.fullmatch(rf"Step: too large, about \S+ \+- \S+ m \(10 %\) at y row \d; {action}.", step)
     titles = ["output", "up to", "modes about", "step about", "whole error about", "at most (modes, to first order)"]
     assert re.split(r"  +", head) == titles
-    assert [re.split(r"  +", line)[0] for line in (y, v)] == ["y", "v"]
+    assert [re.split(r"  +", line)[0].split()[0] for line in (y, v)] == ["y", "v"]
     bound = max(np.max(out.bound["best"] + out.round_off) for out in [report.output("y")])
     assert y.endswith(f" {rounded_up(bound, 2)}")
     assert any(line.startswith("  fast: ") or "scope: coupled" in line for line in rest)
@@ -129,7 +130,7 @@ def test_frozen_inputs_are_said_first_and_cover_nothing(report):
     first, _, said, *_ = str(report).splitlines()
     assert first.startswith("! only the error under the forces, controller actions and frame motion of this run. ")
     assert first.endswith("type: romerr verify your_script.py")
-    assert said == "Not covered by any estimate: y, v."
+    assert said == "Not covered by any estimate: y, v (1 % assumed; report.assess)."
     assert " at most " not in str(report)
     bounds = [line for line in report.details.splitlines() if " at most " in line]
     assert len(bounds) == len(report.outputs)
@@ -141,7 +142,7 @@ def test_without_estimates_bounds_answer_for_the_whole_error(report):
     """What is at most is told in any case; where that is not the whole error nothing is answered."""
     report.time = "reconstructed"
     said = str(report).splitlines()
-    assert said[1] == "Not known whether it is enough: y, v."
+    assert said[1] == "Not known: y, v (1 % assumed; report.assess)."
     assert re.split(r"  +", said[3])[1:] == ["up to", "at most"]
     for out in report.outputs.values():
         out.tolerance = 1e6
@@ -163,7 +164,7 @@ def test_outputs_that_nobody_asked_for_are_in_the_table_alone(report):
     beside = replace(report.outputs["v"], name="y in the frame", estimate_parts={"basis": report.output("v").value})
     report.outputs = {"y": report.outputs["y"], beside.name: beside}
     first, *rest = str(report).splitlines()[1:]
-    assert first == "Enough: the error of every output is within 0.1 % of what the output shows."
+    assert first == "Enough: the error of every output is within its tolerance (1 % assumed; report.assess)."
     assert sum("y in the frame" in line for line in rest) == 1
 
 

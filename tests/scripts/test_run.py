@@ -280,6 +280,88 @@ def test_wrong_usage_is_one_line(arguments, said, tmp_path, monkeypatch, capsys)
     assert err.count("\n") == 1
 
 
-def test_a_name_that_no_sensor_has_is_told(tmp_path):
-    run = romerr.run(written(tmp_path, SCENE + SOLVE), tolerance="top=1")
-    assert "--tolerance names 'top'; sensors are 'sensor0', " in str(run)
+@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
+def test_a_misspelt_sensor_is_wrong_usage(quiet, tmp_path, capsys):
+    """Whatever the others say; the answer is printed all the same."""
+    script = written(tmp_path, SCENE + SOLVE)
+    assert main(["run", "--tolerance", "sensr1=1e9", *quiet, script]) == 2
+    out, err = capsys.readouterr()
+    assert "--tolerance names 'sensr1', which no sensor is called; did you mean 'sensor1'?" in (err if quiet else out)
+    assert ("No tolerance: sensor0, sensor1, sensor2." in out) == (not quiet)
+    assert (
+        main(
+            ["run", "--tolerance", "sensr1=1e9", "--quiet", written(tmp_path, SCENE + SOLVE + "raise SystemExit(7)")]
+        )
+        == 7
+    )
+
+
+FAILS = "def fail(mbs, t, load):\n    if t > 0.03:\n        raise ValueError('a user')\n    return [0, 0, 1]\n"
+FAILS += "scene.mbs.SetLoadParameter(0, 'loadVectorUserFunction', fail)\nscene.mbs.Assemble()\n"
+NEWTON = "newton = scene.settings.timeIntegration.newton\nnewton.maxIterations, newton.relativeTolerance = 1, 1e-30\n"
+NEWTON += (
+    "newton.absoluteTolerance = 1e-30\nscene.settings.timeIntegration.adaptiveStep = False\nscene.mbs.Assemble()\n"
+)
+MEANT = "scene.mbs.SetPostStepUserFunction(lambda mbs, t: t < 0.03)\n"
+SOLVES = "scene.mbs.SolveDynamic(scene.settings)\n"
+TRIED = f"scene.mbs.Assemble()\ntry:\n    {SOLVES}except Exception:\n    pass\n"
+PULLED = FAILS.replace("ValueError('a user')", "KeyboardInterrupt")
+
+
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [
+        (FAILS + SOLVES, "Until 0.029 of 0.05 s: ValueError: a user."),
+        (PULLED + SOLVES, "Until 0.029 of 0.05 s: it was interrupted (Ctrl-C)."),
+        (
+            NEWTON + f"scene.mbs.Assemble()\ntry:\n    {SOLVES}except Exception:\n    pass\n",
+            "Until 0 of 0.05 s: the solve failed.",
+        ),
+        (MEANT + SOLVE, "Until 0.03 of 0.05 s: a user function that returned False stopped it on purpose."),
+    ],
+)
+def test_a_run_that_ended_early_says_when_and_by_what(text, first, tmp_path):
+    """Nothing is enough then, unless that end was meant; a saved report says the same."""
+    run = romerr.run(written(tmp_path, SCENE + text), tolerance="1e9")
+    assert str(run).startswith(first)
+    is_meant = "on purpose" in first
+    assert (run.judgement.answer is Answer.ENOUGH) == is_meant
+    run.reports[0].save(tmp_path / "run.npz")
+    assert romerr.load_report(tmp_path / "run.npz").ended_by == run.reports[0].ended_by
+    assert ("a user function" in first) == romerr.load_report(tmp_path / "run.npz").on_purpose
+    assert "exudyn_romerr" not in str(run.ending.error)  # Exudyn lists frames in what it says
+
+
+def test_a_script_that_is_no_python_is_told_as_that(tmp_path):
+    run = romerr.run(written(tmp_path, "import exudyn\ndef f(:\n"))
+    assert run.ending.status == 1
+    assert isinstance(run.ending.error, SyntaxError)
+    assert str(run).startswith("the script was not run: it is no Python that can be read (SyntaxError: ")
+
+
+INTERVALS = """scene.mbs.Assemble()
+s = scene.settings.timeIntegration
+solver, end, count = exu.MainSolverImplicitSecondOrder(), s.endTime, s.numberOfSteps
+s.endTime, s.numberOfSteps = end / 5, count // 5
+solver.InitializeSolver(scene.mbs, scene.settings)
+for k in range(5):
+    s.startTime, s.endTime, s.numberOfSteps = k * end / 5, (k + 1) * end / 5, count // 5
+    solver.InitializeSolverInitialConditions(scene.mbs, scene.settings)
+    solver.SolveSteps(scene.mbs, scene.settings)
+    state = scene.mbs.systemData.GetSystemState()
+    scene.mbs.systemData.SetSystemState(state, configuration=exu.ConfigurationType.Initial)
+solver.FinalizeSolver(scene.mbs, scene.settings)
+"""
+
+
+def test_intervals_of_one_solver_are_one_run(pendulum, tmp_path):
+    """The numbers of one solve, to what five restarts of the accelerations change."""
+    run = romerr.run(written(tmp_path, SCENE + INTERVALS))
+    assert run.ending.error is None
+    (report,) = run.reports
+    whole = pendulum[0].reports[0]
+    np.testing.assert_allclose(report.t, whole.t, rtol=1e-12)
+    for name, out in whole.outputs.items():
+        joined = report.output(name)
+        np.testing.assert_allclose(joined.value, out.value, rtol=0, atol=0.02 * np.max(np.abs(out.value)))
+        assert np.all(np.abs(joined.estimate - out.estimate) <= joined.uncertainty + out.uncertainty)

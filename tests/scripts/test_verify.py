@@ -18,8 +18,19 @@ import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
 from exudyn_romerr.errors import InputError, RunError
 from exudyn_romerr.report.answers import Tolerances
+from exudyn_romerr.report.table import reasons, summary
 from exudyn_romerr.scripts.child_run import ASKS, Request, Result, run_child
-from exudyn_romerr.scripts.compared import DO_NOT_SHRINK, Signal, rows_of_signal, two_ways
+from exudyn_romerr.scripts.compared import (
+    DO_NOT_SHRINK,
+    OF_CALL,
+    OTHER_INSTANTS,
+    SAME_STEPS,
+    SHRINK_LITTLE,
+    Signal,
+    rows_of_signal,
+    signals,
+    two_ways,
+)
 from exudyn_romerr.scripts.verify import BY_CALL, _planned
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -497,14 +508,124 @@ def test_modes_by_the_scripts_own_call_where_a_body_cannot_be_read():
 
 def signal_of(**runs):
     t = np.linspace(0, 1, 5)
-    return Signal("tip", "Displacement", 0, False, t, {name: np.outer(t, [x]) for name, x in runs.items()}, {})
+    of = {name: np.outer(t, [x]) for name, x in runs.items()}
+    return Signal("tip", "Displacement", 0, False, t, of, {}, steps=4)
 
 
-def test_differences_that_do_not_shrink_are_no_error():
-    (row,) = rows_of_signal(signal_of(unchanged=1.0, again=1.0, half=1.1, quarter=0.9), Tolerances(["0.01"]))
-    assert row.of["step"].answer.value == "not known"
+@pytest.mark.parametrize(
+    ("half", "quarter", "limit", "answer", "reason"),
+    [
+        (1.1, 0.9, 0.01, "too large", DO_NOT_SHRINK),  # runs differ by 0.2: one is off by 0.1 at least
+        (1.1, 0.9, 0.15, "not known", DO_NOT_SHRINK),
+        (1.1, 0.9, 0.4, "enough", ""),
+        (1.1, 1.19, 0.01, "too large", SHRINK_LITTLE),
+        (1.1, 1.19, 0.08, "not known", SHRINK_LITTLE),
+        (1.24, 1.25, 0.1, "too large", ""),
+    ],
+)
+def test_a_run_that_differs_by_twice_the_tolerance_from_half_the_step_is_too_coarse(
+    half, quarter, limit, answer, reason
+):
+    """Whatever the order; chaos and contact only where finer pairs do not come closer."""
+    (row,) = rows_of_signal(signal_of(unchanged=1.0, again=1.0, half=half, quarter=quarter), Tolerances([str(limit)]))
+    found = row.of["step"]
+    assert (found.answer.value, found.reason) == (answer, reason)
+    assert row.answer is found.answer
+    if reason:
+        assert found.half_width is None
+        assert found.size == pytest.approx(max(abs(half - 1), abs(quarter - half)))
+        assert (found.cure == OTHER_INSTANTS) == (reason == DO_NOT_SHRINK)
+
+
+def test_steps_to_take_follow_from_order_and_tolerance():
+    """Of second order, 0.28 to 0.01: 5.3 times as short; of first order 28 times, of which 20 are told."""
+    for half, quarter, order, action in (
+        (1.21, 1.2625, 2.0, "take 24 steps, 6 times as short"),
+        (1.14, 1.21, 1.0, "take 80 steps, 20 times as short, then ask again"),
+    ):
+        signal = signal_of(unchanged=1.0, again=1.0, half=half, quarter=quarter)._replace(has_bodies=False)
+        (row,) = rows_of_signal(signal, Tolerances(["0.01"]))
+        assert row.order == pytest.approx(order)
+        assert row.of["step"].cure == row.of["sum"].cure == action
+
+
+SIGNAL = {"unchanged": 1.0, "again": 1.0, "half": 1.00075, "quarter": 1.0009375, "modes": 1.002}
+
+
+@pytest.mark.parametrize(
+    ("changed", "runs", "answer"),
+    [
+        ({}, {}, "enough"),
+        ({"missing": {"free": "it was ended after 60 s (--timeout)"}}, {}, "not covered"),
+        ({}, {"free": 1.2}, "too large"),
+        ({"unseen": OF_CALL}, {}, "not covered"),
+        ({"unseen": OF_CALL}, {"free": 1.2}, "not covered"),
+        ({"missing": {"half": "killed", "quarter": "killed"}}, {"half": None, "quarter": None}, "not covered"),
+        ({"missing": {"modes": "killed"}}, {"modes": None}, "not covered"),
+        ({"unseen": OF_CALL}, {"half": 1.75, "quarter": 1.9375}, "too large"),  # whatever interfaces add
+    ],
+)
+def test_a_cause_that_nobody_measured_is_no_zero(changed, runs, answer):
+    values = {name: x for name, x in (SIGNAL | runs).items() if x is not None}
+    (row,) = rows_of_signal(signal_of(**values)._replace(**changed), Tolerances(["0.1"]))
+    assert row.answer.value == answer
+    assert row.of["sum"].size is None or row.of["sum"].size >= max(
+        x.size for x in row.of.values() if x.size is not None
+    )
+    if answer == "not covered":
+        assert summary([row]).startswith("Not known, by ")
+        assert reasons([row])
+
+
+def test_the_whole_is_at_least_its_largest_part():
+    """Steps that do not shrink beside interfaces that are ten times larger."""
+    (row,) = rows_of_signal(
+        signal_of(**(SIGNAL | {"half": 1.001, "quarter": 1.0, "free": 1.1})), Tolerances(["0.0004"])
+    )
     assert row.of["step"].reason == DO_NOT_SHRINK
-    assert row.of["sum"].answer.value != "enough"
+    assert row.of["sum"].size == pytest.approx(row.of["interfaces"].size) == pytest.approx(0.098)
+
+
+def test_stress_is_measured_by_the_scripts_own_call():
+    """Vectors without stress modes change none."""
+    runs = SIGNAL | {"modes": 1.0, "twice": 1.05, "four times": 1.06}
+    (row,) = rows_of_signal(signal_of(**runs)._replace(by_call=True, shows="StressLocal"), Tolerances(["0.01"]))
+    assert (row.of["modes"].size, row.of["modes"].half_width) == (pytest.approx(0.06), pytest.approx(0.01))
+    (row,) = rows_of_signal(signal_of(**SIGNAL)._replace(by_call=True), Tolerances(["0.01"]))
+    assert row.of["modes"].how == "not covered"
+    first = Result("unchanged", "", [{"kind": "static", "shows": ["StressLocal"]}], VECTORS, TOLD)
+    assert [one.name for one in _planned(request("a.py"), first, "follow", False)][-2:] == ["twice", "four times"]
+
+
+VECTORS = {0: (np.ones((6, 2)), np.array([True, False]))}
+TOLD = {"without_vectors": [], "bodies": 1, "rows": []}
+
+
+def test_runs_that_took_no_shorter_steps_measure_none():
+    solve = {"kind": "dynamic", "names": ["tip"], "numbers": [0], "shows": ["Displacement"], "fixed": True}
+
+    def result(name, count):
+        times = np.linspace(0, 1, count)
+        return Result(
+            name, "", [solve | {"data": [np.stack([times, times], axis=1)]}], {}, TOLD | {"may_be_rigid": False}
+        )
+
+    (signal,) = signals(
+        {"unchanged": result("unchanged", 5), "half": result("half", 5), "quarter": result("quarter", 17)}
+    )
+    assert signal.missing == {"half": SAME_STEPS}
+    assert signal.steps == 4
+    (row,) = rows_of_signal(signal, Tolerances(["9"]))
+    assert (row.of["step"].how, row.answer.value) == ("not covered", "not covered")
+
+
+def test_a_misspelt_sensor_is_wrong_usage(bar):
+    """With the results all the same."""
+    asked = replace(bar, tolerances=Tolerances(["sensr1=1"]))
+    assert asked.status == 2
+    assert "did you mean 'sensor1'?" in str(asked)
+    assert "No tolerance: sensor0, sensor1, sensor2." in str(asked)
+    assert replace(bar, tolerances=Tolerances(["sensor1=9"])).status == 0
 
 
 def test_what_both_do_not_add_up_to_is_in_the_whole():

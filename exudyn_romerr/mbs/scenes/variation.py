@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...report.verdicts import until
+from .endings import ended_by
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from types import ModuleType
@@ -21,8 +24,10 @@ if TYPE_CHECKING:
 
 SOLVERS = ("MainSolverImplicitSecondOrder", "MainSolverExplicit", "MainSolverStatic")
 STATIC = "MainSolverStatic"
+SAME_TIME = 1e-9  # of a time: solvers add up their steps
 ORDERS = {"DOPRI5": 5, "ODE23": 3}  # of methods that choose their steps by tolerances
 ENDINGS = (".txt", ".sol")  # of solution files, text or binary, whose name has none
+RIGID = "RBE2"
 CALLS = {  # of FEMinterface: the argument that is the number of modes
     "ComputeHurtyCraigBamptonModes": "nEigenModes",
     "ComputeEigenmodes": "nModes",
@@ -35,13 +40,16 @@ class Recorded:
     """What all sensors showed in a solve: an array (T, 1 + r) for each, time first.
 
     kind : "dynamic" or "static". fixed : whether all steps are of one size. h : that of the unchanged run. numbers :
-    of the sensors. seconds : CPU time.
+    of the sensors. until : of a solve that ended before its end, when and by what; on_purpose : whether that was
+    meant. seconds : CPU time.
     """
 
     kind: str
     fixed: bool
     h: float = 0.0
     seconds: float = 0.0
+    until: str = ""
+    on_purpose: bool = False
     numbers: list[int] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     shows: list[str] = field(default_factory=list)
@@ -80,6 +88,7 @@ class Variation:
         self._hold, self._place, self._before = hold and steps > 1, place, before
         self.solves: list[Recorded] = []
         self.has_controllers = False
+        self._kinds: list[str] = []  # of the calls that made modes
         self._open: dict[int, ExitStack] = {}  # solves made step by step, by the solver's identity
         self._coarse: tuple[float, float] | None = None  # start and step of the unchanged run
 
@@ -98,18 +107,26 @@ class Variation:
             solver.SolveSystem = self._solved(solver.SolveSystem, name == STATIC)
             solver.InitializeSolver = self._begun(solver.InitializeSolver, name == STATIC)
             solver.FinalizeSolver = self._ended(solver.FinalizeSolver)
+            solver.InitializeSolverInitialConditions = self._with_steps(solver.InitializeSolverInitialConditions)
+            solver.SolveSteps = self._with_steps(solver.SolveSteps)
+
+    @property
+    def may_be_rigid(self) -> bool:
+        """Whether modes may make interfaces rigid: those of RBE2, and of no call that is known."""
+        return not self._kinds or any(RIGID in kind for kind in self._kinds)
 
     def install_fem(self, fem: ModuleType) -> None:
         """exudyn.FEM was imported: its calls make more modes."""
         for name, argument in CALLS.items():
-            if self._factor > 1 and hasattr(fem.FEMinterface, name):
+            if hasattr(fem.FEMinterface, name):
                 setattr(fem.FEMinterface, name, self._with_more(getattr(fem.FEMinterface, name), argument))
 
     def _with_more(self, call: Any, argument: str) -> Any:
         @wraps(call)
         def more(*arguments: Any, **options: Any) -> Any:
             given = inspect.signature(call).bind(*arguments, **options)
-            if argument in given.arguments:
+            self._kinds.append(str(given.arguments.get("computationMode", "")))
+            if self._factor > 1 and argument in given.arguments:
                 given.arguments[argument] = self._factor * given.arguments[argument]
             return call(*given.args, **given.kwargs)
 
@@ -166,7 +183,7 @@ class Variation:
         @wraps(solve_system)
         def SolveSystem(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
             given = _settings(arguments, options)
-            with self._around(mbs, given, is_static):
+            with self._around(solver, mbs, given, is_static), self._more_steps(given, is_static):
                 return solve_system(solver, mbs, *arguments, **options)
 
         return SolveSystem
@@ -174,12 +191,33 @@ class Variation:
     def _begun(self, initialize: Any, is_static: bool) -> Any:
         @wraps(initialize)
         def InitializeSolver(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-            around = ExitStack()
-            around.enter_context(self._around(mbs, _settings(arguments, options), is_static))
+            around, settings = ExitStack(), _settings(arguments, options)
+            around.enter_context(self._around(solver, mbs, settings, is_static))
             self._open[id(solver)] = around
-            return initialize(solver, mbs, *arguments, **options)
+            with self._more_steps(settings, is_static):
+                return initialize(solver, mbs, *arguments, **options)
 
         return InitializeSolver
+
+    def _with_steps(self, call: Any) -> Any:
+        """A part of a solve made step by step, before which a script may set steps anew."""
+
+        @wraps(call)
+        def stepping(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+            with self._more_steps(_settings(arguments, options), id(solver) not in self._open):
+                return call(solver, mbs, *arguments, **options)
+
+        return stepping
+
+    @contextmanager
+    def _more_steps(self, settings: Any, is_unchanged: bool) -> Iterator[None]:
+        integration = settings.timeIntegration
+        count = integration.numberOfSteps
+        integration.numberOfSteps = count if is_unchanged else self._steps * count
+        try:
+            yield
+        finally:
+            integration.numberOfSteps = count
 
     def _ended(self, finalize: Any) -> Any:
         @wraps(finalize)
@@ -192,16 +230,21 @@ class Variation:
         return FinalizeSolver
 
     @contextmanager
-    def _around(self, mbs: Any, settings: Any, is_static: bool) -> Iterator[None]:
+    def _around(self, solver: Any, mbs: Any, settings: Any, is_static: bool) -> Iterator[None]:
         """What is done before and after a solve."""
         self._before(mbs)
         recorded = Recorded("static" if is_static else "dynamic", True)
         with self._changed(mbs, settings, is_static, recorded):
-            begin = process_time()
+            begin, error = process_time(), None
             try:
                 yield
+            except BaseException as raised:
+                error = raised
+                raise
             finally:
                 recorded.seconds = process_time() - begin
+                if not is_static:
+                    _note_end(recorded, solver, mbs.systemData.GetTime(), settings.timeIntegration.endTime, error)
                 self._record(mbs, recorded)
 
     def _placed(self, set_write_to_file: Any) -> Any:
@@ -253,7 +296,6 @@ class Variation:
             if not is_static:
                 count = integration.numberOfSteps
                 recorded.h = (integration.endTime - integration.startTime) / count
-                change(integration, "numberOfSteps", self._steps * count)
                 change(integration, "minimumStepSize", integration.minimumStepSize / self._steps)
                 method = integration.solverType.name
                 if method in ORDERS and integration.automaticStepSize:
@@ -276,6 +318,13 @@ class Variation:
                 recorded.shows.append("" if shows is None else shows.name)
                 recorded.data.append(data)
         self.solves.append(recorded)
+
+
+def _note_end(recorded: Recorded, solver: Any, t: float, end: float, error: BaseException | None) -> None:
+    """Note what ended a solve before its end."""
+    if t < end * (1 - SAME_TIME):
+        why, recorded.on_purpose = ended_by(solver, error)
+        recorded.until = until(t, end, why)
 
 
 def _no_image(*arguments: Any, **options: Any) -> None:

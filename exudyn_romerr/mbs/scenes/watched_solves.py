@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from ...judgement.solve import Solve
+from ...process.own_frames import without_our_places
+from .endings import TO_ITS_END, EndedBy, ended_by
 from .stand_in import StandIn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
 
+    from ...report.report import BoundReport
     from .found_bodies import FoundBodies
 
 DYNAMIC = ("MainSolverImplicitSecondOrder", "MainSolverExplicit")
@@ -58,11 +61,14 @@ class WatchedSolves(StandIn):
             if self._is_inside:  # ours
                 return solve_system(solver, mbs, *arguments, **options)
             opened = self._begin(solver, mbs, is_static, arguments, options)
-            begin = process_time()
+            begin, error = process_time(), None
             try:
                 return solve_system(solver, mbs, *arguments, **options)
+            except BaseException as raised:
+                error = without_our_places(raised)
+                raise
             finally:
-                self._end(*opened, process_time() - begin)
+                self._end(*opened, process_time() - begin, ended_by(solver, error))
 
         return SolveSystem
 
@@ -81,7 +87,7 @@ class WatchedSolves(StandIn):
             try:
                 return finalize(solver, mbs, *arguments, **options)
             finally:
-                self._end(*self._open.pop(id(solver), NOTHING))
+                self._end(*self._open.pop(id(solver), NOTHING), ending=ended_by(solver))
 
         return FinalizeSolver
 
@@ -105,6 +111,7 @@ class WatchedSolves(StandIn):
             settings = arguments[0] if arguments else next(iter(options.values()), None)
             kept = ExitStack()
             if monitor is not None:
+                solve.runs_before = len(monitor.runs)
                 kept.enter_context(_kept_in_sys(mbs, solver, settings, is_static))
             return solve, monitor, kept
         except Exception as error:  # whatever it is: the script goes on, and the answer says why there is no number
@@ -114,13 +121,28 @@ class WatchedSolves(StandIn):
             solve.our_seconds += process_time() - begin
             self._is_inside = False
 
-    def _end(self, solve: Solve | None, monitor: Any, kept: ExitStack | None, seconds: float = 0.0) -> None:
+    def _end(
+        self,
+        solve: Solve | None,
+        monitor: Any,
+        kept: ExitStack | None,
+        seconds: float = 0.0,
+        ending: EndedBy = TO_ITS_END,
+    ) -> None:
         if solve is None:
             return
         kept.close()
         begin, solve.seconds = process_time(), seconds
         try:
-            solve.report = None if monitor is None else monitor.report()
+            reports = [] if monitor is None else _reports(monitor, solve.runs_before)
+            for report in reports[:-1]:  # a solver that began again at an earlier time, without being made anew
+                solve.report, bodies = report, solve.bodies
+                solve = Solve(len(self.solves), solve.kind, bodies, sensors=solve.sensors, chosen=solve.chosen)
+                self.solves.append(solve)
+            for report in reports[-1:]:
+                solve.report = report
+                if report.planned_end is not None:
+                    report.ended_by, report.on_purpose = ending
         except Exception as error:  # as in _begin
             solve.failure = error
         solve.our_seconds += process_time() - begin
@@ -129,6 +151,22 @@ class WatchedSolves(StandIn):
         if self._elsewhere:
             with open(self._elsewhere, "ab") as file:
                 file.write(b".")
+
+
+def _reports(monitor: Any, first: int) -> list[BoundReport]:
+    """The reports of the runs from number `first` on; of a run that went on from the one before with that."""
+    from ...report.joined_in_time import joined_in_time
+
+    count = len(monitor.runs)
+    if count <= first + 1:
+        return [monitor.report()]
+    chains: list[list[BoundReport]] = []
+    for i, run in enumerate(monitor.runs[first:], first):
+        of_bodies = run if isinstance(run, tuple) else (run,)
+        if not (chains and all(one.continues for one in of_bodies)):
+            chains.append([])
+        chains[-1].append(monitor.report(i))
+    return [joined_in_time(chain) for chain in chains]
 
 
 @contextmanager

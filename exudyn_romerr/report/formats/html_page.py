@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..data import is_beside
+from ..report_rows import rows_of as verdicts_of
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
-from ..table import by_sensor, first_sentences, reasons, summary
+from ..table import ASSESS, by_sensor, first_sentences, reasons, summary
 from ..table import table as verdicts_table
-from ..verdicts import rows_of as verdicts_of
 from ..wording import (
     check_name,
     corrected_within,
@@ -115,8 +115,8 @@ def _verdicts(report: ReportData) -> Iterator[str]:
         return
     rows = verdicts_of(report)
     outputs = by_sensor(rows)
-    asked = [row for row in outputs if not is_beside(report, row.name)]
-    yield paragraph(summary(asked, "output"), "first")
+    asked = [row for row in rows if not is_beside(report, row.name)]
+    yield paragraph(summary(asked, "output", ASSESS), "first")
     yield from (paragraph(said) for said in (*first_sentences(asked), *reasons(asked)))
     head, *lines = verdicts_table(outputs, "output")
     yield table("All outputs", head, lines)

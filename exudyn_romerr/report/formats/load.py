@@ -71,6 +71,8 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
         nodes=_at_nodes(arrays),
         made=meta.get("made", {}),
         planned_end=meta.get("planned_end"),
+        ended_by=meta.get("ended_by", [""])[0],
+        on_purpose=meta.get("ended_by", [False])[-1],
         origin=origin,
         **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
         remainder=meta.get("remainder", {}),

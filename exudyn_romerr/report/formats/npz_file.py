@@ -73,6 +73,7 @@ def _meta(report: ReportData) -> dict:
         "uncertified_outputs": [_plain(out.uncertified) for out in report.outputs.values()],
         "made": report.made,
         "planned_end": report.planned_end,
+        "ended_by": [report.ended_by, report.on_purpose],
         "scope": report.scope,
         "scope_reason": report.scope_reason,
         "reasons": report.reasons,

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..answers import Answer
 from ..cures import FAR, SHARPER
 from ..data import is_beside
+from ..report_rows import rows_of
 from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
-from ..table import aligned, by_sensor, first_sentences, reasons, table
+from ..table import ASSESS, aligned, by_sensor, first_sentences, reasons, table
 from ..table import summary as first_sentence
-from ..verdicts import NONE, rows_of
+from ..verdicts import NONE
 from ..wording import (
     AS_IN_THIS_RUN,
     NOT_THE_MECHANISM,
@@ -58,14 +58,13 @@ def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
 
 def _answers(report: ReportData) -> list[str]:
     """Sentences of what was asked for, and the table, with what stands beside it for the sake of its bounds."""
-    rows = by_sensor(rows_of(report))
+    rows = rows_of(report)
     if not rows:
         return []
     asked = [row for row in rows if not is_beside(report, row.name)]
     known = any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
-    tables = [*first_sentences(asked), "", *aligned(table(rows, OUTPUT)), ""] if known else []
-    cures = dict.fromkeys(row.of["sum"].cure for row in asked if row.answer is Answer.NOT_COVERED)
-    return [first_sentence(asked, OUTPUT), *tables, *reasons(asked), *(f"next: {cure}" for cure in cures)]
+    tables = [*first_sentences(asked), "", *aligned(table(by_sensor(rows), OUTPUT)), ""] if known else []
+    return [first_sentence(asked, OUTPUT, ASSESS), *tables, *reasons(asked)]
 
 
 def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[str]:

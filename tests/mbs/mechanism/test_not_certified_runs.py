@@ -15,7 +15,8 @@ from exudyn_romerr.mbs.shadow.measured import OF_THIRD_ORDER
 from exudyn_romerr.online import coupled_runs, run_messages
 from exudyn_romerr.online.initial_condition import begins_late
 from exudyn_romerr.report.formats import html_page
-from exudyn_romerr.report.verdicts import NONE, of_estimates
+from exudyn_romerr.report.report_rows import of_estimates
+from exudyn_romerr.report.verdicts import NONE
 from models import mechanisms
 from tests.helpers.mechanism_runs import STEP, pendulum, solve
 from tests.mbs.mechanism.test_sudden_starts import mechanism

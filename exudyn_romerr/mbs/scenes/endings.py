@@ -1,0 +1,40 @@
+"""What ended a solve before its end."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+
+class EndedBy(NamedTuple):
+    """What ended a solve early, in words, and whether that was on purpose; empty: nothing is known to have."""
+
+    why: str
+    on_purpose: bool = False
+
+
+TO_ITS_END = EndedBy("")
+
+
+def ended_by(solver: Any, error: BaseException | None = None) -> EndedBy:
+    """Return what ended a solve; error : what it has raised."""
+    output = solver.output
+    if error is not None:
+        return EndedBy(_raised(error))
+    if output.simulationStoppedByUserFunction:
+        return EndedBy("a user function that returned False stopped it on purpose", True)
+    if output.simulationStoppedByUser:
+        return EndedBy("it was stopped in the window", True)
+    if output.simulationTimeout:
+        return EndedBy("its time was over (simulationSettings.timeIntegration.simulateInRealtime, or a timeout)")
+    return TO_ITS_END if output.finishedSuccessfully else EndedBy("the solve failed")
+
+
+def _raised(error: BaseException) -> str:
+    """The exception of a user function where one is the cause of Exudyn's."""
+    chain: list[BaseException] = []
+    while error is not None and all(error is not other for other in chain):
+        chain.append(error)
+        error = error.__cause__ or error.__context__
+    if any(isinstance(one, KeyboardInterrupt) for one in chain):
+        return "it was interrupted (Ctrl-C)"
+    return f"{type(chain[-1]).__name__}: {' '.join(str(chain[-1]).split())}"

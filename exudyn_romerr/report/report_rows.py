@@ -1,0 +1,230 @@
+"""Rows of verdicts of a report: what estimates and bounds say of every component of every output."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
+from .answers import SHARE, Answer, Tolerance
+from .cures import Steps, cure_of, cure_of_bound
+from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
+from .verdicts import (
+    ALWAYS,
+    CAUSES,
+    ESTIMATED,
+    KNOWN,
+    NO_ESTIMATE,
+    NONE,
+    TO_THE_END,
+    Limit,
+    Reservation,
+    Row,
+    Verdict,
+    judge,
+    judged,
+    not_covered,
+    until,
+)
+from .wording import MEASURE_IT, NOT_THE_MECHANISM, covers_time, estimate_scope, instant, parts_of, widest_scope
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from .answers import Tolerances
+    from .data import OutputData, ReportData
+    from .scope import Doubt
+
+PARTS = {"modes": ("basis",), "interfaces": ("interfaces",), "step": ("time step",), "start": ("initial", "jumps")}
+OF_MODES, OF_STEPS = ("vectors", LINEAR, "proved"), ("steps", LINEAR_STEPS, "loads", "proved")
+CHECKS = {"modes": OF_MODES, "interfaces": OF_MODES, "step": OF_STEPS, "start": OF_MODES}
+NO_STEPS = "the error of the time steps is in none of its numbers"
+AXES = ("x", "y", "z")
+SAME = 1e-6  # of a step: all are of one size where they differ by rounding of times
+FIRST_INSTANT = "only the first instant of the run is known"
+# Doubts about bounds that the half width of an estimate tells: what first steps do, and what is not linear
+OF_BOUNDS_ALONE = {
+    reason.name
+    for reason in (
+        Reason.UNCHECKED,
+        Reason.THIRD_ORDER,
+        Reason.REPEATED,
+        Reason.STARTS_DAMPED,
+        Reason.BEGUN_ANEW,
+        Reason.OTHER_INDEX,
+        Reason.UNKNOWN_SCHEME,
+    )
+}
+
+
+def rows_of(report: ReportData, tolerances: Tolerances | None = None, solve: int = 0) -> list[Row]:
+    """Return a row for every component of every output; tolerances : None: those that attach was given, or SHARE."""
+    return [
+        row_of(report, out, i, limit_of(out, tolerances), solve)
+        for out in report.outputs.values()
+        for i in range(out.value.shape[1])
+    ]
+
+
+def limit_of(out: OutputData, tolerances: Tolerances | None = None) -> Limit:
+    """Return what is small enough; a share is one of the largest component: small ones ask for no more."""
+    asked = None if tolerances is None else tolerances.of(out.name)
+    shown = float(np.max(out.extents, initial=0.0))
+    if tolerances is not None and tolerances.is_given:
+        return Limit(None if asked is None else asked.of(shown), True)
+    if out.tolerance is not None:
+        return Limit(out.tolerance, True)
+    return Limit(Tolerance(SHARE, True).of(shown), False)
+
+
+def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int = 0) -> Row:
+    """Return what is known of one component."""
+    is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
+    bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
+    shown = out.extents
+    return Row(
+        out.name,
+        i,
+        solve,
+        out.unit,
+        float(shown[i]),
+        float(shown.max()),
+        judged(_verdicts(report, out, i, limit.size, bound), float(shown.max()), limit.size),
+        bound if is_bounded and np.isfinite(bound) else None,
+        _covered(report),
+        limit.size,
+        label=out.row_names[i],
+        axis=out.labels[i] if out.labels and out.labels[i] in AXES else "",
+        is_asked=limit.is_asked,
+        until=until_of(report),
+    )
+
+
+def _covered(report: ReportData) -> str:
+    """What bounds are of, where that is less than the whole error."""
+    if widest_scope(report.scope) != COMPLETE:
+        return "modes, to first order"
+    return "modes" if report.time == "sampled" else ""
+
+
+def _verdicts(report: ReportData, out: OutputData, i: int, limit: float | None, bound: float) -> dict[str, Verdict]:
+    if out.estimate is None:
+        return {"sum": _by_bound(report, out, limit, bound)}
+    if estimate_scope(out, report.scope) == FROZEN:
+        why = report.scope_reason.partition(";")[0].removeprefix("no coupled bound: ") or NOT_THE_MECHANISM
+        cure = ATTACH_ALL if UNATTACHED in report.scope_reason else MEASURE_IT
+        frozen = not_covered(f"only the error under this run's forces is known: {why}", cure)
+        return dict.fromkeys((*ALWAYS, "sum"), frozen)
+    found = _by_cause(report, out, i, limit)
+    if not covers_time(out, report.time):
+        found["step"] = not_covered(NO_STEPS, MEASURE_IT)
+    found["sum"] = _of_all(report, out, i, limit, bound, found)
+    return found
+
+
+def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) -> dict[str, Verdict]:
+    """Verdicts on CAUSES of which there is something; vectors check modes and interfaces together."""
+    parts, found, but = parts_of(out), {}, _reservation(report, out)
+    zero, steps = np.zeros(len(out.value)), steps_of(report)
+    for cause in CAUSES:
+        part = zero + sum(parts[name][:, i] for name in PARTS[cause] if name in parts)
+        halves = {x: out.uncertainty_parts[x][:, i] for x in CHECKS[cause] if x in out.uncertainty_parts}
+        size, half = _largest(part), _half_width(part, zero + sum(halves.values()))
+        if cause == "interfaces":  # of what vectors say each part has its share
+            half *= size / (size + (found["modes"].size or 0.0)) if size else 0.0
+        if size > 0 or (cause in ALWAYS and (cause, report.time) != ("step", "static")):
+            cure = cure_of(out, cause, size, half, _by_check(halves), limit, steps)
+            verdict = judge(size, half, limit, ESTIMATED, cure, _largest(out.round_off[:, i]), but)
+            found[cause] = replace(verdict, time=_when(report.t, part))
+    return found
+
+
+def steps_of(report: ReportData) -> Steps:
+    """Return how many steps a run has taken, where they are of one size."""
+    h = np.diff(report.t)
+    is_even = report.time != "static" and len(h) > 0 and np.ptp(h) <= SAME * np.max(h)
+    return Steps(len(h) if is_even else None)
+
+
+def _when(t: np.ndarray, error: np.ndarray) -> float:
+    return float(t[np.argmax(np.abs(error))])
+
+
+def _by_bound(report: ReportData, out: OutputData, limit: float | None, bound: float) -> Verdict:
+    """The verdict on the whole error where a bound is all there is."""
+    if widest_scope(report.scope) != COMPLETE or report.time == "sampled":
+        return not_covered(NO_ESTIMATE, MEASURE_IT)
+    but = _reservation(report, out)
+    if limit is None:
+        return Verdict(None, None, ESTIMATED, Answer.NO_TOLERANCE)
+    if bound <= limit and not out.uncertified and not but.why:
+        return Verdict(None, None, ESTIMATED, Answer.ENOUGH)
+    cure = cures_of(out.uncertified) or but.cure or cure_of_bound(out)
+    why = causes_of(out.uncertified) or but.why or NO_ESTIMATE
+    return Verdict(None, None, ESTIMATED, Answer.NOT_KNOWN, why, cure)
+
+
+def _of_all(
+    report: ReportData,
+    out: OutputData,
+    i: int,
+    limit: float | None,
+    bound: float,
+    found: dict[str, Verdict],
+) -> Verdict:
+    """The verdict on the whole error: by its bound where that is one, else by the estimate."""
+    floor, but = _largest(out.round_off[:, i]), _reservation(report, out)
+    size, half = _largest(out.estimate[:, i]), _half_width(out.estimate[:, i], out.uncertainty[:, i])
+    verdict = replace(
+        judge(size, half, limit, ESTIMATED, floor=floor, but=but), time=_when(report.t, out.estimate[:, i])
+    )
+    if found.get("step", verdict).how == NONE:
+        return not_covered(found["step"].reason, MEASURE_IT)
+    is_whole = widest_scope(report.scope) == COMPLETE and report.time != "sampled" and not but.why
+    if is_whole and limit is not None and bound <= limit:
+        return replace(verdict, answer=Answer.ENOUGH, reason="", cure="")
+    largest = max(found.values(), key=lambda x: x.most, default=verdict)
+    return replace(verdict, cure="" if verdict.answer is Answer.ENOUGH else largest.cure)
+
+
+def _reservation(report: ReportData, out: OutputData) -> Reservation:
+    doubts = of_estimates(out.uncertified)
+    if doubts:
+        return Reservation(causes_of(doubts), cures_of(doubts))
+    if out.stopped is not None:
+        why = f"the run was stopped at {instant(report.time, out.stopped)} by tolerance="
+        return Reservation(why, "run on without it", True)
+    if (early := until_of(report)) and not report.on_purpose:
+        return Reservation(KNOWN.format(early), TO_THE_END, True)
+    if report.time != "static" and len(report.t) < 2:
+        return Reservation(FIRST_INSTANT, "see the messages")
+    return Reservation()
+
+
+def until_of(report: ReportData) -> str:
+    """Return until when a run went that was to go farther, and what ended it; empty: it went to its end."""
+    if report.planned_end is None:
+        return ""
+    return until(report.t[-1], report.planned_end, report.ended_by)
+
+
+def of_estimates(doubts: Iterable[Doubt]) -> list[Doubt]:
+    """Return those of the doubts about bounds that concern estimates, too."""
+    return [doubt for doubt in doubts if doubt.reason not in OF_BOUNDS_ALONE]
+
+
+def _half_width(x: np.ndarray, half: np.ndarray) -> float:
+    """How far the largest |error| over time may be from the largest |x|, each instant's within its half width."""
+    size, most = _largest(x), float(np.max(np.abs(x) + half, initial=0.0))
+    least = max(float(np.max(np.abs(x) - half, initial=0.0)), 0.0)
+    return max(most - size, size - least)
+
+
+def _by_check(halves: dict[str, np.ndarray]) -> dict[str, float]:
+    return {check: _largest(half) for check, half in halves.items()}
+
+
+def _largest(x: np.ndarray) -> float:
+    return float(np.max(np.abs(x), initial=0.0))

@@ -1,0 +1,233 @@
+"""What is said of verdicts: rules of the one table, on rows made by hand."""
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exudyn_romerr.report.answers import STATUS, Answer, Tolerances, worst
+from exudyn_romerr.report.data import extents
+from exudyn_romerr.report.table import by_sensor, first_sentences, reasons, said, share_in_brackets, summary, table
+from exudyn_romerr.report.verdicts import (
+    ESTIMATED,
+    MEASURED,
+    Row,
+    Verdict,
+    beside_estimate,
+    judge,
+    judged,
+    not_covered,
+    not_the_rest,
+)
+
+
+def row(name, axis, limit=0.01, extent=1.0, how=ESTIMATED, is_asked=True, **sizes):
+    """A row of sizes and half widths by cause; None: not covered. "whole": of the sum, the largest if not given."""
+    whole = sizes.pop("whole", None)
+    of = {
+        cause: not_covered("nobody knows") if pair is None else judge(*pair, limit, how, f"cure of {cause}")
+        for cause, pair in sizes.items()
+    }
+    known = [pair for pair in sizes.values() if pair is not None]
+    of["sum"] = judge(*(whole or max(known)), limit, how) if len(known) == len(sizes) else not_covered("nobody knows")
+    of = judged(of, extent, limit)
+    label, component = f"{name} {axis}".strip(), "xyz".find(axis) if axis else 0
+    return Row(name, component, 0, "", extent, extent, of, tolerance=limit, label=label, axis=axis, is_asked=is_asked)
+
+
+SURE_AND_SMALL = row("mid", "x", modes=(1e-4, 1e-6), step=(0.02, 1e-3))
+LARGE_AND_UNSURE = row("mid", "y", modes=(2e-4, 1e-6), step=(0.2, 0.15))
+
+
+def test_a_row_is_the_component_with_the_largest_share_of_its_tolerance():
+    """A sure "too large" does not hide what may be ten times larger; cells are those of one component."""
+    (told,) = by_sensor([SURE_AND_SMALL, LARGE_AND_UNSURE])
+    assert told is LARGE_AND_UNSURE
+    head, line = table([told])
+    assert (head[0], line[0]) == ("sensor", "mid y")
+    assert "0.35 or less (35 %)" in line
+
+
+def test_a_cause_that_is_worst_elsewhere_has_a_row_of_its_own():
+    other = row("mid", "z", modes=(5e-3, 1e-5), step=(1e-3, 1e-5))
+    assert [told.label for told in by_sensor([SURE_AND_SMALL, other])] == ["mid x", "mid z"]
+    assert len(by_sensor([SURE_AND_SMALL, replace(SURE_AND_SMALL, component=1)])) == 1  # one of two alike
+
+
+def test_a_row_with_something_unknown_comes_first():
+    unknown = row("mid", "z", modes=None, step=(1e-3, 1e-5))
+    assert by_sensor([SURE_AND_SMALL, unknown])[0] is unknown
+
+
+def test_the_first_line_names_all_that_is_too_large_then_all_that_is_not_known():
+    rows = [
+        SURE_AND_SMALL,
+        LARGE_AND_UNSURE,
+        row("tip", "", modes=(0.5, 0.01), step=None),
+        row("end", "", modes=(0.5, 0.01), step=(1e-3, 1e-6)),
+        row("hub", "", modes=(1e-5, 1e-8), step=(1e-5, 1e-8)),
+    ]
+    assert summary(rows) == "Too large, by step: mid; by modes: tip, end. Not known, by step: tip."
+    assert worst(one.answer for one in rows) is Answer.TOO_LARGE
+
+
+def test_enough_is_said_of_what_has_a_tolerance():
+    good, none = row("hub", "", modes=(1e-5, 1e-8), step=(1e-5, 1e-8)), row("tip", "", None, modes=(9.0, 0.1))
+    assert summary([good]) == "Enough: the error of every sensor is within its tolerance."
+    assert summary([good, none]) == "Enough: the error of hub is within its tolerance. No tolerance: tip."
+    assert summary([none]) == "No tolerance: tip."
+    assert STATUS[none.answer] == 2  # only names that no sensor has
+    assert first_sentences([none]) == ["Modes: no tolerance, about 9 +- 0.1 (900 %) at tip."]
+
+
+def test_an_assumed_tolerance_is_said_to_be_one():
+    good = row("hub", "", modes=(1e-5, 1e-8), is_asked=False)
+    assert summary([good]).endswith(" is within its tolerance (1 % assumed; --tolerance).")
+
+
+def test_what_all_causes_make_together_may_be_too_large_alone():
+    both = row("tip", "", modes=(8e-3, 1e-5), step=(8e-3, 1e-5), whole=(0.016, 1e-5))
+    assert summary([both]) == "Too large: tip."
+
+
+def test_a_sentence_tells_what_is_too_large_and_what_is_not_known():
+    (step, modes) = first_sentences([SURE_AND_SMALL, LARGE_AND_UNSURE, row("tip", "", modes=(1e-3, 1e-5))])
+    assert step == (
+        "Step: too large, about 0.02 +- 0.001 (2 %) at mid x; cure of step; "
+        "not known, about 0.35 or less (35 %) at mid y; cure of step, then ask again."
+    )
+    assert modes.startswith("Modes: enough, about 0.001")
+
+
+def test_what_is_largest_is_told_first():
+    steps = row("tip", "", modes=(0.05, 1e-4), step=(0.08, 1e-3))
+    modes = row("tip", "", modes=(0.09, 1e-4), step=(0.08, 1e-3))
+    assert [line.split(":")[0] for line in first_sentences([steps])] == ["Step", "Modes"]
+    assert [line.split(":")[0] for line in first_sentences([modes])] == ["Modes", "Step"]
+
+
+def test_where_steps_resolve_nothing_that_is_all_that_is_told():
+    coarse = row("tip", "", modes=(1e-4, 1e-6), step=(0.5, 0.01))
+    (line,) = first_sentences([coarse])
+    assert line.startswith("Step: too large")
+    assert line.endswith("then ask again.")
+    assert summary([coarse]) == "Too large, by step: tip."
+    assert coarse.of["modes"].answer is Answer.NOT_KNOWN
+
+
+def test_what_is_close_to_the_tolerance_is_not_known():
+    (line,) = first_sentences([row("tip", "", modes=(0.0101, 1e-3))])
+    assert line == "Modes: not known (too close to the tolerance), about 0.01 +- 0.001 (1 %) at tip; cure of modes."
+
+
+def test_what_shows_nothing_is_said_in_the_first_line():
+    still = row("tip", "", 0.0, 0.0, modes=(0.0, 0.0), step=(0.0, 0.0))
+    assert summary([still]) == "Shows 0 throughout: tip."
+    assert first_sentences([still]) == []
+    assert STATUS[still.answer] == 4
+
+
+def test_a_run_that_ended_early_says_so_first():
+    """Nothing is enough then; what is too large until then is."""
+    early = "until 0.105 of 0.25 s: the solve failed"
+    rows = [row("tip", "", modes=(1e-5, 1e-8)), row("end", "", modes=(0.5, 1e-3))]
+    rows = [replace(one, until=early, of=not_the_rest(one.of, early)) for one in rows]
+    assert (
+        summary(rows)
+        == "Until 0.105 of 0.25 s: the solve failed. Too large, by modes: end. Not known, by modes: tip."
+    )
+    assert reasons(rows) == [f"not known, tip: known {early}; let it run to its end"]
+    two = [rows[0], replace(rows[1], solve=1)]
+    assert summary(two).startswith("Solve 0 until 0.105 of 0.25 s: the solve failed. Solve 1 until")
+
+
+@pytest.mark.parametrize(
+    ("measured", "estimated", "answer"),
+    [
+        ((0.0, 0.0), (0.19, 1e-3), Answer.TOO_LARGE),
+        ((0.0, 0.0), (0.19, 0.15), Answer.NOT_KNOWN),
+        ((1e-3, 1e-5), (2e-3, 1e-5), Answer.ENOUGH),
+        ((0.19, 0.0), (1e-3, 0.0), Answer.TOO_LARGE),
+    ],
+)
+def test_of_two_that_contradict_each_other_the_worse_counts(measured, estimated, answer):
+    one = row("tip", "x", step=measured, how=MEASURED)
+    told = beside_estimate(one, judge(*estimated, 1e9, ESTIMATED))
+    assert (told.is_contradicted, told.answer) == (True, answer)
+    assert ("one of both is wrong" in summary([told])) == (answer is not Answer.ENOUGH)
+
+
+def test_two_within_their_half_widths_agree():
+    one = beside_estimate(row("tip", "x", step=(0.02, 2e-3), how=MEASURED), judge(0.023, 1e-3, 1.0, ESTIMATED))
+    assert not one.is_contradicted
+    assert "wrong" not in summary([one])
+    assert not beside_estimate(one, None).is_contradicted
+
+
+def test_of_two_components_the_larger_contradiction_is_told():
+    estimates = {"x": 0.04, "y": 0.19}
+    rows = [
+        beside_estimate(row("tip", axis, step=(0.0, 0.0), how=MEASURED), judge(size, 0.0, 1.0, ESTIMATED))
+        for axis, size in estimates.items()
+    ]
+    assert summary(rows).endswith("Measured 0, estimated about 0.19 at tip y: one of both is wrong.")
+
+
+@pytest.mark.parametrize("half", [1.1e-3, 1.01e-3, 9.9e-3, 0.0123456])
+def test_half_widths_are_rounded_up_to_two_digits(half):
+    told = float(said(Verdict(0.123, half, ESTIMATED, Answer.ENOUGH)).split("+- ")[1])
+    assert half <= told <= 1.1 * half
+
+
+def test_a_size_without_a_half_width_is_that_or_more():
+    assert said(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), "m") == "0.12 m or more"
+    assert share_in_brackets(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), 1.0) == " (12 %)"
+
+
+def test_shares_are_of_what_is_said():
+    """Rounding, too."""
+    rounded = Verdict(1e-6, 1e-9, ESTIMATED, Answer.NOT_KNOWN, floor=0.02)
+    assert said(rounded) == "0.03 or less, at round-off"
+    assert share_in_brackets(rounded, 1.0) == " (2 %)"
+
+
+def test_one_definition_of_what_a_share_is_of():
+    value = np.array([[0.0, 100.0], [-3.0, 101.0]])
+    assert extents(value).tolist() == [3.0, 101.0]
+    assert extents(value, is_position=True).tolist() == [3.0, 1.0]
+
+
+def test_reasons_say_what_to_type():
+    lost = row("tip", "", modes=None, step=(1e-3, 1e-5))
+    lost = replace(
+        lost, of={cause: replace(one, cure="romerr verify your_script.py") for cause, one in lost.of.items()}
+    )
+    assert reasons([lost], "arm.py") == ["not known, tip: nobody knows; romerr verify arm.py"]
+    assert reasons([row("hub", "", modes=(1e-5, 1e-8))]) == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "nearest"), [("mdi=1e-4", "mid"), ("Slider=1", "slider"), ("tip =1", "tip"), ("slder=1%", "slider")]
+)
+def test_a_misspelt_name_is_told_with_the_nearest(asked, nearest):
+    (line,) = Tolerances([asked]).misspelt(["mid", "slider", "tip"])
+    assert f"did you mean {nearest!r}?" in line
+    assert Tolerances([asked, "1%"]).misspelt([]) == []  # where nothing has a number nothing is misspelt
+    assert Tolerances(["mid=1", "1%"]).misspelt(["mid", "slider"]) == []
+
+
+def test_json_has_axis_tolerance_time_and_action():
+    told = SURE_AND_SMALL.as_json()
+    assert (told["component"], told["axis"], told["tolerance"], told["extent"]) == (0, "x", 0.01, 1.0)
+    assert told["step"]["action"] == "cure of step"
+    assert row("tip", "", modes=(1.0, 0.1)).as_json()["axis"] is None
+    assert not any(isinstance(x, float) and math.isinf(x) for x in told.values())
+
+
+def test_words_are_few():
+    """Enough, too large, not known, no tolerance, not covered; nothing else answers."""
+    rows = [SURE_AND_SMALL, LARGE_AND_UNSURE, row("tip", "", modes=None), row("hub", "", modes=(1e-5, 1e-8))]
+    words = {re.match(r"\w[\w ]+: ([\w ]+)", line).group(1) for line in first_sentences(rows)}
+    assert words <= {answer.value for answer in Answer} | {"not known "}
