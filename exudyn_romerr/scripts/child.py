@@ -12,7 +12,7 @@ import sys
 import tempfile
 import threading
 from contextlib import ExitStack
-from time import process_time
+from time import monotonic, process_time
 from typing import TYPE_CHECKING, Any
 
 from .after_import import after_import
@@ -73,6 +73,7 @@ class _Child:
         self.watched: Any = None
         self.bodies: Any = None
         self.vectors: dict[int, Any] = {}
+        self.vector_seconds = 0.0
         self.notes: list[str] = []
 
     def run(self) -> Ending:
@@ -139,6 +140,7 @@ class _Child:
         """Make vectors of each body when the first solve with it begins."""
         if not self.request["make_vectors"]:
             return
+        begin = monotonic()
         from ..mbs.scenes.wider_body import vectors_of
 
         for body in self.bodies.of(mbs):
@@ -148,6 +150,7 @@ class _Child:
                 except Exception as error:  # of a body that cannot be read: others can
                     self.vectors[body.order] = None
                     self.notes.append(f"body {body.number}: {error}")
+        self.vector_seconds += monotonic() - begin
 
     def write(self, path: str, ending: Ending, seconds: float) -> None:
         """Write what came of it."""
@@ -165,6 +168,7 @@ class _Child:
             "peak": _peak_memory(),
             "solves": [{key: value for key, value in vars(solve).items() if key != "data"} for solve in solves],
             "solve_seconds": sum(solve.seconds for solve in solves),
+            "vector_seconds": self.vector_seconds,
             "has_controllers": self.variation is not None and self.variation.has_controllers,
             "bodies": 0 if self.bodies is None else self.bodies.count,
             "may_be_rigid": self.variation is None or self.variation.may_be_rigid,

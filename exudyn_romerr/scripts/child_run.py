@@ -11,7 +11,8 @@ import sys
 import tempfile
 import threading
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,7 @@ class Result:
     """What came of a run; failure: in words, if nothing did.
 
     solves : of each kind, fixed, names, shows, h, and data: an array (T, 1 + r) for each sensor, time first.
+    elapsed : s from before its start to after its end.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Result:
     solves: list[dict[str, Any]] = field(default_factory=list)
     vectors: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     told: dict[str, Any] = field(default_factory=dict)
+    elapsed: float = 0.0
 
     @property
     def seconds(self) -> float:
@@ -70,15 +73,15 @@ class Result:
         return self.told.get("seconds", 0.0)
 
 
-_RUNNING: set[subprocess.Popen] = set()
+_RUNNING: dict[subprocess.Popen, str] = {}
 _LOCK = threading.Lock()
 
 
 def run_child(request: Request) -> Result:
     """Run a script once more in a process of its own; never raises for what happens there."""
-    folder = tempfile.mkdtemp(prefix="romerr_")
+    folder, begin = tempfile.mkdtemp(prefix="romerr_"), monotonic()
     try:
-        return _run_in(folder, request)
+        return replace(_run_in(folder, request), elapsed=monotonic() - begin)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -88,6 +91,22 @@ def stop_all() -> None:
     with _LOCK:
         for process in _RUNNING:
             _kill(process)
+
+
+def used_by_running() -> dict[str, float]:
+    """Return the CPU time, s, that runs started here have had until now, by name; empty where it is not told."""
+    with _LOCK:
+        processes = {name: process.pid for process, name in _RUNNING.items()}
+    return {name: used for name, pid in processes.items() if (used := _cpu_time(pid)) is not None}
+
+
+def _cpu_time(pid: int) -> float | None:
+    try:
+        with open(f"/proc/{pid}/stat", encoding="ascii", errors="replace") as file:
+            user, system = file.read().rpartition(")")[2].split()[11:13]
+    except (OSError, ValueError):  # it has just ended, or this is no Linux
+        return None
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 def _kill(process: subprocess.Popen) -> None:
@@ -126,7 +145,7 @@ def _run_in(folder: str, request: Request) -> Result:
             **own,
         )
         with _LOCK:
-            _RUNNING.add(process)
+            _RUNNING[process] = request.name
         try:
             process.wait(request.timeout)
         except subprocess.TimeoutExpired:
@@ -135,7 +154,7 @@ def _run_in(folder: str, request: Request) -> Result:
             _kill(process)
             process.wait()
             with _LOCK:
-                _RUNNING.discard(process)
+                del _RUNNING[process]
             process.stdin.close()
     return _read(request.name, path, log, process.returncode)
 

@@ -206,4 +206,7 @@ def show(text: str) -> None:
     if stream is None or stream.closed:
         return
     encoding = getattr(stream, "encoding", None) or "utf-8"
-    print(text.encode(encoding, "replace").decode(encoding), file=stream, flush=True)
+    try:
+        print(text.encode(encoding, "replace").decode(encoding), file=stream, flush=True)
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough; the exit status is what it is
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -7,10 +7,9 @@ import json
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from time import monotonic
 from typing import Any
 
 from .._version import __version__
@@ -20,14 +19,16 @@ from ..judgement.judgement import Judgement, text
 from ..judgement.solve import Solve
 from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, worst
 from ..report.verdicts import CAUSES, Verdict, beside_estimate
-from .child_run import Request, Result, run_child, stop_all
+from .child_run import Request, Result, run_child, stop_all, used_by_running
 from .compared import STRESS, estimates, rows_of_signal, signals, two_ways
 from .execute import check_script
+from .forecast import Forecast, forecast_of
 
 CONTROLLERS = ("follow", "hold")
 MEMORY_SHARE = 0.8  # of what is free: runs together may take so much
 MORE_MEMORY = 2.0  # times that of the unchanged run: of runs with more modes, or watched
-WITH_VECTORS, WATCHED = 2.5, 3.0  # times the CPU time of a solve, about: for what is told before runs start
+TICK = 5.0  # s between two lines of progress
+AFTER, PROGRESS = "{}: {}, {:.0f} s left", "about {:.0f} %, {:.0f} s left"
 PLANNED = "{} more runs, {} at a time, about {:.0f} s; Ctrl-C shows what is there"
 FINER = {"half": 2, "quarter": 4}
 NOTES = {
@@ -193,9 +194,7 @@ def verify(
     check_choice("controllers", controllers, CONTROLLERS)
     plain = Request("unchanged", *_place(script), tuple(arguments), _name(script), timeout=timeout)
     tell = progress or (lambda said: None)
-    begin = monotonic()
     first = run_child(replace(plain, make_vectors=True))
-    elapsed = monotonic() - begin
     if first.failure or not first.solves:
         raise RunError(f"the unchanged run has nothing to compare: {first.failure or 'no solve of a mechanism'}")
     results, notes = {"unchanged": first}, [*first.told["notes"]]
@@ -208,8 +207,9 @@ def verify(
         notes.append(BY_CALL)
     count = jobs or _jobs(first, len(requests))
     requests = [replace(request, threads="1" if count > 1 else "") for request in requests]
-    tell(PLANNED.format(len(requests), count, sum(_seconds(x, first, elapsed) for x in requests) / count))
-    results |= _all(requests, executor, count, tell)
+    forecast = Forecast({request.name: forecast_of(request, first) for request in requests}, count)
+    tell(PLANNED.format(len(requests), count, forecast.left({})))
+    results |= _all(requests, executor, count, forecast, tell)
     return Verification(plain.script, results, tolerances, notes + _endings(results))
 
 
@@ -228,13 +228,6 @@ def _ending(one: Result) -> str:
     if one.failure or not one.told["status"]:
         return ""
     return one.told["error"] or f"status {one.told['status']}"
-
-
-def _seconds(request: Request, first: Result, elapsed: float) -> float:
-    """About how long a run takes, by what the unchanged one took."""
-    solves = first.told["solve_seconds"]
-    more = request.steps * (WITH_VECTORS if request.vectors or request.factor > 1 else 1.0)
-    return max(elapsed - solves, 0.0) + solves * more * (WATCHED if request.watch else 1.0)
 
 
 def _place(script: Any) -> tuple[str, str]:
@@ -292,17 +285,26 @@ def _free_memory() -> int:
         return 0
 
 
-def _all(requests: list[Request], executor: Executor | None, count: int, tell: Callable) -> dict[str, Result]:
+def _all(
+    requests: list[Request], executor: Executor | None, count: int, forecast: Forecast, tell: Callable
+) -> dict[str, Result]:
     """Run all; Ctrl-C ends those that run, and those that have ended count."""
     own = executor or ThreadPoolExecutor(count)
     futures = {own.submit(run_child, request): request.name for request in requests}
     found: dict[str, Result] = {request.name: Result(request.name, "it was stopped") for request in requests}
+    waiting = set(futures)
     try:
-        for future in as_completed(futures):
-            name = futures[future]
-            error = future.exception()
-            found[name] = Result(name, str(error)) if error else future.result()
-            tell(f"{name}: {found[name].failure or f'{found[name].seconds:.1f} s'}")
+        while waiting:
+            ended, waiting = wait(waiting, TICK, FIRST_COMPLETED)
+            for future in ended:
+                name, error = futures[future], future.exception()
+                found[name] = Result(name, str(error)) if error else future.result()
+                forecast.end(name, found[name].elapsed)
+                how = found[name].failure or f"{found[name].elapsed:.1f} s"
+                tell(AFTER.format(name, how, forecast.left(used_by_running())))
+            if not ended:
+                used = used_by_running()
+                tell(PROGRESS.format(100 * forecast.share(used), forecast.left(used)))
     except KeyboardInterrupt:
         for future in futures:
             future.cancel()
