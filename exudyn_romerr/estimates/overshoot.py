@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache, lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -80,36 +81,40 @@ SLOW = 1.7  # more than what steps store of accelerations of slow modes, over (k
 LONG = 256  # steps; in so many stiff modes have forgotten, and others do not
 
 
+class Excess(NamedTuple):
+    """Damping beside what leaves modes apart: 0 <= D - beta (K + K_s) <= mass M + stiffness (K + K_s).
+
+    beta, stiffness in s, mass in 1/s.
+    """
+
+    beta: float
+    mass: float = 0.0
+    stiffness: float = 0.0
+
+
 class StartStorage:
     """What steps have stored of accelerations that a run starts with, |a|_M = mass and |a|_{K + K_s} = stiffness.
 
-    It never grows, whatever damping there is: PassiveSteps.start. Where modes would be apart but for a damping E <=
-    excess M, steps without E store in n steps
+    It never grows, whatever damping there is: PassiveSteps.start. Where modes would be apart but for a damping E, the
+    excess, steps without E store in n steps
 
         2 S_n <= (kappa h)^2 (SLOW mass^2 + B_n (kappa h stiffness)^2) ,
 
     B_n the largest over omega of what single modes have above SLOW, and E adds (h/2) sum |v|_E^2 to 2 S at most, for
     the velocities v that steps without E see (theory.md 8). The least of all n so far counts.
 
-    beta : D - beta (K + K_s) <= excess M, and not negative; None: there is no such.
+    excess : None: it is not known.
     """
 
-    def __init__(
-        self,
-        steps: PassiveSteps,
-        h: float,
-        sizes: tuple[float, float],
-        beta: float | None = None,
-        excess: float = 0.0,
-    ):
+    def __init__(self, steps: PassiveSteps, h: float, sizes: tuple[float, float], excess: Excess | None = None):
         mass, stiffness = sizes
         self._known, self._n = np.full(1, steps.start(h, mass, stiffness)), 0
-        if beta is not None and np.isfinite(excess) and steps.kappa:
-            above, seen = _stored(steps.kappa, beta / h)
+        if excess is not None and np.isfinite(excess.mass) and steps.kappa:
+            above, seen = _stored(steps.kappa, excess.beta / h)
             size = steps.kappa * h
             own = np.sqrt(SLOW * mass**2 + above * (size * stiffness) ** 2)
-            found = size * (own + mass * np.sqrt(h * excess / 2 * seen))
-            self._known = np.minimum.accumulate(np.append(self._known, found))
+            joined = np.sqrt(h / 2 * seen * (excess.mass * mass**2 + excess.stiffness * stiffness**2))
+            self._known = np.minimum.accumulate(np.append(self._known, size * (own + joined)))
 
     def advance(self, count: int) -> np.ndarray:
         """Return its root (S,) after the next steps."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..decay.passive_steps import PassiveSteps, step_change
-from ..estimates.overshoot import CarriedTurn, Overshoot, StartStorage, overshoots
+from ..estimates.overshoot import CarriedTurn, Excess, Overshoot, StartStorage, overshoots
 from ..estimators.coupled_energy import EXACT, JointEnergy, MechanismEnergy, joint_growth
 from ..model.floating_frame import FrameRows
 from ..residual.felt_residuals import STARTED, FeltResiduals
@@ -127,20 +127,23 @@ class FirstSteps:
             self._overshoot = Overshoot(self._scheme, float(self._starts[0][1].start.t), dampings)
         elif self._is_passive and np.isfinite(self.connectors.stiffness):
             sizes = self._push, self._accelerations()
-            self._started = StartStorage(self.steps, h, sizes, *self._excess(dampings))
+            self._started = StartStorage(self.steps, h, sizes, self._excess(dampings))
         elif self._push > ROUNDING * sum(_terms(*start) for start in self._starts):
             self._doubts = [STARTS_DAMPED]
         self._starts = []
 
-    def _excess(self, dampings: list[tuple[float, float] | None]) -> tuple[float | None, float]:
-        """Return beta and excess, D - beta (K + K_s) <= excess M: of bodies with one beta; else None."""
-        betas = {known and known[1] for known in dampings}
-        if len(betas) > 1 or None in betas or max(betas) > self.connectors.covered:
-            return None, 0.0
-        alphas = (
-            known[0] * at.relative**2 for (at, _), known in zip(self._starts, dampings, strict=True) if known[0]
-        )
-        return betas.pop(), self.connectors.damping + max(alphas, default=0.0)
+    def _excess(self, dampings: list[tuple[float, float] | None]) -> Excess | None:
+        """Return the damping beside one beta for all bodies and springs; None: that of a body is not known.
+
+        beta is the least that any of them has, and what others have above it counts: betas that are the same may
+        differ in their last digits, on which no bound may depend.
+        """
+        if None in dampings:
+            return None
+        betas = [beta for _, beta in dampings]
+        beta = min(*betas, self.connectors.covered)
+        alphas = [alpha * at.relative**2 for (at, _), (alpha, _) in zip(self._starts, dampings, strict=True) if alpha]
+        return Excess(beta, self.connectors.damping + max(alphas, default=0.0), max(betas) - beta)
 
     def _accelerations(self) -> float:
         """|a|_{K + K_s} of accelerations at the start, whatever joints make of them."""

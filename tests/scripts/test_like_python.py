@@ -40,7 +40,7 @@ def ended(how, script, *arguments, folder, **options):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, *how, script, *arguments]
     return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, input="typed", timeout=60, **options
+        command, cwd=folder, env=environment, capture_output=True, text=True, input="typed", timeout=300, **options
     )
 
 

@@ -235,7 +235,7 @@ def test_solves_in_other_processes_are_counted(tmp_path):
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=True,
     )
     assert "3 solves in other processes (2 started) not watched" in done.stdout

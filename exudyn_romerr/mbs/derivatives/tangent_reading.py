@@ -187,10 +187,16 @@ def without_units(G: np.ndarray, masses: np.ndarray) -> np.ndarray:
 
     In micrometres, displacements at the arms of joints are 1e6 times rotations, whatever constraints imply.
     """
-    massive = masses > TINY
-    scale = 1 / np.sqrt(np.where(massive, masses, masses[massive].min(initial=np.inf)))
-    scaled = G * scale if massive.any() else G
+    scaled = G * by_masses(masses)
     return scaled / np.linalg.norm(scaled, axis=1)[:, None]
+
+
+def by_masses(masses: np.ndarray) -> np.ndarray:
+    """Return changes (n,) of coordinates that masses (n,) feel as size 1; of those without as of the lightest."""
+    massive = masses > TINY
+    if not massive.any():
+        return np.ones(len(masses))
+    return 1 / np.sqrt(np.where(massive, masses, masses[massive].min()))
 
 
 def independent_rows(G: np.ndarray, active: np.ndarray, masses: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 
 from ...estimators.rigid_motion import Equations, RigidMotion, cubic
 from ...model.floating_frame import RIGID_INERTIA
+from ..derivatives.tangent_reading import by_masses
 from .enriched_body import EnrichedBody
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class GlobalPositions:
     def go_on(self, before: GlobalPositions) -> None:
         """Go on from the run before."""
         self._t, self._at_rest, self.failure = before._t, before._at_rest, before.failure
-        self._motion = copy.copy(before._motion)
+        self._motion, self._scale = copy.copy(before._motion), before._scale
 
     def start(
         self, t: float, tangents: ExtendedTangents, readings: Sequence[Reading], g: float, at_rest: float | None
@@ -90,7 +91,9 @@ class GlobalPositions:
         at_rest : |R|_{K^-1} there, which is not in g; None: without error.
         """
         self._t, self._at_rest, rests = t, at_rest or 0.0, at_rest is not None
-        rows = _RigidRows(tangents, readings, self._rigid, self._others)
+        # so that no unit of length tells how far a rotation is: coordinates are turned into one another
+        self._scale = by_masses(readings[0].masses[self._rigid])
+        rows = self._rows(tangents, readings)
         if not self._motion.start(rows.at(t, 0), g + self._at_rest, rests):
             self.failure = CHANGED.format(t)
         elif self._motion.freedoms > MOST:
@@ -115,7 +118,7 @@ class GlobalPositions:
         there, and its largest in them. impulses (S,) : integral of |F|_{M^-1} in them.
         """
         (t, q), (g, peak) = steps, g + self._at_rest  # |R|_{K^-1} is at most that
-        rows, nodes = _RigidRows(tangents, readings, self._rigid, self._others), self._nodes(tangents.t, t)
+        rows, nodes = self._rows(tangents, readings), self._nodes(tangents.t, t)
         ends = np.array([0, *(np.searchsorted(t, node.end, side="right") for node in nodes)])
         seen = [_seen(body, q[np.maximum(ends - 1, 0)]) for body, _ in self._parts]
         at = [self._looked_at(seen, 0)]
@@ -135,6 +138,9 @@ class GlobalPositions:
             left.append(g[:, None] * followed + np.maximum(freed[after - 1], freed[after]))
         return left
 
+    def _rows(self, tangents: ExtendedTangents, readings: Sequence[Reading]) -> _RigidRows:
+        return _RigidRows(tangents, readings, (self._rigid, self._scale), self._others)
+
     def _nodes(self, readings: np.ndarray, t: np.ndarray) -> list[_Node]:
         """Intervals from here to the last of t, which end at samples: of readings, and the last."""
         ends = t[np.searchsorted(t, readings[(readings > self._t) & (readings < t[-1])])]
@@ -152,6 +158,7 @@ class GlobalPositions:
             if not self.failure and sight.shown.size:
                 rigid = np.zeros((len(sight.shown), len(self._rigid)))
                 rigid[:, np.searchsorted(self._rigid, body.columns[: body.frame_size])] = sight.rigid[i]
+                rigid *= self._scale
                 followed, freed[sight.shown] = rigid @ self._motion.follows, self._motion.sizes(rigid)
                 direct[sight.shown] = self._direct(body, place, followed, sight.modal[i], sight.rows[i])
             found.append((direct, freed))
@@ -215,10 +222,20 @@ def _asked(body: EnrichedBody) -> bool:
 
 
 class _RigidRows:
-    """Rows of rigid coordinates in the linearised equations, with what others than modes and vectors do to them."""
+    """Rows of rigid coordinates in the linearised equations, with what others than modes and vectors do to them.
 
-    def __init__(self, tangents: ExtendedTangents, readings: Sequence[Reading], rigid: np.ndarray, others: Sequence):
-        self._tangents, self._rigid, self._count = tangents, rigid, RIGID_INERTIA * len(others)
+    rigid : numbers of these coordinates, and sizes that are 1 in the equations.
+    """
+
+    def __init__(
+        self,
+        tangents: ExtendedTangents,
+        readings: Sequence[Reading],
+        rigid: tuple[np.ndarray, np.ndarray],
+        others: Sequence[OtherDeformations],
+    ):
+        self._tangents, (self._rigid, self._scale) = tangents, rigid
+        rigid, self._count = self._rigid, RIGID_INERTIA * len(others)
         states = [np.array([reading.state[k] for reading in readings]) for k in range(3)]
         self._others = np.zeros((len(readings), 3, len(rigid), self._count))
         for i, body in enumerate(others):
@@ -240,8 +257,16 @@ class _RigidRows:
         for name in Equations._fields:
             ends = (self._whole(x, name, self._others[i]) for x, i in zip((first, last), numbers, strict=True))
             rates = (self._whole(x.rate, name, self._rates[i]) for x, i in zip((first, last), numbers, strict=True))
-            found.append(cubic(*ends, *rates, last.t - first.t, t - first.t))
+            found.append(self._scaled(cubic(*ends, *rates, last.t - first.t, t - first.t), name))
         return Equations(*found)
+
+    def _scaled(self, rows: np.ndarray, name: str) -> np.ndarray:
+        """Values and derivatives (3, r or c, k) of rows in coordinates without units."""
+        rows[:, :, self._rigid] *= self._scale
+        if name in "MDK":
+            return rows * self._scale[:, None]
+        size = np.linalg.norm(rows[0][:, self._rigid], axis=1)[:, None]  # of constraints: in length, or in radians
+        return rows / np.where(size > 0, size, 1.0)
 
     def _whole(self, tangent: Tangent, name: str, others: np.ndarray) -> np.ndarray:
         rows = getattr(tangent, name)
