@@ -125,7 +125,19 @@ class Row:
 
     def as_json(self) -> dict[str, Any]:
         """Return the row as --json writes it; docs/answer.schema.json has the fields."""
-        names = ("name", "component", "solve", "unit", "largest", "extent", "tolerance", "bound", "order", "noise")
+        names = (
+            "name",
+            "component",
+            "solve",
+            "unit",
+            "largest",
+            "extent",
+            "tolerance",
+            "until",
+            "bound",
+            "order",
+            "noise",
+        )
         verdicts = {cause: None if cause not in self.of else self.of[cause].as_json() for cause in (*CAUSES, "sum")}
         return {name: getattr(self, name) for name in names} | {"axis": self.axis or None} | verdicts
 

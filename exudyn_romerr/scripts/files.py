@@ -80,7 +80,7 @@ def _write_json(run: Run, path: str) -> None:
 
 
 def as_json(run: Run) -> dict[str, Any]:
-    """Return what --json writes."""
+    """Return what --json writes; docs/answer.schema.json has the fields."""
     solves = [
         {
             "number": solve.number,
@@ -98,6 +98,7 @@ def as_json(run: Run) -> dict[str, Any]:
         "sensors": run.rows,
         "bodies": sum(solve.bodies for solve in run.solves),
         "solves": solves,
+        "misspelt": run.misspelt,
         "notes": run.judgement.notes,
         "cpu_s": sum(solve.seconds + solve.our_seconds for solve in run.solves),
         "version": __version__,

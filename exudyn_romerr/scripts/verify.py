@@ -106,7 +106,7 @@ class Verification:
             file.write(json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def as_json(self) -> dict[str, Any]:
-        """Return what --json writes."""
+        """Return what --json writes; docs/answer.schema.json has the fields."""
         runs = [
             {"name": name, "failure": one.failure or None, "cpu_s": one.seconds} for name, one in self.results.items()
         ]
@@ -117,6 +117,7 @@ class Verification:
             "bodies": self.results["unchanged"].told["bodies"],
             "solves": [{"number": x.number, "kind": x.kind} for x in self.judgement.solves],
             "runs": runs,
+            "misspelt": self.misspelt,
             "notes": self.judgement.notes,
             "cpu_s": sum(one.seconds for one in self.results.values()),
             "version": __version__,

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jsonschema import validate
 
 import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
@@ -107,6 +108,9 @@ def test_files_are_written_and_can_be_read(tmp_path, capsys):
     assert told["bodies"] == 1
     assert told["solves"][0]["kind"] == "dynamic"
     assert math.isfinite(told["cpu_s"])
+    validate(told, json.loads((ROOT / "docs" / "answer.schema.json").read_text()))
+    assert {row["axis"] for row in told["sensors"]} == {"x", "y", "z"}
+    assert all(0 <= row["sum"]["time"] <= 0.05 for row in told["sensors"])
 
 
 KINDS = {

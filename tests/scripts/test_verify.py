@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jsonschema import validate
 
 import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
@@ -168,6 +169,7 @@ def test_answers_files_and_pictures(bar, tmp_path):
     told = json.loads((tmp_path / "a.json").read_text(), parse_constant=pytest.fail)
     assert {run["name"] for run in told["runs"]} == {*bar.results}
     assert told["sensors"] == bar.rows
+    validate(told, json.loads((ROOT / "docs" / "answer.schema.json").read_text()))
     bar.plot(tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
