@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..report.assessment import PRINTED
 from ..report.scope import NOT_CERTIFIED, cures_of
 from ..report.wording import NOT_THE_MECHANISM, SAMPLED, digits, not_certified
 from .modal_forecast import ESTIMATE, TINY, fewest_modes
@@ -102,7 +103,7 @@ class ModeChoice:
         closest = "" if self.chosen.is_enough else "came closest, "
         doubts = not_certified(self.chosen.uncertified)
         bounds = f"its bounds{doubts and f' ({doubts})'} are {'' if self.met else 'not '}within the tolerance{frozen}"
-        answer = f"{closest}error within the tolerance: {self.answer}"
+        answer = f"{closest}error within the tolerance: {PRINTED[self.answer].value}"
         lines = [f"{self.chosen.basis}: {answer}; {bounds}; their scope: {', '.join(sorted(scopes))}"]
         lines += [f"  run {i}: {run}" for i, run in enumerate(self.tried, start=1)]
         found = self.chosen.assessment
@@ -129,7 +130,7 @@ class ModeChoice:
         name = f"modes {', '.join(map(str, modes))}" if self.chosen.picked else f"n = {len(modes)}"
         for run in self.tried:
             if (run.modes, run.kind) == (modes, self.kind):
-                return f"{name}: error within the tolerance: {run.assessment.answer}, was tried"
+                return f"{name}: error within the tolerance: {PRINTED[run.assessment.answer].value}, was tried"
         expected, units = self.chosen.expected(modes), self.chosen.units
         worst = ", ".join(f"{output} <= {digits(x)} {units[output]}" for output, x in expected.items())
         certain = f" ({NOT_CERTIFIED})" if self.chosen.uncertified else ""

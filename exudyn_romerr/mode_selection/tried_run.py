@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
-from ..report.assessment import ANSWERS, TOO_LARGE
+from ..report.assessment import ANSWERS, PRINTED, TOO_LARGE
 from ..report.scope import FROZEN, NOT_CERTIFIED
 from ..report.wording import covers_time, digits, estimate_scope, is_known, parts_of, rounded_up, widest_scope
 from .modal_forecast import BOUND, ESTIMATE
@@ -158,7 +158,7 @@ class TriedRun:
         found = self.assessment
         # cures are those of the search
         made_by = f", {found.todo.partition(':')[0]}" if found.answer in TOO_LARGE else ""
-        return f"{self.basis}: {', '.join(said)}; error within the tolerance: {found.answer}{made_by}"
+        return f"{self.basis}: {', '.join(said)}; error within the tolerance: {PRINTED[found.answer].value}{made_by}"
 
     def _said_of(self, name: str, unit: str) -> str:
         bound = f" <= {rounded_up(self.bound[name])} {unit}{f', {NOT_CERTIFIED},' if self.uncertified else ''}"

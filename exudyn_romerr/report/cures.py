@@ -32,6 +32,7 @@ MORE_VECTORS = "more vectors (auxiliary_modes=...)"
 NOT_LINEAR = "for the error is too large to be linear"
 AGAIN = "then ask again"  # where an error, or its half width, is too large to tell how far to go
 MOST_TIMES = 20  # times shorter steps: what is told at once; farther away nothing says that it gets there
+SECOND_ORDER = 2.0  # of Exudyn's implicit solvers, where none was measured
 LOWEST_ORDER = 1.0  # in which errors of steps are taken to fall where a lower order was measured
 FAR = 3.0  # times the estimate of what it bounds: from there on a bound says that it is far off, not the error
 SHARPER = "the bound is {} times the estimate: auxiliary_modes=60, or 130, make it sharper"
@@ -42,7 +43,7 @@ class Steps(NamedTuple):
     """How many steps a run has taken, None: not known, or not of one size; in which order their error falls."""
 
     count: int | None
-    order: float = 2.0
+    order: float = SECOND_ORDER
 
 
 def cure_of(

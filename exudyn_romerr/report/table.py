@@ -189,18 +189,21 @@ def _of_cause(rows: Sequence[Row], cause: str) -> str:
     title = TITLES[cause].capitalize()
     known = [row for row in rows if row.of[cause].size is not None]
     found = [[row for row in known if row.of[cause].answer is answer] for answer in reversed(Answer)]
-    clauses = [_clause(max(of, key=lambda row: row.share(cause)), cause) for of in found if of]
+    clauses = [_clause(of, cause) for of in found if of]
     todo = [of for of in found if of and of[0].of[cause].answer not in NOT_ASKED]
     return f"{title}: {'; '.join(clauses[: max(len(todo), 1)]) or 'not known'}."
 
 
-def _clause(row: Row, cause: str) -> str:
+def _clause(rows: Sequence[Row], cause: str) -> str:
+    """What is said of rows of one answer: the worst, and what to do, so that it helps all of them."""
+    row = max(rows, key=lambda row: row.share(cause))
+    cure = max(rows, key=lambda row: row.shortening).of[cause].cure if cause == "step" else row.of[cause].cure
     verdict = row.of[cause]
     word = "measured" if verdict.how == MEASURED else "about"
     size = f"{word} {said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)} at {row.label or row.name}"
     if cause == "interfaces" and verdict.answer not in NOT_ASKED:
         return f"{_word(verdict)}, {size}, {NOT_RIGID}"
-    return f"{_word(verdict)}, {size}{verdict.cure and f'; {verdict.cure}'}"
+    return f"{_word(verdict)}, {size}{cure and f'; {cure}'}"
 
 
 def _word(verdict: Verdict) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..estimates.estimate import RESOLVED
 from .answers import Answer, worst
-from .cures import AGAIN
+from .cures import AGAIN, LOWEST_ORDER, SECOND_ORDER
 
 CAUSES = ("modes", "interfaces", "step", "start")
 ALWAYS = ("modes", "step")  # the two that every user asks; the others only where there is something of them
@@ -122,6 +122,11 @@ class Row:
         """Return size and half width of a cause as a share of the tolerance; where there is none, of the extent."""
         of = self.tolerance or self.extent or 1.0
         return self.of[cause].most / of if cause in self.of else 0.0
+
+    @property
+    def shortening(self) -> float:
+        """How many times as short steps have to be, by the order that was measured, or the second."""
+        return self.share("step") ** (1 / max(self.order or SECOND_ORDER, LOWEST_ORDER))
 
     def as_json(self) -> dict[str, Any]:
         """Return the row as --json writes it; docs/answer.schema.json has the fields."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..report.answers import Answer
-from ..report.cures import AGAIN, OF_CAUSES, Steps, shorter_steps
+from ..report.cures import AGAIN, OF_CAUSES, SECOND_ORDER, Steps, shorter_steps
 from ..report.data import UNITS, extents
 from ..report.verdicts import CAUSES, MEASURED, NONE, Row, Verdict, judge, judged, not_covered, not_the_rest
 
@@ -313,7 +313,7 @@ class _Component:
         """The verdict on the step; where a run and one with half its step differ by twice the limit, one is wrong."""
         if isinstance(self._steps, str):
             return None if self._steps == NO_STEPS else not_covered(self._steps)
-        steps = Steps(self._signal.steps, self.order or 2.0)
+        steps = Steps(self._signal.steps, self.order or SECOND_ORDER)
         cure = shorter_steps(_largest(self._steps[0]) + self._steps[1], limit, steps)
         verdict = self._judged(self._steps, limit, cure)
         if not self.unshrunk or verdict.answer in (Answer.ENOUGH, Answer.NO_TOLERANCE):

@@ -108,6 +108,14 @@ def test_what_is_largest_is_told_first():
     assert [line.split(":")[0] for line in first_sentences([modes])] == ["Modes", "Step"]
 
 
+def test_steps_are_told_that_are_enough_for_all_sensors():
+    """Of first order a smaller share may ask for more of them."""
+    first, second = row("tip", "", step=(0.1, 1e-3)), row("hub", "", step=(0.2, 1e-3))
+    first = replace(first, order=1.0, of={"step": replace(first.of["step"], cure="11 times"), "sum": first.of["sum"]})
+    (line,) = first_sentences([first, replace(second, order=2.0)])
+    assert line == "Step: too large, about 0.2 (20 %) at hub; 11 times."
+
+
 def test_where_steps_resolve_nothing_that_is_all_that_is_told():
     coarse = row("tip", "", modes=(1e-4, 1e-6), step=(0.5, 0.01))
     (line,) = first_sentences([coarse])
