@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from . import __version__
 from .errors import InputError, RomErrError
-from .report.answers import WRONG_USAGE, read_tolerance
+from .report.answers import WRONG_USAGE, Tolerances
 from .scripts.execute import INTERRUPTED
 from .scripts.files import checked_files, tried, write_files
 from .scripts.run import run, show
@@ -52,15 +52,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):  # no name of an output breaks a terminal that cannot show it
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
+    status = 0
     try:
-        given.run(given)
+        status = given.run(given) or 0
         sys.stdout.flush()
     except RomErrError as error:
         print(f"romerr: {error}", file=sys.stderr)
         return 1
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return 0
+    return status
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -76,12 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_verify(commands)
     saved = _add(commands, "show", _show, "print the summary", "romerr show run.npz --tolerance 1%")
-    saved.add_argument(
-        "--tolerance",
-        type=_tolerance,
-        metavar="X",
-        help="say whether errors are within X: in the model's units (0.001), or as a share of what each shows (1%%)",
-    )
+    saved.add_argument("--tolerance", action="append", type=_tolerance, metavar="X", help="as of romerr run")
     plot = _add(
         commands,
         "plot",
@@ -227,21 +223,25 @@ def _run(given: argparse.Namespace) -> int:
     return done.status
 
 
-def _tolerance(text: str) -> tuple[float, bool]:
-    """A number, and whether it is a share."""
+def _tolerance(text: str) -> str:
+    """The text, if it is a tolerance."""
     try:
-        return read_tolerance(text)
+        Tolerances([text])
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
+    return text
 
 
-def _show(given: argparse.Namespace) -> None:
+def _show(given: argparse.Namespace) -> int:
     from . import load_report
 
     report = load_report(given.file)
-    print(report)
-    for name in report.outputs if given.tolerance else ():
-        print(report.assess(name, *given.tolerance))
+    try:
+        print(report.summary(given.tolerance))
+    except InputError as error:  # a name that no output has
+        print(f"romerr: {error}", file=sys.stderr)
+        return WRONG_USAGE
+    return 0
 
 
 def _plot(given: argparse.Namespace) -> None:

@@ -98,6 +98,12 @@ class Tolerances:
         return [f"--tolerance names {name!r}, which no sensor is called; {_nearest(name, known)}" for name in unknown]
 
 
+def tolerances_of(given: Sequence[str] | str | float | None) -> Tolerances:
+    """Return what a keyword stands for: nothing, a number, a text or several texts; InputError: none of these."""
+    texts = [] if given is None else [given] if isinstance(given, str | float | int) else given
+    return Tolerances([str(text) for text in texts])
+
+
 def _nearest(name: str, known: Sequence[str]) -> str:
     near = get_close_matches(name, known, 1, 0.0)
     beside = [repr(other) for other in known if other not in near]

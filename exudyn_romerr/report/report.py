@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..checks import check_array, check_choice, real_array
 from ..errors import InputError
 from ..trajectory.samples import instants_in
+from .answers import tolerances_of
 from .assessment import Assessment, assess
 from .data import OutputData, ReportData
 from .formats.csv_table import columns, write_csv
@@ -20,6 +21,9 @@ from .report_rows import limit_of, row_of
 from .table import worst_by_cause
 from .verdicts import Verdict
 from .wording import at_round_off, estimator_lines, reason_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 
 @dataclass(repr=False)
@@ -164,7 +168,25 @@ class BoundReport(ReportData):
         return f"<BoundReport: {len(self.outputs)} output{'s' * (len(self.outputs) != 1)}, {span}>"
 
     def __str__(self) -> str:
-        return summary(self, self._scope_lines())
+        return self.summary()
+
+    def summary(self, tolerance: Sequence[str] | str | float | None = None) -> str:
+        """Return what print(report) shows, beside other tolerances than those that attach was given.
+
+        Parameters
+        ----------
+        tolerance : number, text or several texts, optional
+            As of romerr.run: 0.001, "1%" of what each output shows, "tip=0.001" of one output.
+
+        Raises
+        ------
+        InputError
+            A tolerance that is none, or of an output that there is not.
+        """
+        tolerances = None if tolerance is None else tolerances_of(tolerance)
+        if tolerances is not None and (wrong := tolerances.misspelt(self.outputs)):
+            raise InputError("; ".join(wrong))
+        return summary(self, self._scope_lines(), tolerances)
 
     @property
     def details(self) -> str:

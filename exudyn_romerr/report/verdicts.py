@@ -201,6 +201,8 @@ def judged(of: dict[str, Verdict], shown: float, limit: float | None) -> dict[st
 
     shown : the extent of the sensor. limit : what is allowed.
     """
+    if limit is None:
+        return {cause: replace(one, answer=Answer.NO_TOLERANCE) for cause, one in of.items()}
     if shown == 0:  # a share of nothing is nothing; what is too large in the model's units is
         still = {cause for cause, one in of.items() if not limit or one.answer is not Answer.TOO_LARGE}
         return {c: _doubted(one, SHOWS_NOTHING, OTHER_SENSORS) if c in still else one for c, one in of.items()}
@@ -234,8 +236,8 @@ def _is_coarse(step: Verdict | None, shown: float | None) -> bool:
 
 
 def _doubted(verdict: Verdict, why: str, cure: str) -> Verdict:
-    """The same number, which tells nothing; where nothing was asked, or nothing is known, that stays."""
-    if verdict.how == NONE or verdict.answer is Answer.NO_TOLERANCE or verdict.reason:
+    """The same number, which tells nothing; where nothing is known, or is doubted already, that stays."""
+    if verdict.how == NONE or verdict.reason:
         return verdict
     return replace(verdict, answer=Answer.NOT_KNOWN, reason=why, cure=cure)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Any
 
-from ..report.answers import STATUS, WRONG_USAGE, Tolerances
+from ..report.answers import STATUS, WRONG_USAGE, tolerances_of
 from .after_import import after_import
 from .execute import Ending, check_script, execute
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from ..judgement.judgement import Judgement
     from ..judgement.solve import Solve
+    from ..report.answers import Tolerances
     from ..report.report import BoundReport
 
 NO_EXUDYN = "the script does not import exudyn, so there is nothing to tell"
@@ -120,8 +121,7 @@ def run(
     -----
     Does not cover: solves in other processes; bodies whose FEMinterface is gone when they are added.
     """
-    texts = [] if tolerance is None else [tolerance] if isinstance(tolerance, str | float | int) else tolerance
-    tolerances, path = Tolerances([str(text) for text in texts]), check_script(script)
+    tolerances, path = tolerances_of(tolerance), check_script(script)
     with _Watching() as watching:
         ending = execute(path, arguments)
         notes = watching.notes() if ending.began else [NOT_READ.format(_in_a_line(ending.error))]

@@ -17,7 +17,7 @@ from ..checks import check_choice
 from ..errors import InputError, RunError
 from ..judgement.judgement import Judgement, text
 from ..judgement.solve import Solve
-from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, worst
+from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of, worst
 from ..report.verdicts import CAUSES, Verdict, beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
 from .compared import STRESS, estimates, rows_of_signal, signals, two_ways
@@ -190,8 +190,7 @@ def verify(
     -----
     Does not cover: what our vectors leave out, too; the FE model itself.
     """
-    texts = [] if tolerance is None else [tolerance] if isinstance(tolerance, str | float | int) else tolerance
-    tolerances = Tolerances([str(text) for text in texts])
+    tolerances = tolerances_of(tolerance)
     check_choice("controllers", controllers, CONTROLLERS)
     plain = Request("unchanged", *_place(script), tuple(arguments), _name(script), timeout=timeout)
     tell = progress or (lambda said: None)

@@ -33,16 +33,20 @@ from ..wording import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from ..answers import Tolerances
     from ..data import OutputData, ReportData
 
 MORE = "every component, bounds by all estimators, corrected outputs: print(report.details)"
 OUTPUT = "output"  # what a line of its tables is of
 
 
-def summary(report: ReportData, scope_lines: Sequence[str]) -> str:
-    """Return the text of a report, a line for each output; scope_lines : what the bounds cover."""
+def summary(report: ReportData, scope_lines: Sequence[str], tolerances: Tolerances | None = None) -> str:
+    """Return the text of a report, a line for each output; scope_lines : what the bounds cover.
+
+    tolerances : in place of those that attach was given.
+    """
     compared = [line for out in report.outputs.values() for line in _compared(out, report.time, f"{out.name}: ")]
-    lines = [*_first(report), *_answers(report), *compared, *_messages(report)]
+    lines = [*_first(report), *_answers(report, tolerances), *compared, *_messages(report)]
     return "\n".join([*lines, *scope_lines, *([MORE] if report.outputs else [])])
 
 
@@ -56,9 +60,9 @@ def details(report: ReportData, estimator_lines: Sequence[str]) -> str:
     return "\n".join([*lines, *estimator_lines])
 
 
-def _answers(report: ReportData) -> list[str]:
+def _answers(report: ReportData, tolerances: Tolerances | None) -> list[str]:
     """Sentences of what was asked for, and the table, with what stands beside it for the sake of its bounds."""
-    rows = rows_of(report)
+    rows = rows_of(report, tolerances)
     if not rows:
         return []
     asked = [row for row in rows if not is_beside(report, row.name)]
