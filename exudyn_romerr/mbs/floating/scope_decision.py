@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 ASKABLE = (AUTO, COUPLED, FROZEN)
+NO_COUPLED = "no coupled bound: "  # begins the reason of frozen inputs
+REACTING = "; these react to the body's deformation: "  # goes on with what they are
 OF_A_FILE = "of a file"
 SWITCHING = (
     "ConnectorRollingDiscPenalty",
@@ -112,14 +114,15 @@ def find_scope(
     if refusal and wanted.scope == COUPLED and not static:
         raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
     frozen = (
-        f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the "
+        f"{', '.join(reacting)}; the bound holds for the full body under the "
         "motion of the frame, the loads and the wrenches of this simulation; their feedback, and what other steps "
         "make of them, is not covered and may make the error of the whole mechanism many times larger"
     )
     if refusal:
-        note = f"no coupled bound: {refusal}"
+        note = f"{NO_COUPLED}{refusal}"
         told = "" if wanted.scope == FROZEN else note
-        return Found(FROZEN, f"{note}; {frozen}", note=told, answers=not unknown and not without)
+        return Found(FROZEN, f"{note}{REACTING}{frozen}", note=told, answers=not unknown and not without)
+    frozen = f"{REACTING.removeprefix('; ')}{frozen}"
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 

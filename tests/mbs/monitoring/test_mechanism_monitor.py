@@ -341,7 +341,8 @@ def test_without_a_linearised_mechanism_sensors_are_left_out():
     report = monitor.report()
     assert (report.outputs, report.scope["auxiliary"]) == ({}, FROZEN)
     for plan in (report.plan, monitor.plan, monitor.report().plan):
-        assert dict(plan.left_out)["piston Displacement"] == other_sensors.NOT_COUPLED
+        why = other_sensors.NOT_COUPLED.format(f"scope={FROZEN!r} was asked for")
+        assert dict(plan.left_out)["piston Displacement"] == why
 
 
 def test_a_second_solve_goes_on():
