@@ -17,6 +17,7 @@ from ..access.load_functions import LATER, MOVED, as_given, controllers, load_fu
 from ..access.state_guard import state_kept
 from ..memory.standstill import look_up, note
 from ..memory.user_memory import memory_kept
+from .mbs_by_name import hint_of
 
 OUTPUT = exu.OutputVariableType
 Force = Callable[[float, float], np.ndarray]  # of a time, of what displacement and velocity are moved by
@@ -129,14 +130,22 @@ def _found(mbs: Any) -> Controls:
         if kind == "":
             passive.append(spring)
         else:
-            (active if kind in MAY_WORK else refused).append(f"{spring.name} {kind}")
+            hint = _of_outside(kind, [spring.function])
+            (active if kind in MAY_WORK else refused).append(f"{spring.name} {kind}{hint}")
             functions_look = functions_look or looks
     loads = frozenset(controllers(mbs, loads_with_functions(mbs)))
     for i in sorted(loads):
         item = mbs.GetLoad(i)
         kind = _tried(mbs, load_functions(item), lambda item=item: _of_load(mbs, item))
-        (active if kind in MAY_WORK else refused).append(f"load {i} ({item['name']}) {kind or KEEPS}")
+        hint = _of_outside(kind, load_functions(item))
+        (active if kind in MAY_WORK else refused).append(f"load {i} ({item['name']}) {kind or KEEPS}{hint}")
     return Controls(tuple(refused), tuple(active), tuple(passive), loads, functions_look or bool(loads))
+
+
+def _of_outside(kind: str, functions: list[Callable]) -> str:
+    """What to type where functions look at the motion in an mbs that they were not given; empty: they do not."""
+    hint = hint_of(functions) if kind == LOOKS else ""
+    return hint and f", and {hint}"
 
 
 def is_followed(item: dict[str, Any]) -> bool:

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from ...estimates.estimate import Estimate
     from ...online.run import Run
 
-ENDED = "estimates of the mechanism ended before its bounds: see the messages of the bodies"
+ENDED = (
+    "estimates of the mechanism ended before its bounds: the line that begins with 'estimates are those under frozen "
+    "inputs' says why"
+)
 UNBALANCED = "it depends on accelerations or forces of constraints, which are not computed away from the run: {}"
 
 
