@@ -46,7 +46,7 @@ class Sensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """The unit of that, as far as it is known."""
+        """The unit of that, where it is the same in every system of units."""
         return "" if self.shows is None else UNITS.get(self.shows.name.removesuffix("Local"), "")
 
 
@@ -83,6 +83,7 @@ class SensorRecord:
         return OutputReport(
             name=sensor.name,
             unit=sensor.unit,
+            quantity=sensor.of,
             of=sensor.of,
             value=value,
             round_off=np.finfo(float).eps * np.abs(value),
