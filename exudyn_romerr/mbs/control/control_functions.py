@@ -24,11 +24,20 @@ Force = Callable[[float, float], np.ndarray]  # of a time, of what displacement 
 DIFFERENCE = 1e-6  # of displacements and velocities, to differentiate by; 10 times as much tells what is not smooth
 SMOOTH = 0.1  # of the largest gain: what both may differ by
 PASSIVE = 1e-6  # of the largest gain: rounding of differences
-KEEPS = "depends on earlier calls: a controller may do work on the error, and cannot be asked beside the run"
+KEEPS = (
+    "depends on earlier calls: a controller may do work on the error, and cannot be asked beside the run, so let it "
+    "depend on what it is given alone"
+)
 REACHES = "may depend on earlier calls, for its function can reach what no call beside the run could put back: {}"
 FAILS = "has a function that fails where it is tried: {}"
-BY_FORCES = "has a function of accelerations or forces: a linearised mechanism has none of these"
-JUMPS = "has a function that is not smooth where the run begins: a linearised mechanism is"
+BY_FORCES = (
+    "has a function of accelerations or forces: a linearised mechanism has none of these, so let it depend on the "
+    "displacement and velocity that it is given"
+)
+JUMPS = (
+    "has a function that is not smooth where the run begins: a linearised mechanism is, so let it be (for sign(v) "
+    "take tanh(v / v0))"
+)
 LOOKS = "is a controller that looks at the motion elsewhere: it may do work on the error"
 WORKS = "is a controller with negative, or coupled, stiffness or damping: it may do work on the error"
 MAY_WORK = (LOOKS, WORKS)
