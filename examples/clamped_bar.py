@@ -31,7 +31,7 @@ def simulate(kind: str, h: float, t_end: float) -> romerr.BoundReport:
 def tip(scene: floating.FloatingScene) -> romerr.Output:
     """Return the displacement of the tip in the direction of its weight."""
     node = int(floating.interface(scene.fem, "tip")[0][0])
-    return romerr.node_displacement("tip z", node=node, component="z")
+    return romerr.node_displacement("tip z", node=node, component="z", unit="m")
 
 
 def compare(report: romerr.BoundReport, truth: romerr.BoundReport) -> None:

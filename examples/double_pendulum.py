@@ -36,7 +36,7 @@ def simulate(kind: str, scope: str, t_end: float) -> romerr.BoundReport:
     scene = mechanisms.double_pendulum(EIGENMODES, kind, h=STEP, t_end=t_end, force=blow)
     node = int(floating.interface(scene.fem, "tip")[0][0])
     flexes = [romerr.floating_body(scene.fem, items) for items in scene.bodies]
-    tips = [romerr.node_displacement(f"tip {bar}", node=node, component="y") for bar in BARS]
+    tips = [romerr.node_displacement(f"tip {bar}", node=node, component="y", unit="m") for bar in BARS]
     outputs = list(zip(flexes, tips, strict=True))
     monitor = romerr.attach(scene.mbs, flexes, outputs=outputs, scope=scope, time="sampled")
     scene.solve()

@@ -54,8 +54,8 @@ def main(t_end: float = 0.02) -> romerr.BoundReport:
     tip, root = fem.GetNodeAtPoint([0.4, 0.04, 0.06]), fem.GetNodeAtPoint([0.12, 0, 0.06])
     steel = KirchhoffMaterial(210e9, 0.3, 7850)
     outputs = [
-        romerr.node_displacement("tip z", node=tip, component="z"),
-        romerr.node_stress("stress xx", node=root, fem=fem, material=steel, component="xx"),
+        romerr.node_displacement("tip z", node=tip, component="z", unit="m"),
+        romerr.node_stress("stress xx", node=root, fem=fem, material=steel, component="xx", unit="Pa"),
     ]
     monitor = romerr.attach(mbs, romerr.floating_body(fem, items), outputs=outputs, auxiliary_modes=100)
     mbs.Assemble()

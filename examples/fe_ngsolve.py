@@ -66,8 +66,8 @@ def main(mesh_size: float = 0.03, t_end: float = 0.01) -> romerr.BoundReport:
     hole = int(np.argmin(np.linalg.norm(where - [LENGTH / 3, -RADIUS, HOLE], axis=1)))
     steel = KirchhoffMaterial(STEEL["youngsModulus"], STEEL["poissonsRatio"])
     outputs = [
-        romerr.mean_displacement("right face z", nodes=right, component="z"),
-        romerr.node_stress("stress at the hole", node=hole, fem=fem, material=steel, component="xx"),
+        romerr.mean_displacement("right face z", nodes=right, component="z", unit="m"),
+        romerr.node_stress("stress at the hole", node=hole, fem=fem, material=steel, component="xx", unit="Pa"),
     ]
     monitor = romerr.attach(mbs, flex, outputs=outputs, auxiliary_modes=100)
     mbs.Assemble()

@@ -37,7 +37,7 @@ def builder(t_end: float):
     def build(n: int) -> tuple:
         scene = scene_of(n, "RBE3", t_end)
         flex = romerr.floating_body(scene.fem, scene.bodies[0])
-        output = romerr.node_displacement(NAME, node=mechanisms.MIDDLE)
+        output = romerr.node_displacement(NAME, node=mechanisms.MIDDLE, unit="m")
         return scene.mbs, romerr.attach(scene.mbs, flex, outputs=[output]), scene.settings
 
     return build

@@ -152,7 +152,7 @@ def linear_bar(n: int, kind: str, h: float, t_end: float) -> LinearScene:
     scene.flex = romerr.add_reduced_body(scene.mbs, body, basis, inputs=inputs, input_function=force)
     tip, node = int(interface(fem, "tip")[0][0]), scene.flex.items["nGenericODE2"]
     places = {"tip local": tip, "middle local": mechanisms.MIDDLE}
-    scene.outputs = tuple(romerr.node_displacement(name, node=place) for name, place in places.items())
+    scene.outputs = tuple(romerr.node_displacement(name, node=place, unit="m") for name, place in places.items())
     for out in scene.outputs:
         rows = out.resolve(body) @ basis.V
         sensor = itemInterface.SensorUserFunction(

@@ -69,7 +69,7 @@ def build() -> tuple[romerr.ElasticBody, np.ndarray, romerr.Output]:
     body = romerr.ElasticBody(mass, stiffness, rayleigh=RAYLEIGH, fixed=CLAMPED, positions=mesh()[0])
     inputs = np.zeros((mass.shape[0], 1))
     inputs[TIP_Z] = 1.0
-    return body, inputs, romerr.node_displacement("tip z", node=TIP, component="z")
+    return body, inputs, romerr.node_displacement("tip z", node=TIP, component="z", unit="m")
 
 
 def force(t: float | np.ndarray) -> float | np.ndarray:

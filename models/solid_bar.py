@@ -138,7 +138,8 @@ def build(
     inputs = np.zeros((body.N, 1))
     inputs[3 * mesh.tip + 2, 0] = weights / weights.sum()
     outputs = [
-        romerr.mean_displacement(f"tip {axis}", nodes=mesh.tip, weights=weights, component=axis) for axis in "zx"
+        romerr.mean_displacement(f"tip {axis}", nodes=mesh.tip, weights=weights, component=axis, unit="m")
+        for axis in "zx"
     ]
     return body, inputs, outputs
 

@@ -28,7 +28,7 @@ WRITTEN = {
 def saved(tmp_path_factory):
     """A small report as a file."""
     case, path = random_case(1, steps=20), tmp_path_factory.mktemp("saved") / "run.npz"
-    outputs = [Output("tip z", case.C[0]), Output("Größe", case.C, labels=("x", "y"))]
+    outputs = [Output("tip z", case.C[0], unit="m"), Output("Größe", case.C, unit="m", labels=("x", "y"))]
     case.report(outputs=outputs, estimators=("fast", "energy")).save(path)
     return path
 

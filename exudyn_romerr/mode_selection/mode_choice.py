@@ -9,7 +9,7 @@ import numpy as np
 
 from ..report.assessment import PRINTED
 from ..report.scope import NOT_CERTIFIED, cures_of
-from ..report.wording import NOT_THE_MECHANISM, SAMPLED, digits, not_certified
+from ..report.wording import NOT_THE_MECHANISM, SAMPLED, digits, not_certified, with_unit
 from .modal_forecast import ESTIMATE, TINY, fewest_modes
 from .tried_run import BASIS, INTERFACES, SLACK, STEP, TriedRun
 
@@ -115,7 +115,9 @@ class ModeChoice:
         if self.failed is not None:
             lines.append(f"  not tried further, for a run failed: {self.failed}")
         if self.step_error is not None:
-            errors = ", ".join(f"{name} {digits(x)} {self.chosen.units[name]}" for name, x in self.step_error.items())
+            errors = ", ".join(
+                f"{name} {with_unit(digits(x), self.chosen.units[name])}" for name, x in self.step_error.items()
+            )
             cure = "; too long" if self.limit == STEP else ""
             lines.append(f"  error of the time steps, estimated from a run with half of them: {errors}{cure}")
         elif not self.chosen.covers_steps:
@@ -132,7 +134,7 @@ class ModeChoice:
             if (run.modes, run.kind) == (modes, self.kind):
                 return f"{name}: error within the tolerance: {PRINTED[run.assessment.answer].value}, was tried"
         expected, units = self.chosen.expected(modes), self.chosen.units
-        worst = ", ".join(f"{output} <= {digits(x)} {units[output]}" for output, x in expected.items())
+        worst = ", ".join(f"{output} <= {with_unit(digits(x), units[output])}" for output, x in expected.items())
         certain = f" ({NOT_CERTIFIED})" if self.chosen.uncertified else ""
         decides = "estimates" if self.chosen.by == ESTIMATE else f"bounds{certain}"
         place = "within the tolerance, too" if self.chosen.would_meet(modes) else "above it"

@@ -10,7 +10,16 @@ import numpy as np
 from ..errors import InputError
 from ..report.assessment import ANSWERS, PRINTED, TOO_LARGE
 from ..report.scope import FROZEN, NOT_CERTIFIED
-from ..report.wording import covers_time, digits, estimate_scope, is_known, parts_of, rounded_up, widest_scope
+from ..report.wording import (
+    covers_time,
+    digits,
+    estimate_scope,
+    is_known,
+    parts_of,
+    rounded_up,
+    widest_scope,
+    with_unit,
+)
 from .modal_forecast import BOUND, ESTIMATE
 
 if TYPE_CHECKING:
@@ -153,7 +162,7 @@ class TriedRun:
         return min(drops, key=lambda modes: max(self.expected(modes).values()))
 
     def __str__(self) -> str:
-        allowed = {name: f"(allowed {digits(x)} {self.units[name]})" for name, x in self.tolerance.items()}
+        allowed = {name: f"(allowed {with_unit(digits(x), self.units[name])})" for name, x in self.tolerance.items()}
         said = [f"{name}{self._said_of(name, self.units[name])} {limit}" for name, limit in allowed.items()]
         found = self.assessment
         # cures are those of the search
@@ -161,8 +170,14 @@ class TriedRun:
         return f"{self.basis}: {', '.join(said)}; error within the tolerance: {PRINTED[found.answer].value}{made_by}"
 
     def _said_of(self, name: str, unit: str) -> str:
-        bound = f" <= {rounded_up(self.bound[name])} {unit}{f', {NOT_CERTIFIED},' if self.uncertified else ''}"
-        return bound if self.by == BOUND else f" about {digits(self.decisive[name])} {unit} or less, bound{bound}"
+        bound = (
+            f" <= {with_unit(rounded_up(self.bound[name]), unit)}{f', {NOT_CERTIFIED},' if self.uncertified else ''}"
+        )
+        return (
+            bound
+            if self.by == BOUND
+            else f" about {with_unit(digits(self.decisive[name]), unit)} or less, bound{bound}"
+        )
 
 
 def outputs_and_reports(reports: Iterable[BoundReport]) -> Iterator[tuple[OutputReport, BoundReport]]:

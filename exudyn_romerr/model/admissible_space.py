@@ -269,5 +269,8 @@ def _eliminated(conditions: np.ndarray) -> np.ndarray:
     _, triangle, order = la.qr(conditions / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(triangle))
     if diagonal[-1] <= NOT_HELD * diagonal[0]:
-        raise AssumptionError("reference conditions do not hold all six rigid motions: nodes on one line?")
+        raise AssumptionError(
+            "reference conditions do not hold all six rigid motions, as nodes on one line do not: name "
+            "three nodes or more that are not on one line"
+        )
     return np.sort(order[:RIGID_MODES])

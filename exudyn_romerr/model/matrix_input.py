@@ -16,7 +16,11 @@ from ..linalg.symmetric_factor import negative_eigenvalues
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-DOUBLE = float(np.finfo(float).eps)
+DOUBLE, SINGLE = float(np.finfo(float).eps), float(np.finfo(np.float32).eps)
+WITH_DATA = ("csc", "csr", "coo", "bsr")  # formats of sparse matrices whose numbers are in one array
+BITS_OF_SINGLE = 24
+SHORT = 20  # bits: what has no more of them may be a number that somebody chose
+ENOUGH_TO_TELL = 10  # sizes of numbers: fewer may be chosen. A regular mesh has 20, however many elements it has
 SYMMETRY = 1e-9  # relative to the largest entry: assembled FE matrices printed with 10 digits still pass
 
 
@@ -37,10 +41,46 @@ def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = T
 
 
 def precision(value: Any) -> float:
-    """Return the relative spacing of the numbers that an array came in; 2.2e-16 for whole numbers and lists."""
-    dtype = getattr(value, "dtype", None)
-    single = dtype is not None and np.issubdtype(dtype, np.floating)
-    return max(float(np.finfo(dtype).eps), DOUBLE) if single else DOUBLE
+    """Return the relative spacing of the numbers of an array, told by its type and by the numbers themselves.
+
+    Parameters
+    ----------
+    value : ndarray, scipy.sparse matrix, list, or anything else
+
+    Returns
+    -------
+    float
+        1.2e-7 of single precision, whatever type that was passed on as; 2.2e-16 of all else.
+
+    Notes
+    -----
+    Does not cover: numbers that were rounded to some decimal digits, as in texts, and never were in single precision.
+    """
+    if sp.issparse(value):
+        numbers = (value if value.format in WITH_DATA else value.tocsc()).data
+    else:
+        try:
+            numbers = np.asarray(value)
+        except ValueError:  # rows of different lengths: told where they are read
+            return DOUBLE
+    if numbers.dtype.kind != "f":
+        return DOUBLE
+    given = max(float(np.finfo(numbers.dtype).eps), DOUBLE)
+    return SINGLE if given < SINGLE and _went_through_single(numbers.ravel()) else given
+
+
+def _went_through_single(numbers: np.ndarray) -> bool:
+    """Whether most of the numbers, each size counted once, are rounded to 24 bits.
+
+    Few numbers, or short ones such as 0.5 and 2000, are exact in single precision and tell nothing. Of others one in
+    2^29 happens to be so: what was added in double precision since, such as springs, does not hide what others show.
+    """
+    sizes = np.abs(numbers[np.isfinite(numbers)])
+    with np.errstate(over="ignore"):
+        exact = np.unique(sizes[sizes == sizes.astype(np.float32)])
+    mantissa = np.ldexp(np.frexp(exact)[0], BITS_OF_SINGLE)
+    rounded = np.count_nonzero(mantissa % 2.0 ** (BITS_OF_SINGLE - SHORT))
+    return rounded >= ENOUGH_TO_TELL and 2 * rounded >= np.unique(sizes).size
 
 
 def checked_inputs(inputs: Any, size: int) -> np.ndarray | sp.csc_matrix:

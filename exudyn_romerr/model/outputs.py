@@ -31,7 +31,7 @@ class Output:
     rows : ndarray, (N,) or (r, N); or callable body -> such rows
         Rows of C. A callable is resolved by attach / evaluate, which know the body.
     unit : str
-        Printed beside values; the code itself is unit-free.
+        Printed beside values; the code itself is unit-free, and what is in which unit nobody knows but the user.
     of : {"displacement", "velocity", "position"}
         y = C q or y = C q'; in global axes also y = C (x + q).
     frame : {"body", "global"}
@@ -41,15 +41,19 @@ class Output:
         Which components of each vector an output in global axes shows.
     labels : tuple of str
         Names of its rows, as they are shown; () for "row 1", "row 2", ...
+    quantity : str
+        What it shows, "displacement", "velocity", "position", "rotation", "strain", "stress", where that is known: a
+        unit of length that is given for all outputs is that of some of these, see report/data.py. "": not known.
     """
 
     name: str
     rows: Any
-    unit: str = "m"
+    unit: str = ""
     of: str = "displacement"
     frame: str = "body"
     axes: str = AXES
     labels: tuple[str, ...] = ()
+    quantity: str = ""
     is_requested: ClassVar[bool] = True  # by the user: it is in reports, and decides on the number of auxiliary modes
 
     def __post_init__(self) -> None:
@@ -100,9 +104,7 @@ class InternalOutput(Output):
     is_requested: ClassVar[bool] = False
 
 
-def node_displacement(
-    name: str, *, node: int, component: str = "xyz", unit: str = "m", frame: str = "body"
-) -> Output:
+def node_displacement(name: str, *, node: int, component: str = "xyz", unit: str = "", frame: str = "body") -> Output:
     """Displacement of one node; component: letters out of "xyz", one row each; frame: "body" or "global" axes.
 
     Raises (when resolved)
@@ -113,14 +115,14 @@ def node_displacement(
     return nodes_output(name, [node], None, component, unit, "displacement", frame)
 
 
-def node_velocity(name: str, *, node: int, component: str = "xyz", unit: str = "m/s", frame: str = "body") -> Output:
+def node_velocity(name: str, *, node: int, component: str = "xyz", unit: str = "", frame: str = "body") -> Output:
     """Velocity of one node; see node_displacement."""
     return nodes_output(name, [node], None, component, unit, "velocity", frame)
 
 
 def node_rotation(name: str, *, node: int, component: str = "xyz", unit: str = "rad") -> Output:
     """Rotation of a node that has rotational coordinates (6 a node); solids have none: use several nodes."""
-    return Output(name, _node_rows([node], None, component, 3), unit, labels=tuple(component))
+    return Output(name, _node_rows([node], None, component, 3), unit, labels=tuple(component), quantity="rotation")
 
 
 def mean_displacement(
@@ -129,7 +131,7 @@ def mean_displacement(
     nodes: Sequence[int],
     weights: Sequence[float] | None = None,
     component: str = "xyz",
-    unit: str = "m",
+    unit: str = "",
     frame: str = "body",
 ) -> Output:
     """Weighted mean displacement of several nodes (weights are scaled to sum 1; default: equal)."""
@@ -153,16 +155,16 @@ def mean_rotation(
         check_nodes(nodes, len(body.positions))
         return mean_motion(nodes, weights).motion_rows(body.positions)[3:][[AXES.index(a) for a in axes]]
 
-    return Output(name, rows, unit, labels=tuple(axes))
+    return Output(name, rows, unit, labels=tuple(axes), quantity="rotation")
 
 
-def relative_displacement(name: str, *, node: int, other: int, component: str = "xyz", unit: str = "m") -> Output:
+def relative_displacement(name: str, *, node: int, other: int, component: str = "xyz", unit: str = "") -> Output:
     """Displacement of `node` minus that of `other`."""
 
     def rows(body: ElasticBody) -> np.ndarray:
         return _node_rows([node], None, component, 0)(body) - _node_rows([other], None, component, 0)(body)
 
-    return Output(name, rows, unit, labels=tuple(_checked_axes(component)))
+    return Output(name, rows, unit, labels=tuple(_checked_axes(component)), quantity="displacement")
 
 
 class StackedRows(NamedTuple):
@@ -192,7 +194,7 @@ def nodes_output(name, nodes, weights, component: str, unit: str, of: str, frame
     """Output of weighted nodes: components in body axes, or whole vectors of which global ones are shown."""
     axes = _checked_axes(component)
     rows = _node_rows(nodes, weights, component if frame == "body" else AXES, 0)
-    return Output(name, rows, unit, of, frame, axes, tuple(axes))
+    return Output(name, rows, unit, of, frame, axes, tuple(axes), quantity=of)
 
 
 def _checked_axes(component: str) -> str:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     pass
 
 
-def node_strain(name: str, *, node: int, fem: Any, component: str | None = None, unit: str = "m/m") -> Output:
+def node_strain(name: str, *, node: int, fem: Any, component: str | None = None, unit: str = "") -> Output:
     """Strain of the deformed body at one node, in body axes: the mean of B_e(x_node) q over its elements e.
 
     Parameters
@@ -46,18 +46,19 @@ def node_strain(name: str, *, node: int, fem: Any, component: str | None = None,
     Equal to a sensor of StrainLocal where that is right: Exudyn's ComputePostProcessingModes takes quadratic
     tetrahedra for linear ones. Does not cover: beams, shells, strain inside elements (pass rows of your own).
     """
-    return Output(name, _rows(np.eye(6), node, fem, component), unit, labels=_labels(component))
+    return Output(name, _rows(np.eye(6), node, fem, component), unit, labels=_labels(component), quantity="strain")
 
 
 def node_stress(
-    name: str, *, node: int, fem: Any, material: Any, component: str | None = None, unit: str = "Pa"
+    name: str, *, node: int, fem: Any, material: Any, component: str | None = None, unit: str = ""
 ) -> Output:
     """Stress of the deformed body at one node, in body axes: y = E times the strain there, see node_strain.
 
     Parameters
     ----------
     name, node, fem, component, unit
-        See node_strain; "Pa" in SI units, "MPa" with t, mm, s.
+        See node_strain; nothing is printed behind stresses unless unit= says what, such as "Pa" where the model is in
+        SI units, "MPa" in t, mm, s.
     material : KirchhoffMaterial
         Exudyn's, as for ComputePostProcessingModes; only its elasticityTensor (6, 6) is read.
 
@@ -82,7 +83,7 @@ def node_stress(
             "exudyn.FEM, of a mesh with several materials that at the node"
         )
     rows = _rows(check_array("material.elasticityTensor", tensor, (6, 6)), node, fem, component)
-    return Output(name, rows, unit, labels=_labels(component))
+    return Output(name, rows, unit, labels=_labels(component), quantity="stress")
 
 
 def _rows(tensor: np.ndarray, node: int, fem: Any, component: str | None) -> np.ndarray:

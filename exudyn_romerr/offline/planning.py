@@ -64,7 +64,11 @@ def _details(problem: Problem, name: str) -> str:
 
 
 def _extent(problem: Problem, time: str, live: bool) -> Iterator[str]:
-    yield from (f"output {out.name!r}: {out.of} in {out.unit}" for out in problem.outputs if out.is_requested)
+    yield from (
+        f"output {out.name!r}: {out.of}{out.unit and f' in {out.unit}'}"
+        for out in problem.outputs
+        if out.is_requested
+    )
     if problem.has_initial_error:
         where = "its own static equilibrium" if problem.initial_state is None else "the state given as initial="
         yield f"initial error: the full body starts in {where}"

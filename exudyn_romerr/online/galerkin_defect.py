@@ -16,6 +16,12 @@ if TYPE_CHECKING:
 TOGETHER = 256  # samples that are looked at together: what is made of them stays in the cache
 GALERKIN_DEFECT = 1e-6  # of the largest term: above it, and above the solver's tolerance, a load was missed
 TOLERANCES = 10  # of Newton's relative tolerance may be left in W^T R
+LAGS = "VelocityVerlet"
+OF_THE_SOLVER = (
+    f"of the largest term: {LAGS} leaves accelerations that are not those of its states where forces depend on "
+    "velocities; whether a load is missing, too, is not seen beside that"
+)
+OTHER_SOLVER = f"take another solver than {LAGS}, such as solverType=exu.DynamicSolverType.RK44 in SolveDynamic"
 UNCHECKED = Reason.UNCHECKED.doubt()
 
 
@@ -73,6 +79,8 @@ def unbalanced(run: Balanced) -> list[Doubt]:
         "body is not known here, or depends on more than time, or damping differs, or a step was too long to be "
         "solved well; bounds hold for the loads known"
     )
+    if LAGS in run.solver.name:
+        return [Reason.UNBALANCED.doubt(said=f"{found} {OF_THE_SOLVER}", beside=found, cure=OTHER_SOLVER)]
     return [Reason.UNBALANCED.doubt(said=said, beside=found)]
 
 

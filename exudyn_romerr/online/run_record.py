@@ -29,12 +29,14 @@ class SolverFacts(NamedTuple):
 
     end_time : where it was to go, None if not known. newton_tolerance : relative. floor : size of terms of W^T R that
     cancelled before they came here. is_stopped : whether a tolerance of any body in the mbs stopped it.
+    name : its own.
     """
 
     end_time: float | None = None
     newton_tolerance: float = 0.0
     floor: float = 0.0
     is_stopped: bool = False
+    name: str = ""
 
 
 UNKNOWN = SolverFacts()

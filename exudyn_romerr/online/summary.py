@@ -170,6 +170,7 @@ def _output_report(
     return OutputReport(
         name=out.name,
         unit=out.unit,
+        quantity=out.quantity,
         of=out.of,
         value=value,
         round_off=round_off,

@@ -11,23 +11,17 @@ from ..checks import check_choice
 from ..errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from .scope import Doubt
 
-UNITS = {  # of what Exudyn's sensors show, by OutputVariableType without "Local", in SI
-    "Displacement": "m",
-    "Position": "m",
-    "Distance": "m",
-    "Velocity": "m/s",
-    "Acceleration": "m/s^2",
+UNITS = {  # of what Exudyn's sensors show, by OutputVariableType without "Local": the same in every system of units
     "Rotation": "rad",
     "AngularVelocity": "rad/s",
     "AngularAcceleration": "rad/s^2",
-    "Force": "N",
-    "Torque": "Nm",
-    "Stress": "Pa",
 }
+# powers of time that units of quantities have beside one of length, by what OutputData.quantity says
+OF_LENGTH = {"displacement": "", "position": "", "distance": "", "velocity": "/s", "acceleration": "/s^2"}
 IN_THE_FRAME = " in the frame"  # ends the name of what the body's frame sees of an output in global axes, beside it
 
 
@@ -111,6 +105,7 @@ class OutputData:
     stopped: float | None = None
     beside_steps: tuple[str, ...] = ()
     uncertified: tuple[Doubt, ...] = ()
+    quantity: str = ""
 
     @property
     def extents(self) -> np.ndarray:
@@ -178,6 +173,30 @@ class ReportData:
         """Return the output of that name; InputError lists the known ones."""
         check_choice("output", name, self.outputs)
         return self.outputs[name]
+
+
+def units_of_length(length: str) -> dict[str, str]:
+    """Return the units of all quantities that have one of length, by OutputData.quantity: "mm" -> "mm", "mm/s", ...
+
+    Parameters
+    ----------
+    length : str
+        The model's unit of length; "": not known, nor are the others.
+
+    Returns
+    -------
+    dict
+        Of displacements, positions, distances, velocities and accelerations; times are in s. Forces and stresses
+        need a unit of mass, too.
+    """
+    return {quantity: length and f"{length}{per}" for quantity, per in OF_LENGTH.items()}
+
+
+def name_units(outputs: Iterable[OutputData], length: str) -> None:
+    """Give outputs the units that follow from one of length, but for those that have one, in place."""
+    units = units_of_length(length)
+    for out in outputs:
+        out.unit = out.unit or units.get(out.quantity, "")
 
 
 def is_beside(report: ReportData, name: str) -> bool:

@@ -61,9 +61,10 @@ class OutputReport(OutputData):
             name for name in ("estimate", "uncertainty", "corrected", "error") if getattr(self, name) is not None
         )
         arrays = ", ".join(["value", *of_all, *known])
+        what = f"{self.of}{self.unit and f' in {self.unit}'}"
         return (
-            f"<OutputReport {', '.join(map(repr, self.row_names))}: {self.of} in {self.unit}, {len(self.value)} "
-            f"instants; {arrays}; print(report) says what they mean>"
+            f"<OutputReport {', '.join(map(repr, self.row_names))}: {what}, {len(self.value)} instants; {arrays}; "
+            "print(report) says what they mean>"
         )
 
     def at_round_off(self) -> np.ndarray:

@@ -141,10 +141,13 @@ class Reason(Enum):
         """What to do about it."""
         return self.value[1]
 
-    def doubt(self, *found: object, said: str = "", beside: str = "") -> Doubt:
-        """Return it as met: found : what the sentence has places for; said : in its place; beside : the cause."""
+    def doubt(self, *found: object, said: str = "", beside: str = "", cure: str = "") -> Doubt:
+        """Return it as met.
+
+        found : what the sentence has places for; said : in its place; beside : the cause; cure : in place of its own.
+        """
         cause = f"{self.cause}, {beside}" if beside else self.cause
-        return Doubt(cause, self.cure, said or self.value[2].format(*found), self.name)
+        return Doubt(cause, cure or self.cure, said or self.value[2].format(*found), self.name)
 
 
 def causes_of(doubts: Iterable[Doubt]) -> str:

@@ -75,6 +75,16 @@ def rounded_down(x: float) -> str:
     return text if float(text) <= x else digits(x - 0.5 * 10.0 ** (floor(log10(x)) - 2))
 
 
+def with_unit(number: str, unit: str) -> str:
+    """Return a number with its unit, if that is known."""
+    return f"{number} {unit}" if unit else number
+
+
+def axis_label(what: str, unit: str) -> str:
+    """Return what an axis of a picture shows, with its unit, if that is known."""
+    return f"{what} / {unit}" if unit else what
+
+
 def percent(share: float) -> str:
     """Return a share in %, in two digits, never as 1.4e+02; nothing where a percentage says nothing any more."""
     return f"{float(f'{100 * share:.2g}'):g} %" if share <= 10 else ""
@@ -139,7 +149,7 @@ def corrected_within(out: OutputData, bound: np.ndarray, scope: dict[str, str], 
     """Return in words how far the corrected output is from the full model: "within ..." only if the scope says so."""
     if not np.isfinite(bound).all():
         return "how far the corrected output is from the full model is not known at all instants"
-    left, widest = f"{rounded_up(np.max(bound))} {out.unit}", widest_scope(scope)
+    left, widest = with_unit(rounded_up(np.max(bound)), out.unit), widest_scope(scope)
     doubt = not_certified(out.uncertified, in_full)
     why = doubt and f" ({doubt})"
     if widest == FROZEN:
@@ -274,7 +284,7 @@ def off_by(out: OutputData, row: int | None = None) -> str:
 
 def _share_of_it(x: float, of: float, unit: str) -> str:
     share = (percent(x / of) or "more than 1000 %") if of > 0 else ""
-    return f"{digits(x, 2)} {unit}{share and f' ({share} of it)'}"
+    return f"{with_unit(digits(x, 2), unit)}{share and f' ({share} of it)'}"
 
 
 def _largest(x: np.ndarray) -> float:

@@ -106,7 +106,10 @@ def _report_rows(name: str, value: Any) -> Iterator[dict[str, Any]]:
     if isinstance(value, BoundReport):
         for out in value.outputs.values():
             for row, row_name in enumerate(out.row_names):
-                yield {"output": f"{name} {row_name} [{out.unit}]".strip(), **_largest_of(value, out, row)}
+                yield {
+                    "output": f"{name} {row_name}{out.unit and f' [{out.unit}]'}".strip(),
+                    **_largest_of(value, out, row),
+                }
     elif isinstance(value, dict | list | tuple):
         for key, x in _parts(value):
             yield from _report_rows(f"{name} {key}".strip(), x)

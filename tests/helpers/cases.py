@@ -70,7 +70,7 @@ class Case:
 
     @property
     def outputs(self):
-        return Output("y", self.C), Output("v", self.C, of="velocity")
+        return Output("y", self.C, unit="m"), Output("v", self.C, unit="m", of="velocity")
 
     def report(self, stride=1, **options):
         """Evaluate every stride-th sample: 1 fine, 2 coarse."""

@@ -30,7 +30,7 @@ def force(t):
 
 
 INPUTS = np.eye(N)[:, [5]]
-TIP = Output("tip", np.eye(N)[7])
+TIP = Output("tip", np.eye(N)[7], unit="m")
 
 
 def new_mbs():

@@ -32,7 +32,7 @@ BODIES = {
     "massless": (
         lambda: ElasticBody(np.diag([0.0] + [1.0] * (N - 1)), K),
         InputError,
-        r"coordinates \[0\].*condense or fix",
+        r"coordinates \[0\].*condense them statically",
     ),
     "stiffness singular": (lambda: ElasticBody(M, FREE), AssumptionError, r"stiffness.*1 rigid-body.*fixed=\.\.\."),
     "stiffness indefinite": (lambda: ElasticBody(M, -K), AssumptionError, "stiffness is not positive definite"),

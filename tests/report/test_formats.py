@@ -44,7 +44,7 @@ def case():
 def report(case):
     """One row "tip z", and two rows "corner x", "corner y" that are velocities."""
     corner = Output("corner", case.C, unit="m/s", of="velocity", labels=("x", "y"))
-    return case.report(outputs=[Output("tip z", case.C[0]), corner], estimators=ESTIMATORS)
+    return case.report(outputs=[Output("tip z", case.C[0], unit="m"), corner], estimators=ESTIMATORS)
 
 
 def of_row(name, unit, *more):
@@ -209,14 +209,14 @@ def test_rows_are_called_by_their_labels_everywhere(report):
 
 
 def test_rows_without_labels_are_numbered(case):
-    out = case.report(outputs=[Output("y", case.C)], estimators="fast").output("y")
+    out = case.report(outputs=[Output("y", case.C, unit="m")], estimators="fast").output("y")
     assert out.row_names == ["y row 1", "y row 2"]
 
 
 @pytest.mark.parametrize("labels", [("x",), ("x", "y", "z")])
 def test_a_label_for_each_row(case, labels):
     with pytest.raises(InputError, match=r"labels=.* of output 'y'; it has 2 rows, each needs one"):
-        case.report(outputs=[Output("y", case.C, labels=labels)], estimators="fast")
+        case.report(outputs=[Output("y", case.C, unit="m", labels=labels)], estimators="fast")
 
 
 CUBE = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]

@@ -93,7 +93,7 @@ def case():
 @pytest.fixture
 def report(case):
     """Outputs "tip z" and "corner" (x, y)."""
-    outputs = [Output("tip z", case.C[0]), Output("corner", case.C, labels=("x", "y"))]
+    outputs = [Output("tip z", case.C[0], unit="m"), Output("corner", case.C, unit="m", labels=("x", "y"))]
     return case.report(outputs=outputs, estimators=("fast", "energy"))
 
 

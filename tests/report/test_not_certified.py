@@ -263,7 +263,7 @@ def test_a_body_s_picture_and_file_say_so(plain, tmp_path):
     report = doubted(plain, doubt)
     figure = picture(draw_body, None, report, (POSITIONS, None), projection="3d")
     title, label = figure.axes[0].get_title().replace("\n", " "), figure.axes[1].get_ylabel()
-    assert f"bounded by 3 m (not certified: {doubt.cause})" in title
+    assert f"bounded by 3 (not certified: {doubt.cause})" in title
     assert "bound (not certified) of the" in label
     report.to_vtu(tmp_path / "run.vtu")
     assert 'Name="error bound, not certified"' in (tmp_path / "run.vtu").read_text(encoding="utf-8")

@@ -634,13 +634,15 @@ def test_surface_of_tetrahedra_has_the_faces_that_one_alone_has():
     ids=["fem", "triangles", "tetrahedra", "lines", "nodes"],
 )
 def test_parts_have_the_colour_of_their_worst_node(mesh, expected):
-    ax = body(mesh)
+    ax = body(mesh, unit="mm")
     (parts,) = ax.collections
     assert sorted(parts.get_array().tolist()) == expected
     assert (parts.norm.vmin, parts.norm.vmax) == (0, max(expected))
-    assert [ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()] == ["x / m", "y / m", "z / m"]
-    assert ax.figure.axes[1].get_ylabel() == "bound of the error\nby 'auxiliary' / m"
-    assert "node 4: at most 4 m" in ax.get_title()
+    assert [ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()] == ["x / mm", "y / mm", "z / mm"]
+    assert ax.figure.axes[1].get_ylabel() == "bound of the error\nby 'auxiliary' / mm"
+    unknown = body(mesh)
+    assert [unknown.get_xlabel(), unknown.figure.axes[1].get_ylabel()] == ["x", "bound of the error\nby 'auxiliary'"]
+    assert "node 4: at most 4 mm" in ax.get_title()
     assert "not deformed" in ax.get_title()
 
 
@@ -665,7 +667,7 @@ def test_infinite_bounds_have_a_colour_of_their_own():
 
 
 def test_bounds_that_are_all_zero_are_drawn():
-    assert "at most 0 m" in body((POSITIONS, None), bound=np.zeros(5)).get_title()
+    assert "at most 0 m" in body((POSITIONS, None), bound=np.zeros(5), unit="m").get_title()
 
 
 def test_estimator_can_be_chosen():
@@ -680,8 +682,8 @@ def test_estimator_of_the_widest_scope_is_taken_and_others_are_named():
         ax = axes_of(draw_body, report, (POSITIONS, None), projection="3d", **options)
         return ax.figure.axes[1].get_ylabel()
 
-    assert label() == "bound of the reduction error\nby 'energy' / m"
-    assert label(estimator="auxiliary") == "bound of the reduction error\nby 'auxiliary', inputs frozen / m"
+    assert label() == "bound of the reduction error\nby 'energy'"
+    assert label(estimator="auxiliary") == "bound of the reduction error\nby 'auxiliary', inputs frozen"
 
 
 @pytest.mark.parametrize(

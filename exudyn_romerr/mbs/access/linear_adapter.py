@@ -38,10 +38,12 @@ class KeptSignal(InputSignal):
 class LinearSubject:
     """Its offline work is done when it is attached; the mbs is read for what it must not contain.
 
-    body : the full body. enriched : None, auxiliary vectors of its own need a frame.
+    body : the full body. enriched : None, auxiliary vectors of its own need a frame. why_not_coupled : it asks for
+    no mechanism.
     """
 
     enriched = None
+    why_not_coupled = ""
 
     def __init__(self, flex: ReducedBody, options: BoundOptions):
         self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))

@@ -57,6 +57,12 @@ def newton_tolerance(mbs: Any, static: bool) -> float:
     return 0.0 if newton is None else float(newton.relativeTolerance)
 
 
+def solver_name(mbs: Any) -> str:
+    """Return what the dynamic solver calls itself; empty: it is not kept in mbs.sys."""
+    solver = mbs.sys.get("dynamicSolver")
+    return "" if solver is None else str(solver.GetSolverName())
+
+
 def scheme_of(mbs: Any) -> Scheme | None:
     """Return the parameters of the dynamic solver that has just begun; None if it is not kept.
 

@@ -17,17 +17,27 @@ from ..access.load_functions import LATER, MOVED, as_given, controllers, load_fu
 from ..access.state_guard import state_kept
 from ..memory.standstill import look_up, note
 from ..memory.user_memory import memory_kept
+from .mbs_by_name import hint_of
 
 OUTPUT = exu.OutputVariableType
 Force = Callable[[float, float], np.ndarray]  # of a time, of what displacement and velocity are moved by
 DIFFERENCE = 1e-6  # of displacements and velocities, to differentiate by; 10 times as much tells what is not smooth
 SMOOTH = 0.1  # of the largest gain: what both may differ by
 PASSIVE = 1e-6  # of the largest gain: rounding of differences
-KEEPS = "depends on earlier calls: a controller may do work on the error, and cannot be asked beside the run"
+KEEPS = (
+    "depends on earlier calls: a controller may do work on the error, and cannot be asked beside the run, so let it "
+    "depend on what it is given alone"
+)
 REACHES = "may depend on earlier calls, for its function can reach what no call beside the run could put back: {}"
 FAILS = "has a function that fails where it is tried: {}"
-BY_FORCES = "has a function of accelerations or forces: a linearised mechanism has none of these"
-JUMPS = "has a function that is not smooth where the run begins: a linearised mechanism is"
+BY_FORCES = (
+    "has a function of accelerations or forces: a linearised mechanism has none of these, so let it depend on the "
+    "displacement and velocity that it is given"
+)
+JUMPS = (
+    "has a function that is not smooth where the run begins: a linearised mechanism is, so let it be (for sign(v) "
+    "take tanh(v / v0))"
+)
 LOOKS = "is a controller that looks at the motion elsewhere: it may do work on the error"
 WORKS = "is a controller with negative, or coupled, stiffness or damping: it may do work on the error"
 MAY_WORK = (LOOKS, WORKS)
@@ -129,14 +139,22 @@ def _found(mbs: Any) -> Controls:
         if kind == "":
             passive.append(spring)
         else:
-            (active if kind in MAY_WORK else refused).append(f"{spring.name} {kind}")
+            hint = _of_outside(kind, [spring.function])
+            (active if kind in MAY_WORK else refused).append(f"{spring.name} {kind}{hint}")
             functions_look = functions_look or looks
     loads = frozenset(controllers(mbs, loads_with_functions(mbs)))
     for i in sorted(loads):
         item = mbs.GetLoad(i)
         kind = _tried(mbs, load_functions(item), lambda item=item: _of_load(mbs, item))
-        (active if kind in MAY_WORK else refused).append(f"load {i} ({item['name']}) {kind or KEEPS}")
+        hint = _of_outside(kind, load_functions(item))
+        (active if kind in MAY_WORK else refused).append(f"load {i} ({item['name']}) {kind or KEEPS}{hint}")
     return Controls(tuple(refused), tuple(active), tuple(passive), loads, functions_look or bool(loads))
+
+
+def _of_outside(kind: str, functions: list[Callable]) -> str:
+    """What to type where functions look at the motion in an mbs that they were not given; empty: they do not."""
+    hint = hint_of(functions) if kind == LOOKS else ""
+    return hint and f", and {hint}"
 
 
 def is_followed(item: dict[str, Any]) -> bool:

@@ -30,6 +30,17 @@ if TYPE_CHECKING:
 SAME = 1e-6  # of places, angles and velocities at the start: Newton's tolerance leaves less
 REMEMBERS = "the function remembers its calls, so it cannot be called away from the run"
 HOLDS = "the function can reach what no call away from the run could put back: {}"
+BEGINS_ELSEWHERE = (
+    "it does not begin where the bodies are, but {:.2g} off and turned by {:.2g} rad: let it give at t = {:g} s "
+    "where they are (zeros if nothing has moved), or put the bodies there; solvers of index 2, such as "
+    "TrapezoidalIndex2, do not move a joint by its offset"
+)
+BEGINS_MOVING = (
+    "it begins with a velocity that the bodies do not have: let it begin smoothly (0.01 sin(30 t)^2 for "
+    "0.01 sin(30 t)), or give the body that velocity: AddObjectFFRFreducedOrder(..., initialVelocity=[{}], "
+    "initialAngularVelocity=[{}])"
+)
+BEGINS_ROUGHLY = "its velocity jumps or has no end where it begins: let it begin smoothly, as 0.01 sin(30 t)^2 does"
 ALONGSIDE = "its function is used alongside a run, with scope='auto', time='reconstructed', initial=None"
 SHORT = 0.01  # rad of the first mode: how far a driven motion is looked at to tell the velocity that it begins with
 PARTS = 4  # of a step: panels are not made shorter
@@ -158,16 +169,20 @@ def _starts_off(driven: DrivenFrame, now: FrameMotion, t: float, goes_on: bool) 
     """Say how the frame at time t differs from what is prescribed then; empty if it does not."""
     panels = driven.over(t, t + driven.short, driven.short)
     d = panels(np.array([t]))
-    there, size = driven.motion(d), np.linalg.norm(driven.arm)
+    f = driven.values(np.array([t]))  # what polynomials miss of it is no other place, but another velocity
+    there, size = driven.motion(d._replace(f=f)), np.linalg.norm(driven.arm)
     turned = np.linalg.norm(there.A - now.A)
     if turned > SAME or np.linalg.norm(there.r - now.r) > SAME * (size + np.linalg.norm(there.r) + np.abs(d.f).max()):
-        return "it does not begin where the bodies are"
+        return BEGINS_ELSEWHERE.format(np.linalg.norm(there.r - now.r), turned / np.sqrt(2), t)
+    if not goes_on and np.abs(d.f - f).max() > SAME * (size + np.abs(f).max()):
+        return BEGINS_ROUGHLY
     if goes_on:
         return "its velocity jumps where the run goes on" if has_kink(driven.values, t, driven.short) else ""
     speeds = [np.linalg.norm(x) for x in (there.r_t - now.r_t, there.w - now.w)]
     sizes = np.abs(panels(np.linspace(t, t + driven.short, PARTS)).f_t).max(), *map(np.linalg.norm, (now.r_t, now.w))
     if max(speeds) > SAME * max(sizes) + d.off.max() * driven.short:
-        return "it begins with a velocity that the bodies do not have: set initialVelocities, or begin smoothly"
+        needed = (", ".join(f"{x:.6g}" for x in v + 0.0) for v in (there.r_t[0], np.ravel(there.A @ there.w[0])))
+        return BEGINS_MOVING.format(*needed)
     return ""
 
 

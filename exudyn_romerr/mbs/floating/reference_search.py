@@ -30,10 +30,20 @@ OF_THE_FRAME = (
     "modes: up to {:.1e} of one (mass norm) moves the body as a rigid one, which is taken for motion of its frame to "
     "first order"
 )
-CURE = "name them: floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
+CURE = (
+    "name those that the modes were made with, nodes and weights of the interface that holds them: "
+    "floating_body(fem, items, reference=romerr.mean_motion(nodes, weights))"
+)
+CONTAINED = 1e-4  # of a rigid motion in the mass norm: less than this is not made by the modes, so they make it
+WITHOUT_RIGID = (
+    "modes can move the body as a rigid one, in {} of 6 ways, as its frame does: no conditions hold it then. Compute "
+    "them without: excludeRigidBodyMotion=True (the default) in fem.ComputeHurtyCraigBamptonModes, "
+    "excludeRigidBodyModes=6 in fem.ComputeEigenmodes"
+)
 # |Rg T_j|_M of a mode over that of the mode: what Exudyn's solvers leave is 1e-6 to 1e-3. Modes that other conditions
 # hold have 0.3 and more of it, and their frame is not that of the conditions at hand
 SMALL = 0.03
+DEPENDENT = 1e-12  # eigenvalues of a Gram matrix, of the largest: columns that the others make
 
 
 @dataclass(frozen=True)
@@ -103,7 +113,7 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
         if found.share > SMALL:
             raise InputError(
                 f"reference= does not fit the modes: {found.share:.1e} of one is rigid motion that it does not hold; "
-                f"allowed {SMALL:g}"
+                f"allowed {SMALL:g}; {_cure(flex, V)}"
             )
         return found
     tried = {}
@@ -124,8 +134,31 @@ def _search(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]
     shares = ", ".join(f"{found.source} {found.share:.1e}" for found in near)
     raise AssumptionError(
         "no reference conditions fit the modes, so the body's place in its frame is not known; tried (largest share "
-        f"of a mode that is rigid motion in spite of them, allowed {SMALL:g}): {shares}; {CURE}"
+        f"of a mode that is rigid motion in spite of them, allowed {SMALL:g}): {shares}; {_cure(flex, V)}"
     )
+
+
+def _cure(flex: FloatingBody, V: np.ndarray) -> str:
+    """What to do where no conditions fit: others help only if the modes do not make rigid motions themselves."""
+    count = _rigid_motions_in(V, flex)
+    return WITHOUT_RIGID.format(count) if count else CURE
+
+
+def _rigid_motions_in(V: np.ndarray, flex: FloatingBody) -> int:
+    """How many rigid motions are combinations of the modes."""
+    motions, moved = (_orthonormal(x, flex.mass) for x in (rigid_modes(flex.positions), V))
+    inside = np.linalg.svd(motions.T @ (flex.mass @ moved), compute_uv=False)
+    return int(np.count_nonzero(1.0 - inside**2 < CONTAINED**2))
+
+
+def _orthonormal(X: np.ndarray, mass: Any) -> np.ndarray:
+    """Columns that span what X does, M-orthonormal."""
+    for _ in range(2):  # once more, for what rounding left
+        X = X / np.sqrt(np.einsum("ij,ij->j", X, mass @ X))
+        values, vectors = np.linalg.eigh(X.T @ (mass @ X))
+        kept = values > DEPENDENT * values[-1]
+        X = X @ (vectors[:, kept] / np.sqrt(values[kept]))
+    return X
 
 
 def _nearly(reference: Reference, flex: FloatingBody, V: np.ndarray) -> Reference:

@@ -99,7 +99,7 @@ def _wrenches_from_balance(offline: Offline, terms: InputTerms, actions: Actions
     if len(values) < terms.unknown or not size.all() or values[-1] < TOLD_APART * values[0]:
         raise AssumptionError(
             f"the wrenches at {', '.join(place.name for place in actions.wrenches)} cannot be told from "
-            f"the motion of {len(root)} modes: joints need interfaces with static modes (Craig-Bampton), or more "
-            "modes than their wrenches have components"
+            f"the motion of {len(root)} modes: joints need interfaces with static modes "
+            "(Craig-Bampton, fem.ComputeHurtyCraigBamptonModes), or more modes than their wrenches have components"
         )
     return np.linalg.solve(root.T, np.linalg.pinv(columns).T)

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 ASKABLE = (AUTO, COUPLED, FROZEN)
+NO_COUPLED = "no coupled bound: "  # begins the reason of frozen inputs
+REACTING = "; these react to the body's deformation: "  # goes on with what they are
+ONLY = "auxiliary modes react with the mechanism only"
 OF_A_FILE = "of a file"
 SWITCHING = (
     "ConnectorRollingDiscPenalty",
@@ -112,14 +115,15 @@ def find_scope(
     if refusal and wanted.scope == COUPLED and not static:
         raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
     frozen = (
-        f"these react to the body's deformation: {', '.join(reacting)}; the bound holds for the full body under the "
+        f"{', '.join(reacting)}; the bound holds for the full body under the "
         "motion of the frame, the loads and the wrenches of this simulation; their feedback, and what other steps "
         "make of them, is not covered and may make the error of the whole mechanism many times larger"
     )
     if refusal:
-        note = f"no coupled bound: {refusal}"
+        note = f"{NO_COUPLED}{refusal}"
         told = "" if wanted.scope == FROZEN else note
-        return Found(FROZEN, f"{note}; {frozen}", note=told, answers=not unknown and not without)
+        return Found(FROZEN, f"{note}{REACTING}{frozen}", note=told, answers=not unknown and not without)
+    frozen = f"{REACTING.removeprefix('; ')}{frozen}"
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
 
 
@@ -127,7 +131,7 @@ def _refusals(mbs: Any, wanted: Wanted, static: bool, attached: Collection[int],
     """Why neither bound nor estimate can cover the feedback of the mechanism."""
     options = wanted.options
     if wanted.scope == OF_A_FILE:
-        yield "a file is evaluated for one body alone"
+        yield "a file is evaluated for one body alone, attach before the solve has those of all"
     if wanted.scope == FROZEN:
         yield f"scope={FROZEN!r} was asked for"
     if static:
@@ -139,7 +143,7 @@ def _refusals(mbs: Any, wanted: Wanted, static: bool, attached: Collection[int],
     names = _asked(options)
     if "energy" not in names and (without or "auxiliary" not in names):
         yield f"none of the estimators {', '.join(names)} has a coupled bound here" + (
-            f" ({without})" if without else ""
+            f" ({without})" if without else ", add 'energy' or 'auxiliary' to estimators="
         )
     objects = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
     yield from _unattached(objects, attached)
@@ -182,7 +186,7 @@ def _switching(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
         if "Contact" in kind or kind in SWITCHING or any(item.get(key) for key in SWITCHES):
             yield f"{name} switches, slides, rolls or rubs: a linearised mechanism does not"
         if item.get("velocityLevel"):
-            yield f"{name} constrains velocities, not positions"
+            yield f"{name} constrains velocities, not positions: set velocityLevel=False if that is the same motion"
         functions = [key for key in item if _controls(key) and item[key]]
         if functions and not (kind == "GenericODE2" and i in attached) and not is_followed(item):
             yield f"{name} has {', '.join(functions)}: a controller may do work on the error"
@@ -202,7 +206,10 @@ def _controlled(mbs: Any) -> Iterator[str]:
         if load.get("bodyFixed"):
             yield f"load {i} ({load['name']}) turns with its body (bodyFixed)"
     if joints := remembering_joints(mbs):
-        yield f"offsets of {', '.join(joints)} depend on earlier calls, so they cannot be called away from the run"
+        called = (
+            "depend on earlier calls, so they cannot be called away from the run: make them functions of time alone"
+        )
+        yield f"offsets of {', '.join(joints)} {called}"
 
 
 def _of_pre_step(function: Callable) -> str:
@@ -232,9 +239,9 @@ def _controls(key: str) -> bool:
 def _no_feedback(mbs: Any, wanted: Wanted, model: ReducedMatrices) -> Iterator[str]:
     """Why auxiliary vectors cannot react with the mechanism."""
     if model.frame.size != 7:
-        yield "auxiliary modes react with the mechanism only if frames have Euler parameters, the default"
+        yield f"{ONLY} if frames have Euler parameters, the default (leave out rigidBodyNodeType=)"
     solver = mbs.sys.get("dynamicSolver")
     if solver is not None and not hasattr(solver, "newmarkBeta"):
-        yield "auxiliary modes react with the mechanism only under an implicit solver, which has accelerations"
+        yield f"{ONLY} under an implicit solver, which has accelerations: leave out solverType="
     if "auxiliary" not in _asked(wanted.options):
-        yield "estimator 'auxiliary' was not asked for"
+        yield "estimator 'auxiliary' was not asked for, add it to estimators="

@@ -17,7 +17,6 @@ from .loads_and_joints import MESH_MARKERS
 if TYPE_CHECKING:
     from .floating_body import FloatingBody
 
-UNITS = {"velocity": "m/s"}
 QUANTITIES = {
     exu.OutputVariableType.Displacement: ("displacement", "global"),
     exu.OutputVariableType.Position: ("position", "global"),
@@ -56,7 +55,7 @@ class Measured:
 
     def output(self) -> Output:
         """Return the output that shows the same."""
-        return nodes_output(self.name, self.nodes, self.weights, "xyz", UNITS.get(self.of, "m"), self.of, self.frame)
+        return nodes_output(self.name, self.nodes, self.weights, "xyz", "", self.of, self.frame)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ class MemorySearch:
         self.lost: set[str] = set()
         self._copies = copies
         self._seen: dict[int, Any] = {}  # objects are kept, so that no other one gets their number
-        codes = _codes(functions)
+        codes = functions_behind(functions)
         inner = [f for code in codes for f in map(content, code.__closure__ or ()) if isinstance(f, FunctionType)]
         self._own = {module_of(f) for f in reached([*codes, *inner])}
         self.lost |= setters_in(codes)
@@ -116,10 +116,13 @@ class MemorySearch:
 
 def setters_in(functions: Iterable[Callable]) -> set[str]:
     """Return the names of what these functions, and those that they name, set in an mbs."""
-    return {name for code in reached(_codes(functions)) for name in names_in(code.__code__) if SETS.match(name)}
+    return {
+        name for code in reached(functions_behind(functions)) for name in names_in(code.__code__) if SETS.match(name)
+    }
 
 
-def _codes(functions: Iterable[Callable]) -> list[FunctionType]:
+def functions_behind(functions: Iterable[Callable]) -> list[FunctionType]:
+    """Return the Python functions behind functions, partials, methods and callable objects."""
     return [code for f in functions if (code := _code(f.func if isinstance(f, partial) else f))]
 
 

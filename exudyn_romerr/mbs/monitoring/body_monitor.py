@@ -16,7 +16,7 @@ from ...online.run_record import UNKNOWN, SolverFacts
 from ...online.static_run import StaticRun
 from ...online.tolerance_check import ToleranceCheck
 from ...report.scope import FROZEN
-from ..access.mbs_items import end_time, newton_tolerance
+from ..access.mbs_items import end_time, newton_tolerance, solver_name
 from .run_succession import Succession
 
 if TYPE_CHECKING:
@@ -103,7 +103,8 @@ class Watch:
         with self.kept_errors():
             self._offline = self.subject.read(mbs, static, attached, others)
             self.width = self._offline.width
-            self._solver = SolverFacts(end_time(mbs, static), newton_tolerance(mbs, static), self.subject.floor)
+            facts = end_time(mbs, static), newton_tolerance(mbs, static), self.subject.floor
+            self._solver = SolverFacts(*facts, name="" if static else solver_name(mbs))
             self._columns = self.subject.columns
 
     @contextmanager

@@ -28,7 +28,7 @@ from ..floating.input_terms import InputTerms
 from ..floating.loads_and_joints import read_actions
 from ..floating.reference_search import find_reference, held_body, stiff_space
 from ..floating.sampler import Sampler
-from ..floating.scope_decision import Wanted, find_scope
+from ..floating.scope_decision import NO_COUPLED, REACTING, Wanted, find_scope
 from ..floating.sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 from ..mechanism.enriched_body import EnrichedBody
 
@@ -106,6 +106,15 @@ class MovingSubject:
         self._now = mbs.systemData.GetODE2Coordinates()[columns][: model.frame.size]
         self.floor = self._sampler.weight(model.V.T @ self._flex.carried)
         return self._sampler.offline
+
+    @property
+    def why_not_coupled(self) -> str:
+        """Why the last solve has no linearised mechanism; empty: it has one, or nothing reacts to the body."""
+        scene = self._sampler.offline.scene
+        if scene.coupled:
+            return "" if scene.feedback else scene.frozen.rpartition("; ")[2]
+        found, _, _ = scene.reason.partition(REACTING)
+        return found.removeprefix(NO_COUPLED) if found.startswith(NO_COUPLED) else ""
 
     @property
     def body(self) -> ElasticBody:

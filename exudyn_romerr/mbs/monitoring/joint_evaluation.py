@@ -21,6 +21,7 @@ from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
 from ..shadow.seen_vectors import seen_vectors
 from .feedback_runs import Reaction
+from .requests import why_not_coupled
 from .run_succession import check_extensions, check_openings, end_with, fall_back, open_together, require_vectors
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class Mechanism:
         elif self._partners:
             self._estimate(self._prepare_reaction, mbs)
         for sensors in self._sensors:
-            sensors.begin(mbs, self.tangents)
+            sensors.begin(mbs, self.tangents, why_not_coupled(self._watches))
 
     def _compliance(self, marker: int) -> tuple[float, float] | None:
         found = (watch.subject.compliance(marker) for watch in self._coupled if watch.error is None)

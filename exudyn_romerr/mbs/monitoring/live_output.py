@@ -9,7 +9,7 @@ import numpy as np
 from exudyn.itemInterface import SensorUserFunction
 
 from ...report.scope import cures_of
-from ...report.wording import for_run_alone, not_certified, rounded_up, under
+from ...report.wording import for_run_alone, not_certified, rounded_up, under, with_unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ def bounds_at(watch: Watch, t: float) -> dict[str, np.ndarray]:
 def live_line(watches: Sequence[Watch], t: float) -> str:
     """Return in words what the bounds are at t, the largest of the rows of each output."""
     found = [
-        f"{out.name} {rounded_up(np.max(bounds[out.name]))} {out.unit}{condition_of(watch)}"
+        f"{out.name} {with_unit(rounded_up(np.max(bounds[out.name])), out.unit)}{condition_of(watch)}"
         for watch in watches
         for bounds in [bounds_at(watch, t)]
         for out in watch.subject.outputs

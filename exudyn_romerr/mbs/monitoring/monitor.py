@@ -10,7 +10,7 @@ from ...errors import InputError, RunError
 from ...process.blas_threads import one_thread
 from ...report.mechanism_report import joined, joined_plan
 from .live_output import sensor_of
-from .requests import UNNAMED
+from .requests import UNNAMED, why_not_coupled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -166,7 +166,8 @@ class MechanismMonitor:
         """What is computed, what is left out and why, of all bodies and sensors; raises as Monitor.plan does."""
         plans = [body.plan for body in self.bodies]
         is_coupled = any(body.subject.enriched is not None for body in self.bodies)
-        return joined_plan(plans, *self._sensors.find(self._mbs, is_coupled))
+        watches = [body._watch for body in self.bodies]
+        return joined_plan(plans, *self._sensors.find(self._mbs, is_coupled, why=why_not_coupled(watches)))
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output of a body; see Monitor.bound_sensor."""

@@ -28,7 +28,9 @@ from ..sensors.sensor_names import without_names
 from .floating_adapter import MovingSubject
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from .body_monitor import Watch
 
 UNNAMED = "there are no outputs, or they are not known before a solve begins; pass outputs= to attach"
 
@@ -183,3 +185,9 @@ def checked_tolerance(tolerance: Any, names: Sequence[str], for_each: bool = Fal
         if not isinstance(limit, Real) or not 0 < limit < np.inf:
             raise InputError(f"tolerance[{name!r}]={limit!r}; needed: a positive finite number")
     return {name: float(limit) for name, limit in tolerance.items()}
+
+
+def why_not_coupled(watches: Iterable[Watch]) -> str:
+    """Return why no linearised mechanism answers the errors of bodies; empty: none of them asks for one."""
+    reasons = (str(x.error) if x.error is not None else x.subject.why_not_coupled for x in watches)
+    return next(filter(None, reasons), "")

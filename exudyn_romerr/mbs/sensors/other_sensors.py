@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from ..derivatives.linearisation import Reading, Tangents
 
 COORDINATES = exu.OutputVariableType.Coordinates
-NOT_COUPLED = "the linearised mechanism, which tells how it moves, is not to be had: see the scope of the bodies"
+NOT_COUPLED = "the linearised mechanism, which tells how it moves, is not to be had: {}"
+NO_MECHANISM = "nothing reacts to the deformation of an attached body"
 CHANGED = (
     "the mbs was changed meanwhile (by a PostStep function, or after the solve): it is not read in stored states"
 )
@@ -54,11 +55,12 @@ class OtherSensors:
         self._last: list[np.ndarray] = []  # rows of the run where the error by time steps is provisional
 
     def find(
-        self, mbs: Any, is_coupled: bool, tangents: Tangents | None = None
+        self, mbs: Any, is_coupled: bool, tangents: Tangents | None = None, why: str = ""
     ) -> tuple[list[Sensor], list[tuple[str, str]]]:
         """Return sensors that can be estimated now, and (name, why) of those that cannot.
 
         is_coupled : whether a linearised mechanism tells how coordinates move; tangents : of this, if there are some.
+        why : there is none.
         """
         shared = np.zeros(0, int) if tangents is None else tangents.shared(mbs)
         linear = [
@@ -78,12 +80,14 @@ class OtherSensors:
             if isinstance(found, Sensor) and is_coupled:
                 sensors.append(found._replace(name=name))
             else:
-                left_out.append((name, NOT_COUPLED if isinstance(found, Sensor) else found))
+                left_out.append(
+                    (name, NOT_COUPLED.format(why or NO_MECHANISM) if isinstance(found, Sensor) else found)
+                )
         return sensors, left_out
 
-    def begin(self, mbs: Any, tangents: Tangents | None) -> None:
-        """A solve begins; tangents: None where no linearised mechanism tells anything."""
-        self.sensors, self.left_out = self.find(mbs, tangents is not None, tangents)
+    def begin(self, mbs: Any, tangents: Tangents | None, why: str = "") -> None:
+        """A solve begins; tangents: None where no linearised mechanism tells anything, and why."""
+        self.sensors, self.left_out = self.find(mbs, tangents is not None, tangents, why)
         self._tangents, self._checked = tangents, None
         self._functions = user_functions(mbs) if any(sensor.balanced for sensor in self.sensors) else []
 

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from ...estimates.estimate import Estimate
     from ...online.run import Run
 
-ENDED = "estimates of the mechanism ended before its bounds: see the messages of the bodies"
+ENDED = (
+    "estimates of the mechanism ended before its bounds: the line that begins with 'estimates are those under frozen "
+    "inputs' says why"
+)
 UNBALANCED = "it depends on accelerations or forces of constraints, which are not computed away from the run: {}"
 
 
@@ -43,7 +46,7 @@ class Sensor(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """The unit of that, as far as it is known."""
+        """The unit of that, where it is the same in every system of units."""
         return "" if self.shows is None else UNITS.get(self.shows.name.removesuffix("Local"), "")
 
 
@@ -80,6 +83,7 @@ class SensorRecord:
         return OutputReport(
             name=sensor.name,
             unit=sensor.unit,
+            quantity=sensor.of,
             of=sensor.of,
             value=value,
             round_off=np.finfo(float).eps * np.abs(value),

@@ -16,6 +16,7 @@ import numpy as np
 from ...errors import RunError
 from ..access.equations import Equations
 from ..access.state_guard import current_state, set_state, state_kept
+from ..control.mbs_by_name import hints
 from ..derivatives.copied_mbs import copy_items
 from ..derivatives.frame_inertia import FrameInertia
 from ..mechanism.stored_residuals import GONE, HOLDS, MEMORY, user_functions
@@ -35,7 +36,7 @@ NO_COPY = "it cannot be copied: {}"
 MORE = "it has data coordinates, or such of first order, which stored steps lack"
 OTHER = (
     "its copy has other equations: {} differ by {:.1e} of the largest entry (a user function that looks at another "
-    "mbs than the one that it is given makes it so)"
+    "mbs than the one that it is given makes it so{})"
 )
 
 
@@ -166,7 +167,8 @@ class Shadow:
         for name, one, other in zip(("masses", "forces", "G", "constraints"), wanted, found, strict=True):
             off = np.abs(one - other).max(initial=0.0) / max(np.abs(one).max(initial=0.0), np.finfo(float).tiny)
             if not off <= AGREES:
-                raise RunError(OTHER.format(name, off))
+                looking = "; ".join(hints(mbs))
+                raise RunError(OTHER.format(name, off, looking and f": {looking}"))
 
 
 def _places(mbs: Any, shadow: Any, parts: Parts) -> np.ndarray:

@@ -13,7 +13,16 @@ from ...estimates.estimate import RESOLVED
 from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
 from ...mode_selection.tried_run import outputs_of
 from ...report.scope import COUPLED, FROZEN
-from ...report.wording import NOT_THE_MECHANISM, at_most, digits, error_kind, estimated_kind, rounded_up, widest_scope
+from ...report.wording import (
+    NOT_THE_MECHANISM,
+    at_most,
+    digits,
+    error_kind,
+    estimated_kind,
+    rounded_up,
+    widest_scope,
+    with_unit,
+)
 from .scene_run import build_trial, same_times
 
 if TYPE_CHECKING:
@@ -50,8 +59,9 @@ class LevelOutput:
 
     def __str__(self) -> str:
         largest, apart, bound = (np.max(np.abs(x)) for x in (self.value, self.difference, self.bound))
-        text = f"{self.name}: up to {digits(largest, 4)} {self.unit}, {digits(apart)} {self.unit} from the finer run"
-        said_of_bound = at_most(self, f"{rounded_up(bound)} {self.unit}")
+        size, difference = with_unit(digits(largest, 4), self.unit), with_unit(digits(apart), self.unit)
+        text = f"{self.name}: up to {size}, {difference} from the finer run"
+        said_of_bound = at_most(self, with_unit(rounded_up(bound), self.unit))
         most = f"{', to first order,' if self.scope == COUPLED else ''} {said_of_bound}"
         said = f"{self.kinds[0]}{most}"
         if self.by == ESTIMATE:
@@ -66,8 +76,9 @@ class LevelOutput:
             return "not estimated"
         size, half = (np.max(np.abs(x)) for x in (self.estimate, self.uncertainty))
         if half > RESOLVED * size:
-            return f"about {digits(np.max(np.abs(self.estimate) + self.uncertainty), 2)} {self.unit} or less"
-        return f"about {digits(size)} +- {rounded_up(half, 1)} {self.unit}"
+            most = digits(np.max(np.abs(self.estimate) + self.uncertainty), 2)
+            return f"about {with_unit(most, self.unit)} or less"
+        return f"about {digits(size)} +- {with_unit(rounded_up(half, 1), self.unit)}"
 
 
 @dataclass(frozen=True)

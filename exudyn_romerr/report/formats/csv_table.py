@@ -64,7 +64,7 @@ def largest(report: ReportData) -> dict[str, float]:
         for row, name in enumerate(out.row_names):
             for what, x in kinds.items():
                 if x is not None:
-                    full = " ".join(filter(None, [name, what, "largest", f"[{out.unit}]"]))
+                    full = " ".join(filter(None, [name, what, "largest", out.unit and f"[{out.unit}]"]))
                     found[full] = float(np.max(np.abs(x[:, row])))
     return found
 
@@ -87,7 +87,7 @@ def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
     for out in report.outputs.values():
         for row, name in enumerate(out.row_names):
             for what, x in _series(out, report.scope):
-                yield " ".join(filter(None, [name, what, f"[{out.unit}]"])), x[:, row]
+                yield " ".join(filter(None, [name, what, out.unit and f"[{out.unit}]"])), x[:, row]
     for kind, bounds in (("position", report.position_bound), ("velocity", report.velocity_bound)):
         yield from ((f"{kind} bound {e}{under(report.scope, e, report.uncertified)}", x) for e, x in bounds.items())
 

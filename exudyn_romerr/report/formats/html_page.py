@@ -27,6 +27,7 @@ from ..wording import (
     under,
     widest,
     widest_scope,
+    with_unit,
 )
 from .atomic_write import write_whole
 from .html_elements import CSS, items, numbers, paragraph, section, table
@@ -140,7 +141,8 @@ def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
         largest, ratio = np.max(np.abs(out.error[:, row])), out.effectivity["best"][row]
         off = "" if out.estimate is None else f"; {off_by(out, row)}"
         bound = f"bound ({NOT_CERTIFIED})" if out.uncertified else "bound"
-        yield f"The true error is up to {digits(largest)} {out.unit}; {bound} / error: {digits(ratio)}{off}."
+        size = with_unit(digits(largest), out.unit)
+        yield f"The true error is up to {size}; {bound} / error: {digits(ratio)}{off}."
         if words_of := outside(out, row, report.time):
             yield f"{words_of}."
 
@@ -196,7 +198,7 @@ def _output_row(report: ReportData, out: OutputData, row: int, name: str, estima
         truth = f"\n/ true error: {digits(out.effectivity[e][row])}" if out.effectivity else ""
         bounds.append(_largest(report, out.bound[e][:, row], out.unit) + truth)
     corrected = "" if out.corrected is None else _largest(report, out.corrected_bound[:, row], out.unit)
-    values, floor = (f"{digits(np.max(np.abs(x[:, row])))} {out.unit}" for x in (out.value, out.round_off))
+    values, floor = (with_unit(digits(np.max(np.abs(x[:, row]))), out.unit) for x in (out.value, out.round_off))
     return [name, values, *bounds, corrected, floor]
 
 
@@ -208,15 +210,21 @@ def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> l
         for found in (out.estimate_parts, out.uncertainty_parts)
     )
     size, half = np.abs(out.estimate[:, row]), np.max(out.uncertainty[:, row])
-    largest = f"{np.max(size):.3g} {out.unit}\nat {instant(report.time, report.t[np.argmax(size)])}"
-    return [f"{name}{estimated_under(out, report.scope)}", largest, f"{rounded_up(half)} {out.unit}", parts, checks]
+    largest = f"{with_unit(f'{np.max(size):.3g}', out.unit)}\nat {instant(report.time, report.t[np.argmax(size)])}"
+    return [
+        f"{name}{estimated_under(out, report.scope)}",
+        largest,
+        with_unit(rounded_up(half), out.unit),
+        parts,
+        checks,
+    ]
 
 
 def _largest(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
     when = instant(report.time, report.t[np.argmax(bound)])
     if not np.isfinite(np.max(bound)):
         return f"infinite\nfrom {when}"
-    return f"{rounded_up(np.max(bound))} {unit}".strip() + f"\nat {when}"
+    return f"{with_unit(rounded_up(np.max(bound)), unit)}\nat {when}"
 
 
 def _plan(report: ReportData) -> Iterator[str]:

@@ -51,6 +51,7 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
     count = len(meta["outputs"])
     # what older files lack
     older = {"labels": (), "tolerances": None, "estimate_scopes": "", "stopped": None, "beside_steps": ()}
+    older["quantities"] = ""
     more = zip(*(meta.get(key, [nothing] * count) for key, nothing in older.items()), strict=True)
     doubts = _doubts(meta, "uncertified")
     of_outputs = [_doubts(meta, "uncertified_outputs", i) for i in range(count)]
@@ -115,13 +116,14 @@ def _load_output(
     scope: str,
     stopped: float | None,
     beside_steps: list,
+    quantity: str,
     doubts: tuple[Doubt, ...],
 ) -> OutputReport:
     dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
     optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
     plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
     known = {"labels": tuple(labels), "tolerance": tolerance, "estimate_scope": scope, "stopped": stopped}
-    known |= {"beside_steps": tuple(beside_steps), "uncertified": doubts}
+    known |= {"beside_steps": tuple(beside_steps), "uncertified": doubts, "quantity": quantity}
     return OutputReport(name, unit, of, **plain, **dicts, **optional, **known)
 
 

@@ -64,6 +64,7 @@ def _meta(report: ReportData) -> dict:
     return {
         "format": FORMAT,
         "outputs": [(out.name, out.unit, out.of) for out in report.outputs.values()],
+        "quantities": [out.quantity for out in report.outputs.values()],
         "labels": [out.labels for out in report.outputs.values()],
         "estimate_scopes": [out.estimate_scope for out in report.outputs.values()],
         "tolerances": [out.tolerance for out in report.outputs.values()],

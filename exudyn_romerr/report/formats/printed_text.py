@@ -28,6 +28,7 @@ from ..wording import (
     said_first,
     under,
     widest_scope,
+    with_unit,
 )
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ def _times_the_estimate(report: ReportData, out: OutputData) -> float:
 def _by_all(report: ReportData, out: OutputData) -> str:
     """The largest bound of each estimator, and what it holds under."""
     return ", ".join(
-        f"{rounded_up(np.max(out.bound[e]))} {out.unit} by {e!r}{under(report.scope, e, out.uncertified)}"
+        f"{with_unit(rounded_up(np.max(out.bound[e])), out.unit)} by {e!r}{under(report.scope, e, out.uncertified)}"
         for e in report.scope
         if np.isfinite(np.max(out.bound[e]))
     )
@@ -136,5 +137,6 @@ def _compared(out: OutputData, time: str, begin: str) -> Iterator[str]:
     ratios = ", ".join(f"{e} {digits(np.max(x))}" for e, x in out.effectivity.items() if e != "best")
     off = "" if out.estimate is None else f"; {off_by(out)}"
     bound = f"bound ({NOT_CERTIFIED})" if out.uncertified else "bound"
-    yield f"{begin}true error up to {digits(np.max(np.abs(out.error)))} {out.unit}; {bound} / error: {ratios}{off}"
+    largest = with_unit(digits(np.max(np.abs(out.error))), out.unit)
+    yield f"{begin}true error up to {largest}; {bound} / error: {ratios}{off}"
     yield from (f"! {words}" for row in range(out.value.shape[1]) if (words := outside(out, row, time)))

@@ -9,7 +9,17 @@ import numpy as np
 from ...checks import check_count
 from ...estimates.estimate import RESOLVED
 from ..scope import NOT_CERTIFIED
-from ..wording import at_round_off, error_kind, estimated_kind, estimated_under, is_known, rounded_up, under
+from ..wording import (
+    at_round_off,
+    axis_label,
+    error_kind,
+    estimated_kind,
+    estimated_under,
+    is_known,
+    rounded_up,
+    under,
+    with_unit,
+)
 from .readable_axes import OF_BOUND, OF_HALF_WIDTH, above, largest_in_words, limits_of_errors, limits_of_signal
 from .style import (
     CAUSE_STYLES,
@@ -75,7 +85,7 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         ax.set_ylim(*limits)
     shown = f"{error_kind(report.time)} bound{_doubt(out)}" if is_bounded else "estimate; no bound"
     title = f"{out.row_names[row]}: reduced model with its {shown}"
-    ax.set(xlabel=_time(report), ylabel=f"{out.row_names[row]} / {out.unit}", title=title)
+    ax.set(xlabel=_time(report), ylabel=axis_label(out.row_names[row], out.unit), title=title)
     finish(ax)
 
 
@@ -106,7 +116,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label=label, **style)
     title = f"{out.row_names[row]}: bounds{_doubt(out)}{'' if out.estimate is None else ' and estimate'} of its error"
-    ylabel = f"{estimated_kind(out, report.time)} of {out.row_names[row]} / {out.unit}"
+    ylabel = axis_label(f"{estimated_kind(out, report.time)} of {out.row_names[row]}", out.unit)
     ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title, ylim=limits)
     finish(ax)
 
@@ -246,4 +256,5 @@ def _percent(share: float) -> str:
 def _worst(report: ReportData, out: OutputData, row: int, at: int) -> str:
     axis = "load factor" if report.time == "static" else "t"
     unit = "" if report.time == "static" else " s"
-    return f"worst instant, {axis} = {report.t[at]:.4g}{unit}: {rounded_up(out.bound['best'][at, row])} {out.unit}"
+    bound = with_unit(rounded_up(out.bound["best"][at, row]), out.unit)
+    return f"worst instant, {axis} = {report.t[at]:.4g}{unit}: {bound}"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..wording import rounded_up
+from ..wording import rounded_up, with_unit
 
 # times what is shown beside it: a band that is wider is cut off. Bounds are shown up to ten times what the output
 # changes by; half widths, which are no promise, up to three times of all that
@@ -60,7 +60,7 @@ def largest(x: np.ndarray) -> float:
 def largest_in_words(bound: np.ndarray, unit: str, words: str) -> str:
     """Return the largest bound in words; half widths of estimates, and bounds not certified, are "up to"."""
     finite = bound[np.isfinite(bound)]
-    largest = f"{words} {rounded_up(np.max(finite), 2)} {unit}" if finite.size else "nowhere finite"
+    largest = f"{words} {with_unit(rounded_up(np.max(finite), 2), unit)}" if finite.size else "nowhere finite"
     return largest if finite.size in (0, bound.size) else f"{largest} where finite"
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError
+from ..wording import axis_label
 from .style import COLOURS, KINDS, WIDE, finish, log_line, picture
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     runs = _checked(rows, TimedRun)
     if not all(0 < run.seconds < np.inf for run in runs):
         raise InputError("seconds of every row must be above zero and finite: the axis is logarithmic")
-    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=f"largest error of {name} / {unit}")
+    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=axis_label(f"largest error of {name}", unit))
     ax.set_title(f"{name}: error against run time")
     _draw_front(ax, runs)
     kinds = list(dict.fromkeys(run.kind for run in runs))
@@ -109,7 +110,7 @@ def draw_convergence(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> No
     from matplotlib.ticker import MaxNLocator
 
     runs = sorted(_checked(rows, CountedRun), key=lambda run: run.n)
-    ax.set(yscale="log", xlabel="number of modes", ylabel=f"largest error of {name} / {unit}")
+    ax.set(yscale="log", xlabel="number of modes", ylabel=axis_label(f"largest error of {name}", unit))
     ax.set_title(f"{name}: error against the number of modes")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     bound = {"color": COLOURS["auxiliary"], "marker": "o", "label": "bound"}

@@ -1,6 +1,7 @@
 """Floating bodies in scenes: what is found to act on them, checked by Galerkin's balance; scopes, solves, statics."""
 
 import gc
+import re
 import weakref
 from functools import cache
 from types import SimpleNamespace
@@ -1168,4 +1169,4 @@ def test_lines_of_the_solver_say_what_bounds_hold_under(capfd):
     scene.mbs.SolveDynamic(simulation)
     told = [line for line in capfd.readouterr().out.splitlines() if line.startswith("error bounds at t = ")]
     assert told
-    assert all(line.endswith(" m, inputs frozen") for line in told)
+    assert all(re.search(r"[\d.]+, inputs frozen$", line) for line in told)
