@@ -152,6 +152,7 @@ def _verify(given: argparse.Namespace) -> int:
             given.script,
             given.arguments,
             tolerance=given.tolerance,
+            units=given.units,
             controllers=given.controllers,
             jobs=given.jobs,
             timeout=given.timeout,
@@ -196,6 +197,7 @@ def _add_scripted(commands, name: str, about: str, example: str, status: str) ->
         help="the error that is allowed: in the model's units (0.001), as a share of each largest value (1%%), or of "
         "one sensor (tip=0.001); repeatable",
     )
+    parser.add_argument("--units", default="", metavar="U", help="the model's unit of length, to be printed: mm")
     parser.add_argument("--quiet", action="store_true", help="print no answer")
     return parser
 
@@ -210,7 +212,7 @@ def _run(given: argparse.Namespace) -> int:
     """Run a script, print and write the answer; the exit status is the script's, or that of the answer."""
     try:
         files = checked_files({option: getattr(given, option) for option in WRITTEN})
-        done = run(given.script, given.arguments, tolerance=given.tolerance)
+        done = run(given.script, given.arguments, tolerance=given.tolerance, units=given.units)
     except InputError as error:
         print(f"romerr: {error}", file=sys.stderr)
         return WRONG_USAGE

@@ -15,7 +15,7 @@ from .report_rows import row_of
 from .scope import COMPLETE
 from .table import TITLES, said, share_in_brackets
 from .verdicts import CAUSES, ESTIMATED, NO_ESTIMATE, NONE, Limit, Verdict, not_covered
-from .wording import digits, listed, rounded_down, rounded_up, widest_scope
+from .wording import digits, listed, rounded_down, rounded_up, widest_scope, with_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -82,7 +82,11 @@ def _worst(out: OutputData, found: Sequence[Assessment]) -> Assessment:
 def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
     """The tolerance of each row in its unit."""
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real) or not 0 < tolerance < np.inf:
-        needed = "as a share of the largest value, such as 0.01" if relative else f"in {out.unit or 'its unit'}"
+        needed = (
+            "as a share of the largest value, such as 0.01"
+            if relative
+            else f"in {out.unit or 'the unit of its values'}"
+        )
         raise InputError(f"tolerance={tolerance!r} of {out.name!r}; pass a positive finite number, {needed}")
     shown = float(out.extents.max()) if relative else 1.0
     return [float(tolerance) * shown] * out.value.shape[1]
@@ -113,10 +117,10 @@ def _proof(report: ReportData, out: OutputData, i: int, limit: float, row: Row) 
         return None
     most, least = _proved(out, i)
     if most <= limit:
-        told = f"its error is at most {rounded_up(most)} {row.unit}, within {_tolerance(row, limit)}"
+        told = f"its error is at most {with_unit(rounded_up(most), row.unit)}, within {_tolerance(row, limit)}"
         return _made(row, "proven", told, NOTHING)
     if least > limit:
-        told = f"its error is at least {rounded_down(least)} {row.unit}, above {_tolerance(row, limit)}"
+        told = f"its error is at least {with_unit(rounded_down(least), row.unit)}, above {_tolerance(row, limit)}"
         return _made(row, "disproven", told, _cure(row))
     return None
 
@@ -143,7 +147,7 @@ def _estimated(row: Row, verdict: Verdict, what: str, limit: float) -> Assessmen
 
 
 def _tolerance(row: Row, limit: float) -> str:
-    return f"the tolerance of {digits(limit)} {row.unit}".rstrip()
+    return f"the tolerance of {with_unit(digits(limit), row.unit)}"
 
 
 def _cure(row: Row) -> str:

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from ..report.answers import Answer
 from ..report.cures import AGAIN, OF_CAUSES, SECOND_ORDER, Steps, shorter_steps
-from ..report.data import UNITS, extents
+from ..report.data import UNITS, extents, units_of_length
 from ..report.verdicts import CAUSES, MEASURED, NONE, Row, Verdict, judge, judged, not_covered, not_the_rest
 
 if TYPE_CHECKING:
@@ -179,15 +179,17 @@ def two_ways(results: Mapping[str, Result]) -> list[str]:
     return lines
 
 
-def rows_of_signal(signal: Signal, tolerances: Tolerances) -> list[Row]:
-    """Return a row for every component of a sensor."""
+def rows_of_signal(signal: Signal, tolerances: Tolerances, length: str = "") -> list[Row]:
+    """Return a row for every component of a sensor; length : the model's unit of it, if the user gave one."""
     shown = extents(signal.of["unchanged"], signal.shows == MOVES)
     tolerance = tolerances.of(signal.name)
     limit = None if tolerance is None else tolerance.of(float(shown.max()))
-    return [_row(signal, c, shown, limit, tolerances.is_given) for c in range(len(shown))]
+    shows = signal.shows.removesuffix("Local")
+    unit = UNITS.get(shows) or units_of_length(length).get(shows.lower(), "")
+    return [_row(signal, c, shown, limit, tolerances.is_given, unit) for c in range(len(shown))]
 
 
-def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_asked: bool) -> Row:
+def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_asked: bool, unit: str) -> Row:
     one, axis = _Component(signal, c), "xyz"[c] if len(shown) == 3 else ""
     of = {cause: verdict for cause in CAUSES if (verdict := one.verdict(cause, limit)) is not None}
     of["sum"] = one.whole(limit, of)
@@ -197,7 +199,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
         signal.name,
         c,
         signal.solve,
-        UNITS.get(signal.shows.removesuffix("Local"), ""),
+        unit,
         float(shown[c]),
         float(shown.max()),
         judged(of, float(shown.max()), limit),

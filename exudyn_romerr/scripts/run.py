@@ -92,7 +92,11 @@ class Run:
 
 
 def run(
-    script: str | os.PathLike, arguments: Sequence[str] = (), *, tolerance: Sequence[str] | str | float | None = None
+    script: str | os.PathLike,
+    arguments: Sequence[str] = (),
+    *,
+    tolerance: Sequence[str] | str | float | None = None,
+    units: str = "",
 ) -> Run:
     """Run a script in this process as `python script.py` does, and tell how wrong its reduced bodies make it.
 
@@ -106,6 +110,8 @@ def run(
         Its sys.argv[1:].
     tolerance : number, text or several texts, optional
         0.001 in the model's units, "1%" of each largest value, "tip=0.001" of one sensor.
+    units : str
+        The model's unit of length, such as "mm", to be printed; "": not known. Numbers stay what they are.
 
     Returns
     -------
@@ -124,8 +130,18 @@ def run(
     tolerances, path = tolerances_of(tolerance), check_script(script)
     with _Watching() as watching:
         ending = execute(path, arguments)
+        for solve in watching.solves if units else ():
+            _name_units(solve, units)
         notes = watching.notes() if ending.began else [NOT_READ.format(_in_a_line(ending.error))]
         return Run(path, ending, watching.solves, notes, tolerances)
+
+
+def _name_units(solve: Solve, units: str) -> None:
+    from ..report.data import name_units
+
+    report = solve.report
+    for one in () if report is None else (report, *getattr(report, "bodies", ())):
+        name_units(one.outputs.values(), units)
 
 
 class _Watching:

@@ -50,17 +50,19 @@ class Verification:
     results : of all runs, by name
     tolerances : as asked for
     notes : lines about what was not had, and why
+    units : of length, as the user gave it
     """
 
     script: str
     results: dict[str, Result]
     tolerances: Tolerances
     notes: list[str] = field(default_factory=list)
+    units: str = ""
 
     @cached_property
     def judgement(self) -> Judgement:
         """Verdicts on every sensor, component and cause; all measured."""
-        rows = [row for one in signals(self.results) for row in rows_of_signal(one, self.tolerances)]
+        rows = [row for one in signals(self.results) for row in rows_of_signal(one, self.tolerances, self.units)]
         estimated = {(x["name"], x["component"], x["solve"]): x["sum"] for x in estimates(self.results.get("again"))}
         rows = [beside_estimate(row, _verdict(estimated.get((row.name, row.component, row.solve)))) for row in rows]
         solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
@@ -142,6 +144,7 @@ def verify(
     arguments: Sequence[str] = (),
     *,
     tolerance: Sequence[str] | str | float | None = None,
+    units: str = "",
     executor: Executor | None = None,
     controllers: str = "follow",
     jobs: int | None = None,
@@ -161,7 +164,7 @@ def verify(
         A function at the top of a file: build() -> (mbs, ..., simulationSettings), or one that solves by itself.
     arguments : sequence of str
         sys.argv[1:] of the script.
-    tolerance : as of romerr.run
+    tolerance, units : as of romerr.run
     executor : concurrent.futures.Executor, optional
         Runs are submitted to it; default: threads, each of which starts a process here.
     controllers : {"follow", "hold"}
@@ -210,7 +213,7 @@ def verify(
     forecast = Forecast({request.name: forecast_of(request, first) for request in requests}, count)
     tell(PLANNED.format(len(requests), count, forecast.left({})))
     results |= _all(requests, executor, count, forecast, tell)
-    return Verification(plain.script, results, tolerances, notes + _endings(results))
+    return Verification(plain.script, results, tolerances, notes + _endings(results), units)
 
 
 def _endings(results: Mapping[str, Result]) -> list[str]:

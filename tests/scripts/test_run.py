@@ -300,6 +300,14 @@ def test_a_misspelt_sensor_is_wrong_usage(quiet, tmp_path, capsys):
     )
 
 
+def test_units_are_printed_where_they_are_given(pendulum, tmp_path):
+    """Nobody knows them else."""
+    assert not re.search(r"\d m\b", str(pendulum[0]))
+    run = romerr.run(written(tmp_path, SCENE + SOLVE), units="mm")
+    assert {row["unit"] for row in run.rows} == {"mm"}
+    assert re.search(r"^Step: .* mm (or less )?\(", str(run), re.M)
+
+
 FAILS = "def fail(mbs, t, load):\n    if t > 0.03:\n        raise ValueError('a user')\n    return [0, 0, 1]\n"
 FAILS += "scene.mbs.SetLoadParameter(0, 'loadVectorUserFunction', fail)\nscene.mbs.Assemble()\n"
 NEWTON = "newton = scene.settings.timeIntegration.newton\nnewton.maxIterations, newton.relativeTolerance = 1, 1e-30\n"
