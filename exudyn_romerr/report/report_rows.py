@@ -9,7 +9,7 @@ import numpy as np
 
 from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
 from .answers import SHARE, Answer, Tolerance
-from .cures import Steps, cure_of, cure_of_bound
+from .cures import OF_CAUSES, Steps, cure_of, cure_of_bound
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
 from .verdicts import (
     ALWAYS,
@@ -185,8 +185,9 @@ def _of_all(
     is_whole = widest_scope(report.scope) == COMPLETE and report.time != "sampled" and not but.why
     if is_whole and limit is not None and bound <= limit:
         return replace(verdict, answer=Answer.ENOUGH, reason="", cure="")
-    largest = max(found.values(), key=lambda x: x.most, default=verdict)
-    return replace(verdict, cure="" if verdict.answer is Answer.ENOUGH else largest.cure)
+    cause = max(found, key=lambda cause: found[cause].most, default="modes")
+    cure = "" if verdict.answer is Answer.ENOUGH else found[cause].cure or OF_CAUSES[cause]
+    return replace(verdict, cure=cure)
 
 
 def _reservation(report: ReportData, out: OutputData) -> Reservation:

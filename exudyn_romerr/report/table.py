@@ -173,8 +173,15 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
 
     The cause with the largest share of its tolerance stands first. rows : of all components.
     """
-    told = [(cause, [row for row in _with(rows, cause) if _is_told(row, cause)]) for cause in _largest_first(rows)]
+    together = [row for row in rows if row.answer not in NOT_ASKED and _are_enough_alone(row)]
+    told = [("sum", together)]
+    told += [(cause, [row for row in _with(rows, cause) if _is_told(row, cause)]) for cause in _largest_first(rows)]
     return [_of_cause(of, cause) for cause, of in told if of]
+
+
+def _are_enough_alone(row: Row) -> bool:
+    """Whether no cause is too large, or not known, though all of them together are."""
+    return not row.shows_nothing and not _has_cause(row, (Answer.TOO_LARGE, *UNSURE))
 
 
 def _is_told(row: Row, cause: str) -> bool:

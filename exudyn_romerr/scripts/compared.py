@@ -345,7 +345,8 @@ class _Component:
             apart -= self._change("unchanged", finest)
             total = total + apart
             half += _largest(apart)  # that is at half the step; shorter ones may add as much again
-        return self._judged((total, half), limit, max(of.values(), key=lambda verdict: verdict.most).cure)
+        cause = max(of, key=lambda cause: of[cause].most, default="modes")
+        return self._judged((total, half), limit, of[cause].cure or OF_CAUSES[cause] if of else "")
 
     def _at_least(self, causes: Iterable[Verdict], unknown: Verdict) -> Verdict:
         """The whole where one cause is not known: at least as large as the largest that is known."""

@@ -90,6 +90,7 @@ def test_an_assumed_tolerance_is_said_to_be_one():
 def test_what_all_causes_make_together_may_be_too_large_alone():
     both = row("tip", "", modes=(8e-3, 1e-5), step=(8e-3, 1e-5), whole=(0.016, 1e-5))
     assert summary([both]) == "Too large: tip."
+    assert first_sentences([both])[0].startswith("Whole error: too large, about 0.016 (1.6 %) at tip")
 
 
 def test_a_sentence_tells_what_is_too_large_and_what_is_not_known():
