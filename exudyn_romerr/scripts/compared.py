@@ -29,6 +29,7 @@ NOT_RUN = "{} was not had: {}"
 OTHER_SENSORS = "the script has other sensors or solves in it"
 DO_NOT_SHRINK = "differences do not shrink with the step (chaotic, or contact at other instants)"
 SHRINK_LITTLE = "differences shrink too little with the step to tell where they lead"
+UNSETTLED = "twice the modes once more change as much as before: nothing tells how many more are missing"
 OTHER_INSTANTS = "find what happens at other instants with other steps: contact, friction, a controller that switches"
 SAME_STEPS = "it took no shorter steps: the script sets its steps by itself, at each call of the solver"
 OF_CALL = "rigid interfaces are in no run: modes are more by the script's own call, which cannot see them"
@@ -270,13 +271,24 @@ class _Component:
             return change, _largest(change)  # nothing tells how much more is missing
         return None
 
+    def _unsettled(self) -> float:
+        """How far runs with more modes are apart where doubling them again changes as much; 0: they settle."""
+        if not (self._is_by_call and {"twice", "four times"} <= {*self._y}):
+            return 0.0
+        first, last = (_largest(self._change(*pair)) for pair in (("unchanged", "twice"), ("twice", "four times")))
+        return max(first, last) if last > max(self._floor(), first / 2**LEAST_ORDER) else 0.0
+
     def _by_modes(self, run: str, before: str) -> tuple[np.ndarray, float] | None:
         """What a run with more modes changes, and its half width: what is measurable at all."""
         return (self._change(before, run), self._floor()) if run in self._y and before in self._y else None
 
     def modes(self) -> tuple[np.ndarray, float] | None:
         """What more modes change: our vectors beside those of the script, or more by the script's own call."""
-        return self.by_call() if self._signal.by_call else self.by_vectors() or self.by_call()
+        return self.by_call() if self._is_by_call else self.by_vectors()
+
+    @property
+    def _is_by_call(self) -> bool:
+        return self._signal.by_call or self.by_vectors() is None
 
     def interfaces(self) -> tuple[np.ndarray, float] | None:
         """What vectors that free rigid interfaces change."""
@@ -291,7 +303,9 @@ class _Component:
         found = {"modes": self.modes, "interfaces": self.interfaces}[cause]()
         if found is None:
             return self._unmeasured(cause)
-        return self._judged(found, limit, OF_CAUSES[cause])
+        verdict = self._judged(found, limit, OF_CAUSES[cause])
+        differ = self._unsettled() if cause == "modes" else 0.0
+        return _or_more(verdict, differ, limit, UNSETTLED, OF_CAUSES[cause]) if differ else verdict
 
     def _judged(self, found: tuple[np.ndarray, float], limit: float | None, cure: str = "") -> Verdict:
         time = float(self._signal.t[np.argmax(np.abs(found[0]))])
@@ -318,17 +332,8 @@ class _Component:
         steps = Steps(self._signal.steps, self.order or SECOND_ORDER)
         cure = shorter_steps(_largest(self._steps[0]) + self._steps[1], limit, steps)
         verdict = self._judged(self._steps, limit, cure)
-        if not self.unshrunk or verdict.answer in (Answer.ENOUGH, Answer.NO_TOLERANCE):
-            return verdict
-        is_wrong = limit is not None and self.differ > 2 * limit
-        return replace(
-            verdict,
-            size=self.differ,
-            half_width=None,
-            answer=Answer.TOO_LARGE if is_wrong else Answer.NOT_KNOWN,
-            reason=self.unshrunk,
-            cure=OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else f"{_four_times(steps)}, {AGAIN}",
-        )
+        cure = OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else f"{_four_times(steps)}, {AGAIN}"
+        return _or_more(verdict, self.differ, limit, self.unshrunk, cure) if self.unshrunk else verdict
 
     def whole(self, limit: float | None, of: Mapping[str, Verdict]) -> Verdict:
         """The verdict on all together, with what both do not add up to; half width: of each, and as much again."""
@@ -356,6 +361,17 @@ class _Component:
         answer = Answer.TOO_LARGE if is_wrong else unknown.answer
         how = MEASURED if known else NONE
         return Verdict(max(sizes, default=None), None, how, answer, unknown.reason, unknown.cure)
+
+
+def _or_more(verdict: Verdict, differ: float, limit: float | None, reason: str, cure: str) -> Verdict:
+    """The verdict where no limit is known that runs tend to: too large if two of them differ by twice the tolerance.
+
+    One of these is off by more than it then, most likely the coarser one. differ : by how much they do.
+    """
+    if verdict.answer in (Answer.ENOUGH, Answer.NO_TOLERANCE):
+        return verdict
+    answer = Answer.TOO_LARGE if limit is not None and differ > 2 * limit else Answer.NOT_KNOWN
+    return replace(verdict, size=differ, half_width=None, answer=answer, reason=reason, cure=cure)
 
 
 def _four_times(steps: Steps) -> str:
