@@ -371,7 +371,7 @@ def _or_more(verdict: Verdict, differ: float, limit: float | None, reason: str, 
     if verdict.answer in (Answer.ENOUGH, Answer.NO_TOLERANCE):
         return verdict
     answer = Answer.TOO_LARGE if limit is not None and differ > 2 * limit else Answer.NOT_KNOWN
-    return replace(verdict, size=differ, half_width=None, answer=answer, reason=reason, cure=cure)
+    return replace(verdict, size=max(differ, verdict.size), half_width=None, answer=answer, reason=reason, cure=cure)
 
 
 def _four_times(steps: Steps) -> str:
