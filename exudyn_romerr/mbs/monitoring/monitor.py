@@ -9,6 +9,7 @@ from ...checks import check_choice
 from ...errors import InputError, RunError
 from ...process.blas_threads import one_thread
 from ...report.mechanism_report import joined, joined_plan
+from ..access.endings import note_end, on_purpose
 from .live_output import sensor_of
 from .requests import UNNAMED, why_not_coupled
 
@@ -129,7 +130,10 @@ class Monitor:
             raise RunError("report was asked before a run; call mbs.SolveDynamic() after attach")
         if not isinstance(i, Integral) or not -len(runs) <= i < len(runs):
             raise InputError(f"i={i!r} is not a run; allowed: {-len(runs)}..{len(runs) - 1}")
-        return runs[i].report()
+        report = runs[i].report()
+        if runs[i] is runs[-1]:
+            note_end(report, on_purpose(self._mbs.sys.get("dynamicSolver")))
+        return report
 
     def _require_hook(self) -> None:
         if not self._hook.is_in_charge(self._mbs):
@@ -190,4 +194,6 @@ class MechanismMonitor:
         """
         reports = [body.report(i) for body in self.bodies]
         run = self.bodies[0].runs[i]
-        return joined(reports, *self._sensors.outputs(run, len(reports[0].t)))
+        report = joined(reports, *self._sensors.outputs(run, len(reports[0].t)))
+        report.ended_by, report.on_purpose = reports[0].ended_by, reports[0].on_purpose
+        return report

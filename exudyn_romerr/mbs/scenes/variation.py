@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...report.verdicts import until
-from .endings import ended_by
+from ..access.endings import ended_by
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 from ...judgement.solve import Solve
 from ...process.own_frames import without_our_places
-from .endings import TO_ITS_END, EndedBy, ended_by
+from ..access.endings import TO_ITS_END, EndedBy, ended_by, note_end
 from .stand_in import StandIn
 
 if TYPE_CHECKING:
@@ -141,8 +141,7 @@ class WatchedSolves(StandIn):
                 self.solves.append(solve)
             for report in reports[-1:]:
                 solve.report = report
-                if report.planned_end is not None:
-                    report.ended_by, report.on_purpose = ending
+                note_end(report, ending)
         except Exception as error:  # as in _begin
             solve.failure = error
         solve.our_seconds += process_time() - begin

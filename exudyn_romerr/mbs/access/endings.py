@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from ...report.report import BoundReport
 
 
 class EndedBy(NamedTuple):
@@ -17,16 +20,30 @@ TO_ITS_END = EndedBy("")
 
 def ended_by(solver: Any, error: BaseException | None = None) -> EndedBy:
     """Return what ended a solve; error : what it has raised."""
-    output = solver.output
     if error is not None:
         return EndedBy(_raised(error))
-    if output.simulationStoppedByUserFunction:
-        return EndedBy("a user function that returned False stopped it on purpose", True)
-    if output.simulationStoppedByUser:
-        return EndedBy("it was stopped in the window", True)
+    output = solver.output
+    if (meant := on_purpose(solver)).why:
+        return meant
     if output.simulationTimeout:
         return EndedBy("its time was over (simulationSettings.timeIntegration.simulateInRealtime, or a timeout)")
     return TO_ITS_END if output.finishedSuccessfully else EndedBy("the solve failed")
+
+
+def on_purpose(solver: Any) -> EndedBy:
+    """Return what the user has ended a solve by, which may still run otherwise; solver : None: not known."""
+    if solver is not None and solver.output.simulationStoppedByUserFunction:
+        return EndedBy("a user function that returned False stopped it on purpose", True)
+    if solver is not None and solver.output.simulationStoppedByUser:
+        return EndedBy("it was stopped in the window", True)
+    return TO_ITS_END
+
+
+def note_end(report: BoundReport, ending: EndedBy) -> None:
+    """Let a report of a run that ended early, and those of its bodies, say by what."""
+    for one in (report, *getattr(report, "bodies", ())) if ending.why else ():
+        if one.planned_end is not None:
+            one.ended_by, one.on_purpose = ending
 
 
 def _raised(error: BaseException) -> str:
