@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -17,6 +18,7 @@ from ..checks import check_choice
 from ..errors import InputError, RunError
 from ..judgement.judgement import Judgement, text
 from ..judgement.solve import Solve
+from ..process.interrupts import interrupt_deferred
 from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of, worst
 from ..report.verdicts import CAUSES, Verdict, beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
@@ -309,13 +311,20 @@ def _all(
                 used = used_by_running()
                 tell(PROGRESS.format(100 * forecast.share(used), forecast.left(used)))
     except KeyboardInterrupt:
-        for future in futures:
-            future.cancel()
-        stop_all()
+        with suppress(KeyboardInterrupt), interrupt_deferred():  # who types it twice wants the same
+            for future in futures:
+                future.cancel()
+            stop_all()
+            _shut(own, executor)
     finally:
-        if executor is None:
-            own.shutdown(wait=True, cancel_futures=True)
+        _shut(own, executor)
     return found
+
+
+def _shut(own: Executor, given: Executor | None) -> None:
+    """End our threads; an executor of the user's is the user's."""
+    if given is None:
+        own.shutdown(wait=True, cancel_futures=True)
 
 
 def tell_on_stderr(said: str) -> None:
