@@ -135,14 +135,14 @@ def _spread(matrix: Matrix, numbers: np.ndarray, per_node: int) -> sp.csr_matrix
 
 def _in_order(matrix: Matrix, mesh: Mesh) -> np.ndarray:
     """Labels (N, 2) of rows that nobody names: coordinates of the nodes in ascending order, or the free of them."""
-    N, used = matrix.entries.shape[0], _in_elements(mesh)
+    N, used, held = matrix.entries.shape[0], _in_elements(mesh), set(mesh.held)
     for numbers in (mesh.numbers, used):
         for per_node in (3, 6):
             labels = np.column_stack([np.repeat(numbers, per_node), np.tile(np.arange(per_node), len(numbers))])
-            held = set(mesh.held)
-            free = np.array([pair not in held for pair in map(tuple, labels.tolist())], dtype=bool)
-            if N in (len(labels), np.count_nonzero(free)):
-                return labels if len(labels) == N else labels[free]
+            if len(labels) == N:
+                return labels
+            if held and len(free := [pair for pair in map(tuple, labels.tolist()) if pair not in held]) == N:
+                return np.array(free)
     raise InputError(
         f"the matrices have {N} rows, the mesh {len(mesh.numbers)} nodes, {len(used)} of them in elements: neither 3 "
         f"nor 6 a node. {NAMES_ROWS[matrix.program]}"

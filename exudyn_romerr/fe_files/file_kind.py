@@ -48,9 +48,9 @@ KNOWN = (
 )
 REFUSED = {
     "substructure": (
-        "{} is a substructure of Abaqus, reduced already: what its reduction left out is not in it, and no error of it can "
-        "be told. Let Abaqus write the matrices of the whole body (*Matrix Generate, stiffness, mass and *Matrix "
-        "Output, stiffness, mass, format=matrix input, in place of *Substructure Generate)"
+        "{} is a substructure of Abaqus, reduced already: the error of that cannot be told from it. Let "
+        "Abaqus write the matrices of the whole body, in place of *Substructure Generate: *Matrix Generate, "
+        "stiffness, mass and *Matrix Output, stiffness, mass, format=matrix input"
     ),
     "old npy": (
         "{} is what FEMinterface.SaveToFile of older versions of Exudyn wrote. Exudyn reads it with NumPy 1.x only: "
@@ -58,7 +58,14 @@ REFUSED = {
         "writes a file for read_body('body.hdf5'); or pass the fem: ElasticBody.from_fem(fem)"
     ),
 }
-BINARY = ((b"\x93NUMPY", "npy"), (b"PK\x03\x04", "npz"), (b"\x89HDF\r\n", "hdf5"))
+ANSYS = b"\x64\0\0\0\0\0\0\x80"  # 100 words in the first record; then the number of the kind
+BINARY = (
+    (b"\x93NUMPY", "npy"),
+    (b"PK\x03\x04", "npz"),
+    (b"\x89HDF\r\n", "hdf5"),
+    (ANSYS + b"\x04\0\0\0", "full"),
+    (ANSYS + b"\x0c\0\0\0", "rst"),
+)
 KEYWORDS = r"\*(HEADING|NODE|ELEMENT|PART|ASSEMBLY|INSTANCE|INCLUDE|NSET|ELSET|MATERIAL|STEP|PREPRINT|PARAMETER)\b"
 # how the first line begins that tells it, in small or capital letters. *KEYWORD: LS-DYNA, which has *NODE, too
 LINES = (
