@@ -1,4 +1,4 @@
-"""Abaqus input files as blocks: a keyword, its parameters and its data lines; *Include and input= are followed."""
+"""Input files of Abaqus and CalculiX as blocks: keyword, parameters, data lines; *Include and input= are followed."""
 
 from __future__ import annotations
 

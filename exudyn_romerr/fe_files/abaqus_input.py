@@ -1,4 +1,4 @@
-"""Abaqus input files: nodes, elements, sets and supports of one part or instance."""
+"""Input files of Abaqus and CalculiX: nodes, elements, sets and supports of one part or instance."""
 
 from __future__ import annotations
 

@@ -62,14 +62,19 @@ def read_full(path: Path) -> tuple[Matrix, Matrix]:
         raise InputError(
             f"{path} has coordinates that are no displacements or rotations (number {labels[:, 1].max()})"
         )
-    return tuple(Matrix(symmetric(matrix), labels.astype(int)) for matrix in matrices)
+    return tuple(Matrix(symmetric(matrix), labels.astype(int), "Ansys") for matrix in matrices)
 
 
-def read_ansys_mesh(path: Path) -> Mesh:
-    """Return nodes, elements and node components; InputError if nodes have axes of their own (NROTAT)."""
+def read_ansys_mesh(path: Path, archive: bool) -> Mesh:
+    """Return nodes, elements and node components of a .cdb (archive) or .rst.
+
+    Raises
+    ------
+    InputError
+        No such package, a damaged file, nodes that have axes of their own (NROTAT).
+    """
     reader = _reader(path)
     try:
-        archive = path.suffix.lower() == ".cdb"
         found: Any = reader.Archive(str(path), parse_vtk=False) if archive else reader.read_binary(str(path)).mesh
         order = np.argsort(found.nnum)
         angles = np.asarray(found.node_angles if archive else found._node_angles)

@@ -25,10 +25,14 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Matrix:
-    """A square matrix, and of every row node number and coordinate 0..5, (n, 2), None if the file does not tell."""
+    """A square matrix, and of every row node number and coordinate 0..5, (n, 2), None if the file does not tell.
+
+    program : who wrote the file, "" if it does not tell.
+    """
 
     entries: sp.csr_matrix
     labels: np.ndarray | None = None
+    program: str = ""
 
 
 def symmetric(matrix: sp.spmatrix) -> sp.csr_matrix:

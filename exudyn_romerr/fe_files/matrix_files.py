@@ -1,36 +1,51 @@
-"""Files with one matrix: Abaqus's .mtx in both formats, Matrix Market, scipy's .npz, .npy."""
+"""Files with one matrix: Abaqus's .mtx in both formats, CalculiX's, Matrix Market, Harwell-Boeing, .npz, .npy."""
 
 from __future__ import annotations
 
 import gzip
+import re
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError
+from .calculix_files import MATRICES as OF_CALCULIX
+from .calculix_files import names_of_rows
 from .fe_data import Matrix, symmetric
+from .file_kind import is_packed, known_kind
+from .harwell_boeing import mapping_beside, read_harwell
 
 MARKET = "%%MatrixMarket"
+BY_ABAQUS = re.compile(r".*_?(MASS|STIF)\d+\.mtx", re.IGNORECASE)  # how it calls its files
+KNOWN = (
+    "Matrix Market, Harwell-Boeing, .npz of scipy, .npy, lines of row, column, value (*Matrix Output, "
+    "format=coordinate of Abaqus, .sti and .mas of CalculiX), and of node, coordinate, node, coordinate, value "
+    "(format=matrix input)"
+)
 HELD = 1e35  # on the diagonal of a stiffness matrix: Abaqus holds a coordinate by 1e36
 
 
-def read_matrix(path: str | Path) -> Matrix:
-    """Return the one matrix of a file.
+def read_matrix(path: str | Path, name: str = "path") -> Matrix:
+    """Return the one matrix of a file; name: of the argument, for messages.
 
     Raises
     ------
     InputError
-        Not one of these formats, not square, empty, or an entry that cannot be read; internal nodes of Abaqus.
+        Not one of these formats, reduced already, not square, empty, or an entry that cannot be read; internal nodes
+        of Abaqus.
     """
     path = Path(path)
+    kind = known_kind(name, path, KNOWN)
     try:
-        if path.suffix == ".npz":
+        if kind == "npz":
             return Matrix(_square(sp.load_npz(path), path))
-        if path.suffix == ".npy":
+        if kind == "npy":
             return Matrix(_square(np.load(path, allow_pickle=False), path))
+        if kind == "harwell":
+            return _harwell(path)
         return _text(path)
-    except (OSError, ValueError, EOFError, KeyError) as error:
+    except (OSError, ValueError, EOFError, KeyError, IndexError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path} cannot be read as a matrix: {error}") from error
@@ -40,6 +55,13 @@ def _square(matrix, path: Path) -> sp.csr_matrix:
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.shape[0]:
         raise InputError(f"{path} has a matrix of shape {matrix.shape}; needed: square")
     return symmetric(matrix)
+
+
+def _harwell(path: Path) -> Matrix:
+    matrix, labels = _square(read_harwell(path), path), mapping_beside(path)
+    if labels is not None and len(labels) != matrix.shape[0]:
+        raise InputError(f"{path} has {matrix.shape[0]} rows, its .mapping names {len(labels)}")
+    return Matrix(matrix, labels, "HBMAT")
 
 
 def _text(path: Path) -> Matrix:
@@ -54,18 +76,16 @@ def _text(path: Path) -> Matrix:
     if first.startswith(MARKET):
         from scipy.io import mmread  # here, for few need it
 
-        return Matrix(_square(sp.csr_matrix(mmread(path)), path))
+        with gzip.open(path) if is_packed(path) else open(path, "rb") as stream:
+            return Matrix(_square(sp.csr_matrix(mmread(stream)), path))
     if columns not in (3, 5):
-        raise InputError(
-            f"{path} begins with {first.strip()[:60]!r}; known: Matrix Market, and what Abaqus writes with "
-            "*Matrix Output, format=coordinate or matrix input"
-        )
+        raise InputError(f"{path} begins with {first.strip()[:60]!r}; known: {KNOWN}")
     rows = _numbers(path, columns)
     return _coordinate(rows, path) if columns == 3 else _labelled(rows, path)
 
 
 def _opened(path: Path):
-    opener = gzip.open if path.suffix == ".gz" else open
+    opener = gzip.open if is_packed(path) else open
     return opener(path, "rt", encoding="ascii", errors="replace")
 
 
@@ -84,7 +104,11 @@ def _coordinate(rows: np.ndarray, path: Path) -> Matrix:
     if at.min(initial=0) < 0:
         raise InputError(f"{path} has a row or column {at.min() + 1}; they are counted from 1")
     size = 2 * (int(at.max(initial=-1)) + 1,)
-    return Matrix(_square(sp.csr_matrix((rows[:, 2], at.T), shape=size), path))
+    matrix = _square(sp.csr_matrix((rows[:, 2], at.T), shape=size), path)
+    labels = names_of_rows(path, matrix.shape[0])
+    if labels is not None or path.suffix.lower() in OF_CALCULIX.values():
+        return Matrix(matrix, labels, "CalculiX")
+    return Matrix(matrix, program="Abaqus" if BY_ABAQUS.fullmatch(path.name) else "")
 
 
 def _labelled(rows: np.ndarray, path: Path) -> Matrix:
@@ -100,6 +124,5 @@ def _labelled(rows: np.ndarray, path: Path) -> Matrix:
     # one number for both, which sorts far faster than pairs
     keys, at = np.unique(8 * ends[:, :, 0] + ends[:, :, 1] - 1, return_inverse=True)
     at, size = at.reshape(-1, 2), (len(keys), len(keys))
-    return Matrix(
-        _square(sp.csr_matrix((rows[:, 4], at.T), shape=size), path), np.column_stack([keys // 8, keys % 8])
-    )
+    matrix = _square(sp.csr_matrix((rows[:, 4], at.T), shape=size), path)
+    return Matrix(matrix, np.column_stack([keys // 8, keys % 8]), "Abaqus")

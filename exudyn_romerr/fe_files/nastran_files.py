@@ -22,6 +22,7 @@ TYPES = {
     "cbar": {2: "Line2"},
     "cbeam": {2: "Line2"},
 }
+PROGRAM = "Nastran"
 HEX20 = [*range(12), *range(16, 20), *range(12, 16)]  # Nastran counts the upright edges before those on top
 COUPLES = ("rbe2", "rbe3", "rbar", "mpc")
 
@@ -34,8 +35,10 @@ class Found(NamedTuple):
     mesh: Mesh | None
 
 
-def read_nastran(path: Path, mass: str | None, stiffness: str | None) -> Found:
+def read_nastran(path: Path, kind: str, mass: str | None, stiffness: str | None) -> Found:
     """Return stiffness and mass by their names in the file; default: the only ones that begin with k and m.
+
+    kind : "pch", "op2" or "op4".
 
     Raises
     ------
@@ -44,14 +47,14 @@ def read_nastran(path: Path, mass: str | None, stiffness: str | None) -> Found:
     """
     nastran = _pyyeti(path)
     try:
-        found, uset = _matrices(nastran, path)
+        found, uset = _matrices(nastran, path, kind)
     except Exception as error:  # damaged bytes make the readers raise anything
         raise InputError(f"{path} cannot be read: {error}") from error
     pair = [_chosen(found, *asked, path) for asked in (("stiffness", stiffness, "k"), ("mass", mass, "m"))]
     mesh = None
     if uset is not None:
         mesh = _mesh_of(uset, path)
-    elif path.suffix.lower() == ".pch" and _has_grids(nastran, path):
+    elif kind == "pch" and _has_grids(nastran, path):
         mesh = read_bulk(path)
     return Found(*pair, mesh)
 
@@ -94,27 +97,27 @@ def _has_grids(nastran: Any, path: Path) -> bool:
     return nastran.bulk.rdgrids(str(path)) is not None
 
 
-def _matrices(nastran: Any, path: Path) -> tuple[dict[str, Matrix], Any]:
+def _matrices(nastran: Any, path: Path, kind: str) -> tuple[dict[str, Matrix], Any]:
     """All square matrices by their names, in small letters; the table of coordinates, None if there is none."""
-    kind, found, uset = path.suffix.lower(), {}, None
-    if kind in (".pch", ".op2"):
+    found, uset = {}, None
+    if kind in ("pch", "op2"):
         for name, frame in (nastran.bulk.rddmig(str(path), square=True) or {}).items():
             if frame.shape[0] == frame.shape[1]:
                 labels = np.array(frame.index.tolist(), dtype=int)
-                found[name.lower()] = Matrix(symmetric(sp.csr_matrix(frame.to_numpy())), labels - [0, 1])
-    if kind == ".pch":
+                found[name.lower()] = Matrix(symmetric(sp.csr_matrix(frame.to_numpy())), labels - [0, 1], PROGRAM)
+    if kind == "pch":
         return found, None
-    tables = path if kind == ".op2" else path.with_suffix(".op2")
+    tables = path if kind == "op2" else path.with_suffix(".op2")
     if tables.is_file():
         uset = _uset(nastran, tables)
-    if kind == ".op4":
+    if kind == "op4":
         plain = nastran.op4.read(str(path), sparse=True)
     else:
         plain = nastran.op2.rdmats(str(path), lower=True)
     for name, matrix in plain.items():
         if matrix.ndim == 2 and matrix.shape[0] == matrix.shape[1] > 0:
             labels = None if uset is None else _labels(nastran, uset, matrix.shape[0])
-            found.setdefault(name.lower(), Matrix(symmetric(sp.csr_matrix(matrix)), labels))
+            found.setdefault(name.lower(), Matrix(symmetric(sp.csr_matrix(matrix)), labels, PROGRAM))
     return found, uset
 
 

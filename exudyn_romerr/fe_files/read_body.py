@@ -11,8 +11,11 @@ from ..errors import InputError
 from .abaqus_input import read_input
 from .ansys_files import read_ansys_mesh, read_full
 from .assembled import assembled
+from .calculix_files import MATRICES as OF_CALCULIX
+from .calculix_files import WORDS, nothing_beside
 from .fe_data import Matrix, Mesh
 from .fe_model import FEModel
+from .file_kind import KNOWN, KNOWN_MESHES, MATRICES, MESHES, NASTRAN, known_kind, not_known
 from .matrix_files import read_matrix
 from .nastran_files import read_bulk, read_nastran
 from .saved_files import read_saved
@@ -20,11 +23,8 @@ from .saved_files import read_saved
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-MATRIX = (".mtx", ".gz", ".npz", ".npy")
 ANSYS_MESHES = (".cdb", ".rst")
-NASTRAN = (".pch", ".op2", ".op4")
-BULK = (".bdf", ".dat", ".nas", ".blk")
-SAVED = (".npz", ".hdf5", ".h5", ".pkl")
+SAVED = ("npz", "hdf5", "pickle")
 
 
 def read_body(
@@ -43,10 +43,11 @@ def read_body(
     Parameters
     ----------
     path : path
-        Abaqus: .inp, with JOB_MASS1.mtx and JOB_STIF1.mtx beside it (both formats of *Matrix Output). Ansys: .full
-        (extra [ansys]), with .cdb or .rst of that name for nodes. Nastran: .pch with DMIG, .op2 or .op4 (extra
-        [nastran]). Matrix Market .mtx or .mtx.gz, scipy's .npz: the stiffness matrix, with mass=. What
-        FEMinterface.SaveToFile wrote: .npz, .hdf5 (needs h5py), .pkl. What FEModel.save wrote: .npz.
+        Abaqus: .inp, with JOB_MASS1.mtx and JOB_STIF1.mtx beside it (both formats of *Matrix Output). CalculiX: .inp
+        or .sti, with JOB.sti, .mas and .dof beside it. Ansys: .full (extra [ansys]), with .cdb or .rst of that name
+        for nodes. Nastran: .pch with DMIG, .op2 or .op4 (extra [nastran]). Matrix Market .mtx or .mtx.gz,
+        Harwell-Boeing (HBMAT of Ansys), scipy's .npz: the stiffness matrix, with mass=. What FEMinterface.SaveToFile
+        wrote: .npz, .hdf5 (needs h5py), .pkl. What FEModel.save wrote: .npz. Other endings: by what is in the file.
     mass, stiffness : path, optional
         The file of that matrix, where its name does not tell, or the matrix itself is in none of the above. Of
         Nastran: its name in the file, "MAAX".
@@ -78,32 +79,34 @@ def read_body(
     for name, other in (("path", path), ("mesh", mesh)):
         if other is not None and not os.path.isfile(other):
             raise InputError(f"{name}={os.fspath(other)!r} is no file")
-    kind = path.suffix.lower()
+    kind = known_kind("path", path)
     nodes = None if mesh is None else _mesh(Path(mesh))
     if kind in NASTRAN:
-        found = read_nastran(path, mass, stiffness)
+        found = read_nastran(path, kind, mass, stiffness)
         return assembled(found.stiffness, found.mass, nodes or found.mesh, **options)
-    if kind == ".full":
+    if kind == "full":
         return assembled(*read_full(path), nodes or _beside(path, ANSYS_MESHES), **options)
-    if kind == ".inp":
-        pair = [_matrix(path, given, what) for given, what in ((stiffness, "STIF"), (mass, "MASS"))]
-        return assembled(*pair, nodes or read_input(path), **options)
-    if kind in SAVED and mass is None and (found := read_saved(path, unpickle, options)) is not None:
+    if kind in MESHES:
+        pair = [_matrix(path, kind, given, what) for given, what in ((stiffness, "STIF"), (mass, "MASS"))]
+        return assembled(*pair, nodes or _mesh(path), **options)
+    if kind in SAVED and mass is None and (found := read_saved(path, kind, unpickle, options)) is not None:
         return found
-    if kind in MATRIX:
-        return assembled(*_pair(path, mass, stiffness), nodes, **options)
-    raise InputError(f"path={os.fspath(path)!r}: files that end in {kind!r} are not known; see docs/fe_input.md")
+    if kind in MATRICES:
+        of_calculix = path.suffix.lower() in OF_CALCULIX.values()
+        beside = _beside(path, (".inp",)) if of_calculix and nodes is None else None
+        return assembled(*_pair(path, mass, stiffness), nodes or beside, **options)
+    raise not_known("path", path, KNOWN)
 
 
 def _mesh(path: Path) -> Mesh:
-    kind = path.suffix.lower()
-    if kind == ".inp":
+    kind = known_kind("mesh", path, KNOWN_MESHES)
+    if kind == "deck":
         return read_input(path)
-    if kind in ANSYS_MESHES:
-        return read_ansys_mesh(path)
-    if kind in BULK or kind in NASTRAN:
+    if kind in ("cdb", "rst"):
+        return read_ansys_mesh(path, archive=kind == "cdb")
+    if kind == "bulk" or kind in NASTRAN:
         return read_bulk(path)
-    raise InputError(f"mesh={os.fspath(path)!r}: known are .inp, {', '.join((*ANSYS_MESHES, *BULK))}")
+    raise not_known("mesh", path, KNOWN_MESHES)
 
 
 def _beside(path: Path, endings: tuple[str, ...]) -> Mesh | None:
@@ -113,35 +116,40 @@ def _beside(path: Path, endings: tuple[str, ...]) -> Mesh | None:
 
 def _pair(path: Path, mass: Any, stiffness: Any) -> list[Matrix]:
     if mass is None and stiffness is None:
-        other = _counterpart(path)
-        mass, stiffness = (path, other) if "MASS" in path.name.upper() else (other, path)
-    return [read_matrix(_existing(name, x or path)) for name, x in (("stiffness", stiffness), ("mass", mass))]
+        other, name = _counterpart(path), path.name.upper()
+        mass, stiffness = (path, other) if "MASS" in name or name.endswith(".MAS") else (other, path)
+    return [read_matrix(_existing(name, x or path), name) for name, x in (("stiffness", stiffness), ("mass", mass))]
 
 
 def _counterpart(path: Path) -> Path:
     """The file whose name says MASS where this one says STIF, or the other way round."""
-    for one, other in (("STIF", "MASS"), ("MASS", "STIF"), ("stiffness", "mass"), ("mass", "stiffness")):
-        beside = path.with_name(path.name.replace(one, other))
+    pairs = (("STIF", "MASS"), ("MASS", "STIF"), ("stiffness", "mass"), ("mass", "stiffness"))
+    found = [path.with_name(path.name.replace(one, other)) for one, other in pairs]
+    if path.suffix.lower() in OF_CALCULIX.values():
+        found += [path.with_suffix(ending) for ending in OF_CALCULIX.values()]
+    for beside in found:
         if beside != path and beside.is_file():
             return beside
     raise InputError(f"{path.name} has one matrix; pass mass= and stiffness=, the files of both")
 
 
-def _matrix(path: Path, given: Any, what: str) -> Matrix:
-    """The matrix that belongs to an .inp: the one given, or JOB_MASS1.mtx, of the only step that wrote one."""
-    word = {"MASS": "mass", "STIF": "stiffness"}[what]
+def _matrix(path: Path, kind: str, given: Any, what: str) -> Matrix:
+    """The matrix that belongs to a mesh: the one given; of an .inp JOB_MASS1.mtx of the only step, or JOB.mas."""
+    word = WORDS[what]
     if given is not None:
-        return read_matrix(_existing(word, given))
+        return read_matrix(_existing(word, given), word)
+    if kind != "deck":
+        raise InputError(f"{path} has nodes and no matrices; pass mass= and stiffness=, the files of both")
     pattern = re.compile(rf"{re.escape(path.stem)}_?{what}\d+\.mtx", re.IGNORECASE)
     found = sorted(other for other in path.parent.iterdir() if pattern.fullmatch(other.name))
     if len(found) > 1:
         raise InputError(f"beside {path.name} are {', '.join(x.name for x in found)}; pass {word}=, one of them")
+    of_calculix = path.with_suffix(OF_CALCULIX[what])
+    if not found and of_calculix.is_file():
+        return read_matrix(of_calculix, word)
     if not found:
-        raise InputError(
-            f"there is no {path.stem}_{what}1.mtx beside {path.name}: the {word} matrix, which Abaqus writes after "
-            f"*Matrix Generate, stiffness, mass and *Matrix Output, stiffness, mass; or pass {word}=, its file"
-        )
-    return read_matrix(found[0])
+        raise InputError(f"{nothing_beside(path, what)}; or pass {word}=, its file")
+    return read_matrix(found[0], word)
 
 
 def _existing(name: str, path: Any) -> Path:

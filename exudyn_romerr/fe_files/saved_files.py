@@ -21,21 +21,22 @@ TRUST = (
 FEW = 5  # arrays that a message names
 
 
-def read_saved(path: Path, unpickle: bool, options: dict[str, Any]) -> FEModel | None:
+def read_saved(path: Path, kind: str, unpickle: bool, options: dict[str, Any]) -> FEModel | None:
     """Return the body; None for a file with one matrix, scipy's.
+
+    kind : "npz", "hdf5" or "pickle".
 
     Raises
     ------
     InputError
         A pickle without unpickle=True, a damaged file, one that lacks a matrix or nodes, h5py is not installed.
     """
-    kind = path.suffix.lower()
-    if kind == ".pkl" and not unpickle:
+    if kind == "pickle" and not unpickle:
         raise InputError(TRUST.format(path))
     try:
-        if kind == ".npz":
+        if kind == "npz":
             return _npz(path, unpickle, options)
-        data = _unpickled(path) if kind == ".pkl" else _hdf5(path)
+        data = _unpickled(path) if kind == "pickle" else _hdf5(path)
     except InputError:
         raise
     except Exception as error:  # damaged bytes make zipfile, pickle and h5py raise anything

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from ..checks import check_array, check_finite, check_numbers, real_array
 from ..errors import AssumptionError, InputError
 from ..linalg.symmetric_factor import negative_eigenvalues
+from .triangles import triangle_twice
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +37,8 @@ def checked_matrix(name: str, matrix: Any, size: int | None, symmetric: bool = T
         raise InputError(f"{name} has shape {matrix.shape}; needed: square" + (f", {size} rows" if size else ""))
     check_finite(name, matrix.data)
     if symmetric and abs(matrix - matrix.T).max() > SYMMETRY * abs(matrix).max():
-        raise InputError(f"{name} is not symmetric: entries differ by {abs(matrix - matrix.T).max():.2e}")
+        why = triangle_twice(matrix) or f"entries differ by {abs(matrix - matrix.T).max():.2e}"
+        raise InputError(f"{name} is not symmetric: {why}")
     return sp.csc_matrix((matrix + matrix.T) / 2) if symmetric else matrix
 
 

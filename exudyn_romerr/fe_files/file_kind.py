@@ -1,0 +1,161 @@
+"""Which kind of file it is: by what it begins with, and only where that does not tell by its ending."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+HEAD = 1 << 16  # bytes that are looked at
+ENDINGS = {
+    ".inp": "deck",
+    ".mtx": "matrix",
+    ".gz": "matrix",
+    ".sti": "matrix",
+    ".mas": "matrix",
+    ".npz": "npz",
+    ".npy": "npy",
+    ".hdf5": "hdf5",
+    ".h5": "hdf5",
+    ".pkl": "pickle",
+    ".full": "full",
+    ".cdb": "cdb",
+    ".rst": "rst",
+    ".pch": "pch",
+    ".op2": "op2",
+    ".op4": "op4",
+    ".bdf": "bulk",
+    ".dat": "bulk",
+    ".nas": "bulk",
+    ".blk": "bulk",
+}
+MATRICES = ("matrix", "harwell", "npz", "npy")
+MESHES = ("deck", "cdb", "rst", "bulk")
+NASTRAN = ("pch", "op2", "op4")
+KNOWN_MESHES = ".inp, .cdb and .rst, and Nastran's bulk data (.bdf, .dat, .nas, .blk)"
+KNOWN = (
+    ".inp and .mtx of Abaqus; .inp, .sti and .mas of CalculiX; .full of Ansys; .pch, .op2 and .op4 of Nastran; "
+    "Matrix Market; Harwell-Boeing (HBMAT of Ansys); .npz and .npy of one matrix; .npz, .hdf5 and .pkl of Exudyn's "
+    "FEMinterface.SaveToFile; .npz of FEModel.save"
+)
+REFUSED = {
+    "substructure": (
+        "{} is a substructure of Abaqus, reduced already: the error of that cannot be told from it. Let "
+        "Abaqus write the matrices of the whole body, in place of *Substructure Generate: *Matrix Generate, "
+        "stiffness, mass and *Matrix Output, stiffness, mass, format=matrix input"
+    ),
+    "old npy": (
+        "{} is what FEMinterface.SaveToFile of older versions of Exudyn wrote. Exudyn reads it with NumPy 1.x only: "
+        "fem.LoadFromFile (its pickles may run any code: do so if you trust it). There fem.SaveToFile('body.hdf5') "
+        "writes a file for read_body('body.hdf5'); or pass the fem: ElasticBody.from_fem(fem)"
+    ),
+}
+ANSYS = b"\x64\0\0\0\0\0\0\x80"  # 100 words in the first record; then the number of the kind
+BINARY = (
+    (b"\x93NUMPY", "npy"),
+    (b"PK\x03\x04", "npz"),
+    (b"\x89HDF\r\n", "hdf5"),
+    (ANSYS + b"\x04\0\0\0", "full"),
+    (ANSYS + b"\x0c\0\0\0", "rst"),
+)
+KEYWORDS = r"\*(HEADING|NODE|ELEMENT|PART|ASSEMBLY|INSTANCE|INCLUDE|NSET|ELSET|MATERIAL|STEP|PREPRINT|PARAMETER)\b"
+# how the first line begins that tells it, in small or capital letters. *KEYWORD: LS-DYNA, which has *NODE, too
+LINES = (
+    (r"%%MatrixMarket", "matrix"),
+    (r"\*KEYWORD\b", ""),
+    (r"\*USER ELEMENT\b|\*MATRIX *, *TYPE *=", "substructure"),
+    (KEYWORDS, "deck"),
+    (r"/COM, *ANSYS|NBLOCK *,", "cdb"),
+    (r"DMIG\*?[ ,\t]", "pch"),
+    (r"GRID\*?[ ,\t]|BEGIN +BULK|CEND\b|SOL +\d", "bulk"),
+    (r" *\d+ +-?\d+ +\d+ +\d+\w+ +1P,? *\d+E\d+\.\d+", "op4"),
+)
+
+
+def kind_of(path: Path) -> str:
+    """Return "deck", "matrix", "harwell", "npz", ..., or "" if neither content nor ending is known."""
+    head = _head(path)
+    for start, kind in BINARY:
+        if head.startswith(start):
+            return "old npy" if kind == "npy" and _of_exudyn(path) else kind
+    lines = [] if b"\0" in head else head.decode("ascii", errors="replace").splitlines()
+    told, ending = _text_kind(lines), ENDINGS.get(path.suffix.lower(), "")
+    if told == "bulk" and ending in NASTRAN:  # nodes before the matrices
+        return ending
+    return told or ending or ("matrix" if _is_table(lines) else "")
+
+
+def known_kind(name: str, path: Path, kinds: str = KNOWN) -> str:
+    """Return kind_of(path); InputError that names the argument if it is not known, or one that is never read."""
+    kind = kind_of(path)
+    if kind in REFUSED:
+        raise InputError(REFUSED[kind].format(path))
+    if not kind:
+        raise not_known(name, path, kinds)
+    return kind
+
+
+def not_known(name: str, path: Path, kinds: str) -> InputError:
+    """Return the error of a file that is none of some kinds."""
+    begins = _head(path)[:40].decode("ascii", errors="replace").split("\n")[0].strip()
+    return InputError(
+        f"{name}={os.fspath(path)!r}: known are {kinds}; files that end in {path.suffix!r} are not known, and no "
+        f"more is what it begins with, {begins!r}"
+    )
+
+
+def is_packed(path: Path) -> bool:
+    """Whether it is a gzip file."""
+    with open(path, "rb") as stream:
+        return stream.read(2) == b"\x1f\x8b"
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with gzip.open(path) if is_packed(path) else open(path, "rb") as stream:
+            return stream.read(HEAD)
+    except (OSError, EOFError):  # damaged: said where it is read
+        return b""
+
+
+def _text_kind(lines: list[str]) -> str:
+    if _is_harwell(lines):
+        return "harwell"
+    found = (kind for line in lines for pattern, kind in LINES if re.match(pattern, line, re.IGNORECASE))
+    return next(found, "")
+
+
+def _is_harwell(lines: list[str]) -> bool:
+    """Whether line 3 has the kind of the matrix, line 4 formats of Fortran."""
+    return (
+        len(lines) > 4
+        and re.match(r"[RCIPQ][SUHZR][AE] ", lines[2], re.IGNORECASE) is not None
+        and re.match(r" *\(\w+\) *\(\w+\)", lines[3]) is not None
+    )
+
+
+def _is_table(lines: list[str]) -> bool:
+    """Whether the first lines are row, column, value, or node, coordinate, node, coordinate, value."""
+    found = [line.replace(",", " ").split() for line in lines if line.strip() and not line.startswith("*")][:3]
+    whole = re.compile(r"\d+")
+    return bool(found) and all(len(x) in (3, 5) and all(whole.fullmatch(y) for y in x[:-1]) for x in found)
+
+
+def _of_exudyn(path: Path) -> bool:
+    """Whether an .npy begins with a version, or with a dict, and not with a matrix."""
+    try:
+        with open(path, "rb") as stream:
+            version = np.lib.format.read_magic(stream)
+            read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+            shape, _, kind = read(stream)
+    except ValueError:  # damaged: said where it is read
+        return False
+    return (shape == (1,) and kind.kind in "iu") or (shape == () and kind.hasobject)
