@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError
-from .style import COLOURS, KINDS, WIDE, finish, log_line, picture
+from .style import COLOURS, KINDS, WIDE, finish, log_line, picture, quantity
 
 if TYPE_CHECKING:
     import os
@@ -67,8 +67,7 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     runs = _checked(rows, TimedRun)
     if not all(0 < run.seconds < np.inf for run in runs):
         raise InputError("seconds of every row must be above zero and finite: the axis is logarithmic")
-    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=f"largest error of {name} / {unit}")
-    ax.set_title(f"{name}: error against run time")
+    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=quantity(f"largest error of {name}", unit))
     _draw_front(ax, runs)
     kinds = list(dict.fromkeys(run.kind for run in runs))
     if len(kinds) > len(KINDS):
@@ -82,7 +81,7 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     _write_labels(ax, runs, kinds)
     ax.xaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
     ax.margins(0.1)
-    finish(ax)
+    finish(ax, f"{name}: error against run time", _infinite(runs))
 
 
 def plot_convergence(rows: Sequence[tuple], name: str, unit: str, path: str | os.PathLike | None = None) -> Any:
@@ -109,13 +108,12 @@ def draw_convergence(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> No
     from matplotlib.ticker import MaxNLocator
 
     runs = sorted(_checked(rows, CountedRun), key=lambda run: run.n)
-    ax.set(yscale="log", xlabel="number of modes", ylabel=f"largest error of {name} / {unit}")
-    ax.set_title(f"{name}: error against the number of modes")
+    ax.set(yscale="log", xlabel="number of modes", ylabel=quantity(f"largest error of {name}", unit))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     bound = {"color": COLOURS["auxiliary"], "marker": "o", "label": "bound"}
     error = {"color": COLOURS["error"], "marker": "s", "label": "|true error|"}
     _draw_pair(ax, [run.n for run in runs], runs, bound, error)
-    finish(ax)
+    finish(ax, f"{name}: error against the number of modes", _infinite(runs))
 
 
 def front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
@@ -126,6 +124,12 @@ def front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
             best = bounds[i]
             found.append(i)
     return found
+
+
+def _infinite(runs: list) -> list[str]:
+    """A note of bounds that have no place on the axis."""
+    count = sum(np.isinf(run.bound) for run in runs)
+    return [f"{count} of {len(runs)} bounds infinite"] if count else []
 
 
 def _write_labels(ax: Any, runs: list[TimedRun], kinds: list[str]) -> None:
