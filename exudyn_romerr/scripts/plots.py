@@ -44,6 +44,8 @@ def draw_causes(rows: Sequence[Row], path: str | os.PathLike, title: str = "Erro
     for k, cause in enumerate(causes):
         _draw(axes, sensors, cause, k - (len(causes) - 1) / 2, WIDTH / max(len(causes), 1))
     _draw_whole(axes, sensors)
+    if any(row.of[cause].half_width is None for row in sensors for cause in causes if _known(row, cause)):
+        axes.plot([], [], "^", color="0.3", label="that or more")
     axes.set(yscale="log", ylabel="error / largest value of the sensor in %")
     turn = {"rotation": 20, "ha": "right"} if len(sensors) > 4 else {}
     axes.set_xticks(range(len(sensors)), [row.label or row.name for row in sensors], **turn)
@@ -71,11 +73,11 @@ def _draw(axes: Any, sensors: Sequence[Row], cause: str, offset: float, width: f
         if of:
             x, y, low, high = ([found[k] for k in of] for found in (places, sizes, below, sizes if more else halves))
             style = {"lolims": True, "capsize": 4} if more else {"capsize": 3}
-            axes.errorbar(x, y, [[0.0] * len(of) if more else low, high], fmt="none", ecolor="0.3", **style)
+            axes.errorbar(x, y, [[0.0] * len(of) if more else low, high], fmt="none", color="0.3", **style)
 
 
 def _draw_whole(axes: Any, sensors: Sequence[Row]) -> None:
-    """The estimate of the whole error as a diamond, the tolerance that was given as a line over the sensor's place."""
+    """The estimate of the whole error as a diamond, the tolerance that was given as a line at the sensor's place."""
     at = [i for i, row in enumerate(sensors) if row.estimated is not None and row.estimated.size]
     if at:
         shares = [_share(sensors[i], sensors[i].estimated.size) for i in at]

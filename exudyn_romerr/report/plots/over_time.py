@@ -72,7 +72,7 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     has_bound, best = bound_covers(report, out), _corrected(report, out, row)
     bands = [((value - bound, value + bound), OF_BOUND)] if has_bound else []
     if best is not None:
-        guess, half, label = best
+        guess, half, word, label = best
         bands += [((guess, guess), OF_BOUND), ((guess - half, guess + half), OF_HALF_WIDTH)]
     limits, leaves = limits_of_signal(lines, bands)
     ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
@@ -89,8 +89,8 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         ax.plot(t, lines[1], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
     if limits is not None:
         ax.set_ylim(*limits)
-    shown = ["bound"] * has_bound + ["estimate"] * (has_estimate(report, out) and _is_estimated(out))
-    title = f"{out.row_names[row]}: reduced model and {' and '.join(shown)}{_said_of_bounds(report, out) * has_bound}"
+    shown = " and ".join([*["bound"] * has_bound, *([] if best is None else [word])])
+    title = f"{out.row_names[row]}: reduced model, {shown}{_said_of_bounds(report, out) * has_bound}"
     notes = [infinite(t, bound, "", _axis(report))] if has_bound else []
     ax.set(xlabel=_time(report), ylabel=quantity(out.row_names[row], out.unit))
     finish(ax, title, notes)
@@ -112,9 +112,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     limits = limits_of_errors({**drawn.bounds, **bands}, others, float(np.max(np.abs(out.value[:, row]))))
     for place, e in enumerate(drawn.bounds):
         style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place), "markersize": 5}
-        label = (
-            f"{_bound(out)} '{e}'" if drawn.bounds.keys() - {e} else f"{_bound(out)}, {_most(out, drawn.bounds[e])}"
-        )
+        label = f" '{e}'" if drawn.bounds.keys() - {e} else f", {_most(out, drawn.bounds[e])}"
         log_line(ax, t, drawn.bounds[e], color=COLOURS[e], linewidth=WIDE, label=_bound(out) + label, **style)
     if drawn.estimate is not None:
         label = f"|estimate|{_not_resolved(size, drawn.half, out.value[:, row])}{_within(drawn.half)}"
@@ -170,15 +168,15 @@ def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
     return np.where((error > 0) & (error < np.finfo(float).eps * np.max(np.abs(value))), np.nan, error)
 
 
-def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Best guess of the full model's output, half width, label; the corrected output where that is proved."""
+def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
+    """Best guess of the full model's output, half width, what it is, label; the corrected output where that is proved."""
     if has_estimate(report, out) and _is_estimated(out):
         value, estimate, half = (x[:, row] for x in (out.value, out.estimate, out.uncertainty))
-        return value + estimate, half, f"+ estimate{_not_resolved(estimate, half, value)}{_within(half)}"
+        return value + estimate, half, "estimate", f"+ estimate{_not_resolved(estimate, half, value)}{_within(half)}"
     if out.corrected is None:
         return None
     half = out.corrected_bound[:, row]
-    return out.corrected[:, row], half, f"corrected{_within(half)}{_doubt(out)}"
+    return out.corrected[:, row], half, "corrected output", f"corrected{_within(half)}{_doubt(out)}"
 
 
 def _is_estimated(out: OutputData) -> bool:

@@ -149,11 +149,12 @@ def _script(report: ReportData) -> str:
 
 def _question(report: ReportData) -> str:
     """What a picture answers: how wrong this many modes and steps are."""
-    found = [of for line in report.plan.computed for of in re.findall(r"^basis: (\d+ modes)", line)]
-    modes, steps = found[0] if len(found) == 1 else "its modes", len(report.t) - 1
     if not _script(report):
         return "How wrong is the reduced model?"
-    return f"{_script(report)}how wrong are {modes}{'' if report.time == 'static' else f' and {steps:,} steps'}?"
+    found = [of for line in report.plan.computed for of in re.findall(r"^basis: .*?(\d+) (?:modes|columns)", line)]
+    modes, its = (f"{found[0]} modes", "") if len(found) == 1 else ("its modes", "its ")
+    steps = "" if report.time == "static" else f" and {its}{len(report.t) - 1:,} steps"
+    return f"{_script(report)}how wrong are {modes}{steps}?"
 
 
 def _notes(report: ReportData, rows: list[tuple[str, int]], left_out: str | list[str]) -> str:
