@@ -169,7 +169,7 @@ def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
-    """Best guess of the full model's output, half width, what it is, label; the corrected output where that is proved."""
+    """Best guess of the full model's output, half width, what it is, label; the corrected output where it is proved."""
     if has_estimate(report, out) and _is_estimated(out):
         value, estimate, half = (x[:, row] for x in (out.value, out.estimate, out.uncertainty))
         return value + estimate, half, "estimate", f"+ estimate{_not_resolved(estimate, half, value)}{_within(half)}"
