@@ -603,7 +603,7 @@ def test_sampled_bounds_are_not_called_more_than_they_are():
     out = report.output("tip")
     out.causes["basis"], out.causes["time step"] = out.bound["best"], 0 * out.bound["best"]
     ax = axes_of(draw_causes, report, "tip")
-    assert "where the bound of the error of the modes comes from" in ax.get_title()
+    assert "what the bound of the error of the modes comes from" in ax.get_title()
     assert legend(ax)[:2] == ["basis, 100 %", "time step: not covered"]
 
 

@@ -12,7 +12,7 @@ from ...checks import check_array, check_choice, check_nodes
 from ...errors import InputError
 from ..scope import NOT_CERTIFIED
 from ..wording import error_kind, instant, not_certified, rounded_up, sharpest_at_nodes, under
-from .style import COLOURS, THIN, WIDE, picture
+from .style import COLOURS, THIN, WIDE, in_unit, picture
 
 if TYPE_CHECKING:
     import os
@@ -85,9 +85,9 @@ def draw_body(
     _frame(ax, moved, unit)
     bar = ax.figure.colorbar(parts, ax=ax, shrink=0.7, pad=0.08)
     bound_of = f"bound{f' ({NOT_CERTIFIED})' if report.uncertified else ''} of the {error_kind(report.time)}"
-    bar.set_label(f"{bound_of}\nby '{e}'{under(report.scope, e)} / {unit}")
+    bar.set_label(in_unit(f"{bound_of}\nby '{e}'{under(report.scope, e)}", unit))
     bar.formatter.set_powerlimits((-3, 4))
-    ax.set_title(_title(report, bound, at, scale, f"{unit}{under(report.scope, e)}"))
+    ax.set_title(_title(report, bound, at, scale, f"{unit and f' {unit}'}{under(report.scope, e)}"))
 
 
 def surface_triangles(elements: Any) -> np.ndarray:
@@ -174,7 +174,7 @@ def _frame(ax: Any, places: np.ndarray, unit: str) -> None:
     for axis, m, d in zip("xyz", middle, half, strict=True):
         count = int(TICKS * d / np.max(half))
         ax.set(**{f"{axis}lim": (m - d, m + d)})
-        getattr(ax, f"set_{axis}label")(f"{axis} / {unit}", labelpad=LABELPAD if count else -LABELPAD)
+        getattr(ax, f"set_{axis}label")(in_unit(axis, unit), labelpad=LABELPAD if count else -LABELPAD)
         getattr(ax, f"{axis}axis").set_major_locator(MaxNLocator(count) if count else NullLocator())
     ax.set_box_aspect(half, zoom=ZOOM)
 
@@ -185,6 +185,6 @@ def _title(report: ReportData, bound: np.ndarray, at: int, scale: float | None, 
     drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
     infinite = ", orange: infinite" if np.isinf(bound).any() else ""
     is_at_most = "bounded by" if report.uncertified else "at most"
-    most = f"{error_kind(report.time)} at node {worst}: {is_at_most} {rounded_up(bound[worst])} {unit}"
+    most = f"{error_kind(report.time)} at node {worst}: {is_at_most} {rounded_up(bound[worst])}{unit}"
     why = fill(not_certified(report.uncertified), TITLE)
     return f"{most[0].upper()}{most[1:]}{why and f'{chr(10)}({why})'}\n{when}, {drawn}{infinite}"

@@ -16,6 +16,7 @@ from .readable_axes import (
     OF_HALF_WIDTH,
     above,
     infinite,
+    largest,
     largest_in_words,
     limits_of_errors,
     limits_of_signal,
@@ -89,8 +90,9 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         ax.plot(t, lines[1], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
     if limits is not None:
         ax.set_ylim(*limits)
-    shown = " and ".join([*["bound"] * has_bound, *([] if best is None else [word])])
-    title = f"{out.row_names[row]}: reduced model, {shown}{_said_of_bounds(report, out) * has_bound}"
+    shown = ["reduced model", *["bound"] * has_bound, *([] if best is None else [word])]
+    shown[-2:] = [" and ".join(shown[-2:])]
+    title = f"{out.row_names[row]}: {', '.join(shown)}{_said_of_bounds(report, out) * has_bound}"
     notes = [infinite(t, bound, "", _axis(report))] if has_bound else []
     ax.set(xlabel=_time(report), ylabel=quantity(out.row_names[row], out.unit))
     finish(ax, title, notes)
@@ -112,8 +114,9 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     limits = limits_of_errors({**drawn.bounds, **bands}, others, float(np.max(np.abs(out.value[:, row]))))
     for place, e in enumerate(drawn.bounds):
         style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place), "markersize": 5}
-        label = f" '{e}'" if drawn.bounds.keys() - {e} else f", {_most(out, drawn.bounds[e])}"
-        log_line(ax, t, drawn.bounds[e], color=COLOURS[e], linewidth=WIDE, label=_bound(out) + label, **style)
+        alone = not drawn.bounds.keys() - {e}
+        label = f"{_bound(out)}, {_most(out, drawn.bounds[e])}" if alone else f"bound '{e}'{_doubt(out)}"
+        log_line(ax, t, drawn.bounds[e], color=COLOURS[e], linewidth=WIDE, label=label, **style)
     if drawn.estimate is not None:
         label = f"|estimate|{_not_resolved(size, drawn.half, out.value[:, row])}{_within(drawn.half)}"
         _estimate(ax, t, drawn, label, limits)
@@ -157,10 +160,10 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     mark_zeros(ax, t, best, COLOURS["value"])
     worst_label = _worst(report, out, row, worst)
     ax.axvline(t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=worst_label)
-    title = f"{out.row_names[row]}: where the bound{_doubt(out)} of the {kind_of_bound(report)} comes from"
+    title = f"{out.row_names[row]}: what the bound of the {kind_of_bound(report)} comes from"
     ax.set(xlabel=_time(report), ylabel="share of the bound / %", ylim=(0, 100))
     ax.margins(x=0.01)
-    finish(ax, title, [infinite(t, best, "", _axis(report))])
+    finish(ax, f"{title}{_said_of_bounds(report, out)}", [infinite(t, best, "", _axis(report))])
 
 
 def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -169,7 +172,7 @@ def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
-    """Best guess of the full model's output, half width, what it is, label; the corrected output where it is proved."""
+    """Best guess of the full model's output, half width, name, label; where it is proved the corrected output."""
     if has_estimate(report, out) and _is_estimated(out):
         value, estimate, half = (x[:, row] for x in (out.value, out.estimate, out.uncertainty))
         return value + estimate, half, "estimate", f"+ estimate{_not_resolved(estimate, half, value)}{_within(half)}"
@@ -221,7 +224,7 @@ def _within(half: np.ndarray) -> str:
 def _colour(report: ReportData, out: OutputData, row: int) -> str:
     """That of the sharpest of the bounds that the best one is made of."""
     bounds = alike(report, out, row).bounds
-    return COLOURS[min(bounds, key=lambda e: np.max(bounds[e]))]
+    return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest(bounds[e])))]
 
 
 def _not_resolved(*row: np.ndarray) -> str:

@@ -24,7 +24,7 @@ HARDLY = 0.01  # of the largest change of an output's rows: a row that changes l
 PANELS = 4  # of a picture: more are smaller than their legends
 DETAILED = 3  # so many have a second pair of axes with their errors
 SCREEN = (10.0, 8.0)  # inches, the largest picture
-LINE, NAMES = 150, 8  # letters in a line of the notes; so many names are in them
+NOTE, NAMES = 15, 8  # letters in an inch of the notes; so many names are in them
 NO_SCRIPT = re.compile(r"ipykernel|__")  # what runs a user's cells, or was run with python -m
 
 
@@ -59,9 +59,7 @@ def plot_report(
             limit = limit_of(report.output(name), tolerances)
             draw_bounds(ax, report, name, i, limit.size if limit.is_asked else None)
             signal.sharex(ax)
-    _frame(
-        figure, _question(report), _notes(report, rows, left_out and _note(left_out, "smaller bounds or estimates"))
-    )
+    _frame(figure, _question(report), _notes(report, rows, _note(left_out, "smaller bounds or estimates")))
     return _saved(figure, path)
 
 
@@ -72,8 +70,9 @@ def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outpu
     figure, panels = _panels(len(rows), 1)
     for (name, i), (ax,) in zip(rows, panels, strict=True):
         draw_causes(ax, report, name, i)
-    title = f"{_script(report)}where do the bounds come from?"
-    _frame(figure, title, _notes(report, rows, left_out and _note(left_out, "smaller bounds")))
+    script = _script(report)
+    title = f"{script}{'w' if script else 'W'}hat do the bounds come from?"
+    _frame(figure, title, _notes(report, rows, _note(left_out, "smaller bounds")))
     return _saved(figure, path)
 
 
@@ -118,23 +117,21 @@ def _for_its_size(out: OutputData, row: int) -> tuple[bool, float]:
 
 def _panels(count: int, high: int) -> tuple[Any, np.ndarray]:
     """Return a figure of at most one screen, without an empty place, and axes (count, high), one panel a row."""
-    wide = count > 1 + high // 2  # three signals with their errors beside them
-    if high == 1:
-        columns = 1 + (count % 2 == 0)
-        shape = (count // columns, columns)
-    else:
-        shape = (count, 2) if wide else (2, count)
-    size = np.minimum(SCREEN, (SIZE[0] * shape[1], SIZE[1] * shape[0]))
-    figure = new_figure(*size)
+    columns = 2 - count % 2 if high == 1 else min(count, 2)
+    shape = (count // columns, columns) if high == 1 else (count, 2) if count > columns else (2, count)
+    figure = new_figure(*np.minimum(SCREEN, (SIZE[0] * shape[1], SIZE[1] * shape[0])))
     axes = figure.subplots(*shape, squeeze=False)
-    return figure, axes.reshape(count, 1) if high == 1 else axes if wide else axes.T
+    if high == 1:
+        return figure, axes.reshape(count, 1)
+    return figure, axes if count > columns else axes.T  # three signals have their errors beside them
 
 
 def _frame(figure: Any, title: str, notes: str) -> None:
     """Title above, notes below all panels; times at the lowest of those above one another alone."""
     figure.suptitle(fill(title, int(figure.get_figwidth() / LETTER)), fontsize=1.2 * LETTERS)
     if notes:
-        figure.supxlabel(notes, fontsize="small")
+        width = int(NOTE * figure.get_figwidth())
+        figure.supxlabel("\n".join(fill(line, width) for line in notes.split("\n")), fontsize="small")
     for ax in figure.axes:
         if not ax.get_subplotspec().is_last_row():
             ax.set_xlabel("")
@@ -157,19 +154,21 @@ def _question(report: ReportData) -> str:
     return f"{_script(report)}how wrong are {modes}{steps}?"
 
 
-def _notes(report: ReportData, rows: list[tuple[str, int]], left_out: str | list[str]) -> str:
+def _notes(report: ReportData, rows: list[tuple[str, int]], left_out: str) -> str:
     """What is said below all panels: what bounds leave out, why they are not certified, what is not drawn."""
     doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.output(name).uncertified)
     condition = for_run_alone(report.scope)
     said = [condition and f"Bounds hold {condition}", doubts and f"Bounds are {not_certified(doubts)}"]
-    return "\n".join([*(fill(words, LINE) for words in said if words), *([left_out] if left_out else [])])
+    return "\n".join(filter(None, [*said, left_out]))
 
 
 def _note(left_out: list[str], smaller: str) -> str:
+    if not left_out:
+        return ""
     names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
     more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
     why = f"{smaller} for their size, none, or not asked for"
-    return fill(f"Not shown ({why}): {', '.join(names)}{more}; outputs= chooses", LINE)
+    return f"Not shown ({why}): {', '.join(names)}{more}; outputs= chooses"
 
 
 def _saved(figure: Any, path: str | os.PathLike | None) -> Any:

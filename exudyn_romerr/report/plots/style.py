@@ -155,9 +155,14 @@ def spread(count: int, place: int) -> range:
     return range((place * step) // 3 % step, count, step)
 
 
+def in_unit(name: str, unit: str) -> str:
+    """Return "tip y / m", and "tip y" where no unit is known."""
+    return f"{name} / {unit}" if unit else name
+
+
 def quantity(name: str, unit: str) -> str:
-    """Return the label of an axis: "tip y / m", without a unit that is not known, in lines that a panel is high."""
-    kept = f"\N{NO-BREAK SPACE}/\N{NO-BREAK SPACE}{unit}" if unit else ""
+    """Return the label of an axis, with its unit if that is known, in lines that a panel is high."""
+    kept = in_unit("", unit).replace(" ", "\N{NO-BREAK SPACE}")
     lines = fill(f"{name}{kept}", SIDEWAYS, break_long_words=False, break_on_hyphens=False)
     return lines.replace("\N{NO-BREAK SPACE}", " ")
 
