@@ -640,7 +640,7 @@ RUNS = [("a", 1, 1e-2, 1e-3, "4"), ("a", 4, 1e-5, None), ("b", 2, 1e-3, 1e-4), (
 def test_runs_of_a_kind_are_one_curve_and_the_front_is_marked():
     ax = axes_of(draw_run_time, RUNS, "tip", "mm")
     assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", "run time / s")
-    assert ax.get_ylabel() == "largest error of\ntip / mm"
+    assert ax.get_ylabel() == "largest error of tip / mm"
     assert legend(ax) == ["Pareto front of the bounds", "a", "b", "filled: bound", "hollow: true error"]
     assert [x.tolist() for x in line(ax, "Pareto front of the bounds")] == [[1, 2, 4], [1e-2, 1e-3, 1e-5]]
     assert [x.tolist() for x in line(ax, "a")] == [[1, 4], [1e-2, 1e-5]]
@@ -669,7 +669,7 @@ def test_runs_of_growing_size():
     assert (ax.get_xlabel(), ax.get_yscale(), ax.get_ylabel()) == (
         "number of modes",
         "log",
-        "largest error of\ntip / mm",
+        "largest error of tip / mm",
     )
     assert legend(ax) == ["bound", "|true error|", ZERO]
     assert line(ax, "bound")[0].tolist() == [2, 4, 8]

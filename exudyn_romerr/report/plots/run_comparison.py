@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...errors import InputError
-from .style import COLOURS, KINDS, WIDE, finish, log_line, picture, quantity
+from .style import COLOURS, KINDS, WIDE, finish, in_unit, log_line, picture
 
 if TYPE_CHECKING:
     import os
@@ -67,7 +67,7 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     runs = _checked(rows, TimedRun)
     if not all(0 < run.seconds < np.inf for run in runs):
         raise InputError("seconds of every row must be above zero and finite: the axis is logarithmic")
-    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=quantity(f"largest error of {name}", unit))
+    ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=in_unit(f"largest error of {name}", unit))
     _draw_front(ax, runs)
     kinds = list(dict.fromkeys(run.kind for run in runs))
     if len(kinds) > len(KINDS):
@@ -108,7 +108,7 @@ def draw_convergence(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> No
     from matplotlib.ticker import MaxNLocator
 
     runs = sorted(_checked(rows, CountedRun), key=lambda run: run.n)
-    ax.set(yscale="log", xlabel="number of modes", ylabel=quantity(f"largest error of {name}", unit))
+    ax.set(yscale="log", xlabel="number of modes", ylabel=in_unit(f"largest error of {name}", unit))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     bound = {"color": COLOURS["auxiliary"], "marker": "o", "label": "bound"}
     error = {"color": COLOURS["error"], "marker": "s", "label": "|true error|"}
