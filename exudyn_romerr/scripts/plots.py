@@ -27,8 +27,10 @@ HIGH = 4.6  # inches
 
 
 @of_one_size
-def draw_causes(rows: Sequence[Row], path: str | os.PathLike, title: str = "Errors measured") -> None:
+def draw_causes(rows: Sequence[Row], path: str | os.PathLike, title: str = "Errors measured") -> Any:
     """Draw the errors of all sensors by cause, as shares of what they show, and the tolerances that were given.
+
+    Returns the figure.
 
     Parameters
     ----------
@@ -55,6 +57,7 @@ def draw_causes(rows: Sequence[Row], path: str | os.PathLike, title: str = "Erro
     columns = max(2, -(-len(axes.get_legend_handles_labels()[1]) // 2))
     figure.legend(loc="outside lower center", ncols=columns, fontsize="small", frameon=False)
     save(figure, path)
+    return figure
 
 
 def _draw(axes: Any, sensors: Sequence[Row], cause: str, offset: float, width: float) -> None:
