@@ -235,6 +235,15 @@ def test_a_bound_under_frozen_inputs_is_not_drawn_beside_the_mechanism_s_error()
         assert legend(axes_of(draw_signal, report, "tip")) == ["reduced model", "+ estimate ± 0.05"]
 
 
+def test_the_whole_error_is_drawn_where_there_is_no_bound_of_the_modes():
+    report = of_modes_and_steps()
+    for bound in report.output("tip").bound.values():
+        bound[:] = np.inf
+    ax = axes_of(draw_bounds, report, "tip")
+    assert legend(ax) == ["|estimate| ± 0.05"]
+    assert ax.get_title() == "tip: error\nno finite bound"
+
+
 def test_an_estimate_under_frozen_inputs_is_not_drawn_beside_a_bound_of_more():
     report = of_modes_and_steps()
     report.output("tip").estimate_scope = FROZEN

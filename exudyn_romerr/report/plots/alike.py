@@ -53,7 +53,8 @@ def bound_covers(report: ReportData, out: OutputData) -> bool:
 def alike(report: ReportData, out: OutputData, row: int) -> Alike:
     """Return what is drawn together of a row: of the modes where the bound is of these alone.
 
-    Where a truth was compared that has other steps, or forces that the bound takes as they are, of the whole error.
+    Of the whole error where a truth was compared that has other steps, the bound takes forces as they are, or there is
+    no finite one.
     """
     bounds = {e: out.bound[e][:, row] for e in widest(report.scope) if e in out.bound}
     error = None if out.error is None else out.error[:, row]
@@ -63,9 +64,10 @@ def alike(report: ReportData, out: OutputData, row: int) -> Alike:
     if bound_covers(report, out):
         kind = WHOLE if covers_time(out, report.time) else kind_of_bound(report)
         return Alike(kind, bounds, whole, half, error, _narrower(report))
+    if not any(np.isfinite(bound).any() for bound in bounds.values()):
+        return Alike(WHOLE, {}, whole, half, error, ("no finite bound",))
     modes, half_of_modes = _of_modes(out, row)
-    of_modes = _same_scope(report, out) and (error is None or _off(error, modes) < _off(error, whole))
-    if of_modes:
+    if _same_scope(report, out) and (error is None or _off(error, modes) < _off(error, whole)):
         return Alike(OF_MODES, bounds, modes, half_of_modes, error, _narrower(report))
     why = "of the modes alone" if _same_scope(report, out) else under(report.scope).removeprefix(", ")
     doubt = f", {NOT_CERTIFIED}" if out.uncertified else ""
