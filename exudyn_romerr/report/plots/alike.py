@@ -53,8 +53,8 @@ def bound_covers(report: ReportData, out: OutputData) -> bool:
 def alike(report: ReportData, out: OutputData, row: int) -> Alike:
     """Return what is drawn together of a row: of the modes where the bound is of these alone.
 
-    Of the whole error where a truth was compared that has other steps, the bound takes forces as they are, or there is
-    no finite one.
+    Of the whole error where a truth was compared that has other steps, where the bound takes forces as they are, or
+    where no bound is finite.
     """
     bounds = {e: out.bound[e][:, row] for e in widest(report.scope) if e in out.bound}
     error = None if out.error is None else out.error[:, row]
