@@ -49,7 +49,7 @@ def _written(run: Run, option: str, path: str) -> list[str]:
         return [tried(path, lambda: _write_json(run, path))]
     if not run.reports:
         return [f"not written: {path}: no solve has a report"]
-    return [tried(to, lambda r=report, to=to: _write(r, option, to)) for report, to in _numbered(run, path)]
+    return [tried(to, lambda r=report, to=to: _write(run, r, option, to)) for report, to in _numbered(run, path)]
 
 
 def _numbered(run: Run, path: str) -> list[tuple[BoundReport, str]]:
@@ -60,8 +60,13 @@ def _numbered(run: Run, path: str) -> list[tuple[BoundReport, str]]:
     return [(solve.report, f"{stem}_{solve.number}{ending}") for solve in run.solves if solve.report is not None]
 
 
-def _write(report: BoundReport, option: str, path: str) -> None:
-    {"save": report.save, "html": report.to_html, "plot": report.plot}[option](path)
+def _write(run: Run, report: BoundReport, option: str, path: str) -> None:
+    if option == "plot":
+        from ..report.plots.panels import plot_report
+
+        plot_report(report, path, tolerances=run.tolerances)
+    else:
+        {"save": report.save, "html": report.to_html}[option](path)
 
 
 def tried(path: str, write: Any) -> str:

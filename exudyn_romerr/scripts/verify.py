@@ -131,7 +131,7 @@ class Verification:
         """Draw the measured errors of all sensors by cause, with half widths, and the estimate beside them."""
         from .plots import draw_causes
 
-        draw_causes(self.judgement.rows, path)
+        draw_causes(self.judgement.rows, path, title=f"{os.path.basename(self.script)}: errors measured")
 
     def __str__(self) -> str:
         return "\n".join([*self.misspelt, text(self.judgement, self.script)])

@@ -91,8 +91,9 @@ def test_the_page_has_every_cause(name):
 
 def doubted(report, *doubts, scope=None):
     """The same, not certified."""
-    outputs = {name: replace(out, uncertified=doubts) for name, out in report.outputs.items()}
     scope = dict.fromkeys(report.scope, scope or "complete")
+    covers = {"uncertified": doubts, "estimate_scope": ""}  # an estimate covers what bounds do
+    outputs = {name: replace(out, **covers) for name, out in report.outputs.items()}
     return replace(
         report,
         outputs=outputs,
@@ -234,7 +235,7 @@ def texts_of(figure):
     found = [text.get_text() for ax in figure.axes for text in (ax.title, ax.xaxis.label, ax.yaxis.label)]
     legends = [ax.get_legend() for ax in figure.axes]
     found += [text.get_text() for one in legends if one is not None for text in one.get_texts()]
-    return [*found, figure.get_suptitle()]
+    return [*found, figure.get_suptitle(), figure.get_supxlabel()]
 
 
 @pytest.mark.parametrize("scope", SCOPES)
@@ -254,8 +255,8 @@ def test_pictures_say_so(plain, draw, scope):
 @pytest.mark.parametrize("plot", [plot_report, plot_causes])
 def test_pictures_of_several_outputs_say_why(plain, plot):
     doubt = DOUBTS["goes on"]
-    assert f"not certified: {doubt.cause}" in plot(doubted(plain, doubt)).get_suptitle().replace("\n", " ")
-    assert NOT_CERTIFIED not in plot(doubted(plain)).get_suptitle()
+    assert f"not certified: {doubt.cause}" in plot(doubted(plain, doubt)).get_supxlabel().replace("\n", " ")
+    assert NOT_CERTIFIED not in plot(doubted(plain)).get_supxlabel()
 
 
 def test_a_body_s_picture_and_file_say_so(plain, tmp_path):

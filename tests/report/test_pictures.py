@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import rc_context
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
 from examples import pictures as example
+from exudyn_romerr.report.answers import Tolerances
 from exudyn_romerr.report.data import NodeFields, Plan
 from exudyn_romerr.report.plots.body_surface import draw_body, plot_body, surface_triangles
 from exudyn_romerr.report.plots.over_time import (
@@ -28,8 +29,11 @@ from exudyn_romerr.report.plots.over_time import (
 from exudyn_romerr.report.plots.panels import PANELS, SCREEN, plot_causes, plot_report
 from exudyn_romerr.report.plots.run_comparison import draw_convergence, draw_run_time, front
 from exudyn_romerr.report.plots.style import (
+    CAUSE_STYLES,
     COLOURS,
+    KINDS,
     LETTERS,
+    LINES,
     MARKERS,
     STYLES,
     WIDE,
@@ -47,7 +51,7 @@ from exudyn_romerr.report.wording import NOT_THE_MECHANISM
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "pictures.md").read_text(encoding="utf-8")
 CODE = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-ZERO, INFINITE = "lower edge: exactly zero", "upper edge: infinite"
+ZERO = "zero"  # marks at the lower edge of a logarithmic axis
 OVER_TIME = (draw_signal, draw_bounds, draw_causes)
 FORMATS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 POSITIONS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
@@ -125,23 +129,15 @@ def test_signal_has_bands_of_both_outputs_and_the_truth():
     report = made_up()
     ax = axes_of(draw_signal, report, "tip")
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("t / s", "tip / mm")
-    assert legend(ax) == [
-        "value ± bound, at most 2 mm",
-        "reduced model",
-        "corrected ± its bound, at most 0.1 mm",
-        "corrected output",
-        "truth",
-    ]
-    assert area(ax, "value") == (9, 13)
+    assert legend(ax) == ["reduced model", "± bound, at most 2", "corrected ± 0.1", "truth"]
+    assert area(ax, "± bound") == (9, 13)
     np.testing.assert_allclose(area(ax, "corrected"), (10.4, 11.6))
     np.testing.assert_array_equal(line(ax, "truth")[1], 9.5 + report.t)
 
 
 def test_signal_without_auxiliary_modes_and_truth_promises_neither():
-    assert legend(axes_of(draw_signal, made_up(truth=False, corrected=False), "tip")) == [
-        "value ± bound, at most 2 mm",
-        "reduced model",
-    ]
+    ax = axes_of(draw_signal, made_up(truth=False, corrected=False), "tip")
+    assert legend(ax) == ["reduced model", "± bound, at most 2"]
 
 
 def with_estimate(report, half, checks=("steps",)):
@@ -157,23 +153,25 @@ def with_estimate(report, half, checks=("steps",)):
 def test_signal_has_the_best_guess_where_it_is_not_the_corrected_output():
     report = with_estimate(made_up(), 0.05, ("steps", "vectors"))
     ax = axes_of(draw_signal, report, "tip")
-    guess = ["value + estimate ± half width, up to 0.05 mm", "value + estimate"]
-    assert legend(ax) == ["value ± bound, at most 2 mm", "reduced model", *guess, "truth"]
-    np.testing.assert_allclose(line(ax, guess[1])[1], 9.9 + 1.25 * report.t)
-    np.testing.assert_allclose(area(ax, "value + estimate"), (9.85, 11.2))
-    assert "corrected output" in legend(axes_of(draw_signal, with_estimate(made_up(), 0.05, ("proved",)), "tip"))
+    guess = "+ estimate ± 0.05"  # line and band are one entry
+    assert legend(ax) == ["reduced model", "± bound, at most 2", guess, "truth"]
+    np.testing.assert_allclose(line(ax, guess)[1], 9.9 + 1.25 * report.t)
+    np.testing.assert_allclose(area(ax, guess), (9.85, 11.2))
+    proved = axes_of(draw_signal, with_estimate(made_up(), 0.05, ("proved",)), "tip")
+    assert "corrected ± 0.1" in legend(proved)
+    assert proved.get_title() == "tip: reduced model, bound and corrected output"
 
 
 def test_a_half_width_that_tells_nothing_hides_nothing():
     """It lies below the band of the bound, and the axes are those of value, bound, estimate and truth."""
     ax = axes_of(draw_signal, with_estimate(made_up(), 100.0), "tip")
-    guess, bound = "value + estimate ± half width, up to 100 mm, cut off", "value ± bound, at most 2 mm"
-    assert (legend(ax)[0], legend(ax)[2]) == (bound, guess)
+    guess, bound = "+ estimate (not resolved) ± 100, cut off", "± bound, at most 2"
+    assert legend(ax)[1:3] == [bound, guess]
     areas = {found.get_label(): found.get_zorder() for found in ax.collections}
     assert areas[guess] < areas[bound]
     np.testing.assert_allclose(ax.get_ylim(), (8.6, 13.4))  # 9 to 13 and a tenth on each side
     ax = axes_of(draw_signal, with_estimate(made_up(), 3.0), "tip")  # 6.9 to 14.15
-    assert "value + estimate ± half width, up to 3 mm" in legend(ax)
+    assert "+ estimate ± 3" in legend(ax)
     low, high = ax.get_ylim()
     assert low < 6.9
     assert high > 14.1
@@ -182,35 +180,121 @@ def test_a_half_width_that_tells_nothing_hides_nothing():
 def test_estimate_is_told_from_bounds_and_true_error():
     """By its dashes and the band, also in grey; the legend says each."""
     report = with_estimate(made_up(), 0.05)
-    ax = axes_of(draw_bounds, report, "tip")
-    assert legend(ax) == [
-        "bound 'energy'",
-        "bound 'auxiliary'",
-        "|estimate|",
-        "half width of the estimate",
-        "|true error|",
-    ]
-    size = np.abs(report.output("tip").estimate[:, 0])
-    np.testing.assert_array_equal(line(ax, "|estimate|")[1], size)
-    np.testing.assert_allclose(area(ax, "half width"), (size.min(), 0.2))  # a logarithm has no zero
-    (dashed,) = [found for found in ax.lines if found.get_label() == "|estimate|"]
+    ax, label = axes_of(draw_bounds, report, "tip"), "|estimate| ± 0.05"
+    assert legend(ax) == ["bound 'energy'", "bound 'auxiliary'", label, "|true error|"]
+    np.testing.assert_array_equal(line(ax, label)[1], np.abs(report.output("tip").estimate[:, 0]))
+    low, high = area(ax, label)
+    assert low < ax.get_ylim()[0]  # a logarithm has no zero
+    np.testing.assert_allclose(high, 0.2)
+    (dashed,) = [found for found in ax.lines if found.get_label() == label]
     assert dashed.get_linestyle() == "--"  # the true error is solid, bounds are wide
     assert dashed.get_linewidth() < WIDE
     assert dashed.get_zorder() > max(found.get_zorder() for found in ax.lines if found is not dashed)
 
 
-def test_pictures_say_what_estimate_and_bound_are_of():
-    """The estimate has time steps in it, the bound has not; and what both hold under."""
-    report = with_estimate(made_up(time="sampled"), 0.05)
-    assert axes_of(draw_bounds, report, "tip").get_ylabel() == "reduction error of tip / mm"
-    report.output("tip").estimate_parts["time step"] = report.output("tip").estimate
-    report.scope = dict.fromkeys(report.scope, FROZEN)
+def of_modes_and_steps(scope=COUPLED, truth=False):
+    """A report of a mechanism: bounds of the modes, an estimate with time steps, which are 1 mm."""
+    report = with_estimate(made_up(time="sampled", truth=truth), 0.05, ("vectors", "steps"))
+    out, report.scope = report.output("tip"), dict.fromkeys(report.scope, scope)
+    out.estimate_parts["time step"] = np.ones_like(out.value)
+    out.estimate, out.estimate_scope = out.estimate + 1.0, COUPLED
+    return report
+
+
+def test_bounds_of_the_modes_are_drawn_with_the_estimate_of_the_modes():
+    """Not with that of time steps, too, below which they may lie: as if a proof had failed."""
+    report = of_modes_and_steps()
+    ax = axes_of(draw_signal, report, "tip")
+    assert legend(ax) == ["reduced model", "+ estimate ± 0.05"]
+    np.testing.assert_allclose(line(ax, "+ estimate ± 0.05")[1], 10.9 + 1.25 * report.t)
     ax = axes_of(draw_bounds, report, "tip")
-    assert ax.get_ylabel() == "error of tip / mm"
-    assert legend(ax)[1:3] == ["bound 'auxiliary' of the reduction error, inputs frozen", "|estimate|, inputs frozen"]
-    said = legend(axes_of(draw_signal, report, "tip"))
-    assert said[0].startswith("value ± bound of the reduction error, inputs frozen, at most")
-    assert said[2] == "value + estimate ± half width, inputs frozen, up to 0.05 mm"
+    assert ax.get_ylabel() == "error of the modes of\ntip / mm"
+    assert ax.get_title() == "tip: error of the modes (bound to first order)"
+    assert legend(ax)[2] == "|estimate| ± 0.025"  # the check of steps is none of theirs
+    np.testing.assert_allclose(line(ax, "|estimate| ± 0.025")[1], np.abs(0.25 * report.t - 0.1), atol=1e-12)
+
+
+@pytest.mark.parametrize(("error", "kind"), [(0.1, "error of the modes"), (1.0, "error")])
+def test_a_truth_is_drawn_with_what_is_of_the_same_error(error, kind):
+    """One with the same steps has nothing of their error."""
+    report = of_modes_and_steps(truth=True)
+    report.output("tip").error[:] = error
+    ax = axes_of(draw_bounds, report, "tip")
+    assert ax.get_title().startswith(f"tip: {kind}")
+    assert ("bound 'energy'" in legend(ax)) == (error == 0.1)
+    assert ("bound of the modes alone: not drawn" in ax.get_title()) == (error == 1.0)
+
+
+def test_a_bound_under_frozen_inputs_is_not_drawn_beside_the_mechanism_s_error():
+    for time in ("sampled", "reconstructed"):
+        report = of_modes_and_steps(FROZEN)
+        report.time = time
+        ax = axes_of(draw_bounds, report, "tip")
+        assert legend(ax) == ["|estimate| ± 0.05"]
+        assert ax.get_title() == "tip: error\nbound inputs frozen: not drawn"
+        assert legend(axes_of(draw_signal, report, "tip")) == ["reduced model", "+ estimate ± 0.05"]
+
+
+def test_the_whole_error_is_drawn_where_there_is_no_bound_of_the_modes():
+    report = of_modes_and_steps()
+    for bound in report.output("tip").bound.values():
+        bound[:] = np.inf
+    ax = axes_of(draw_bounds, report, "tip")
+    assert legend(ax) == ["|estimate| ± 0.05"]
+    assert ax.get_title() == "tip: error\nno finite bound"
+
+
+def test_an_estimate_under_frozen_inputs_is_not_drawn_beside_a_bound_of_more():
+    report = of_modes_and_steps()
+    report.output("tip").estimate_scope = FROZEN
+    assert legend(axes_of(draw_bounds, report, "tip")) == ["bound 'energy'", "bound 'auxiliary'"]
+    assert not any("estimate" in text for text in legend(axes_of(draw_signal, report, "tip")))
+
+
+def test_a_tolerance_is_drawn_where_there_is_one():
+    report = made_up()
+    assert "tolerance" not in legend(axes_of(draw_bounds, report, "tip"))
+    report.output("tip").tolerance = 0.03
+    for asked, expected in ((None, 0.03), (1e4, 1e4)):
+        ax = axes_of(draw_bounds, report, "tip", tolerance=asked)
+        assert "tolerance" in legend(ax)
+        assert set(line(ax, "tolerance")[1]) == {expected}
+        assert ax.get_ylim()[0] < expected < ax.get_ylim()[1]
+
+
+def test_pictures_have_the_tolerance_that_was_asked_for():
+    """A share is one of what the output shows, 11 mm."""
+    _, ax = plot_report(made_up(), tolerances=Tolerances(["10%"])).axes
+    np.testing.assert_allclose(line(ax, "tolerance")[1], 1.1)
+    _, ax = plot_report(made_up(), tolerances=Tolerances([])).axes
+    assert "tolerance" not in legend(ax)
+
+
+def test_axes_have_no_unit_that_is_not_known():
+    report = made_up()
+    report.output("tip").unit = ""
+    assert axes_of(draw_signal, report, "tip").get_ylabel() == "tip"
+    assert axes_of(draw_bounds, report, "tip").get_ylabel() == "error of tip"
+    assert legend(axes_of(draw_causes, report, "tip"))[-1] == "worst, t = 1 s: 2"
+    assert axes_of(draw_convergence, [(2, 1.0)], "tip", "").get_ylabel() == "largest error of tip"
+
+
+def test_green_is_a_bound_and_nothing_else():
+    """Of the best bound the band, too; no cause, no kind of basis."""
+    green = COLOURS["auxiliary"]
+    assert not [look for look in (*CAUSE_STYLES.values(), *KINDS) if green in look]
+    assert [name for name, colour in COLOURS.items() if colour == green] == ["auxiliary", "static"]
+    for corrected in (True, False):
+        report = with_estimate(made_up(), 0.05) if corrected else made_up(corrected=False)
+        ax = axes_of(draw_signal, report, "tip")
+        looks = {found.get_label(): to_hex(found.get_facecolor()[0]).upper() for found in ax.collections}
+        assert [label for label, look in looks.items() if look == green] == ["± bound, at most 2"]
+
+
+def test_a_band_narrower_than_the_line_in_it_is_seen():
+    report = made_up(np.full(5, 1e-9), truth=False, corrected=False)
+    ax = axes_of(draw_signal, report, "tip")
+    assert ax.collections[0].get_linewidth()[0] > ax.lines[0].get_linewidth()
 
 
 @pytest.mark.parametrize(("estimate", "half"), [(0.0, 0.0), (0.0, 0.1), (0.2, np.inf), (0.2, 0.0)])
@@ -221,16 +305,38 @@ def test_estimates_of_any_size_are_drawn(draw, estimate, half):
     report.output("tip").estimate[:] = estimate
     ax = axes_of(draw, report, "tip")
     if draw is draw_bounds:
-        assert ("half width of the estimate" in legend(ax)) == (np.isfinite(half) and estimate + half > 0)
+        assert any(text.startswith("|estimate|") for text in legend(ax)) == (estimate > 0 or half == 0.1)
+        assert bool(ax.collections) == (np.isfinite(half) and estimate + half > 0)
         assert (ZERO in legend(ax)) == (estimate == 0)
 
 
-def test_infinite_band_is_marked_and_not_drawn():
+@pytest.mark.parametrize("draw", OVER_TIME)
+@pytest.mark.parametrize(
+    ("best", "said"),
+    [
+        ([1, 2, np.inf, np.inf, 1], "infinite at t = 0.5 to 0.75 s"),
+        ([1, 2, np.inf, 1, np.inf], "infinite at t = 0.5 to 1 s, not throughout"),
+        ([np.inf, 1, 1, 1, 1], "infinite at t = 0 s"),
+        (np.full(5, np.inf), "no finite bound"),
+        (np.ones(5), ""),
+    ],
+)
+def test_an_infinite_bound_is_a_note(draw, best, said):
+    ax = axes_of(draw, made_up(best, truth=False, corrected=False), "tip")
+    _, _, note = " ".join(ax.get_title().split("\n")).partition("tip: ")
+    assert said in note
+    assert ("infinite" in note or "no finite" in note) == bool(said)
+    drawn = np.concatenate([np.append(found.get_ydata(), np.nan) for found in ax.lines])
+    assert not np.isinf(drawn).any()
+    if draw is draw_bounds and not np.isfinite(best).any():
+        assert "no finite bound by 'energy'" in note
+        assert ax.get_legend() is None
+
+
+def test_infinite_band_is_not_drawn():
     ax = axes_of(draw_signal, made_up([1, 2, np.inf, np.inf, 1]), "tip")
-    assert legend(ax)[0] == "value ± bound, at most 2 mm where finite"
-    assert [x.tolist() for x in edge(ax, INFINITE)] == [[2, 3]]
-    assert area(ax, "value") == (8.25, 12.25)  # the third and fourth instant have no band
-    assert INFINITE in legend(ax)
+    assert legend(ax)[1] == "± bound, at most 2 where finite"
+    assert area(ax, "± bound") == (8.25, 12.25)  # the third and fourth instant have no band
 
 
 def test_bounds_are_told_from_the_true_error():
@@ -251,20 +357,19 @@ def test_what_rounding_alone_makes_of_a_true_error_does_not_set_the_axis():
     assert ZERO not in legend(ax)
 
 
-def test_zeros_and_inf_are_at_the_edges_and_in_the_legend():
-    """They have no place on a logarithmic axis."""
+def test_zeros_are_at_the_edge_and_in_the_legend():
+    """They have no place on a logarithmic axis; infinite bounds have gaps."""
     ax = axes_of(draw_bounds, made_up([0, 1, np.inf, 2, 0]), "tip")
     assert [x.tolist() for x in edge(ax, ZERO)] == [[0, 4], [0, 4]]  # of both estimators
-    assert [x.tolist() for x in edge(ax, INFINITE)] == [[2], [2]]
-    assert {ZERO, INFINITE} <= set(legend(ax))
+    assert ZERO in legend(ax)
     drawn = line(ax, "bound 'auxiliary'")[1]
     np.testing.assert_array_equal(np.isnan(drawn), [True, False, True, False, True])
 
 
 def test_bounds_without_zeros_have_no_such_marks():
     ax = axes_of(draw_bounds, made_up(), "tip")
-    assert not {ZERO, INFINITE} & set(legend(ax))
-    assert edge(ax, ZERO) == edge(ax, INFINITE) == []
+    assert ZERO not in legend(ax)
+    assert edge(ax, ZERO) == []
 
 
 def test_signal_without_a_bound_has_its_estimate_alone():
@@ -273,22 +378,19 @@ def test_signal_without_a_bound_has_its_estimate_alone():
     out.estimate = out.uncertainty = np.full_like(out.value, 0.1)
     out.uncertainty_parts = {"steps": out.uncertainty}
     ax = axes_of(draw_signal, report, "tip")
-    assert ax.get_title().endswith("reduced model with its estimate; no bound")
-    assert not [text for text in legend(ax) if "bound" in text or text == INFINITE]
+    assert ax.get_title() == "tip: reduced model, bound and estimate\nno finite bound"
+    assert legend(ax) == ["reduced model", "+ estimate ± 0.1"]
 
 
-@pytest.mark.parametrize("value", [0.0, np.inf])
 @pytest.mark.parametrize("draw", OVER_TIME)
-def test_reports_with_nothing_else_are_drawn(draw, value):
-    ax = axes_of(draw, made_up(np.full(4, value), truth=False), "tip")
-    words = ZERO if value == 0 else INFINITE
-    expected = [] if draw is draw_signal and value == 0 else [words]
-    assert [text for text in legend(ax) if text in (ZERO, INFINITE)] == expected
+def test_reports_of_zeros_are_drawn(draw):
+    ax = axes_of(draw, made_up(np.zeros(4), truth=False), "tip")
+    assert [text for text in legend(ax) if text == ZERO] == [ZERO] * (draw is not draw_signal)
 
 
 def test_round_off_is_drawn_where_it_hides_the_bound():
     report = made_up()
-    words = "rounding of the input: nothing below is known"
+    words = "rounding: nothing below is known"
     assert words not in legend(axes_of(draw_bounds, report, "tip"))
     report.output("tip").round_off = np.full((5, 1), 7.0)
     assert words in legend(axes_of(draw_bounds, report, "tip"))
@@ -296,15 +398,15 @@ def test_round_off_is_drawn_where_it_hides_the_bound():
 
 def test_shares_of_the_causes_add_up():
     ax = axes_of(draw_causes, made_up(), "tip")
-    assert ax.get_ylabel() == "share of the\nerror bound / %"
-    assert legend(ax) == ["basis, 25 %", "time step, 75 %", "worst instant, t = 1 s: 2 mm"]  # no others: zero
+    assert ax.get_ylabel() == "share of the bound / %"
+    assert legend(ax) == ["basis, 25 %", "time step, 75 %", "worst, t = 1 s: 2 mm"]  # no others: zero
     assert (area(ax, "basis"), area(ax, "time step")) == ((0, 25), (25, 100))
 
 
 def test_where_there_are_no_shares_none_are_drawn():
     """Of a bound that is zero or infinite."""
     ax = axes_of(draw_causes, made_up([0, 1, 1, np.inf, 1]), "tip")
-    assert [x.tolist() for x in edge(ax, ZERO) + edge(ax, INFINITE)] == [[0], [3]]
+    assert [x.tolist() for x in edge(ax, ZERO)] == [[0]]
     assert legend(ax)[0] == "basis"  # the worst instant has no shares
     basis, bar = ax.collections[:2]
     assert {tuple(sorted(set(path.vertices[:, 0]))) for path in basis.get_paths()} == {(0.25, 0.5), (1.0,)}
@@ -344,7 +446,7 @@ def test_rows_of_vectors_are_drawn_one_by_one(draw):
         axes_of(draw, report, "top")
 
 
-@pytest.mark.parametrize(("plot", "panels"), [(plot_report, 3), (plot_causes, 3)])
+@pytest.mark.parametrize(("plot", "panels"), [(plot_report, 6), (plot_causes, 3)])
 def test_figures_of_a_report_have_all_its_rows(plot, panels, tmp_path):
     figure = plot(made_up(rows=3, labels=("x", "y", "z")), tmp_path / "run.svg", outputs="tip")
     assert len(figure.axes) == panels
@@ -364,9 +466,14 @@ def several(count, rows):
     return report
 
 
+def notes(figure):
+    """The lines below all panels: every space and end of line the same."""
+    return " ".join(figure.get_supxlabel().split())
+
+
 def drawn(figure):
     """What panels show, by their titles."""
-    return [title.split(":")[0] for ax in figure.axes if (title := ax.get_title())]
+    return list(dict.fromkeys(ax.get_title().split(":")[0] for ax in figure.axes))
 
 
 @pytest.mark.parametrize(
@@ -382,11 +489,13 @@ def drawn(figure):
 )
 @pytest.mark.parametrize("plot", [plot_report, plot_causes])
 def test_pictures_fit_one_screen_an_output_a_panel(plot, count, rows, shown, left_out):
-    """Those with the largest bounds, in their order, and a line of what is left out."""
+    """Those with the largest bounds, in their order, and a line of what is left out; no place is empty."""
     figure = plot(several(count, rows))
     assert drawn(figure) == shown
-    assert len(figure.axes) == len(shown) * (2 if plot is plot_report and len(shown) <= 2 else 1)
-    said = " ".join(figure.get_suptitle().split())  # every space and end of line the same
+    assert len(figure.axes) == len(shown) * (2 if plot is plot_report and len(shown) <= 3 else 1)
+    grid = figure.axes[0].get_gridspec()
+    assert len(figure.axes) == grid.nrows * grid.ncols
+    said = notes(figure)
     assert bool(said) == bool(left_out)
     assert said.endswith(left_out)
     assert np.all(figure.get_size_inches() <= SCREEN)
@@ -416,10 +525,10 @@ def test_outputs_that_nobody_asked_for_are_left_out_first():
 
 def test_pictures_say_that_the_mechanisms_answer_is_not_covered():
     report = made_up()
-    assert "not covered" not in plot_report(report).get_suptitle()
+    assert "not covered" not in notes(plot_report(report))
     report.scope = dict.fromkeys(report.scope, FROZEN)
     for plot in (plot_report, plot_causes):
-        assert NOT_THE_MECHANISM in plot(report).get_suptitle().replace("\n", " ")
+        assert NOT_THE_MECHANISM in notes(plot(report))
 
 
 def test_outputs_without_a_bound_are_drawn_by_their_estimate():
@@ -442,9 +551,9 @@ def test_legends_say_that_an_estimate_is_not_resolved(half, is_said):
     (out,) = report.outputs.values()
     out.estimate, out.uncertainty = np.ones_like(out.value), np.full_like(out.value, half)
     out.estimate_parts, out.uncertainty_parts = {"basis": out.estimate}, {"steps": out.uncertainty}
-    labels = [label for ax in plot_report(report).axes for label in ax.get_legend_handles_labels()[1]]
-    assert ("value + estimate (not resolved)" in labels) == is_said
-    assert ("value + estimate" in labels) != is_said
+    labels = [label for ax in plot_report(report).axes for label in legend(ax)]
+    assert (f"+ estimate (not resolved) ± {half:g}, cut off" in labels) == is_said
+    assert (f"+ estimate ± {half:g}, cut off" in labels) != is_said
 
 
 def test_titles_stay_in_their_panels():
@@ -474,19 +583,19 @@ def test_times_do_not_run_into_each_other(end):
 
 
 @pytest.mark.parametrize("scope", [FROZEN, COUPLED])
-@pytest.mark.parametrize("count", [1, 2, 4])
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_legends_stay_in_their_panels(count, scope):
-    """What bounds hold under makes them wide, more so where they are not certified and the estimate is of more."""
+    """In two lines, though bounds are not certified, and there is all that a panel may show."""
     report = several(count, 1)
     report.scope, report.time = dict.fromkeys(report.scope, scope), "sampled"
     for out in report.outputs.values():
         out.uncertified = (Doubt("of a cause", "do something"),)
-        out.unit = "microns"  # as long as units are
+        out.unit, out.tolerance = "microns", 1.0  # as long as units are
         out.estimate, out.uncertainty = 0.5 * out.bound["best"], 0.1 * out.bound["best"]
         out.estimate_parts, out.uncertainty_parts = {"time step": out.estimate}, {"steps": out.uncertainty}
     figure = plot_report(report)
     figure.draw_without_rendering()
-    columns = min(count, 2)
+    columns = 1 if count == 1 else 2
     for ax in figure.axes:
         box, width = ax.get_legend().get_window_extent(), figure.bbox.width / columns
         column = int((box.x0 + box.x1) / 2 // width)
@@ -494,15 +603,16 @@ def test_legends_stay_in_their_panels(count, scope):
         assert box.x1 <= (column + 1) * width
         assert ax.bbox.width > 0.7 * width  # the layout gives it no room of the axes
         assert box.y0 >= 0
+        assert len(legend(ax)) <= LINES * ax.get_legend()._ncols
 
 
 def test_sampled_bounds_are_not_called_more_than_they_are():
     report = made_up(time="sampled")
-    assert axes_of(draw_bounds, report, "tip").get_ylabel() == "reduction error of tip / mm"
+    assert axes_of(draw_bounds, report, "tip").get_ylabel() == "error of the modes of\ntip / mm"
     out = report.output("tip")
     out.causes["basis"], out.causes["time step"] = out.bound["best"], 0 * out.bound["best"]
     ax = axes_of(draw_causes, report, "tip")
-    assert "reduction error bound" in ax.get_ylabel()
+    assert "what the bound of the error of the modes comes from" in ax.get_title()
     assert legend(ax)[:2] == ["basis, 100 %", "time step: not covered"]
 
 
@@ -510,18 +620,18 @@ def test_sampled_bounds_are_not_called_more_than_they_are():
 def test_bounds_for_frozen_inputs_say_so(draw):
     """Such a bound says nothing about the error that a mechanism feeds back."""
     report = made_up()
-    assert not any("inputs frozen" in text for text in legend(axes_of(draw, report, "tip")))
+    assert "inputs frozen" not in axes_of(draw, report, "tip").get_title()
     report.scope = dict.fromkeys(report.scope, FROZEN)
-    found = [text for text in legend(axes_of(draw, report, "tip")) if "inputs frozen" in text]
-    assert len(found) == 2  # both bands; both estimators
+    assert "(bound inputs frozen)" in axes_of(draw, report, "tip").get_title()
 
 
-def test_best_band_is_that_of_the_widest_scope():
+def test_bounds_that_cover_less_than_others_are_not_drawn_beside_these():
     report = made_up()
     report.scope["auxiliary"] = FROZEN
-    bands = legend(axes_of(draw_signal, report, "tip"))[:3:2]
-    assert bands == ["value ± bound, at most 2 mm", "corrected ± its bound, inputs frozen, at most 0.1 mm"]
-    assert legend(axes_of(draw_bounds, report, "tip"))[:2] == ["bound 'energy'", "bound 'auxiliary', inputs frozen"]
+    assert legend(axes_of(draw_signal, report, "tip"))[:2] == ["reduced model", "± bound, at most 2"]
+    ax = axes_of(draw_bounds, report, "tip")
+    assert legend(ax)[0] == "bound, at most 6"
+    assert ax.get_title() == "tip: error\n'auxiliary', inputs frozen: not drawn"
 
 
 def test_large_areas_are_pixels_in_vector_pictures():
@@ -548,9 +658,10 @@ def test_runs_of_a_kind_are_one_curve_and_the_front_is_marked():
     assert [text.get_text() for text in ax.texts] == ["4"]
 
 
-def test_runs_without_a_finite_bound_or_without_error_are_marked():
+def test_runs_without_a_finite_bound_are_a_note_and_those_without_error_have_no_mark():
     ax = axes_of(draw_run_time, [("a", 1, np.inf), ("a", 2, 0.0)], "tip", "mm")
-    assert [x.tolist() for x in edge(ax, ZERO) + edge(ax, INFINITE)] == [[1], [0]]
+    assert [x.tolist() for x in edge(ax, ZERO)] == [[1]]
+    assert ax.get_title().endswith("1 of 2 bounds infinite")
     assert "hollow: true error" not in legend(ax)
 
 
@@ -711,7 +822,7 @@ def test_report_saved_without_bounds_at_nodes_says_so():
 
 
 def test_every_estimator_has_a_look_of_its_own_in_grey():
-    names = set(COLOURS) - {"value", "error", "estimate"}
+    names = set(COLOURS) - {"value", "error", "estimate", "tolerance"}
     assert names == set(STYLES) == set(MARKERS)
     looks = [(str(STYLES[e]), MARKERS[e]) for e in names - {"static"}]  # which is never beside the others
     assert len(set(looks)) == len(looks)

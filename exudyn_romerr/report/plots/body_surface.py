@@ -11,7 +11,7 @@ import numpy as np
 from ...checks import check_array, check_choice, check_nodes
 from ...errors import InputError
 from ..scope import NOT_CERTIFIED
-from ..wording import axis_label, error_kind, instant, not_certified, rounded_up, sharpest_at_nodes, under, with_unit
+from ..wording import axis_label, error_kind, instant, not_certified, rounded_up, sharpest_at_nodes, under
 from .style import COLOURS, THIN, WIDE, picture
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def draw_body(
     mesh: Any,
     displacement: Callable[[int], Any] | None = None,
     estimator: str | None = None,
-    unit: str = "",
+    unit: str = "m",
 ) -> None:
     """Draw the body, coloured by the bound of the displacement's error at every node, at the worst instant.
 
@@ -59,7 +59,7 @@ def draw_body(
     estimator : str, optional
         Default: of those whose scope covers most the one whose largest bound is smallest.
     unit : str
-        Of lengths; "": not known.
+        Of lengths.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def draw_body(
     bound_of = f"bound{f' ({NOT_CERTIFIED})' if report.uncertified else ''} of the {error_kind(report.time)}"
     bar.set_label(axis_label(f"{bound_of}\nby '{e}'{under(report.scope, e)}", unit))
     bar.formatter.set_powerlimits((-3, 4))
-    ax.set_title(_title(report, bound, at, scale, (unit, under(report.scope, e))))
+    ax.set_title(_title(report, bound, at, scale, f"{unit and f' {unit}'}{under(report.scope, e)}"))
 
 
 def surface_triangles(elements: Any) -> np.ndarray:
@@ -179,14 +179,12 @@ def _frame(ax: Any, places: np.ndarray, unit: str) -> None:
     ax.set_box_aspect(half, zoom=ZOOM)
 
 
-def _title(report: ReportData, bound: np.ndarray, at: int, scale: float | None, after: tuple[str, str]) -> str:
-    """In words; after : what stands behind the bound, its unit and its scope."""
+def _title(report: ReportData, bound: np.ndarray, at: int, scale: float | None, unit: str) -> str:
     when = instant(report.time, report.t[at])
     worst = int(np.argmax(bound))
     drawn = "not deformed" if scale is None else f"displacements × {scale:g}"
     infinite = ", orange: infinite" if np.isinf(bound).any() else ""
     is_at_most = "bounded by" if report.uncertified else "at most"
-    size = f"{with_unit(rounded_up(bound[worst]), after[0])}{after[1]}"
-    most = f"{error_kind(report.time)} at node {worst}: {is_at_most} {size}"
+    most = f"{error_kind(report.time)} at node {worst}: {is_at_most} {rounded_up(bound[worst])}{unit}"
     why = fill(not_certified(report.uncertified), TITLE)
     return f"{most[0].upper()}{most[1:]}{why and f'{chr(10)}({why})'}\n{when}, {drawn}{infinite}"

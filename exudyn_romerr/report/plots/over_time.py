@@ -9,18 +9,18 @@ import numpy as np
 from ...checks import check_count
 from ...estimates.estimate import RESOLVED
 from ..scope import NOT_CERTIFIED
-from ..wording import (
-    at_round_off,
-    axis_label,
-    error_kind,
-    estimated_kind,
-    estimated_under,
-    is_known,
-    rounded_up,
-    under,
-    with_unit,
+from ..wording import at_round_off, rounded_up, under, with_unit
+from .alike import Alike, alike, bound_covers, has_estimate, kind_of_bound
+from .readable_axes import (
+    OF_BOUND,
+    OF_HALF_WIDTH,
+    above,
+    infinite,
+    largest,
+    largest_in_words,
+    limits_of_errors,
+    limits_of_signal,
 )
-from .readable_axes import OF_BOUND, OF_HALF_WIDTH, above, largest_in_words, limits_of_errors, limits_of_signal
 from .style import (
     CAUSE_STYLES,
     COLOURS,
@@ -31,20 +31,27 @@ from .style import (
     finish,
     isolated,
     log_line,
-    mark_edges,
+    mark_zeros,
+    quantity,
     spread,
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from ..data import OutputData, ReportData
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
 BAR = 12  # points: how wide a band is at a single instant
+EDGE = 2.0  # points: of a band that is narrower than the line in it this much is seen beside the line
+PALE, FULL = 0.15, 0.35  # how much of its colour a band has
 
 
 def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
-    """Draw one row of an output with its band, value ± bound, and the corrected output with its own if there is one.
+    """Draw one row of an output, value ± bound, and the best guess of the full model's output with its half width.
+
+    A bound that covers less than the estimate is not drawn beside it.
 
     Parameters
     ----------
@@ -63,69 +70,76 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
     lines = [value, *([] if out.error is None else [value + out.error[:, row]])]
-    bands = [((value - bound, value + bound), OF_BOUND)]
-    if (best := _corrected(report, out, row)) is not None:
-        corrected, half, within, name_of_line = best
-        bands += [((corrected, corrected), OF_BOUND), ((corrected - half, corrected + half), OF_HALF_WIDTH)]
-    limits, leaves = limits_of_signal(lines, bands)
-    cut = [", cut off" * leaving for leaving in leaves]
-    if is_bounded := bool(np.isfinite(bound).any()) or not _is_estimated(out):
-        label = f"value ± bound{_of_what(report, out)}{under(report.scope, doubts=out.uncertified)}, "
-        label += largest_in_words(bound, out.unit, "up to" if out.uncertified else "at most") + cut[0]
-        _band(ax, t, value, bound, COLOURS["fast"], label)
-    ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
+    has_bound, best = bound_covers(report, out), _corrected(report, out, row)
+    bands = [((value - bound, value + bound), OF_BOUND)] if has_bound else []
     if best is not None:
-        below = not is_bounded or bool(np.max(half) > np.max(bound))  # the band of the bound, which it would hide
-        style = {"zorder": 0.9, "alpha": 0.25} if below else {}
-        _band(ax, t, corrected, half, COLOURS["auxiliary"], within + cut[2], **style)
-        ax.plot(t, corrected, "--", color=COLOURS["auxiliary"], marker=_dots(t), label=name_of_line + cut[1])
+        guess, half, word, label = best
+        bands += [((guess, guess), OF_BOUND), ((guess - half, guess + half), OF_HALF_WIDTH)]
+    limits, leaves = limits_of_signal(lines, bands)
+    ax.plot(t, value, color=COLOURS["value"], marker=_dots(t), label="reduced model")
+    if has_bound and np.isfinite(bound).any():
+        cut = ", cut off" * leaves[0]
+        _band(ax, t, value, bound, _colour(report, out, row), f"± {_bound(out)}, {_most(out, bound)}{cut}", FULL)
+    if best is not None:
+        style = {"color": COLOURS["estimate"], "label": f"{label}{', cut off' * any(leaves[-2:])}"}
+        # wider than the band of the bound it would hide that one
+        below = not has_bound or bool(np.max(half) > np.max(bound))
+        _band(ax, t, guess, half, *style.values(), PALE, zorder=0.9 if below else 1)
+        ax.plot(t, guess, linestyle=GAPS, marker=_dots(t), **style)
     if out.error is not None:
         ax.plot(t, lines[1], ":", color=COLOURS["error"], marker=_dots(t), label="truth")
     if limits is not None:
         ax.set_ylim(*limits)
-    shown = f"{error_kind(report.time)} bound{_doubt(out)}" if is_bounded else "estimate; no bound"
-    title = f"{out.row_names[row]}: reduced model with its {shown}"
-    ax.set(xlabel=_time(report), ylabel=axis_label(out.row_names[row], out.unit), title=title)
-    finish(ax)
+    shown = ["reduced model", *["bound"] * has_bound, *([] if best is None else [word])]
+    shown[-2:] = [" and ".join(shown[-2:])]
+    title = f"{out.row_names[row]}: {', '.join(shown)}{_said_of_bounds(report, out) * has_bound}"
+    notes = [infinite(t, bound, "", _axis(report))] if has_bound else []
+    ax.set(xlabel=_time(report), ylabel=quantity(out.row_names[row], out.unit))
+    finish(ax, title, notes)
 
 
-def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
-    """Draw the bounds of one row of an output by all estimators, |estimate| and |true error| if known, semilog.
+def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance: float | None = None) -> None:
+    """Draw the bounds of one row of an output, |estimate| and |true error| if known, of the same error, semilog.
 
-    The estimate has a band, its half width to both sides. Parameters and errors as in draw_signal.
+    The estimate has a band, its half width to both sides. tolerance : in the output's unit, a line; None: what the
+    report was made with. Other parameters, and errors, as in draw_signal.
     """
     out, t = _row_of(report, name, row), report.t
-    bounds = {e: out.bound[e][:, row] for e in out.bound if e != "best"}
-    error = None if out.error is None else _visible(np.abs(out.error[:, row]), out.value[:, row])
-    size = None if out.estimate is None else np.abs(out.estimate[:, row])
-    bands = {} if size is None else {"half width": size + out.uncertainty[:, row]}
-    others = [x for x in (size, error) if x is not None]
-    limits = limits_of_errors({**bounds, **bands}, others, float(np.max(np.abs(out.value[:, row]))))
-    for place, e in enumerate(bounds):
-        style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place)}
-        label = f"bound '{e}'{_of_what(report, out)}{under(report.scope, e, out.uncertified)}"
-        label += above(limits, bounds[e], out.unit)
-        log_line(ax, t, bounds[e], color=COLOURS[e], linewidth=WIDE, label=label, markersize=5, **style)
-    if out.estimate is not None:
-        _estimate(ax, report, out, row, limits)
+    drawn = alike(report, out, row)
+    tolerance = out.tolerance if tolerance is None else tolerance
+    error = None if drawn.error is None else _visible(np.abs(drawn.error), out.value[:, row])
+    size = None if drawn.estimate is None else np.abs(drawn.estimate)
+    bands = {} if size is None else {"half width": size + drawn.half}
+    others = [x for x in (size, error, None if tolerance is None else np.array([tolerance])) if x is not None]
+    limits = limits_of_errors({**drawn.bounds, **bands}, others, float(np.max(np.abs(out.value[:, row]))))
+    for place, e in enumerate(drawn.bounds):
+        style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place), "markersize": 5}
+        alone = not drawn.bounds.keys() - {e}
+        label = f"{_bound(out)}, {_most(out, drawn.bounds[e])}" if alone else f"bound '{e}'{_doubt(out)}"
+        log_line(ax, t, drawn.bounds[e], color=COLOURS[e], linewidth=WIDE, label=label, **style)
+    if drawn.estimate is not None:
+        label = f"|estimate|{_not_resolved(size, drawn.half, out.value[:, row])}{_within(drawn.half)}"
+        _estimate(ax, t, drawn, label, limits)
     if error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, error, label="|true error|", **style)
-    if at_round_off(out)[row]:
-        label = "rounding of the input: nothing below is known"
+    if drawn.bounds and at_round_off(out)[row]:
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
-        log_line(ax, t, out.round_off[:, row], label=label, **style)
-    title = f"{out.row_names[row]}: bounds{_doubt(out)}{'' if out.estimate is None else ' and estimate'} of its error"
-    ylabel = axis_label(f"{estimated_kind(out, report.time)} of {out.row_names[row]}", out.unit)
-    ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", title=title, ylim=limits)
-    finish(ax)
+        log_line(ax, t, out.round_off[:, row], label="rounding: nothing below is known", **style)
+    if tolerance is not None:
+        ax.axhline(tolerance, color=COLOURS["tolerance"], linestyle=(0, (8, 2, 2, 2)), label="tolerance")
+    said = _said_of_bounds(report, out) if drawn.bounds else ""
+    notes = [*_beyond(report, out, drawn, limits), *drawn.left_out]
+    ylabel = quantity(f"{drawn.kind} of {out.row_names[row]}", out.unit)
+    ax.set(xlabel=_time(report), ylabel=ylabel, yscale="log", ylim=limits)
+    finish(ax, f"{out.row_names[row]}: {drawn.kind}{said}", notes)
 
 
 def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     """Draw what the best bound of one row of an output comes from, in % of it, stacked over time.
 
     The legend has the shares at the worst instant, of causes that are not zero throughout. Where the bound is zero or
-    infinite there are no shares: marks at the edges show it. Parameters and errors as in draw_signal.
+    infinite there are no shares. Parameters and errors as in draw_signal.
     """
     out, t = _row_of(report, name, row), report.t
     best, worst = out.bound["best"][:, row], int(np.argmax(out.bound["best"][:, row]))
@@ -143,16 +157,13 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
         style = {"facecolor": colour, "hatch": hatch, "edgecolor": "white", "linewidth": 0, "label": label}
         _fill(ax, t, below, below + share, known, **style)
         below = below + share
-    mark_edges(ax, t, best, COLOURS["value"])
-    ax.axvline(
-        t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=_worst(report, out, row, worst)
-    )
-    kind = error_kind(report.time)
-    title = f"{out.row_names[row]}: where its {kind} bound{_doubt(out)} comes from"
-    ylabel = f"share of the\n{kind} bound / %"
-    ax.set(xlabel=_time(report), ylabel=ylabel, ylim=(0, 100), title=title)
+    mark_zeros(ax, t, best, COLOURS["value"])
+    worst_label = _worst(report, out, row, worst)
+    ax.axvline(t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=worst_label)
+    title = f"{out.row_names[row]}: what the bound of the {kind_of_bound(report)} comes from"
+    ax.set(xlabel=_time(report), ylabel="share of the bound / %", ylim=(0, 100))
     ax.margins(x=0.01)
-    finish(ax)
+    finish(ax, f"{title}{_said_of_bounds(report, out)}", [infinite(t, best, "", _axis(report))])
 
 
 def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -160,20 +171,15 @@ def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
     return np.where((error > 0) & (error < np.finfo(float).eps * np.max(np.abs(value))), np.nan, error)
 
 
-def _corrected(report: ReportData, out: OutputData, row: int) -> tuple | None:
-    """Best guess of the full model's output, half width, labels; the corrected output where that is proved."""
-    if _is_estimated(out):
-        half = out.uncertainty[:, row]
-        within = f"half width{estimated_under(out, report.scope)}, {largest_in_words(half, out.unit, 'up to')}"
-        line = f"value + estimate{_not_resolved(out, row)}"
-        return out.value[:, row] + out.estimate[:, row], half, f"value + estimate ± {within}", line
+def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
+    """Best guess of the full model's output, half width, name, label; where it is proved the corrected output."""
+    if has_estimate(report, out) and _is_estimated(out):
+        value, estimate, half = (x[:, row] for x in (out.value, out.estimate, out.uncertainty))
+        return value + estimate, half, "estimate", f"+ estimate{_not_resolved(estimate, half, value)}{_within(half)}"
     if out.corrected is None:
         return None
-    bound = out.corrected_bound[:, row]
-    by = "auxiliary" if "auxiliary" in report.scope else "best"  # coupled, "energy" knows a correction too
-    most = largest_in_words(bound, out.unit, "up to" if out.uncertified else "at most")
-    label = f"corrected ± its bound{under(report.scope, by, out.uncertified)}, {most}"
-    return out.corrected[:, row], bound, label, "corrected output"
+    half = out.corrected_bound[:, row]
+    return out.corrected[:, row], half, "corrected output", f"corrected{_within(half)}{_doubt(out)}"
 
 
 def _is_estimated(out: OutputData) -> bool:
@@ -181,38 +187,61 @@ def _is_estimated(out: OutputData) -> bool:
     return out.estimate is not None and set(out.uncertainty_parts) != {"proved"}
 
 
-def _estimate(ax: Any, report: ReportData, out: OutputData, row: int, limits: tuple | None) -> None:
-    """|estimate| as a dashed line in a band, which ends where the smallest of them is: a logarithm has no zero."""
-    size, half, t = np.abs(out.estimate[:, row]), out.uncertainty[:, row], report.t
+def _estimate(ax: Any, t: np.ndarray, drawn: Alike, label: str, limits: tuple | None) -> None:
+    """|estimate| as a dashed line in a band, which leaves the axis where it goes to zero: a logarithm has none."""
+    size, half = np.abs(drawn.estimate), drawn.half
     style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
-    style["zorder"] = 2.5  # above the other lines
-    log_line(ax, t, size, label=f"|estimate|{estimated_under(out, report.scope)}{_not_resolved(out, row)}", **style)
     is_known = np.isfinite(half) & (size + half > 0)
     if is_known.any():
-        high = np.where(is_known, size + half, 1.0)
-        low = np.maximum(size - half, min(np.min(high[is_known]), np.min(size, where=size > 0, initial=np.inf)))
-        style = {"facecolor": COLOURS["estimate"], "alpha": 0.25, "linewidth": 0}
-        label = f"half width of the estimate{above(limits, half, out.unit)}"
-        _fill(ax, t, np.where(is_known, low, 1.0), high, is_known, label=label, **style)
+        low, high = (np.where(is_known, x, 1.0) for x in (np.maximum(size - half, limits[0] / 2), size + half))
+        _fill(ax, t, low, high, is_known, label=label, **_look(COLOURS["estimate"], PALE))
+    log_line(ax, t, size, label=label, zorder=2.5, **style)  # above the other lines
 
 
-def _not_resolved(out: OutputData, row: int) -> str:
-    """For a legend: that the estimate is no number to rely on."""
-    if not is_known(out, row):
-        return ""
-    size, half, value = (float(np.max(np.abs(x[:, row]))) for x in (out.estimate, out.uncertainty, out.value))
-    return " (not resolved)" if half > RESOLVED * size and half > value else ""
+def _beyond(report: ReportData, out: OutputData, drawn: Alike, limits: tuple | None) -> Iterator[str]:
+    """What is not to be seen of the bounds."""
+    for e, bound in drawn.bounds.items():
+        by = f" by '{e}'" if drawn.bounds.keys() - {e} else ""
+        yield infinite(report.t, bound, by, _axis(report))
+        leaves = above(limits, bound, out.unit)
+        yield leaves and f"{_bound(out)}{by} {leaves}"
+
+
+def _bound(out: OutputData) -> str:
+    return f"bound{_doubt(out)}"
+
+
+def _most(out: OutputData, bound: np.ndarray) -> str:
+    """How large a bound gets, in the unit of the axis."""
+    return largest_in_words(bound, "", "up to" if out.uncertified else "at most")
+
+
+def _within(half: np.ndarray) -> str:
+    """For a legend: the largest half width, in the unit of the axis."""
+    return f" {largest_in_words(half, '', '±')}" if np.isfinite(half).any() else ", half width not known"
+
+
+def _colour(report: ReportData, out: OutputData, row: int) -> str:
+    """That of the sharpest of the bounds that the best one is made of."""
+    bounds = alike(report, out, row).bounds
+    return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest(bounds[e])))]
+
+
+def _not_resolved(*row: np.ndarray) -> str:
+    """For a legend: that an estimate, of this half width, of this value, is no number to rely on."""
+    size, half, value = (float(np.max(np.abs(x))) for x in row)
+    return " (not resolved)" if half > max(RESOLVED * size, value) else ""
 
 
 def _doubt(out: OutputData) -> str:
-    """What a title says of bounds beside what they are of."""
-    return f" ({NOT_CERTIFIED})" if out.uncertified else ""
+    """What is said of bounds beside what they are of."""
+    return f", {NOT_CERTIFIED}" if out.uncertified else ""
 
 
-def _of_what(report: ReportData, out: OutputData) -> str:
-    """What a bound bounds, where the estimate beside it is of more."""
-    kind = error_kind(report.time)
-    return "" if kind == estimated_kind(out, report.time) else f" of the {kind}"
+def _said_of_bounds(report: ReportData, out: OutputData) -> str:
+    """What a title says of bounds: what they hold under, and that they are not certified."""
+    said = under(report.scope, doubts=out.uncertified).removeprefix(", ")
+    return said and f" (bound {said})"
 
 
 def _row_of(report: ReportData, name: str, row: int) -> OutputData:
@@ -221,20 +250,29 @@ def _row_of(report: ReportData, name: str, row: int) -> OutputData:
     return out
 
 
-def _band(ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour: str, label: str, **more) -> None:
-    """Middle ± bound; where it is infinite, marks at the upper edge instead."""
+def _band(
+    ax: Any, t: np.ndarray, middle: np.ndarray, bound: np.ndarray, colour: str, label: str, alpha: float, **more
+) -> None:
+    """Middle ± bound where that is finite."""
     known = np.isfinite(bound)
     low, high = (np.where(known, middle + sign * bound, middle) for sign in (-1, 1))
-    _fill(ax, t, low, high, known, facecolor=colour, linewidth=0, label=label, **{"alpha": 0.6, **more})
-    mark_edges(ax, t, np.where(known, 1.0, np.inf), colour)
+    _fill(ax, t, low, high, known, label=label, **_look(colour, alpha), **more)
+
+
+def _look(colour: str, alpha: float) -> dict[str, Any]:
+    """A band's colours: its edges are seen where it is narrow, too."""
+    from matplotlib.colors import to_rgba
+
+    return {"facecolor": to_rgba(colour, alpha), "edgecolor": to_rgba(colour, 2 * alpha), "linewidth": EDGE}
 
 
 def _fill(ax: Any, t: np.ndarray, low: np.ndarray, high: np.ndarray, known: np.ndarray, **style: Any) -> None:
     """An area over the runs of instants that are known; a bar where such a run is a single instant."""
-    ax.fill_between(t, low, high, where=known, rasterized=len(t) > RASTER_FROM, **style)
+    if known.any():
+        ax.fill_between(t, low, high, where=known, rasterized=len(t) > RASTER_FROM, **style)
     alone = isolated(known)
     if alone.size:
-        opaque = {"colors": style["facecolor"], "alpha": style.get("alpha"), "zorder": style.get("zorder", 1)}
+        opaque = {"colors": style["facecolor"], "zorder": style.get("zorder", 1)}
         ax.vlines(t[alone], low[alone], high[alone], linewidth=BAR, **opaque)
 
 
@@ -243,8 +281,13 @@ def _dots(t: np.ndarray) -> str | None:
     return "o" if len(t) == 1 else None
 
 
+def _axis(report: ReportData) -> tuple[str, str]:
+    """Name and unit of what everything is drawn over."""
+    return ("load factor", "") if report.time == "static" else ("t", "s")
+
+
 def _time(report: ReportData) -> str:
-    return "load factor" if report.time == "static" else "t / s"
+    return quantity(*_axis(report))
 
 
 def _percent(share: float) -> str:
@@ -254,7 +297,6 @@ def _percent(share: float) -> str:
 
 
 def _worst(report: ReportData, out: OutputData, row: int, at: int) -> str:
-    axis = "load factor" if report.time == "static" else "t"
-    unit = "" if report.time == "static" else " s"
+    name, unit = _axis(report)
     bound = with_unit(rounded_up(out.bound["best"][at, row]), out.unit)
-    return f"worst instant, {axis} = {report.t[at]:.4g}{unit}: {bound}"
+    return f"worst, {name} = {report.t[at]:.4g} {unit}".rstrip() + f": {bound}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -9,32 +11,36 @@ import numpy as np
 
 from ...errors import InputError
 from ..data import is_beside
+from ..report_rows import limit_of
 from ..wording import at_round_off, for_run_alone, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
-from .style import SIZE, new_figure, of_one_size, save
+from .style import LETTER, LETTERS, SIZE, new_figure, of_one_size, put_legend, save
 
 if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterable
-
+    from ..answers import Tolerances
     from ..data import OutputData, ReportData
 
-COLUMNS = 2  # of panels side by side: what fits a page
 HARDLY = 0.01  # of the largest change of an output's rows: a row that changes less is not the one that is looked at
 PANELS = 4  # of a picture: more are smaller than their legends
-DETAILED = 2  # so many have a second pair of axes with the bounds of all estimators
+DETAILED = 3  # so many have a second pair of axes with their errors
 SCREEN = (10.0, 8.0)  # inches, the largest picture
-LINE, NAMES = 150, 8  # letters in a line of the note; so many names are in it
-TITLE = 48  # letters in a line of a title above one of two panels side by side
+NOTE, NAMES = 15, 8  # letters in an inch of the notes; so many names are in them
+NO_SCRIPT = re.compile(r"ipykernel|__")  # what runs a user's cells, or was run with python -m
 
 
 @of_one_size
-def plot_report(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
-    """Draw a panel for each output, the signal with its band; of one or two, bound and true error (semilog) below.
+def plot_report(
+    report: ReportData,
+    path: str | os.PathLike | None = None,
+    outputs: list[str] | None = None,
+    tolerances: Tolerances | None = None,
+) -> Any:
+    """Draw a panel for each output, the signal with its band; of DETAILED or fewer the error (semilog) beside it.
 
     Of one output every row has a panel, of several the row with the largest bound. At most PANELS, those with the
     largest bounds for their size, what nobody asked for ("NAME in the frame" beside NAME) last; where there is no
-    bound the estimate, half width included, stands for it. A line above says what is left out.
+    bound the estimate, half width included, stands for it. A line below says what is left out. tolerances : None:
+    those that the report was made with.
 
     Returns
     -------
@@ -46,19 +52,14 @@ def plot_report(report: ReportData, path: str | os.PathLike | None = None, outpu
         No or unknown outputs; a path that no picture can be written to.
     """
     rows, left_out = _chosen(report, list(report.outputs) if outputs is None else outputs)
-    draws = (draw_signal, draw_bounds) if len(rows) <= DETAILED else (draw_signal,)
-    notes = _notes(report, rows, left_out and _note(left_out, "smaller bounds or estimates"))
-    figure, panels = _panels(len(rows), len(draws), notes)
-    for (name, i), axes in zip(rows, panels, strict=True):
-        for ax in axes[:-1]:
-            ax.sharex(axes[-1])
-        for ax, draw in zip(axes, draws, strict=True):
-            draw(ax, report, name, i)
-        for ax in axes[:-1]:
-            ax.set_xlabel("")
-        for ax in axes[1:]:
-            ax.set_title("")
-        _wrap(axes[0], len(rows))
+    figure, panels = _panels(len(rows), 2 if len(rows) <= DETAILED else 1)
+    for (name, i), (signal, *error) in zip(rows, panels, strict=True):
+        draw_signal(signal, report, name, i)
+        for ax in error:
+            limit = limit_of(report.output(name), tolerances)
+            draw_bounds(ax, report, name, i, limit.size if limit.is_asked else None)
+            signal.sharex(ax)
+    _frame(figure, _question(report), _notes(report, rows, _note(left_out, "smaller bounds or estimates")))
     return _saved(figure, path)
 
 
@@ -66,11 +67,12 @@ def plot_report(report: ReportData, path: str | os.PathLike | None = None, outpu
 def plot_causes(report: ReportData, path: str | os.PathLike | None = None, outputs: list[str] | None = None) -> Any:
     """Draw draw_causes' picture in a panel for each output that has a bound, or of `outputs`; else as plot_report."""
     rows, left_out = _chosen(report, (_bounded(report) or list(report.outputs)) if outputs is None else outputs)
-    notes = _notes(report, rows, left_out and _note(left_out, "smaller bounds"))
-    figure, panels = _panels(len(rows), 1, notes)
+    figure, panels = _panels(len(rows), 1)
     for (name, i), (ax,) in zip(rows, panels, strict=True):
         draw_causes(ax, report, name, i)
-        _wrap(ax, len(rows))
+    script = _script(report)
+    title = f"{script}{'w' if script else 'W'}hat do the bounds come from?"
+    _frame(figure, title, _notes(report, rows, _note(left_out, "smaller bounds")))
     return _saved(figure, path)
 
 
@@ -113,40 +115,60 @@ def _for_its_size(out: OutputData, row: int) -> tuple[bool, float]:
     return not at_round_off(out)[row], error / largest if largest > 0 else error
 
 
-def _panels(count: int, high: int, note: str) -> tuple[Any, Iterable[list[Any]]]:
-    """Return a figure of at most one screen, and of every panel its axes, one below the other."""
-    columns = min(COLUMNS, count)
-    bands = -(-count // columns)
-    width, height = SIZE[0] * columns, SIZE[1] * bands * high
-    figure = new_figure(min(width, SCREEN[0]), min(height, SCREEN[1]))
-    if note:
-        figure.suptitle(note, fontsize="small")
-    axes = figure.subplots(bands * high, columns, squeeze=False)
-    places = [divmod(place, columns) for place in range(bands * columns)]
-    panels = [list(axes[high * band : high * (band + 1), column]) for band, column in places]
-    for ax in (ax for panel in panels[count:] for ax in panel):
-        ax.remove()
-    return figure, panels[:count]
+def _panels(count: int, high: int) -> tuple[Any, np.ndarray]:
+    """Return a figure of at most one screen, without an empty place, and axes (count, high), one panel a row."""
+    columns = 2 - count % 2 if high == 1 else min(count, 2)
+    shape = (count // columns, columns) if high == 1 else (count, 2) if count > columns else (2, count)
+    figure = new_figure(*np.minimum(SCREEN, (SIZE[0] * shape[1], SIZE[1] * shape[0])))
+    axes = figure.subplots(*shape, squeeze=False)
+    if high == 1:
+        return figure, axes.reshape(count, 1)
+    return figure, axes if count > columns else axes.T  # three signals have their errors beside them
 
 
-def _wrap(ax: Any, count: int) -> None:
-    """Break a title that is longer than its panel is wide."""
-    ax.set_title(fill(ax.get_title(), TITLE if count > 1 else 2 * TITLE))
+def _frame(figure: Any, title: str, notes: str) -> None:
+    """Title above, notes below all panels; times at the lowest of those above one another alone."""
+    figure.suptitle(fill(title, int(figure.get_figwidth() / LETTER)), fontsize=1.2 * LETTERS)
+    if notes:
+        width = int(NOTE * figure.get_figwidth())
+        figure.supxlabel("\n".join(fill(line, width) for line in notes.split("\n")), fontsize="small")
+    for ax in figure.axes:
+        if not ax.get_subplotspec().is_last_row():
+            ax.set_xlabel("")
+            put_legend(ax)
 
 
-def _notes(report: ReportData, rows: list[tuple[str, int]], left_out: str | list[str]) -> str:
-    """What is said above all panels: what bounds leave out, why they are not certified, what is not drawn."""
+def _script(report: ReportData) -> str:
+    """The name of the script that made a report; empty where it is not known."""
+    name = os.path.basename(report.made.get("script", ""))
+    return f"{name}: " if name.endswith(".py") and not NO_SCRIPT.match(name) else ""
+
+
+def _question(report: ReportData) -> str:
+    """What a picture answers: how wrong this many modes and steps are."""
+    if not _script(report):
+        return "How wrong is the reduced model?"
+    found = [of for line in report.plan.computed for of in re.findall(r"^basis: .*?(\d+) (?:modes|columns)", line)]
+    modes, its = (f"{found[0]} modes", "") if len(found) == 1 else ("its modes", "its ")
+    steps = "" if report.time == "static" else f" and {its}{len(report.t) - 1:,} steps"
+    return f"{_script(report)}how wrong are {modes}{steps}?"
+
+
+def _notes(report: ReportData, rows: list[tuple[str, int]], left_out: str) -> str:
+    """What is said below all panels: what bounds leave out, why they are not certified, what is not drawn."""
     doubts = dict.fromkeys(doubt for name, _ in rows for doubt in report.output(name).uncertified)
     condition = for_run_alone(report.scope)
     said = [condition and f"Bounds hold {condition}", doubts and f"Bounds are {not_certified(doubts)}"]
-    return "\n".join([*(fill(words, LINE) for words in said if words), *([left_out] if left_out else [])])
+    return "\n".join(filter(None, [*said, left_out]))
 
 
 def _note(left_out: list[str], smaller: str) -> str:
+    if not left_out:
+        return ""
     names = [name.replace(" ", "\N{NO-BREAK SPACE}") for name in left_out[:NAMES]]
     more = f" and {len(left_out) - NAMES} more" if left_out[NAMES:] else ""
     why = f"{smaller} for their size, none, or not asked for"
-    return fill(f"Not shown ({why}): {', '.join(names)}{more}; outputs= chooses", LINE)
+    return f"Not shown ({why}): {', '.join(names)}{more}; outputs= chooses"
 
 
 def _saved(figure: Any, path: str | os.PathLike | None) -> Any:

@@ -65,6 +65,17 @@ def largest_in_words(bound: np.ndarray, unit: str, words: str) -> str:
 
 
 def above(limits: tuple | None, x: np.ndarray, unit: str) -> str:
-    """Return for a legend how large what leaves the axes at their upper edge gets; empty: it does not."""
+    """Return how large what leaves the axes at their upper edge gets; empty: it does not."""
     leaves = limits is not None and largest(x) > limits[1]
-    return f", {largest_in_words(x, unit, 'up to')}: above the axis" if leaves else ""
+    return f"above the axis, {largest_in_words(x, unit, 'up to')}" if leaves else ""
+
+
+def infinite(t: np.ndarray, bound: np.ndarray, by: str, axis: tuple[str, str]) -> str:
+    """Return that, and when, a bound is infinite; empty: nowhere. by : " by 'energy'"; axis : name and unit of t."""
+    at = np.flatnonzero(~np.isfinite(bound))
+    if at.size in (0, len(t)):
+        return f"no finite bound{by}" if at.size else ""
+    name, unit = axis
+    first, last = t[at[0]], t[at[-1]]
+    when = f"{name} = {first:.4g}" + (f" to {last:.4g}" if last > first else "") + f" {unit}".rstrip()
+    return f"bound{by} infinite at {when}{'' if at[-1] - at[0] < at.size else ', not throughout'}"

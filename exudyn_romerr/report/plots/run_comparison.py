@@ -69,7 +69,6 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     if not all(0 < run.seconds < np.inf for run in runs):
         raise InputError("seconds of every row must be above zero and finite: the axis is logarithmic")
     ax.set(xscale="log", yscale="log", xlabel="run time / s", ylabel=axis_label(f"largest error of {name}", unit))
-    ax.set_title(f"{name}: error against run time")
     _draw_front(ax, runs)
     kinds = list(dict.fromkeys(run.kind for run in runs))
     if len(kinds) > len(KINDS):
@@ -83,7 +82,7 @@ def draw_run_time(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> None:
     _write_labels(ax, runs, kinds)
     ax.xaxis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
     ax.margins(0.1)
-    finish(ax)
+    finish(ax, f"{name}: error against run time", _infinite(runs))
 
 
 def plot_convergence(rows: Sequence[tuple], name: str, unit: str, path: str | os.PathLike | None = None) -> Any:
@@ -111,12 +110,11 @@ def draw_convergence(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> No
 
     runs = sorted(_checked(rows, CountedRun), key=lambda run: run.n)
     ax.set(yscale="log", xlabel="number of modes", ylabel=axis_label(f"largest error of {name}", unit))
-    ax.set_title(f"{name}: error against the number of modes")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     bound = {"color": COLOURS["auxiliary"], "marker": "o", "label": "bound"}
     error = {"color": COLOURS["error"], "marker": "s", "label": "|true error|"}
     _draw_pair(ax, [run.n for run in runs], runs, bound, error)
-    finish(ax)
+    finish(ax, f"{name}: error against the number of modes", _infinite(runs))
 
 
 def front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
@@ -127,6 +125,12 @@ def front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
             best = bounds[i]
             found.append(i)
     return found
+
+
+def _infinite(runs: list) -> list[str]:
+    """A note of bounds that have no place on the axis."""
+    count = sum(np.isinf(run.bound) for run in runs)
+    return [f"{count} of {len(runs)} bounds infinite"] if count else []
 
 
 def _write_labels(ax: Any, runs: list[TimedRun], kinds: list[str]) -> None:

@@ -11,16 +11,19 @@ import numpy as np
 
 from ...errors import InputError
 from ..formats.atomic_write import write_whole
+from ..wording import axis_label
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 LETTERS = 10  # points
-# Okabe and Ito: told apart by the colour-blind; line styles, markers and hatches tell them apart in grey print
+# Okabe and Ito, and two of Tol for what these leave open: told apart by the colour-blind; line styles, markers and
+# hatches tell them apart in grey print. Green is a bound, and nothing else
 COLOURS = {
     "value": "#000000",
     "error": "#D55E00",
-    "estimate": "#000000",
+    "estimate": "#5D3A9B",
+    "tolerance": "#444444",
     "state-space": "#999999",
     "fast": "#56B4E9",
     "convolution": "#0072B2",
@@ -49,24 +52,23 @@ MARKERS = {
 }
 CAUSE_STYLES = {  # name in words, colour, hatch
     "basis": ("basis", "#0072B2", ""),
-    "interfaces": ("rigid interfaces", "#009E73", "\\\\"),
+    "interfaces": ("rigid interfaces", "#882255", "\\\\"),
     "time step": ("time step", "#E69F00", "//"),
     "initial": ("initial error", "#CC79A7", ".."),
     "jumps": ("load jumps", "#56B4E9", "xx"),
 }
-KINDS = (("#0072B2", "o"), ("#E69F00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#56B4E9", "v"), ("#000000", "P"))
+KINDS = (("#0072B2", "o"), ("#E69F00", "s"), ("#882255", "^"), ("#CC79A7", "D"), ("#56B4E9", "v"), ("#000000", "P"))
 
 WIDE, THIN = 2.5, 1.0  # a sharp bound lies on the true error: the wide line shows on both sides of the thin one
 SIZE = (6.4, 3.6)  # inches of one pair of axes: a column of a report
 DPI = 150
-NARROW = 4.0  # inches: a legend of two columns is wider where it says what bounds hold under
-LEGEND_LINE = {1: 72, 2: 46}  # letters in a line of a legend, by its columns: more run off a picture of our sizes
 TICKS = 5  # intervals of an axis of time: labels such as 0.0175 of more run into each other in narrow panels
-LEGEND_BELOW = 0.5  # inches under the axes: below tick labels and the axis' own
-EDGES = (  # of the axes: what it means, where, marker
-    ("lower edge: exactly zero", 0.0, "v"),
-    ("upper edge: infinite", 1.0, "^"),
-)
+BELOW, BARE = 0.5, 0.25  # inches from axes to legend: below tick labels and the axis' own, or tick labels alone
+ASIDE = 0.8  # inches of a panel beside its axes
+LETTER = 0.078  # inches, a letter of a title
+SIDEWAYS = 24  # letters in a line of a label of a y axis: more run into the panel above
+LINES = 2  # of a legend
+ZERO = "zero"  # marked at the lower edge of a logarithmic axis
 
 
 def of_one_size(make: Callable) -> Callable:
@@ -116,24 +118,24 @@ def picture(
 
 
 def log_line(ax: Any, x: np.ndarray, y: np.ndarray, every: Iterable[int] | None = None, **style: Any) -> None:
-    """Plot y >= 0 on a logarithmic axis; zeros and inf, which have no place there, become marks at its edges.
+    """Plot y >= 0 on a logarithmic axis; zeros, which have no place there, become marks at its edge; inf ends a line.
 
     every : places of markers, default all; single places between others that are not drawn have one anyway.
     """
     drawn = (y > 0) & np.isfinite(y)
     at = None if every is None else sorted({*every, *isolated(drawn).tolist()})
     marker = None if at == [] else style.pop("marker", None)  # not in the legend if nowhere else
+    style["label"] = style.get("label") if drawn.any() else None
     ax.plot(x, np.where(drawn, y, np.nan), **{**style, "markevery": at, "marker": marker})
-    mark_edges(ax, x, y, style.get("color"))
+    mark_zeros(ax, x, y, style.get("color"))
 
 
-def mark_edges(ax: Any, x: np.ndarray, y: np.ndarray, colour: str | None) -> None:
-    """Mark where y is zero at the lower edge of the axes, where it is inf at the upper one; say so in the legend."""
-    for mask, (words, height, marker) in zip((y == 0, np.isinf(y)), EDGES, strict=True):
-        if np.any(mask):
-            at = {"markevery": ends(mask).tolist(), "transform": ax.get_xaxis_transform(), "clip_on": False}
-            style = {"linewidth": 2 * WIDE, "solid_capstyle": "butt", "marker": marker, "gid": words, "zorder": 3}
-            ax.plot(x, np.where(mask, height, np.nan), color=colour, **style, **at)
+def mark_zeros(ax: Any, x: np.ndarray, y: np.ndarray, colour: str | None) -> None:
+    """Mark where y is zero at the lower edge of the axes."""
+    if np.any(y == 0):
+        at = {"markevery": ends(y == 0).tolist(), "transform": ax.get_xaxis_transform(), "clip_on": False}
+        style = {"linewidth": WIDE, "solid_capstyle": "butt", "marker": "v", "gid": ZERO, "zorder": 3}
+        ax.plot(x, np.where(y == 0, 0.0, np.nan), color=colour, **style, **at)
 
 
 def isolated(mask: np.ndarray) -> np.ndarray:
@@ -154,22 +156,55 @@ def spread(count: int, place: int) -> range:
     return range((place * step) // 3 % step, count, step)
 
 
-def finish(ax: Any) -> None:
-    """Grid, and a legend below the axes, where it hides nothing."""
-    from matplotlib.ticker import AutoLocator
-    from matplotlib.transforms import ScaledTranslation
+def quantity(name: str, unit: str) -> str:
+    """Return the label of an axis, with its unit if that is known, in lines that a panel is high."""
+    kept = axis_label("", unit).replace(" ", "\N{NO-BREAK SPACE}")
+    lines = fill(f"{name}{kept}", SIDEWAYS, break_long_words=False, break_on_hyphens=False)
+    return lines.replace("\N{NO-BREAK SPACE}", " ")
 
-    drawn = {line.get_gid() for line in ax.lines}
-    for words, _, marker in EDGES:
-        if words in drawn:
-            ax.plot([], [], marker, color="#777777", label=words)
+
+def finish(ax: Any, title: str, notes: Iterable[str] = ()) -> None:
+    """Grid, a title with a line of notes, and a legend below the axes, where it hides nothing."""
+    from matplotlib.ticker import AutoLocator
+
+    if any(line.get_gid() == ZERO for line in ax.lines):
+        ax.plot([], [], "v", color="#777777", label=ZERO)
     ax.grid(which="major", alpha=0.3)
     ax.tick_params(labelsize=LETTERS)  # of ticks that are made later, too
     if isinstance(ax.xaxis.get_major_locator(), AutoLocator):
         ax.locator_params(axis="x", nbins=TICKS)
-    below = ax.transAxes + ScaledTranslation(0, -LEGEND_BELOW, ax.figure.dpi_scale_trans)
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": below, "borderaxespad": 0}
-    columns = 1 if ax.bbox.width / ax.figure.dpi < NARROW else 2
-    lines, labels = ax.get_legend_handles_labels()
-    labels = [fill(label, LEGEND_LINE[columns], break_on_hyphens=False) for label in labels]
-    ax.legend(lines, labels, ncols=columns, fontsize="small", frameon=False, **place)
+    width = int(_room(ax) / LETTER)
+    lines = filter(None, [title, "; ".join(filter(None, notes))])
+    ax.set_title("\n".join(fill(line, width, break_on_hyphens=False) for line in lines), fontsize=LETTERS)
+    put_legend(ax)
+
+
+def put_legend(ax: Any) -> None:
+    """Put a legend of LINES lines below the axes and their labels; what has the same label is one entry."""
+    from matplotlib.transforms import ScaledTranslation
+
+    entries: dict[str, list] = {}
+    for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+        entries.setdefault(label, []).append(handle)
+    if not entries:
+        return
+    down = ScaledTranslation(0, -(BELOW if ax.get_xlabel() else BARE), ax.figure.dpi_scale_trans)
+    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "bbox_transform": ax.transAxes + down}
+    handles = [tuple(of) if of[1:] else of[0] for of in entries.values()]
+    for columns, size in _shapes(len(entries)):
+        style = {"ncols": columns, "fontsize": size, "columnspacing": 1.2, "borderaxespad": 0, "frameon": False}
+        legend = ax.legend(handles, list(entries), **style, **place)
+        if legend.get_window_extent().width <= _room(ax) * ax.figure.dpi:
+            break
+
+
+def _shapes(count: int) -> list[tuple[int, str]]:
+    """Columns and size of letters of a legend of so many entries, the best first."""
+    few = -(-count // LINES)
+    return [(columns, size) for size in ("small", "x-small") for columns in ((count, few) if count < 4 else (few,))]
+
+
+def _room(ax: Any) -> float:
+    """Inches that axes have beside those in the next column."""
+    spec = ax.get_subplotspec()
+    return ax.figure.get_figwidth() / (1 if spec is None else spec.get_gridspec().ncols) - ASIDE
