@@ -43,7 +43,7 @@ def draw_body(
     mesh: Any,
     displacement: Callable[[int], Any] | None = None,
     estimator: str | None = None,
-    unit: str = "m",
+    unit: str = "",
 ) -> None:
     """Draw the body, coloured by the bound of the displacement's error at every node, at the worst instant.
 
@@ -59,7 +59,7 @@ def draw_body(
     estimator : str, optional
         Default: of those whose scope covers most the one whose largest bound is smallest.
     unit : str
-        Of lengths.
+        Of lengths; "": not known.
 
     Raises
     ------
