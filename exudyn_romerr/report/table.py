@@ -181,7 +181,8 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
 
 def _are_enough_alone(row: Row) -> bool:
     """Whether no cause is too large, or not known, though all of them together are."""
-    return not row.shows_nothing and not _has_cause(row, (Answer.TOO_LARGE, *UNSURE))
+    has_causes = any(cause in row.of for cause in CAUSES)
+    return has_causes and not row.shows_nothing and not _has_cause(row, (Answer.TOO_LARGE, *UNSURE))
 
 
 def _is_told(row: Row, cause: str) -> bool:

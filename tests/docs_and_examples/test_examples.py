@@ -185,7 +185,7 @@ def test_suspension_linkage_prints_the_bound_and_draws_it(tmp_path, capsys):
     assert np.all(np.abs(out.error) <= out.bound["best"] + CLOSED_FORM * np.abs(out.value).max())
     assert out.effectivity["best"][0] < 1.2
     assert re.search(
-        r"\nStep: more than 0.1 %, .* at tip z; take steps \d+ times as short\.\n", capsys.readouterr().out
+        r"\nStep: too large, about .* at tip z; take [\d,]+ steps, \d+ times as short\.\n", capsys.readouterr().out
     )
     assert (tmp_path / "suspension_linkage.png").read_bytes()[:4] == PNG
 

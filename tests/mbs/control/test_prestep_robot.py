@@ -54,7 +54,10 @@ def test_what_is_told_is_below_the_error_and_said_with_its_condition(report, ste
     for said in (str(report), report.details):
         assert said.splitlines()[0] == f"! {FROZEN_FIRST}"
         assert not re.search(r"\benough\b|time steps too|compare with", said)
-    assert str(report).splitlines()[2] == "Not covered by any estimate: tip, tip in the link."
+    assert (
+        str(report).splitlines()[2]
+        == "Not covered by any estimate: tip, tip in the link (1 % assumed; report.assess)."
+    )
     told = [line for line in f"{report}\n{report.details}".splitlines() if TOLD.search(line)]
     assert len(told) >= 2  # both outputs, in details
     for line in told:

@@ -53,7 +53,7 @@ def test_bar_that_is_not_attached_is_named():
     assert_frozen(made, "not attached", "forearm")
     out = made[0].output("probe")
     made[0].outputs["other"] = replace(out, name="other")
-    assert str(made[0]).count("\nnext: attach all flexible bodies\n") == 1
+    assert str(made[0]).count("; attach all flexible bodies\n") == 1
 
 
 def test_bar_that_is_not_attached_is_refused_where_the_coupled_scope_was_asked_for():

@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import weakref
+from dataclasses import replace
 from unittest import mock
 
 import exudyn as exu
@@ -310,9 +311,13 @@ def test_a_run_that_ends_early_says_so_where_it_is_assessed(tmp_path):
     monitor.report().save(tmp_path / "run.npz")
     for report in (monitor.report(), load_report(tmp_path / "run.npz")):
         assert report.planned_end == 0.1
-        found = report.assess("tip", 1e9)
+        assert report.on_purpose  # a complete run, until then
+        assert report.assess("tip", 1e9).answer == "proven"
+        assert "Until 0.05 of 0.1 s: a user function that returned False stopped it" in report.summary(1e9)
+        unknown = replace(report, on_purpose=False, ended_by="")
+        found = unknown.assess("tip", 1e9)
         assert found.answer == "unknown"
-        assert "(the run ends at t = 0.05 s and was to go to 0.1 s): let it run to its end." in found.text
+        assert "(known until 0.05 of 0.1 s: it went no farther): let it run to its end." in found.text
     mbs, _, monitor = scene()
     solve(mbs)
     assert monitor.report().planned_end is None

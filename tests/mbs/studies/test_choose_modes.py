@@ -189,7 +189,7 @@ def test_estimate_may_decide_and_met_stays_with_the_bound(monkeypatch):
         choice = romerr.choose_modes(crank, 0.01, relative=True, by="estimate")
     assert (choice.chosen.is_enough, choice.met, choice.limit) == (True, False, None)
     assert str(choice).startswith(
-        "n = 5: error within the tolerance: likely; its bounds are not within the tolerance; "
+        "n = 5: error within the tolerance: enough; its bounds are not within the tolerance; "
     )
     assert f"\n  {choice.reports[0].assess('tip', choice.chosen.tolerance['tip'])}\n" in str(choice)
     for name, out in choice.reports[0].outputs.items():
@@ -199,12 +199,12 @@ def test_estimate_may_decide_and_met_stays_with_the_bound(monkeypatch):
         assert out.tolerance == choice.chosen.tolerance[name]  # its advice is about that
         out.bound = {e: bound / 100 for e, bound in out.bound.items()}
     assert choice.met
-    assert str(choice).startswith("n = 5: error within the tolerance: likely; its bounds are within the tolerance; ")
+    assert str(choice).startswith("n = 5: error within the tolerance: enough; its bounds are within the tolerance; ")
     assert [choice.answer, *(run.assessment.answer for run in choice.tried)] == ["likely", "unlikely", "likely"]
     first, second = (line for line in str(choice).splitlines() if line.startswith("  run "))
-    assert re.search(r"; error within the tolerance: unlikely, more modes$", first)
-    assert second.endswith("; error within the tolerance: likely")
-    assert "\n  n = 4: error within the tolerance: unlikely, was tried" in str(choice)
+    assert re.search(r"; error within the tolerance: too large, more modes$", first)
+    assert second.endswith("; error within the tolerance: enough")
+    assert "\n  n = 4: error within the tolerance: too large, was tried" in str(choice)
     choice = replace(choice, tried=choice.tried[1:])
     assert re.search(
         r"\n  n = 4: not tried; its estimates would be above it, by a forecast: tip <= [^ ]*, mid <= [^ ]*$",
