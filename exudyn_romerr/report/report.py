@@ -11,7 +11,7 @@ import numpy as np
 from ..checks import check_array, check_choice, real_array
 from ..errors import InputError
 from ..trajectory.samples import instants_in
-from .answers import tolerances_of
+from .answers import Tolerances, tolerances_of
 from .assessment import Assessment, assess
 from .data import OutputData, ReportData
 from .formats.csv_table import columns, write_csv
@@ -184,10 +184,15 @@ class BoundReport(ReportData):
         InputError
             A tolerance that is none, or of an output that there is not.
         """
-        tolerances = None if tolerance is None else tolerances_of(tolerance)
-        if tolerances is not None and (wrong := tolerances.misspelt(self.outputs)):
+        return summary(self, self._scope_lines(), self._tolerances(tolerance))
+
+    def _tolerances(self, given: Sequence[str] | str | float | None) -> Tolerances | None:
+        if given is None:
+            return None
+        tolerances = tolerances_of(given)
+        if wrong := tolerances.misspelt(self.outputs):
             raise InputError("; ".join(wrong))
-        return summary(self, self._scope_lines(), tolerances)
+        return tolerances
 
     @property
     def details(self) -> str:
@@ -246,11 +251,14 @@ class BoundReport(ReportData):
 
         write_vtu(self, path, mesh, estimator)
 
-    def to_html(self, path: str | os.PathLike) -> None:
-        """Write a page that needs no other file: verdicts, scope, figures, tables; InputError if it cannot."""
+    def to_html(self, path: str | os.PathLike, tolerance: Sequence[str] | str | float | None = None) -> None:
+        """Write a page that needs no other file: verdicts, scope, figures, tables; InputError if it cannot.
+
+        tolerance : as of summary().
+        """
         from .formats.html_page import write_page
 
-        write_page(self, path)
+        write_page(self, path, self._tolerances(tolerance))
 
 
 def _ratio(x: np.ndarray, truth: np.ndarray, both_zero: float = 1.0) -> np.ndarray:

@@ -61,12 +61,13 @@ def _numbered(run: Run, path: str) -> list[tuple[BoundReport, str]]:
 
 
 def _write(run: Run, report: BoundReport, option: str, path: str) -> None:
-    if option == "plot":
-        from ..report.plots.panels import plot_report
+    from ..report.formats.html_page import write_page
+    from ..report.plots.panels import plot_report
 
-        plot_report(report, path, tolerances=run.tolerances)
+    if option == "save":
+        report.save(path)
     else:
-        {"save": report.save, "html": report.to_html}[option](path)
+        {"plot": plot_report, "html": write_page}[option](report, path, tolerances=run.tolerances)
 
 
 def tried(path: str, write: Any) -> str:

@@ -105,6 +105,10 @@ def test_files_are_written_and_can_be_read(tmp_path, capsys):
     assert main(["run", *options, script]) == 0
     assert capsys.readouterr().out.count("written: ") == 4
     assert romerr.load_report(files["npz"]).outputs
+    assert "(1 % assumed; report.assess)" in Path(files["html"]).read_text()
+    options = ["--tolerance", "1e9", "--html", files["html"], "--quiet"]
+    assert main(["run", *options, script]) == 0
+    assert "is within its tolerance." in Path(files["html"]).read_text()  # the one that was asked for
     assert Path(files["png"]).read_bytes().startswith(b"\x89PNG")
     told = json.loads(Path(files["json"]).read_text(), parse_constant=pytest.fail)  # no NaN, no Infinity
     assert told["bodies"] == 1

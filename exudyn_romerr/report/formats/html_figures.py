@@ -12,12 +12,14 @@ import numpy as np
 from ..data import is_beside
 from ..plots.over_time import draw_bounds, draw_causes, draw_signal
 from ..plots.style import DPI, SIZE, new_figure, of_one_size
+from ..report_rows import limit_of
 from ..wording import for_run_alone, is_known
 from .html_elements import paragraph
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from ..answers import Tolerances
     from ..data import OutputData, ReportData
 
 RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
@@ -30,13 +32,13 @@ def rows_of(report: ReportData) -> Iterator[tuple[OutputData, int, str]]:
         yield from ((out, row, name) for row, name in enumerate(out.row_names))
 
 
-def figures(report: ReportData) -> Iterator[str]:
+def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterator[str]:
     """Yield the figures of all rows; where these are many, of the worst rows, the worst of every output first."""
     condition = for_run_alone(report.scope) and f" (bounds hold {for_run_alone(report.scope)})"
     drawn = _worst(report, list(rows_of(report)))
     for out, row, name in drawn:
         text = f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}{condition}"
-        source = _picture(report, out.name, row)
+        source = _picture(report, out.name, row, tolerances)
         yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
     left = [name for _, _, name in rows_of(report) if name not in {name for _, _, name in drawn}]
     if left:
@@ -72,13 +74,14 @@ def _has_causes(out: OutputData, row: int) -> bool:
 
 
 @of_one_size
-def _picture(report: ReportData, name: str, row: int) -> str:
+def _picture(report: ReportData, name: str, row: int, tolerances: Tolerances | None) -> str:
     """Pairs of axes as a data address."""
     draws = (draw_signal, draw_bounds, draw_causes)[: 2 + _has_causes(report.output(name), row)]
     figure = new_figure(1.25 * SIZE[0], len(draws) * SIZE[1])
     axes = figure.subplots(len(draws), 1, sharex=True)
+    limit = limit_of(report.output(name), tolerances)
     for ax, draw in zip(axes, draws, strict=True):
-        draw(ax, report, name, row)
+        draw(ax, report, name, row, *([limit.size] if draw is draw_bounds and limit.is_asked else []))
         ax.tick_params(labelbottom=True)
     kind, mime = ("svg", "svg+xml") if len(report.t) <= RASTER_FROM else ("png", "png")
     stream = io.BytesIO()

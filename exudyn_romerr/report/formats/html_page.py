@@ -37,6 +37,7 @@ from .provenance import made_here
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from ..answers import Tolerances
     from ..data import OutputData, ReportData
 
 MEANINGS = {
@@ -61,7 +62,7 @@ ABOUT = (
 NEVER = "Never covered: the finite-element model itself, its mesh, material and linearity."
 
 
-def write_page(report: ReportData, path: str | os.PathLike) -> None:
+def write_page(report: ReportData, path: str | os.PathLike, tolerances: Tolerances | None = None) -> None:
     """Write the page of a report.
 
     Parameters
@@ -69,17 +70,19 @@ def write_page(report: ReportData, path: str | os.PathLike) -> None:
     report : BoundReport
     path : str or os.PathLike
         Such as "run.html".
+    tolerances : Tolerances, optional
+        In place of those that attach was given.
 
     Raises
     ------
     InputError
         The file cannot be written; one that was there is as it was.
     """
-    text = page(report).encode("utf-8")
+    text = page(report, tolerances).encode("utf-8")
     write_whole(path, lambda stream: stream.write(text))
 
 
-def page(report: ReportData) -> str:
+def page(report: ReportData, tolerances: Tolerances | None = None) -> str:
     """Return the page as text: verdicts, messages, scope, figures, tables, plan, versions, how to make it again."""
     title = f"Error bounds of {os.path.basename(report.origin) or 'a run'}"
     safe = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -91,10 +94,10 @@ def page(report: ReportData) -> str:
         *([paragraph(f"{first}.", "first")] if (first := said_first(report)) else []),
         paragraph(_extent(report), "extent"),
         *(['<p><a href="#messages">Read the messages below, too.</a></p>'] if report.messages else []),
-        *_verdicts(report),
+        *_verdicts(report, tolerances),
         section("Messages", items(report.messages) if report.messages else paragraph("None.")),
         section("What the bounds cover", *_scope(report)),
-        section("Figures", *figures(report)),
+        section("Figures", *figures(report, tolerances)),
         section("Tables", *_tables(report)),
         section("Plan", *_plan(report)),
         section("Versions", _versions(report)),
@@ -110,11 +113,11 @@ def _extent(report: ReportData) -> str:
     return f"{len(report.t)} instants, {axis} = {report.t[0]:g} ... {report.t[-1]:g}{unit}{made}"
 
 
-def _verdicts(report: ReportData) -> Iterator[str]:
+def _verdicts(report: ReportData, tolerances: Tolerances | None) -> Iterator[str]:
     if not report.outputs:
         yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
         return
-    rows = verdicts_of(report)
+    rows = verdicts_of(report, tolerances)
     outputs = by_sensor(rows)
     asked = [row for row in rows if not is_beside(report, row.name)]
     yield paragraph(summary(asked, "output", ASSESS), "first")
