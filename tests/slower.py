@@ -1,0 +1,102 @@
+"""What runs with `pytest -m slow` only: full counts of cases, and what other tests do, too, in other scenes."""
+
+# Folders in which one theorem is tried on many cases: the first, the middle and the last of them run by default
+MANY_CASES = (
+    "basis",
+    "decay",
+    "estimates",
+    "estimators",
+    "linalg",
+    "mbs/floating",
+    "mbs/mechanism",
+    "models",
+    "offline_online",
+    "residual",
+    "trajectory",
+)
+FEW = 3
+
+SLOWER = {  # file -> tests that take seconds, and what is tried without them
+    "docs_and_examples/test_benchmarks.py": {  # smoke tests of the other benchmarks
+        "test_forked_runs_begin_where_they_were_forked",
+        "test_forked_runs_copy_no_memory",
+        "test_large_bodies_measures_every_task",
+        "test_mechanism_cost_measures_every_variant",
+    },
+    "docs_and_examples/test_examples.py": {  # the linkage, the clamped bar, the slider crank, pages of docs
+        "test_double_pendulum_shows_what_frozen_inputs_hide",
+        "test_flexible_pendulum_has_the_same_bounds_from_its_file",
+        "test_modes_that_the_rod_needs_are_found",
+        "test_rotor_run_up_has_a_bound_that_says_something",
+        "test_sprung_body_is_bounded_from_its_static_equilibrium_on",
+    },
+    "docs_and_examples/test_exudyn_examples.py": {"test_a_run_that_we_change_is_found_out"},
+    "docs_and_examples/test_estimate_benchmarks.py": {"test_search_keeps_what_is_off_by_more"},
+    "docs_and_examples/test_scripts.py": {"test_interfaces_are_what_a_run_with_free_ones_shows"},  # test_verify.py
+    "docs_and_examples/test_sweep_mechanisms.py": {
+        "test_what_begins_late_and_suddenly_is_looked_at",
+        "test_what_is_of_second_order_in_the_error_is_covered",
+    },
+    "docs_and_examples/test_wheel.py": {  # .ci/run installs a wheel before any test runs
+        "test_examples_run_from_any_folder",
+        "test_wheel_has_the_package_and_nothing_else",
+        "test_wheel_without_a_compiler_lacks_the_compiled_part_only",
+    },
+    "estimators/test_mutation.py": {"test_nothing_is_violated_without_mutation"},  # the theorem's own tests
+    "mbs/floating/test_driven_frame.py": {"test_a_pulse_of_some_steps_in_a_quiet_motion_is_covered"},
+    "mbs/floating/test_floating_bounds.py": {  # truths against truths
+        "test_both_truths_of_the_clamped_bar_agree",
+        "test_the_full_motion_is_that_of_a_complete_basis",
+    },
+    "mbs/mechanism/test_half_widths.py": {"test_half_widths_do_not_grow_with_the_square_of_the_phase"},
+    "mbs/mechanism/test_late_loads.py": {
+        "test_a_spring_that_is_short_beside_the_motion",
+        "test_wherever_blocks_end",
+    },
+    "mbs/mechanism/test_mechanism_energy.py": {"test_half_of_the_bounds_with_static_modes_are_sharp"},
+    "mbs/mechanism/test_mechanism_residuals.py": {"test_passes_make_bounds_of_an_undamped_bar_sharp"},
+    "mbs/mechanism/test_mechanism_scene.py": {"test_coupled_energy_alone_is_plotted_with_its_correction"},
+    "mbs/mechanism/test_output_estimates.py": {"test_first_steps_of_the_truth_are_those_stored"},
+    "mbs/mechanism/test_spinning_bar.py": {"test_rotor_that_falls_behind_is_turned_not_stretched"},
+    "mbs/monitoring/test_mechanism_monitor.py": {"test_a_report_is_drawn_and_written"},
+    "mbs/studies/test_choose_modes.py": {  # the pendulum, the slider crank, docs/how_many_modes.md
+        "test_forecast_is_what_runs_with_more_and_fewer_modes_find",
+        "test_forecast_of_velocities",
+        "test_free_interfaces_are_chosen_where_rigid_ones_stiffen",
+        "test_picked_modes_are_fewer_than_the_first_ones",
+        "test_rigid_interfaces_are_kept_where_they_do",
+        "test_rigid_interfaces_that_alone_are_too_stiff_are_said_so",
+        "test_step_is_not_the_limit_where_it_is_short",
+        "test_two_bodies_and_a_static_solve_before",
+    },
+    "mbs/studies/test_study.py": {"test_an_absolute_tolerance_makes_kilometres_unusable"},
+    "model/test_fe_input.py": {"test_ngsolve_example"},
+    "model/test_stress.py": {"test_curved_mesh_of_ngsolve"},
+    "models/test_estimate_truths.py": {"test_first_steps_are_those_stored"},  # stored truths, made again
+    "models/test_floating_models.py": {"test_more_modes_come_closer_to_the_complete_bar"},
+    "models/test_mechanism_models.py": {
+        "test_effect_of_modes_does_not_depend_on_the_step",
+        "test_more_modes_come_closer_to_all",
+    },
+    "models/test_mechanism_truths.py": {"test_first_steps_are_those_stored"},
+    "models/test_wishbone.py": {
+        "test_bounds_are_coupled_and_nothing_is_missing",
+        "test_example_draws_and_tells_what_is_enough",
+        "test_loads_are_the_same_where_the_static_solve_ends_and_the_drive_begins",
+        "test_stored_arm_is_what_make_wishbone_makes",
+    },
+    "report/test_pictures.py": {"test_example_writes_one_picture_of_each_kind"},
+    "scripts/test_verify.py": {"test_functions_and_any_executor"},
+}
+
+
+def are_slow(names: dict[str, list[str]]) -> set[str]:
+    """Return the ids of tests that are slow; names : ids of all cases, by "file::test"."""
+    found: set[str] = set()
+    for test, cases in names.items():
+        file, _, name = test.partition("::")
+        if name.rpartition("::")[2] in SLOWER.get(file, ()):
+            found.update(cases)
+        elif file.startswith(MANY_CASES) and len(cases) > FEW:
+            found.update({*cases} - {cases[0], cases[len(cases) // 2], cases[-1]})
+    return found
