@@ -91,6 +91,11 @@ class Tolerances:
             return Tolerance(SHARE, True)
         return self._of.get(name, self._of.get(None))
 
+    @property
+    def names(self) -> set[str]:
+        """Of sensors that have a tolerance of their own."""
+        return {name for name in self._of if name is not None}
+
     def misspelt(self, names: Iterable[str]) -> list[str]:
         """Return a line for each name that no sensor has, with the nearest that one has; names : of all sensors."""
         known = list(dict.fromkeys(names))

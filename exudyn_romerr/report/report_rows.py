@@ -83,7 +83,7 @@ def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int
     """Return what is known of one component."""
     is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
     bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
-    shown = out.extents
+    shown, still = out.extents, is_still(report, out)
     return Row(
         out.name,
         i,
@@ -91,7 +91,7 @@ def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int
         out.unit,
         float(shown[i]),
         float(shown.max()),
-        judged(_verdicts(report, out, i, limit.size, bound), float(shown.max()), limit.size),
+        judged(_verdicts(report, out, i, limit.size, bound), None if still else float(shown.max()), limit.size),
         bound if is_bounded and np.isfinite(bound) else None,
         _covered(report),
         limit.size,
@@ -141,11 +141,18 @@ def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) 
     return found
 
 
+def is_still(report: ReportData, out: OutputData) -> bool:
+    """Whether an output is 0 whatever the model: nothing moves in a static solve."""
+    return report.time == "static" and out.of not in ("displacement", "position")
+
+
 def steps_of(report: ReportData) -> Steps:
-    """Return how many steps a run has taken, where they are of one size."""
+    """Return how many steps a run was to take, where they are of one size."""
     h = np.diff(report.t)
-    is_even = report.time != "static" and len(h) > 0 and np.ptp(h) <= SAME * np.max(h)
-    return Steps(len(h) if is_even else None)
+    if report.time == "static" or len(h) == 0 or np.ptp(h) > SAME * np.max(h):
+        return Steps(None)
+    end = report.t[-1] if report.planned_end is None else report.planned_end
+    return Steps(round(float((end - report.t[0]) / np.mean(h))))
 
 
 def _when(t: np.ndarray, error: np.ndarray) -> float:

@@ -51,7 +51,10 @@ class Doubt(str):
 SMOOTHLY = "let loads begin smoothly"
 RADIUS_OF_ONE = "set generalizedAlpha.spectralRadius = 1"
 SAME_LOADS = "give user functions of loads the same value in both"
-NO_CHANGES = "change no parameters before report() is asked, but let user functions depend on time"
+NO_CHANGES = (
+    "change no parameters before report() is asked, but let user functions depend on time; if nothing was changed, "
+    "Newton's tolerances are too loose: a smaller newton.relativeTolerance"
+)
 
 
 class Reason(Enum):

@@ -88,7 +88,7 @@ def summary(rows: Sequence[Row], what: str = "sensor", how_to_ask: str = OPTION)
         *_by_causes("Too large", others, (Answer.TOO_LARGE,)),
         *_by_causes("Not known", [row for row in others if not row.shows_nothing], UNSURE, (Answer.TOO_LARGE,)),
         *_list("Shows 0 throughout", still),
-        *_list("Not covered by any estimate", uncovered),
+        *_list("Not measured" if how(rows) == MEASURED else "Not covered by any estimate", uncovered),
         *_contradictions(rows),
         *_enough(rows, what),
         *_list("No tolerance", _that_are(rows, Answer.NO_TOLERANCE)),
@@ -162,7 +162,7 @@ def _contradictions(rows: Sequence[Row]) -> list[str]:
 def _enough(rows: Sequence[Row], what: str) -> list[str]:
     """That all is enough of which something was asked; nothing where something is not."""
     enough = _that_are(rows, Answer.ENOUGH)
-    if not enough or any(row.answer not in NOT_ASKED for row in rows):
+    if not enough or any(row.answer not in (*NOT_ASKED, Answer.NOT_COVERED) for row in rows):
         return []
     which = f"every {what}" if len(enough) == len(rows) else _names(enough)
     return [f"Enough: the error of {which} is within its tolerance."]
@@ -173,10 +173,19 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
 
     The cause with the largest share of its tolerance stands first. rows : of all components.
     """
-    together = [row for row in rows if row.answer not in NOT_ASKED and _are_enough_alone(row)]
-    told = [("sum", together)]
-    told += [(cause, [row for row in _with(rows, cause) if _is_told(row, cause)]) for cause in _largest_first(rows)]
+    named = {row.name for row in rows if row.answer not in NOT_ASKED and not _are_enough_alone(row)}
+    together = [row for row in rows if row.answer not in NOT_ASKED and row.name not in named]
+    told = [("sum", together), *((cause, _told_of(rows, cause)) for cause in _largest_first(rows))]
     return [_of_cause(of, cause) for cause, of in told if of]
+
+
+def _told_of(rows: Sequence[Row], cause: str) -> list[Row]:
+    """The rows that a cause's sentence is about; none where those that would have to be judged are not."""
+    of = _with(rows, cause)
+    told = [row for row in of if _is_told(row, cause)]
+    is_open = any(row.is_coarse for row in of) and cause != "step"
+    is_said = any(row.of[cause].answer not in NOT_ASKED for row in told)
+    return told if is_said or not is_open else []
 
 
 def _are_enough_alone(row: Row) -> bool:
@@ -209,7 +218,7 @@ def _clause(rows: Sequence[Row], cause: str) -> str:
     verdict = row.of[cause]
     word = "measured" if verdict.how == MEASURED else "about"
     size = f"{word} {said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)} at {row.label or row.name}"
-    if cause == "interfaces" and verdict.answer not in NOT_ASKED:
+    if cause == "interfaces" and verdict.answer not in NOT_ASKED and not verdict.reason:
         return f"{_word(verdict)}, {size}, {NOT_RIGID}"
     return f"{_word(verdict)}, {size}{cure and f'; {cure}'}"
 
@@ -241,7 +250,7 @@ def _has_size(row: Row, cause: str) -> bool:
 
 def how(rows: Sequence[Row]) -> str:
     """Return the word for sizes: "about", or "measured"."""
-    return MEASURED if any(x.how == MEASURED for row in rows for x in row.of.values()) else "about"
+    return MEASURED if any(row.noise is not None for row in rows) else "about"
 
 
 def _line(row: Row, causes: Sequence[str], with_bound: bool) -> tuple[str, ...]:

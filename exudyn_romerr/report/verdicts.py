@@ -18,6 +18,7 @@ ESTIMATED, MEASURED, NONE = "estimated", "measured", "not covered"
 COARSE = RESOLVED  # of what a sensor shows: an error of steps above it leaves nothing that could be judged
 TOO_COARSE = "steps resolve too little to tell it from their own error"
 KNOWN, TO_THE_END = "known {}", "let it run to its end"  # {}: until when
+CONTRADICTED = "what was measured and what is estimated are farther apart than both half widths"
 SHOWS_NOTHING = "it shows 0 throughout: nothing tells whether it would without an error"
 OTHER_SENSORS = "--tolerance NAME=... for the sensors that move"
 NO_ESTIMATE = "there is no estimate of its error at every instant"
@@ -47,6 +48,11 @@ class Verdict:
     def most(self) -> float:
         """Size, half width and rounding; inf where they are not known."""
         return math.inf if self.size is None or self.half_width is None else self.size + self.half_width + self.floor
+
+    @property
+    def least(self) -> float:
+        """Size less half width and rounding; 0 where the size is no number to rely on."""
+        return self.size - self.half_width - self.floor if self.is_resolved else 0.0
 
     @property
     def is_resolved(self) -> bool:
@@ -114,9 +120,9 @@ class Row:
     def is_contradicted(self) -> bool:
         """Whether what was measured and what the run says of itself are farther apart than both half widths."""
         one, other = self.of["sum"], self.estimated
-        if other is None or one.size is None or other.size is None:
+        if other is None or one.half_width is None or other.half_width is None:
             return False
-        return abs(one.size - other.size) > one.most - one.size + other.most - other.size
+        return max(one.least, other.least) > min(one.most, other.most)
 
     def share(self, cause: str) -> float:
         """Return size and half width of a cause as a share of the tolerance; where there is none, of the extent."""
@@ -196,10 +202,10 @@ def not_covered(reason: str, cure: str = "") -> Verdict:
     return Verdict(None, None, NONE, Answer.NOT_COVERED, reason, cure)
 
 
-def judged(of: dict[str, Verdict], shown: float, limit: float | None) -> dict[str, Verdict]:
+def judged(of: dict[str, Verdict], shown: float | None, limit: float | None) -> dict[str, Verdict]:
     """Return verdicts on all causes and the sum beside one another: what one of them says may leave another nothing.
 
-    shown : the extent of the sensor. limit : what is allowed.
+    shown : the extent of the sensor; None: it is 0 whatever the model. limit : what is allowed.
     """
     if limit is None:
         return {cause: replace(one, answer=Answer.NO_TOLERANCE) for cause, one in of.items()}
@@ -208,12 +214,19 @@ def judged(of: dict[str, Verdict], shown: float, limit: float | None) -> dict[st
         return {c: _doubted(one, SHOWS_NOTHING, OTHER_SENSORS) if c in still else one for c, one in of.items()}
     step = of.get("step")
     if not _is_coarse(step, shown):
+        return _as_bad_as_its_causes(of)
+    cure = step.cure if not step.cure or step.cure.endswith(AGAIN) else f"{step.cure}, {AGAIN}"
+    told = {"step", "sum"}
+    of = {c: replace(x, cure=cure) if c in told else _doubted(x, TOO_COARSE, cure) for c, x in of.items()}
+    return _as_bad_as_its_causes(of)
+
+
+def _as_bad_as_its_causes(of: dict[str, Verdict]) -> dict[str, Verdict]:
+    """The whole is too large where a cause is, unless it is known to be within: both would cancel by chance only."""
+    is_wrong = any(one.answer is Answer.TOO_LARGE for one in of.values())
+    if not is_wrong or of["sum"].answer not in (Answer.NOT_KNOWN, Answer.NOT_COVERED):
         return of
-    step = replace(step, cure=step.cure if step.cure.endswith(AGAIN) else f"{step.cure}, {AGAIN}".lstrip(", "))
-    others = {
-        cause: _doubted(one, TOO_COARSE, step.cure) for cause, one in of.items() if cause not in ("step", "sum")
-    }
-    return {cause: others.get(cause, step if cause == "step" else replace(of["sum"], cure=step.cure)) for cause in of}
+    return of | {"sum": replace(of["sum"], answer=Answer.TOO_LARGE)}
 
 
 def until(t: float, end: float, why: str) -> str:
@@ -230,7 +243,9 @@ def not_the_rest(of: dict[str, Verdict], early: str) -> dict[str, Verdict]:
 
 def _is_coarse(step: Verdict | None, shown: float | None) -> bool:
     """Whether steps resolve so little that nothing else can be judged."""
-    if step is None or step.size is None or step.answer is Answer.ENOUGH or step.reason or not shown:
+    if step is None or step.size is None or step.answer is Answer.ENOUGH or not shown:
+        return False
+    if step.reason and step.how == ESTIMATED:  # what is doubted has a cure of its own
         return False
     return step.size + (step.half_width or 0.0) > COARSE * shown
 
@@ -251,4 +266,6 @@ def beside_estimate(row: Row, estimated: Verdict | None) -> Row:
         judge(estimated.size, estimated.half_width, row.tolerance, ESTIMATED, floor=estimated.floor),
         row.of["sum"],
     )
-    return replace(row, of=row.of | {"sum": replace(whole, answer=worst([whole.answer, other.answer]))})
+    answer = worst([whole.answer, other.answer])
+    why = whole.reason or (CONTRADICTED if answer is not whole.answer else "")
+    return replace(row, of=row.of | {"sum": replace(whole, answer=answer, reason=why)})

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .child_run import Result
 
 FINER = ("half", "quarter", "all")  # runs that take shorter steps
+STEPS = {"half": "the run with half the step", "quarter": "the run with a quarter of the step"}
 SAME_TIME = 1e-9  # of the end time: solvers add up their steps
 ABOVE_NOISE = 3.0  # times what two equal runs differ by: below it nothing is measurable
 LEAST_ORDER, MOST_ORDER = 0.5, 6.0  # between them halving fits an order; Exudyn's methods have 1 to 5
@@ -84,6 +85,8 @@ def signals(results: Mapping[str, Result]) -> list[Signal]:
 
 def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dict[str, Any]) -> Signal:
     data, base = solve["data"][j], results["unchanged"]
+    if solve.get("until") and not solve["on_purpose"]:
+        data = data[: max(len(data) - 1, 1)]  # the last row may be of the step that failed
     t, of, missing = data[:, 0], {"unchanged": data[:, 1:]}, {}
     for run, result in results.items():
         if run != "unchanged":
@@ -105,10 +108,17 @@ def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dic
         _left(results, name, i, data.shape[1] - 1),
         is_stress or bool(base.told.get("without_vectors")),
         _unseen(base, is_stress),
-        len(np.unique(t)) - 1 if solve.get("fixed", True) and len(t) > 1 else None,
+        _steps(solve, t),
         solve.get("until", ""),
         solve.get("on_purpose", False),
     )
+
+
+def _steps(solve: dict[str, Any], t: np.ndarray) -> int | None:
+    """How many steps a solve was to take; None: not of one size, or not known."""
+    if not solve.get("fixed", True) or len(t) < 2:
+        return None
+    return solve["count"] if solve.get("until") else len(np.unique(t)) - 1
 
 
 def _why_missing(run: str, result: Result, i: int, j: int, solve: dict[str, Any]) -> str:
@@ -203,7 +213,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
         unit,
         float(shown[c]),
         float(shown.max()),
-        judged(of, float(shown.max()), limit),
+        judged(of, None if _is_still(signal) else float(shown.max()), limit),
         tolerance=limit,
         order=one.order,
         noise=one.noise,
@@ -212,6 +222,11 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
         is_asked=is_asked,
         until=signal.until,
     )
+
+
+def _is_still(signal: Signal) -> bool:
+    """Whether a sensor is 0 whatever the model: nothing moves in a static solve."""
+    return signal.is_static and signal.shows.startswith(("Velocity", "AngularVelocity", "Acceleration"))
 
 
 class _Component:
@@ -239,9 +254,12 @@ class _Component:
         """What shorter steps change (T,), as far as runs tell, and its half width; or why that is not known."""
         if self._signal.is_static:
             return NO_STEPS
-        for run, name in (("half", "the run with half the step"), ("quarter", "the run with a quarter of the step")):
-            if run not in self._y:
-                return NOT_RUN.format(name, self._signal.missing.get(run, "it was not made"))
+        missing = [run for run in STEPS if run not in self._y]
+        if missing and "half" in self._y:  # one difference is had, and no order
+            self.differ, self.unshrunk = _largest(self._change("unchanged", "half")), self._not_run(missing[0])
+            return self._change("unchanged", "half"), math.inf
+        if missing:
+            return self._not_run(missing[0])
         first, second = self._change("unchanged", "half"), self._change("half", "quarter")
         d1, d2 = _largest(first), _largest(second)
         if not np.isfinite(d1 + d2):
@@ -256,10 +274,13 @@ class _Component:
         left = second / (2 ** min(self.order, MOST_ORDER) - 1)  # Richardson: what steps shorter still would change
         return first + second + left, _largest(left) + self._floor()
 
+    def _not_run(self, run: str) -> str:
+        return NOT_RUN.format(STEPS[run], self._signal.missing.get(run, "it was not made"))
+
     def by_vectors(self) -> tuple[np.ndarray, float] | None:
         """What our vectors that keep interfaces change; half width: what is measurable, and what they leave out."""
         found = self._by_modes("modes", "unchanged")
-        return found and (found[0], found[1] + self._left)
+        return found and (found[0], found[1] + self._left + self._share_apart(found[0]))
 
     def by_call(self) -> tuple[np.ndarray, float] | None:
         """What four times the modes by the script's own call change; half width: what from two to four times does."""
@@ -292,7 +313,22 @@ class _Component:
 
     def interfaces(self) -> tuple[np.ndarray, float] | None:
         """What vectors that free rigid interfaces change."""
-        return None if self._signal.unseen else self._by_modes("free", "modes")
+        found = None if self._signal.unseen else self._by_modes("free", "modes")
+        return found and (found[0], found[1] + self._share_apart(found[0]))
+
+    def _apart(self) -> np.ndarray:
+        """How else vectors change the run with half the step: what they and shorter steps do not add up to (T,)."""
+        finest = "free" if "free" in self._y else "modes"
+        if not {"all", "half", finest} <= {*self._y}:
+            return np.zeros(len(self._signal.t))
+        both = self._change("unchanged", "all") - self._change("unchanged", "half")
+        return both - self._change("unchanged", finest)
+
+    def _share_apart(self, change: np.ndarray) -> float:
+        """The share of that which vectors have that change so much of all: with other steps they may change it so."""
+        of = [self._by_modes(*pair) for pair in (("modes", "unchanged"), ("free", "modes"))]
+        whole = sum(_largest(one[0]) for one in of if one is not None)
+        return _largest(self._apart()) * _largest(change) / whole if whole > 0 else 0.0
 
     def verdict(self, cause: str, limit: float | None) -> Verdict | None:
         """The verdict on one cause; None: there is nothing of it."""
@@ -331,6 +367,9 @@ class _Component:
             return None if self._steps == NO_STEPS else not_covered(self._steps)
         steps = Steps(self._signal.steps, self.order or SECOND_ORDER)
         cure = shorter_steps(_largest(self._steps[0]) + self._steps[1], limit, steps)
+        if not np.isfinite(self._steps[1]):
+            verdict = Verdict(_largest(self._steps[0]), None, MEASURED, Answer.NOT_KNOWN)
+            return _or_more(verdict, self.differ, limit, self.unshrunk, cure)
         verdict = self._judged(self._steps, limit, cure)
         cure = OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else f"{_four_times(steps)}, {AGAIN}"
         return _or_more(verdict, self.differ, limit, self.unshrunk, cure) if self.unshrunk else verdict
@@ -344,12 +383,8 @@ class _Component:
         parts += [] if self._signal.is_static else [self._steps]
         total = sum(part[0] for part in parts if part is not None) + np.zeros(len(self._signal.t))
         half = sum(part[1] for part in parts if part is not None)
-        finest = "free" if "free" in self._y else "modes"
-        if {"all", "half", finest} <= {*self._y}:
-            apart = self._change("unchanged", "all") - self._change("unchanged", "half")
-            apart -= self._change("unchanged", finest)
-            total = total + apart
-            half += _largest(apart)  # that is at half the step; shorter ones may add as much again
+        apart = self._apart()
+        total, half = total + apart, half + _largest(apart)  # that is at half the step; shorter ones may add as much
         cause = max(of, key=lambda cause: of[cause].most, default="modes")
         return self._judged((total, half), limit, of[cause].cure or OF_CAUSES[cause] if of else "")
 

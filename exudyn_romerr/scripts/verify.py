@@ -38,7 +38,6 @@ NOTES = {
     "hold": "PreStep functions are called at the steps of the unchanged run (--controllers hold)",
 }
 BY_CALL = "modes: by the script's own call, twice and four times as many; they cannot see rigid interfaces"
-FAILED = "{}: {}"
 ENDED = "{}: the script ended with {}; what it had solved until then counts"
 NOT_HELD = "steps that adapt: PreStep functions are called at each of them; there are none to hold them at"
 
@@ -134,7 +133,9 @@ class Verification:
         draw_causes(self.judgement.rows, path, title=f"{os.path.basename(self.script)}: errors measured")
 
     def __str__(self) -> str:
-        return "\n".join([*self.misspelt, text(self.judgement, self.script)])
+        lost = [f"{name} ({one.failure})" for name, one in self.results.items() if one.failure]
+        missing = [f"Runs that were not had: {', '.join(lost)}."] if lost else []
+        return "\n".join([*self.misspelt, *missing, text(self.judgement, self.script)])
 
 
 def _verdict(told: dict[str, Any] | None) -> Verdict | None:
@@ -222,9 +223,7 @@ def _endings(results: Mapping[str, Result]) -> list[str]:
     """A line for each run that failed, or whose script did not end well, unless it is the same for all."""
     lines, own = [], _ending(results["unchanged"])
     for name, one in results.items():
-        if one.failure:
-            lines.append(FAILED.format(name, one.failure))
-        elif (said := _ending(one)) and (name == "unchanged" or said != own):
+        if not one.failure and (said := _ending(one)) and (name == "unchanged" or said != own):
             lines.append(ENDED.format(name, said))
     return lines
 

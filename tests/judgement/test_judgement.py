@@ -52,7 +52,7 @@ def test_sensors_without_a_row_say_why():
     assert of["stress"].of["sum"].reason == "body 3 (arm): it has a user function"
     assert worst(row.answer for row in of.values()) is Answer.NOT_COVERED
     told = text(Judgement([*of.values()], [solve]), "arm.py")
-    assert told.startswith("Not covered by any estimate: force, stress (1 % assumed; --tolerance).")
+    assert told.startswith("Not covered by any estimate: force, stress. Enough: the error of tip z is within")
     assert "not known, force: it is shared" in told
     solve.report, solve.failure = None, ValueError("no frame")
     assert {row.of["sum"].reason for row in rows_of_solve(solve, Tolerances())} == {"no frame"}

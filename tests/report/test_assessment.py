@@ -34,7 +34,7 @@ INFINITE = estimated(2.0, np.inf, {"time step": 1.0}, {"steps": np.inf}, covers=
         (PROVED, 0.89, "disproven", "reconstructed"),
         (PROVED, 0.89, "disproven", "static"),
         (PROVED, 1.2, "unknown", "sampled"),  # nothing is known of the time steps
-        (PROVED, 0.89, "unknown", "sampled"),
+        (PROVED, 0.89, "unlikely", "sampled"),  # the modes alone make more
         (ROUNDED, 1.2, "likely", "reconstructed"),  # bound and rounding: 1.25
         (ROUNDED, 1.14, "unknown", "reconstructed"),
         (ROUNDED, 0.86, "unknown", "reconstructed"),

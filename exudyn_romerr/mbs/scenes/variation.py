@@ -39,14 +39,15 @@ CALLS = {  # of FEMinterface: the argument that is the number of modes
 class Recorded:
     """What all sensors showed in a solve: an array (T, 1 + r) for each, time first.
 
-    kind : "dynamic" or "static". fixed : whether all steps are of one size. h : that of the unchanged run. numbers :
-    of the sensors. until : of a solve that ended before its end, when and by what; on_purpose : whether that was
-    meant. seconds : CPU time.
+    kind : "dynamic" or "static". fixed : whether all steps are of one size. h, count : of them in the unchanged run.
+    numbers : of the sensors. until : of a solve that ended before its end, when and by what; on_purpose : whether
+    that was meant. seconds : CPU time.
     """
 
     kind: str
     fixed: bool
     h: float = 0.0
+    count: int = 0
     seconds: float = 0.0
     until: str = ""
     on_purpose: bool = False
@@ -295,6 +296,7 @@ class Variation:
                 self._placed_name(mbs.GetSensor(i).get("fileName", ""))
             if not is_static:
                 count = integration.numberOfSteps
+                recorded.count = count
                 recorded.h = (integration.endTime - integration.startTime) / count
                 change(integration, "minimumStepSize", integration.minimumStepSize / self._steps)
                 method = integration.solverType.name

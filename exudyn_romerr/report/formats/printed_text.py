@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from ..answers import Tolerances
     from ..data import OutputData, ReportData
+    from ..verdicts import Row
 
 MORE = "every component, bounds by all estimators, corrected outputs: print(report.details)"
 OUTPUT = "output"  # what a line of its tables is of
@@ -66,10 +67,15 @@ def _answers(report: ReportData, tolerances: Tolerances | None) -> list[str]:
     rows = rows_of(report, tolerances)
     if not rows:
         return []
-    asked = [row for row in rows if not is_beside(report, row.name)]
+    asked = [row for row in rows if not is_beside(report, row.name) or (row.is_asked and _is_named(row, tolerances))]
     known = any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
     tables = [*first_sentences(asked), "", *aligned(table(by_sensor(rows), OUTPUT)), ""] if known else []
     return [first_sentence(asked, OUTPUT, ASSESS), *tables, *reasons(asked)]
+
+
+def _is_named(row: Row, tolerances: Tolerances | None) -> bool:
+    """Whether a tolerance was given for it by its name."""
+    return tolerances is not None and row.name in tolerances.names
 
 
 def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[str]:
