@@ -89,7 +89,8 @@ def _parser() -> argparse.ArgumentParser:
     plot.add_argument(
         "--output", action="extend", nargs="+", metavar="NAME", help="only these outputs (default: all)"
     )
-    _add(commands, "report", _report, "write an HTML page", "romerr report run.npz -o run.html", "html")
+    page = _add(commands, "report", _report, "write an HTML page", "romerr report run.npz -o run.html", "html")
+    page.add_argument("--tolerance", action="append", type=_tolerance, metavar="X", help="as of romerr run")
     _add(commands, "csv", _csv, "write values and errors over time", "romerr csv run.npz -o run.csv", "csv")
     collect = _add(commands, "collect", _collect, "make a table of a sweep", "romerr collect results", of=SWEPT)
     collect.add_argument("-o", metavar="file", dest="to", help="table.csv, or table.md; default: print it")
@@ -254,7 +255,7 @@ def _plot(given: argparse.Namespace) -> None:
 
 def _report(given: argparse.Namespace) -> None:
     report, to = _opened(given)
-    report.to_html(to)
+    report.to_html(to, given.tolerance)
     print(f"written: {to}")
 
 

@@ -625,6 +625,55 @@ VECTORS = {0: (np.ones((6, 2)), np.array([True, False]))}
 TOLD = {"without_vectors": [], "bodies": 1, "rows": []}
 
 
+def test_what_vectors_change_is_known_as_far_as_half_the_step_says_the_same():
+    """0.077 at the script's step, 0.027 at half of it: they ring with the step, interfaces do not."""
+    runs = SIGNAL | {"modes": 1.0, "free": 1.077, "all": SIGNAL["half"] + 0.027}
+    (row,) = rows_of_signal(signal_of(**runs), Tolerances(["0.01"]))
+    found = row.of["interfaces"]
+    assert (found.size, found.half_width) == (pytest.approx(0.077), pytest.approx(0.05))
+    assert found.answer.value == "not known"
+    (row,) = rows_of_signal(signal_of(**(runs | {"all": SIGNAL["half"] + 0.077})), Tolerances(["0.01"]))
+    assert row.of["interfaces"].answer.value == "too large"
+
+
+@pytest.mark.parametrize(("limit", "answer"), [("0.04", "too large"), ("0.1", "not known"), ("1", "not known")])
+def test_of_one_difference_that_is_told(limit, answer):
+    """Where the run with a quarter of the step is lost; what it tends to is not known."""
+    signal = signal_of(unchanged=1.0, again=1.0, half=1.1)._replace(
+        has_bodies=False, missing={"quarter": "it was killed"}
+    )
+    (row,) = rows_of_signal(signal, Tolerances([limit]))
+    found = row.of["step"]
+    assert (found.size, found.half_width, found.answer.value) == (pytest.approx(0.1), None, answer)
+    assert "a quarter of the step was not had: it was killed" in found.reason
+
+
+def test_nothing_moves_in_a_static_solve():
+    """Velocities are 0 there whatever the model; displacements need not be."""
+    still = signal_of(unchanged=0.0, again=0.0)._replace(is_static=True, has_bodies=False)
+    for shows, answer in (("Velocity", "enough"), ("AngularVelocityLocal", "enough"), ("Displacement", "not known")):
+        (row,) = rows_of_signal(still._replace(shows=shows), Tolerances(["1%"]))
+        assert row.answer.value == answer
+
+
+def test_of_a_solve_that_failed_its_last_row_is_left_out():
+    """It may be of the step that did not converge; steps are those that were planned."""
+    t = np.linspace(0, 0.8, 9)
+    solve = {
+        "kind": "dynamic",
+        "names": ["tip"],
+        "numbers": [0],
+        "shows": ["Displacement"],
+        "fixed": True,
+        "count": 10,
+    }
+    ended = {"until": "until 0.8 of 1 s: the solve failed", "on_purpose": False}
+    x = np.append(t[:-1], 1e7)
+    result = Result("unchanged", "", [solve | ended | {"data": [np.stack([t, x], axis=1)]}], {}, TOLD)
+    (signal,) = signals({"unchanged": result})
+    assert (signal.t[-1], signal.of["unchanged"].max(), signal.steps) == (pytest.approx(0.7), pytest.approx(0.7), 10)
+
+
 def test_runs_that_took_no_shorter_steps_measure_none():
     solve = {"kind": "dynamic", "names": ["tip"], "numbers": [0], "shows": ["Displacement"], "fixed": True}
 
