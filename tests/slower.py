@@ -39,6 +39,10 @@ SLOWER = {  # file -> tests that take seconds, and what is tried without them
     },
     "docs_and_examples/test_wheel.py": {  # .ci/run installs a wheel before any test runs
         "test_examples_run_from_any_folder",
+        "test_import_brings_nothing",
+        "test_installed_package_shows_a_saved_report",
+        "test_sweep_works_in_spawned_processes",
+        "test_wheel_asks_for_four_packages",
         "test_wheel_has_the_package_and_nothing_else",
         "test_wheel_without_a_compiler_lacks_the_compiled_part_only",
     },

@@ -22,9 +22,10 @@ from ..process.interrupts import interrupt_deferred
 from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of, worst
 from ..report.verdicts import CAUSES, Verdict, beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
-from .compared import STRESS, estimates, rows_of_signal, signals, two_ways
+from .compared import rows_of_signal, two_ways
 from .execute import check_script
 from .forecast import Forecast, forecast_of
+from .signals import STRESS, estimates, signals
 
 CONTROLLERS = ("follow", "hold")
 MEMORY_SHARE = 0.8  # of what is free: runs together may take so much

@@ -152,7 +152,7 @@ TEXTS = [printed, in_detail, loaded, unpickled, in_html, told, of_two_levels]
 @pytest.mark.parametrize("cause", DOUBTS)
 @pytest.mark.parametrize("text", TEXTS, ids=lambda f: f.__name__)
 def test_every_text_says_why_and_nothing_is_promised(plain, text, cause, scope, tmp_path, monkeypatch):
-    monkeypatch.setattr(html_page, "figures", lambda report: ())
+    monkeypatch.setattr(html_page, "figures", lambda *given: ())
     said = text(doubted(plain, DOUBTS[cause], scope=scope), tmp_path)
     assert not PROMISES.search(said)
     assert DOUBTS[cause].cause in said

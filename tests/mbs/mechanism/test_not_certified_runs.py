@@ -126,7 +126,7 @@ def test_cause_and_cure_are_named(case):
 def test_no_sentence_promises(case, tmp_path, monkeypatch):
     """Printed, in short and in rows, loaded again, in HTML, as columns."""
     report, cause = made(case), CASES[case][1].cause
-    monkeypatch.setattr(html_page, "figures", lambda report: ())
+    monkeypatch.setattr(html_page, "figures", lambda *given: ())
     report.save(tmp_path / "run.npz")
     again = romerr.load_report(tmp_path / "run.npz")
     assert (str(again), again.details) == (str(report), report.details)
