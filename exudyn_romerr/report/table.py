@@ -304,7 +304,8 @@ def reasons(rows: Sequence[Row], script: str = YOURS) -> list[str]:
     """
     why: dict[tuple[str, str], list[str]] = {}
     for row in rows:
-        for verdict in (row.of[x] for x in ("sum", *CAUSES) if x in row.of and row.answer not in NOT_ASKED):
+        told = [x for x in ("sum", *CAUSES) if x in row.of and (x == "step" or not row.is_coarse)]
+        for verdict in (row.of[x] for x in told if row.answer not in NOT_ASKED):
             if verdict.reason and verdict.answer in UNSURE:
                 names = why.setdefault((verdict.reason, verdict.cure.replace(YOURS, script)), [])
                 names += [row.name] if row.name not in names else []

@@ -209,6 +209,8 @@ def judged(of: dict[str, Verdict], shown: float | None, limit: float | None) -> 
     """
     if limit is None:
         return {cause: replace(one, answer=Answer.NO_TOLERANCE) for cause, one in of.items()}
+    if shown is None:
+        return {cause: replace(one, answer=Answer.ENOUGH, reason="", cure="") for cause, one in of.items()}
     if shown == 0:  # a share of nothing is nothing; what is too large in the model's units is
         still = {cause for cause, one in of.items() if not limit or one.answer is not Answer.TOO_LARGE}
         return {c: _doubted(one, SHOWS_NOTHING, OTHER_SENSORS) if c in still else one for c, one in of.items()}

@@ -63,9 +63,7 @@ def signals(results: Mapping[str, Result]) -> list[Signal]:
 
 
 def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dict[str, Any]) -> Signal:
-    data, base = solve["data"][j], results["unchanged"]
-    if solve.get("until") and not solve["on_purpose"]:
-        data = data[: max(len(data) - 1, 1)]  # the last row may be of the step that failed
+    data, base = _shown(solve, j), results["unchanged"]
     t, of, missing = data[:, 0], {"unchanged": data[:, 1:]}, {}
     for run, result in results.items():
         if run != "unchanged":
@@ -73,7 +71,7 @@ def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dic
             if why:
                 missing[run] = why
             else:
-                of[run] = _at(t, result.solves[i]["data"][j])
+                of[run] = _at(t, _shown(result.solves[i], j))
     is_stress = solve["shows"][j].startswith(STRESS)
     return Signal(
         name,
@@ -93,11 +91,17 @@ def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dic
     )
 
 
+def _shown(solve: dict[str, Any], j: int) -> np.ndarray:
+    """What a sensor showed; where a solve failed, without the last row, which may be of the step that did."""
+    data = solve["data"][j]
+    return data[: max(len(data) - 1, 1)] if solve.get("until") and not solve["on_purpose"] else data
+
+
 def _steps(solve: dict[str, Any], t: np.ndarray) -> int | None:
     """How many steps a solve was to take; None: not of one size, or not known."""
     if not solve.get("fixed", True) or len(t) < 2:
         return None
-    return solve["count"] if solve.get("until") else len(np.unique(t)) - 1
+    return int(solve["count"]) if solve.get("until") else len(np.unique(t)) - 1
 
 
 def _why_missing(run: str, result: Result, i: int, j: int, solve: dict[str, Any]) -> str:
@@ -106,7 +110,7 @@ def _why_missing(run: str, result: Result, i: int, j: int, solve: dict[str, Any]
         return result.failure
     if len(result.solves) <= i or result.solves[i]["names"] != solve["names"]:
         return OTHER_SENSORS
-    data, t = result.solves[i]["data"][j], solve["data"][j][:, 0]
+    data, t = result.solves[i]["data"][j], _shown(solve, j)[:, 0]
     if data[-1, 0] < t[-1] - SHORTER * abs(t[-1]):
         return ENDED.format(data[-1, 0], t[-1])
     if run in FINER and solve["kind"] != "static" and len(data) <= len(t):

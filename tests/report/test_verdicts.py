@@ -301,6 +301,12 @@ def test_what_shows_nothing_is_not_enough():
     assert row.answer is Answer.TOO_LARGE  # as it is where it is asked for in its unit
 
 
+def test_nothing_moves_in_a_static_solve():
+    """A velocity is 0 there whatever the model, but for rounding."""
+    row = row_of(["1%"], parts={}, halves={"steps": 1e-9}, time="static", value=0.0, of="velocity", round_off=1e-9)
+    assert {verdict.answer for verdict in row.of.values()} == {Answer.ENOUGH}
+
+
 def test_answers_statuses_and_words_are_one_table():
     assert {*ASSESSED} == {*STATUS} == {*Answer}
     assert (STATUS[Answer.ENOUGH], STATUS[Answer.TOO_LARGE], STATUS[Answer.NOT_KNOWN]) == (0, 3, 4)
