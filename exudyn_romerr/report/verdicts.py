@@ -126,8 +126,10 @@ class Row:
 
     def share(self, cause: str) -> float:
         """Return size and half width of a cause as a share of the tolerance; where there is none, of the extent."""
-        of = self.tolerance or self.extent or 1.0
-        return self.of[cause].most / of if cause in self.of else 0.0
+        of, one = self.tolerance or self.extent or 1.0, self.of.get(cause)
+        if one is None:
+            return 0.0
+        return (one.most if one.half_width is not None or one.size is None else one.size) / of
 
     @property
     def shortening(self) -> float:
@@ -184,7 +186,7 @@ def judge(
     but: Reservation = NONE_SUCH,
 ) -> Verdict:
     """Return the verdict on an error of that size, half width and tolerance (None: none asked)."""
-    cure = but.cure or cure
+    own, cure = cure, but.cure or cure
     if not np.isfinite(size + half):
         return Verdict(None, None, how, Answer.NOT_KNOWN, NO_ESTIMATE, cure)
     if limit is None:
@@ -193,7 +195,7 @@ def judge(
     if size + half + floor <= limit and not but.why:
         answer, cure = Answer.ENOUGH, ""
     elif size - half - floor > limit and half <= RESOLVED * size and (but.until_then or not but.why):
-        answer = Answer.TOO_LARGE
+        answer, cure = Answer.TOO_LARGE, own or cure
     return Verdict(size, half, how, answer, but.why, cure, floor)
 
 

@@ -29,6 +29,7 @@ DO_NOT_SHRINK = "differences do not shrink with the step (chaotic, or contact at
 SHRINK_LITTLE = "differences shrink too little with the step to tell where they lead"
 UNSETTLED = "twice the modes once more change as much as before: nothing tells how many more are missing"
 OTHER_INSTANTS = "find what happens at other instants with other steps: contact, friction, a controller that switches"
+ONE_DIFFERENCE = "ask again, with the runs that are missing"
 BY_RBE3 = "compare with modes of RBE3 (computationMode=HCBstaticModeSelection.RBE3)"
 NO_STEPS = "a static solve has no time steps"
 DISAGREE = (
@@ -142,7 +143,7 @@ class _Component:
     def by_vectors(self) -> tuple[np.ndarray, float] | None:
         """What our vectors that keep interfaces change; half width: what is measurable, and what they leave out."""
         found = self._by_modes("modes", "unchanged")
-        return found and (found[0], found[1] + self._left + self._share_apart(found[0]))
+        return found and (found[0], found[1] + self._left)
 
     def by_call(self) -> tuple[np.ndarray, float] | None:
         """What four times the modes by the script's own call change; half width: what from two to four times does."""
@@ -175,22 +176,18 @@ class _Component:
 
     def interfaces(self) -> tuple[np.ndarray, float] | None:
         """What vectors that free rigid interfaces change."""
-        found = None if self._signal.unseen else self._by_modes("free", "modes")
-        return found and (found[0], found[1] + self._share_apart(found[0]))
+        return None if self._signal.unseen else self._by_modes("free", "modes")
 
     def _apart(self) -> np.ndarray:
-        """How else vectors change the run with half the step: what they and shorter steps do not add up to (T,)."""
+        """How else vectors change the run with half the step: what they and shorter steps do not add up to (T,).
+
+        With shorter steps any of the causes may change by as much.
+        """
         finest = "free" if "free" in self._y else "modes"
         if not {"all", "half", finest} <= {*self._y}:
             return np.zeros(len(self._signal.t))
         both = self._change("unchanged", "all") - self._change("unchanged", "half")
         return both - self._change("unchanged", finest)
-
-    def _share_apart(self, change: np.ndarray) -> float:
-        """The share of that which vectors have that change so much of all: with other steps they may change it so."""
-        of = [self._by_modes(*pair) for pair in (("modes", "unchanged"), ("free", "modes"))]
-        whole = sum(_largest(one[0]) for one in of if one is not None)
-        return _largest(self._apart()) * _largest(change) / whole if whole > 0 else 0.0
 
     def verdict(self, cause: str, limit: float | None) -> Verdict | None:
         """The verdict on one cause; None: there is nothing of it."""
@@ -201,7 +198,8 @@ class _Component:
         found = {"modes": self.modes, "interfaces": self.interfaces}[cause]()
         if found is None:
             return self._unmeasured(cause)
-        verdict = self._judged(found, limit, OF_CAUSES[cause])
+        otherwise = 0.0 if cause == "modes" and self._is_by_call else _largest(self._apart())
+        verdict = self._judged((found[0], found[1] + otherwise), limit, OF_CAUSES[cause])
         differ = self._unsettled() if cause == "modes" else 0.0
         return _or_more(verdict, differ, limit, UNSETTLED, OF_CAUSES[cause]) if differ else verdict
 
@@ -231,7 +229,9 @@ class _Component:
         cure = shorter_steps(_largest(self._steps[0]) + self._steps[1], limit, steps)
         if not np.isfinite(self._steps[1]):
             verdict = Verdict(_largest(self._steps[0]), None, MEASURED, Answer.NOT_KNOWN)
-            return _or_more(verdict, self.differ, limit, self.unshrunk, cure)
+            told = _or_more(verdict, self.differ, limit, self.unshrunk, ONE_DIFFERENCE)
+            cure = shorter_steps(2 * self.differ, limit, steps, False)
+            return replace(told, cure=cure) if told.answer is Answer.TOO_LARGE else told
         verdict = self._judged(self._steps, limit, cure)
         cure = OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else f"{_four_times(steps)}, {AGAIN}"
         return _or_more(verdict, self.differ, limit, self.unshrunk, cure) if self.unshrunk else verdict

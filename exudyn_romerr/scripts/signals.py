@@ -132,6 +132,8 @@ def estimates(result: Result | None) -> list[dict[str, Any]]:
 
 
 def _left(results: Mapping[str, Result], name: str, solve: int, count: int) -> tuple[float, ...]:
+    if results["unchanged"].solves[solve].get("until"):  # an estimate of a failed step is one of nothing
+        return (0.0,) * count
     rows = estimates(results.get("free") or results.get("modes"))
     of = {row["component"]: row["modes"] for row in rows if (row["name"], row["solve"]) == (name, solve)}
     return tuple(_most(of.get(c)) for c in range(count))

@@ -164,7 +164,9 @@ def test_outputs_that_nobody_asked_for_are_in_the_table_alone(report):
     beside = replace(report.outputs["v"], name="y in the frame", estimate_parts={"basis": report.output("v").value})
     report.outputs = {"y": report.outputs["y"], beside.name: beside}
     first, *rest = str(report).splitlines()[1:]
-    assert first == "Enough: the error of every output is within its tolerance (1 % assumed; report.assess)."
+    assert (
+        first == "Enough: the error of every output asked for is within its tolerance (1 % assumed; report.assess)."
+    )
     assert sum("y in the frame" in line for line in rest) == 1
 
 

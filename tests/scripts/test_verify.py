@@ -132,7 +132,7 @@ def test_what_all_vectors_leave_out_is_in_the_half_width(bar):
     error = np.abs(full[1] - finest[1]).max(axis=0)
     c = int(np.argmax(error))
     row = next(row for row in bar.judgement.rows if row.name == "sensor1" and row.component == c)
-    assert row.of["modes"].half_width == pytest.approx(error[c], rel=0.3)
+    assert 0.7 * error[c] <= row.of["modes"].half_width <= 3 * error[c]  # and how else they change half the step
 
 
 @pytest.mark.slow

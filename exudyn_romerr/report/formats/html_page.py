@@ -120,7 +120,8 @@ def _verdicts(report: ReportData, tolerances: Tolerances | None) -> Iterator[str
     rows = verdicts_of(report, tolerances)
     outputs = by_sensor(rows)
     asked = [row for row in rows if not is_beside(report, row.name)]
-    yield paragraph(summary(asked, "output", ASSESS), "first")
+    what = "output" if len(asked) == len(rows) else "output asked for"
+    yield paragraph(summary(asked, what, ASSESS), "first")
     yield from (paragraph(said) for said in (*first_sentences(asked), *reasons(asked)))
     head, *lines = verdicts_table(outputs, "output")
     yield table("All outputs", head, lines)

@@ -70,7 +70,8 @@ def _answers(report: ReportData, tolerances: Tolerances | None) -> list[str]:
     asked = [row for row in rows if not is_beside(report, row.name) or (row.is_asked and _is_named(row, tolerances))]
     known = any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
     tables = [*first_sentences(asked), "", *aligned(table(by_sensor(rows), OUTPUT)), ""] if known else []
-    return [first_sentence(asked, OUTPUT, ASSESS), *tables, *reasons(asked)]
+    what = OUTPUT if len(asked) == len(rows) else f"{OUTPUT} asked for"
+    return [first_sentence(asked, what, ASSESS), *tables, *reasons(asked)]
 
 
 def _is_named(row: Row, tolerances: Tolerances | None) -> bool:
