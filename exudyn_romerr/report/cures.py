@@ -59,8 +59,7 @@ def cure_of(
 
     size, half : of the error, and its half width. halves : parts of that by check. limit : what is allowed.
     """
-    is_resolved = half <= RESOLVED * size
-    if is_resolved or cause == "interfaces":
+    if half <= RESOLVED * size or cause == "interfaces":
         return shorter_steps(size + half, limit, steps) if cause == "step" else OF_CAUSES[cause]
     # What starts at once rings in modes that neither steps nor vectors resolve: a smooth start makes half widths 50
     # to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (tests: test_cures.py)
@@ -70,7 +69,7 @@ def cure_of(
     if check in (LINEAR, LINEAR_STEPS):
         return f"{shorter_steps(size + half, limit, steps) if cause == 'step' else OF_CAUSES[cause]}, {NOT_LINEAR}"
     if check == "steps":
-        return shorter_steps(size + half, limit, steps, is_resolved)
+        return shorter_steps(size + half, limit, steps, is_resolved=False)
     return OF_CHECKS.get(check, OF_CAUSES[cause])
 
 
@@ -90,6 +89,11 @@ def shorter_steps(most: float, limit: float | None, steps: Steps, is_resolved: b
     needed = (most / limit) ** (1 / max(steps.order, LOWEST_ORDER))
     is_far = not needed <= MOST_TIMES  # inf, too
     times = MOST_TIMES if is_far else max(ceil(needed), 2)
-    told = f"{times} times as short"
-    said = f"take steps {told}" if steps.count is None else f"take {steps.count * times:,} steps, {told}"
+    said = times_as_short(times, steps)
     return said if is_resolved and not is_far else f"{said}, {AGAIN}"
+
+
+def times_as_short(times: int, steps: Steps) -> str:
+    """Return how many steps are so many times as short, where it is known how many there were."""
+    told = f"{times} times as short"
+    return f"take steps {told}" if steps.count is None else f"take {steps.count * times:,} steps, {told}"

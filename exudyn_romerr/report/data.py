@@ -45,6 +45,11 @@ def extents(value: np.ndarray, is_position: bool = False) -> np.ndarray:
     return np.ptp(value, axis=0) if is_position else np.max(np.abs(value), axis=0, initial=0.0)
 
 
+def is_rate(shows: str) -> bool:
+    """Return whether a quantity, as Exudyn or OutputData.of names it, is 0 where nothing moves: in static solves."""
+    return shows.removesuffix("Local").lower().endswith(("velocity", "acceleration"))
+
+
 @dataclass(frozen=True)
 class Plan:
     """Readable with print().

@@ -112,6 +112,8 @@ def joined(
         total_mass=None,
         made=bodies[0].made,
         planned_end=bodies[0].planned_end,
+        ended_by=bodies[0].ended_by,
+        on_purpose=bodies[0].on_purpose,
         remainder={e: max(b.remainder.get(e, 0.0) for b in bodies) for b in bodies for e in b.remainder},
         bodies=tuple(bodies),
         uncertified=doubts,

@@ -10,6 +10,7 @@ import numpy as np
 from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
 from .answers import SHARE, Answer, Tolerance
 from .cures import OF_CAUSES, Steps, cure_of, cure_of_bound
+from .data import is_rate
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
 from .verdicts import (
     ALWAYS,
@@ -83,7 +84,7 @@ def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int
     """Return what is known of one component."""
     is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
     bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
-    shown, still = out.extents, is_still(report, out)
+    shown, still = out.extents, report.time == "static" and is_rate(out.of)
     return Row(
         out.name,
         i,
@@ -139,11 +140,6 @@ def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) 
             verdict = judge(size, half, limit, ESTIMATED, cure, _largest(out.round_off[:, i]), but)
             found[cause] = replace(verdict, time=_when(report.t, part))
     return found
-
-
-def is_still(report: ReportData, out: OutputData) -> bool:
-    """Whether an output is 0 whatever the model: nothing moves in a static solve."""
-    return report.time == "static" and out.of not in ("displacement", "position")
 
 
 def steps_of(report: ReportData) -> Steps:

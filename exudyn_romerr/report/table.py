@@ -19,10 +19,9 @@ TITLES = {"modes": "modes", "interfaces": "rigid interfaces", "step": "step", "s
 NOT_RIGID = "if the part is not as rigid there as its modes make it: RBE3 modes cure that, no number of modes does"
 BESIDE = ("order", "noise", "estimated about")
 CONTRADICTION = "Measured {}, estimated about {} at {}: one of both is wrong."
-CONTRADICTION = "Measured {}, estimated about {} at {}: one of both is wrong."
 SHOWN = 0.005  # of a size: a half width below it is not seen in two digits
 UNSURE = (Answer.NOT_KNOWN, Answer.NOT_COVERED)
-NOT_ASKED = (Answer.ENOUGH, Answer.NO_TOLERANCE)  # of which there is nothing to do
+FINE = (Answer.ENOUGH, Answer.NO_TOLERANCE)  # of which there is nothing to do
 OPTION, ASSESS = "--tolerance", "report.assess"  # what another tolerance is given by
 YOURS = "your_script.py"  # in cures: the script that the user has
 
@@ -81,7 +80,7 @@ def summary(rows: Sequence[Row], what: str = "sensor", how_to_ask: str = OPTION)
     rows : of all components. what : they are of. how_to_ask : what another tolerance is given by.
     """
     uncovered = [row for row in rows if all(verdict.how == NONE for verdict in row.of.values())]
-    still = [row for row in rows if row.shows_nothing and row.answer not in NOT_ASKED]
+    still = [row for row in rows if row.shows_nothing and row.answer not in FINE]
     others = [row for row in rows if all(row is not other for other in uncovered)]
     said = [
         *_ends(rows),
@@ -116,7 +115,7 @@ def _by_causes(
 
     besides : answers of which a sensor and cause is named already.
     """
-    of = [row for row in rows if row.answer not in NOT_ASKED]
+    of = [row for row in rows if row.answer not in FINE]
     by_names: dict[str, list[str]] = {}
     for cause in _largest_first(of):
         own = [row for row in _with(of, cause) if cause == "step" or not row.is_coarse]
@@ -153,7 +152,7 @@ def _contradictions(rows: Sequence[Row]) -> list[str]:
     told: dict[str, Row] = {}
     for row in rows:
         largest = told.get(row.name)
-        if row.is_contradicted and row.answer not in NOT_ASKED:
+        if row.is_contradicted and row.answer not in FINE:
             told[row.name] = row if largest is None or row.estimated.size > largest.estimated.size else largest
     both = ((row, said(row.of["sum"], row.unit), said(row.estimated, row.unit)) for row in told.values())
     return [CONTRADICTION.format(one, other, row.label or row.name) for row, one, other in both]
@@ -162,7 +161,7 @@ def _contradictions(rows: Sequence[Row]) -> list[str]:
 def _enough(rows: Sequence[Row], what: str) -> list[str]:
     """That all is enough of which something was asked; nothing where something is not."""
     enough = _that_are(rows, Answer.ENOUGH)
-    if not enough or any(row.answer not in (*NOT_ASKED, Answer.NOT_COVERED) for row in rows):
+    if not enough or any(row.answer not in (*FINE, Answer.NOT_COVERED) for row in rows):
         return []
     which = f"every {what}" if len(enough) == len(rows) else _names(enough)
     return [f"Enough: the error of {which} is within its tolerance."]
@@ -173,8 +172,8 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
 
     The cause with the largest share of its tolerance stands first. rows : of all components.
     """
-    named = {row.name for row in rows if row.answer not in NOT_ASKED and not _are_enough_alone(row)}
-    together = [row for row in rows if row.answer not in NOT_ASKED and row.name not in named]
+    named = {row.name for row in rows if row.answer not in FINE and not _are_enough_alone(row)}
+    together = [row for row in rows if row.answer not in FINE and row.name not in named]
     told = [("sum", together), *((cause, _told_of(rows, cause)) for cause in _largest_first(rows))]
     return [_of_cause(of, cause) for cause, of in told if of]
 
@@ -184,7 +183,7 @@ def _told_of(rows: Sequence[Row], cause: str) -> list[Row]:
     of = _with(rows, cause)
     told = [row for row in of if _is_told(row, cause)]
     is_open = any(row.is_coarse for row in of) and cause != "step"
-    is_said = any(row.of[cause].answer not in NOT_ASKED for row in told)
+    is_said = any(row.of[cause].answer not in FINE for row in told)
     return told if is_said or not is_open else []
 
 
@@ -207,7 +206,7 @@ def _of_cause(rows: Sequence[Row], cause: str) -> str:
     known = [row for row in rows if row.of[cause].size is not None]
     found = [[row for row in known if row.of[cause].answer is answer] for answer in reversed(Answer)]
     clauses = [_clause(of, cause) for of in found if of]
-    todo = [of for of in found if of and of[0].of[cause].answer not in NOT_ASKED]
+    todo = [of for of in found if of and of[0].of[cause].answer not in FINE]
     return f"{title}: {'; '.join(clauses[: max(len(todo), 1)]) or 'not known'}."
 
 
@@ -218,7 +217,7 @@ def _clause(rows: Sequence[Row], cause: str) -> str:
     verdict = row.of[cause]
     word = "measured" if verdict.how == MEASURED else "about"
     size = f"{word} {said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)} at {row.label or row.name}"
-    if cause == "interfaces" and verdict.answer not in NOT_ASKED and not verdict.reason:
+    if cause == "interfaces" and verdict.answer not in FINE and not verdict.reason:
         return f"{_word(verdict)}, {size}, {NOT_RIGID}"
     return f"{_word(verdict)}, {size}{cure and f'; {cure}'}"
 
@@ -305,7 +304,7 @@ def reasons(rows: Sequence[Row], script: str = YOURS) -> list[str]:
     why: dict[tuple[str, str], list[str]] = {}
     for row in rows:
         told = [x for x in ("sum", *CAUSES) if x in row.of and (x == "step" or not row.is_coarse)]
-        for verdict in (row.of[x] for x in told if row.answer not in NOT_ASKED):
+        for verdict in (row.of[x] for x in told if row.answer not in FINE):
             if verdict.reason and verdict.answer in UNSURE:
                 names = why.setdefault((verdict.reason, verdict.cure.replace(YOURS, script)), [])
                 names += [row.name] if row.name not in names else []

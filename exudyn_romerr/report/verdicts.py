@@ -21,6 +21,7 @@ KNOWN, TO_THE_END = "known {}", "let it run to its end"  # {}: until when
 CONTRADICTED = "what was measured and what is estimated are farther apart than both half widths"
 SHOWS_NOTHING = "it shows 0 throughout: nothing tells whether it would without an error"
 OTHER_SENSORS = "--tolerance NAME=... for the sensors that move"
+NUMBERS = ("largest", "extent", "tolerance", "bound", "order", "noise")  # of a row, beside its verdicts
 NO_ESTIMATE = "there is no estimate of its error at every instant"
 
 
@@ -138,19 +139,7 @@ class Row:
 
     def as_json(self) -> dict[str, Any]:
         """Return the row as --json writes it; docs/answer.schema.json has the fields."""
-        names = (
-            "name",
-            "component",
-            "solve",
-            "unit",
-            "largest",
-            "extent",
-            "tolerance",
-            "until",
-            "bound",
-            "order",
-            "noise",
-        )
+        names = ("name", "component", "solve", "unit", "until", *NUMBERS)
         verdicts = {cause: None if cause not in self.of else self.of[cause].as_json() for cause in (*CAUSES, "sum")}
         return {name: getattr(self, name) for name in names} | {"axis": self.axis or None} | verdicts
 

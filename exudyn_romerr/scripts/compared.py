@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..report.answers import Answer
-from ..report.cures import AGAIN, OF_CAUSES, SECOND_ORDER, Steps, shorter_steps
-from ..report.data import UNITS, extents, units_of_length
+from ..report.cures import AGAIN, OF_CAUSES, SECOND_ORDER, Steps, shorter_steps, times_as_short
+from ..report.data import UNITS, extents, is_rate, units_of_length
 from ..report.verdicts import CAUSES, MEASURED, NONE, Row, Verdict, judge, judged, not_covered, not_the_rest
 from .signals import Signal, signals
 
@@ -76,7 +77,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
         unit,
         float(shown[c]),
         float(shown.max()),
-        judged(of, None if _is_still(signal) else float(shown.max()), limit),
+        judged(of, None if signal.is_static and is_rate(signal.shows) else float(shown.max()), limit),
         tolerance=limit,
         order=one.order,
         noise=one.noise,
@@ -85,11 +86,6 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
         is_asked=is_asked,
         until=signal.until,
     )
-
-
-def _is_still(signal: Signal) -> bool:
-    """Whether a sensor is 0 whatever the model: nothing moves in a static solve."""
-    return signal.is_static and signal.shows.startswith(("Velocity", "AngularVelocity", "Acceleration"))
 
 
 class _Component:
@@ -178,6 +174,7 @@ class _Component:
         """What vectors that free rigid interfaces change."""
         return None if self._signal.unseen else self._by_modes("free", "modes")
 
+    @cached_property
     def _apart(self) -> np.ndarray:
         """How else vectors change the run with half the step: what they and shorter steps do not add up to (T,).
 
@@ -198,7 +195,7 @@ class _Component:
         found = {"modes": self.modes, "interfaces": self.interfaces}[cause]()
         if found is None:
             return self._unmeasured(cause)
-        otherwise = 0.0 if cause == "modes" and self._is_by_call else _largest(self._apart())
+        otherwise = 0.0 if cause == "modes" and self._is_by_call else _largest(self._apart)
         verdict = self._judged((found[0], found[1] + otherwise), limit, OF_CAUSES[cause])
         differ = self._unsettled() if cause == "modes" else 0.0
         return _or_more(verdict, differ, limit, UNSETTLED, OF_CAUSES[cause]) if differ else verdict
@@ -213,11 +210,8 @@ class _Component:
         if cause == "interfaces":
             if self._signal.unseen:
                 return not_covered(self._signal.unseen, BY_RBE3)
-            return (
-                not_covered(NOT_RUN.format("the run with free interfaces", missing["free"]))
-                if "free" in missing
-                else None
-            )
+            why = missing.get("free")
+            return None if why is None else not_covered(NOT_RUN.format("the run with free interfaces", why))
         why = missing.get("four times" if self._signal.by_call else "modes") or missing.get("twice")
         return not_covered(NOT_RUN.format("the run with more modes", why) if why else NO_VECTORS)
 
@@ -226,14 +220,15 @@ class _Component:
         if isinstance(self._steps, str):
             return None if self._steps == NO_STEPS else not_covered(self._steps)
         steps = Steps(self._signal.steps, self.order or SECOND_ORDER)
-        cure = shorter_steps(_largest(self._steps[0]) + self._steps[1], limit, steps)
         if not np.isfinite(self._steps[1]):
             verdict = Verdict(_largest(self._steps[0]), None, MEASURED, Answer.NOT_KNOWN)
             told = _or_more(verdict, self.differ, limit, self.unshrunk, ONE_DIFFERENCE)
             cure = shorter_steps(2 * self.differ, limit, steps, False)
             return replace(told, cure=cure) if told.answer is Answer.TOO_LARGE else told
-        verdict = self._judged(self._steps, limit, cure)
-        cure = OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else f"{_four_times(steps)}, {AGAIN}"
+        most = _largest(self._steps[0]) + self._steps[1]
+        verdict = self._judged(self._steps, limit, shorter_steps(most, limit, steps))
+        again = f"{times_as_short(4, steps)}, {AGAIN}"
+        cure = OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else again
         return _or_more(verdict, self.differ, limit, self.unshrunk, cure) if self.unshrunk else verdict
 
     def whole(self, limit: float | None, of: Mapping[str, Verdict]) -> Verdict:
@@ -245,7 +240,7 @@ class _Component:
         parts += [] if self._signal.is_static else [self._steps]
         total = sum(part[0] for part in parts if part is not None) + np.zeros(len(self._signal.t))
         half = sum(part[1] for part in parts if part is not None)
-        apart = self._apart()
+        apart = self._apart
         total, half = total + apart, half + _largest(apart)  # that is at half the step; shorter ones may add as much
         cause = max(of, key=lambda cause: of[cause].most, default="modes")
         return self._judged((total, half), limit, of[cause].cure or OF_CAUSES[cause] if of else "")
@@ -269,12 +264,6 @@ def _or_more(verdict: Verdict, differ: float, limit: float | None, reason: str, 
         return verdict
     answer = Answer.TOO_LARGE if limit is not None and differ > 2 * limit else Answer.NOT_KNOWN
     return replace(verdict, size=max(differ, verdict.size), half_width=None, answer=answer, reason=reason, cure=cure)
-
-
-def _four_times(steps: Steps) -> str:
-    return (
-        "take steps 4 times as short" if steps.count is None else f"take {4 * steps.count:,} steps, 4 times as short"
-    )
 
 
 def _largest(x: np.ndarray) -> float:

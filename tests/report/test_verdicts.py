@@ -305,6 +305,8 @@ def test_nothing_moves_in_a_static_solve():
     """A velocity is 0 there whatever the model, but for rounding."""
     row = row_of(["1%"], parts={}, halves={"steps": 1e-9}, time="static", value=0.0, of="velocity", round_off=1e-9)
     assert {verdict.answer for verdict in row.of.values()} == {Answer.ENOUGH}
+    force = row_of(["1%"], parts={"basis": 0.5}, time="static", of="force")  # joints hold what does not move
+    assert force.answer is Answer.TOO_LARGE
 
 
 def test_answers_statuses_and_words_are_one_table():

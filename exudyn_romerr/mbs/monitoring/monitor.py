@@ -194,6 +194,4 @@ class MechanismMonitor:
         """
         reports = [body.report(i) for body in self.bodies]
         run = self.bodies[0].runs[i]
-        report = joined(reports, *self._sensors.outputs(run, len(reports[0].t)))
-        report.ended_by, report.on_purpose = reports[0].ended_by, reports[0].on_purpose
-        return report
+        return joined(reports, *self._sensors.outputs(run, len(reports[0].t)))
