@@ -31,7 +31,7 @@ def in_the_middle(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     # inner steps have their nodes one behind the other: no copies of these are made
     first = np.clip(np.arange(T - 1) - (NODES // 2 - 1), 0, T - NODES)
     nodes = first[:, None] + np.arange(NODES)
-    weights = _weights(t[nodes], t[:-1] + 0.5 * np.diff(t))
+    weights = weights_of(t[nodes], t[:-1] + 0.5 * np.diff(t))
     flat, found = x.reshape(T, -1), np.empty((T - 1, *x.shape[1:]))
     middle = found.reshape(T - 1, -1)
     inner = middle[1:-1]
@@ -59,12 +59,12 @@ def within(
 
 def _through(t: np.ndarray, states: Sequence[np.ndarray], nodes: np.ndarray, now: np.ndarray) -> list[np.ndarray]:
     """Polynomials (S, ...) at times now (S,), through states (T, ...) at nodes (S, n) of times t (T,)."""
-    weights = _weights(t[nodes], now)[:, None]
+    weights = weights_of(t[nodes], now)[:, None]
     found = (weights @ x.reshape(len(x), -1)[nodes] for x in states)
     return [y.reshape(len(nodes), *x.shape[1:]) for x, y in zip(states, found, strict=True)]
 
 
-def _weights(times: np.ndarray, now: np.ndarray) -> np.ndarray:
+def weights_of(times: np.ndarray, now: np.ndarray) -> np.ndarray:
     """Weights (S, n) of values at times (S, n) in the polynomials through them, at times now (S,)."""
     at, found = np.ascontiguousarray(times.T), np.ones(times.shape[::-1])
     gone = now - at

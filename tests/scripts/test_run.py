@@ -388,10 +388,8 @@ def hum(mbs, t, load):
     return [0, 0, HOW_LOUD * np.sin(4 * np.pi * t / h) ** 2]
 scene.mbs.SetLoadParameter(0, "loadVectorUserFunction", hum)
 """
-QUARTERS = "loads are asked at quarters of a step, where this one is 0; issue 48 asks at Gauss points"
 
 
-@pytest.mark.xfail(strict=True, reason=QUARTERS)
 def test_a_load_that_hums_with_a_quarter_of_the_step_is_seen(tmp_path):
     """Its mean, 50 N, is in no sample: the answer is that of no load at all."""
     silent, loud = (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.local_errors import NODES, filled, seldom, standing_out, told, within
+from ...estimates.local_errors import NODES, STANDS_OUT, filled, seldom, standing_out, told, weights_of, within
 from ...online.run_messages import CHANGED
 from ..access.load_functions import load_functions, loads_with_functions
 from ..access.state_guard import state_kept
@@ -29,6 +29,9 @@ ROUGH = 1e-6  # of a load: less of its second differences is nothing
 QUARTERS, MIDDLE = (0.25, 0.75), 0.5
 # Boole's rule less Simpson's, of residuals at quarter, middle, three quarters; both have 0 at the ends
 CLOSER = np.array([32 / 90, 12 / 90 - 2 / 3, 32 / 90]) / (2 / 3)  # 2/3: what at_samples multiplies by
+# steps that are looked at once more, each at a share of its own that no fraction tells: what repeats itself with a
+# quarter of the step is the same at quarters, middle and ends
+PROBED, GOLDEN = 16, (np.sqrt(5) - 1) / 2
 
 
 class StoredResiduals:
@@ -111,7 +114,19 @@ class StoredResiduals:
             quarter, last = np.split(both, 2)
             uncertain[matter] = np.tensordot(CLOSER, [quarter, r[matter], last], axes=1)
             uncertain[INNER] = filled(t[INNER], uncertain[INNER], closer[INNER])
-        return r, uncertain
+        return r, uncertain + self._hidden(look, r, moves)
+
+    def _hidden(self, look: Callable, r: np.ndarray, moves: np.ndarray) -> np.ndarray:
+        """The largest residuals (n,) that those at quarters and middle do not tell of, where they matter; 0: none."""
+        steps = np.unique(np.linspace(0, len(r) - 1, PROBED).astype(int))
+        share = (GOLDEN * (1 + np.arange(len(steps)))) % 1
+        nodes = np.array([0.0, QUARTERS[0], MIDDLE, QUARTERS[1], 1.0])
+        inner = [look(QUARTERS[0], steps), r[steps], look(QUARTERS[1], steps)]
+        weights = weights_of(np.tile(nodes, (len(steps), 1)), share)[:, 1:-1].T[..., None]  # 0 at the ends
+        off = np.abs(look(share, steps) - sum(w * x for w, x in zip(weights, inner, strict=True)))
+        # what rings within a step shows at the quarters, too: there a parabola through the middle is as far off
+        bent = np.maximum(*(np.abs(x - 0.75 * inner[1]) for x in inner[::2]))
+        return np.where((off > STANDS_OUT * bent) & (moves[steps] * off > MATTERS), off, 0.0).max(axis=0)
 
     def _looked(self, mbs: Any, t: np.ndarray, local: np.ndarray) -> np.ndarray:
         """Which steps (S,) between times t (S + 1,) are looked at first: some, and those that differ from these.
