@@ -23,8 +23,8 @@ import numpy as np
 
 import exudyn_romerr as romerr
 from benchmarks import floating_cost, pairs
+from exudyn_romerr.mbs.coupled.feedback_runs import Reaction
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
-from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from models import floating, mechanisms
 
 VECTORS = 20

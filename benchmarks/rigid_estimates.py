@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.access.state_guard import current_state, state_kept, state_set
+from exudyn_romerr.mbs.coupled.feedback_runs import Reaction
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.mechanism.kept_equations import KeptEquations
 from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
-from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from exudyn_romerr.online.coupled_runs import FirstSteps
+from exudyn_romerr.trajectory.scheme import Scheme
 
 
 class Estimated(NamedTuple):

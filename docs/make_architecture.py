@@ -20,8 +20,8 @@ PICTURE = ROOT / "docs" / "figures" / "architecture.png"
 ORDER = (
     "_version errors checks progress process compiled linalg model decay basis residual trajectory estimators "
     "estimates report judgement offline online mode_selection sweeps mbs.memory mbs.access mbs.control "
-    "mbs.derivatives mbs.floating mbs.mechanism mbs.sensors mbs.shadow mbs.monitoring mbs.studies mbs.scenes "
-    "fe_files mbs scripts __init__ __main__"
+    "mbs.derivatives mbs.floating mbs.mechanism mbs.sensors mbs.shadow mbs.coupled mbs.monitoring mbs.studies "
+    "mbs.scenes fe_files mbs scripts __init__ __main__"
 ).split()
 FOLDERS = [name for name in ORDER if (PACKAGE / name.replace(".", "/")).is_dir() and name != "mbs"]
 PATHS = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in PACKAGE.rglob("*.py")}

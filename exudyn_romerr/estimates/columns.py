@@ -71,10 +71,3 @@ def at_all(x: np.ndarray, place: Sequence[int]) -> np.ndarray:
     if x.shape[1] == len(place):
         return x
     return np.concatenate([x, np.zeros((len(x), 1, *x.shape[2:]))], axis=1)[:, place]
-
-
-def consecutive(numbers: np.ndarray) -> np.ndarray | slice:
-    """Return numbers of columns as a slice, which copies nothing, if each is the one after the one before."""
-    if len(numbers) and (np.diff(numbers) == 1).all():
-        return slice(int(numbers[0]), int(numbers[-1]) + 1)
-    return numbers

@@ -13,45 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..compiled.loops import loops
-from .columns import Columns, at_all, consecutive, distinct, side_by_side
-
-
-@dataclass(frozen=True)
-class Scheme:
-    """Generalised-alpha: the parameters of the running solver."""
-
-    alpha_m: float
-    alpha_f: float
-    beta: float
-    gamma: float
-
-    @classmethod
-    def of_radius(cls, radius: float) -> Scheme:
-        """Of a spectral radius at high frequencies (Chung and Hulbert 1993)."""
-        alpha_m, alpha_f = (2 * radius - 1) / (radius + 1), radius / (radius + 1)
-        gamma = 0.5 + alpha_f - alpha_m
-        return cls(alpha_m, alpha_f, (gamma + 0.5) ** 2 / 4, gamma)
-
-    def mass_and_damping(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Factors of M and D in the matrix of a step, beside K."""
-        return (1 - self.alpha_m) / (self.beta * h**2 * (1 - self.alpha_f)), self.gamma / (h * self.beta)
-
-    def ahead(self, h: np.ndarray) -> np.ndarray:
-        """Map e, e', e'', algorithmic a to what of e, e', a is known of the next sample, (S, 3, 4)."""
-        one, none = np.ones_like(h), np.zeros_like(h)
-        a = np.outer(one, [0.0, 0.0, self.alpha_f, -self.alpha_m]) / (1 - self.alpha_m)
-        e = np.stack([one, h, none, h**2 * (0.5 - self.beta)], axis=1) + (h**2 * self.beta)[:, None] * a
-        e_t = np.stack([none, one, none, h * (1 - self.gamma)], axis=1) + (h * self.gamma)[:, None] * a
-        return np.stack([e, e_t, a], axis=1)
-
-    def next(self, h: np.ndarray) -> np.ndarray:
-        """Map that and the increment z to e, e', e'' and a of the next sample, (S, 4, 4)."""
-        mass, damping = self.mass_and_damping(h)
-        found = np.zeros((len(h), 4, 4))
-        found[:, 0, 0] = found[:, 1, 1] = found[:, 3, 2] = found[:, 0, 3] = 1.0
-        found[:, 1, 3], found[:, 2, 3] = damping, mass
-        found[:, 3, 3] = (1 - self.alpha_f) / (1 - self.alpha_m) * mass
-        return found
+from ..linalg.blocked_products import consecutive
+from ..trajectory.scheme import Scheme
+from .columns import Columns, at_all, distinct, side_by_side
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ import numpy as np
 
 from ..errors import AssumptionError
 from ..linalg.blocked_products import rows_times
+from ..trajectory.scheme import Scheme
 from .columns import Columns
-from .march import Scheme, Steps, Tangent
+from .march import Steps, Tangent
 from .track import SINGULAR, Track, share
 
 GROWN = 1e60  # its square, times masses, is still a number

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..decay.passive_steps import PassiveSteps
-from .march import Scheme
+from ..trajectory.scheme import Scheme
 
 LOWEST, HIGHEST, A_DECADE = 0.1, 1e6, 16  # omega h, and numbers that are looked at
 SHARES = 1.0, 0.5, 0.25, 0.06, 0.0  # of Rayleigh's beta: rigid bodies, and springs that are not damped, leave less

@@ -202,7 +202,7 @@ class JointDrift:
 
     def _rates(self, C: np.ndarray, h: np.ndarray) -> np.ndarray:
         """C' (S, c, k), of a spline: parabolas miss as much as joints drift by."""
-        from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
+        from scipy.interpolate import CubicSpline  # here, for it takes long to import: see CoupledSubject
 
         known, steps = np.concatenate([self._C, C]), np.append(self._h, h)
         self._C, self._h = known[-KNOWN:].copy(), steps[-KNOWN:]

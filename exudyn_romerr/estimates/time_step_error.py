@@ -12,40 +12,15 @@ neighbours, which is as good as loads made of their differences. The same of e i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
+from ..trajectory.estimate import PROVISIONAL, TimeStep
 from .columns import Columns
 from .local_errors import defects, shared
 from .march import Steps
 
-# samples whose values are provisional: the error at one depends on two samples after it, the error of that error on
-# two more
-PROVISIONAL = 4
 LAG = 3  # steps that x2 stays behind x, which it depends on
-
-
-class TimeStep(NamedTuple):
-    """Error by time steps at some samples, computed minus exact.
-
-    x, x2 : (3, S, size), of coordinates, velocities and accelerations, and the error of x. loads : likewise, what
-    loads between the samples make uncertain; None where they were not looked at. replaced : so many of the first
-    samples are the last ones that were returned before, better known. left : what x may lack still, the sum of the
-    sizes of these.
-    """
-
-    x: np.ndarray
-    x2: np.ndarray
-    loads: np.ndarray | None
-    replaced: int
-    left: Sequence[np.ndarray] = ()
-
-    def of(self, columns: np.ndarray | slice) -> TimeStep:
-        """The same of some coordinates."""
-        loads = None if self.loads is None else self.loads[..., columns]
-        left = [x[..., columns] for x in self.left]
-        return TimeStep(self.x[..., columns], self.x2[..., columns], loads, self.replaced, left)
 
 
 class TimeStepError:

@@ -12,7 +12,8 @@ from numpy.polynomial.chebyshev import chebvander
 
 from ..errors import AssumptionError
 from ..linalg.blocked_products import combine
-from .march import Scheme, Steps, Tangent, parted
+from ..trajectory.scheme import Scheme
+from .march import Steps, Tangent, parted
 
 # of a solution: what interpolated inverses may miss at first, where they are used twice, so that its square is left;
 # and where they are used once

@@ -15,6 +15,7 @@ from ..residual.free_mass import AtStart, free_velocity_norms
 from ..residual.interface_stiffening import interface_rows
 from ..residual.slow_modes import SlowModesOf
 from ..trajectory.bounds import Bounds, times
+from ..trajectory.estimate import LINEARISED
 from ..trajectory.segments import Added, Block, Start
 from .energy import cut_size
 
@@ -22,10 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..residual.problem import Problem
-
-# of what auxiliary vectors add, where what linear equations leave out is not measured; it was up to 0.007 right after
-# a static solve, up to 0.002 else, and more where springs are short beside the motion
-LINEARISED = 0.01
 
 
 EXACT = PassiveSteps(0.0)  # exact motion, which keeps its energy as the trapezoidal rule does

@@ -116,3 +116,10 @@ def row_norms(rows: np.ndarray) -> np.ndarray:
 def _is_ordinary(square: np.ndarray) -> bool:
     """Whether no square lost digits or overflowed."""
     return square.size == 0 or bool(square.min() > SMALLEST_SQUARE and square.max() < np.inf)
+
+
+def consecutive(numbers: np.ndarray) -> np.ndarray | slice:
+    """Return numbers of columns as a slice, which copies nothing, if each is the one after the one before."""
+    if len(numbers) and (np.diff(numbers) == 1).all():
+        return slice(int(numbers[0]), int(numbers[-1]) + 1)
+    return numbers

@@ -11,7 +11,6 @@ import numpy as np
 from ..checks import check_array, check_choice
 from ..errors import AssumptionError, InputError
 from ..estimators import ESTIMATORS
-from ..estimators.coupled_energy import CorrectedEnergy, MechanismEnergy
 from ..estimators.node_bounds import node_bounds, node_displacements
 from ..estimators.rotating_frame import Turning
 from ..estimators.static import StaticError
@@ -19,7 +18,7 @@ from ..model.global_axes import View
 from ..model.matrix_input import DOUBLE
 from ..model.outputs import stacked_rows
 from ..model.shared_body import made_once
-from ..report.scope import COMPLETE, COUPLED, Scene
+from ..report.scope import COMPLETE, Scene
 from ..residual.interface_stiffening import static_errors
 from ..residual.packed_residual import PackedProblem
 from ..residual.problem import Deferred, Problem, checked_outputs
@@ -75,8 +74,8 @@ def prepare(
     eps, single = of_input(problem, samples_precision)
     views, blind = _without_sight(problem, scene)
     estimators = {name: _made(name, problem, scene) for name in names}
-    for estimator in estimators.values():
-        if isinstance(estimator, MechanismEnergy):
+    for name, estimator in estimators.items():
+        if scene.is_coupled(name):
             estimator.at_start.prepare()
     return Offline(
         coordinates=problem.map.coordinates,
@@ -176,8 +175,8 @@ def _new_problem(
 def _made(name: str, problem: Problem, scene: Scene) -> Any:
     if name == "static":
         return StaticError(problem)
-    if scene.coupled and scene.scope_of(name) == COUPLED:
-        return (CorrectedEnergy if scene.corrected else MechanismEnergy)(problem, scene.unknown)
+    if scene.is_coupled(name):
+        return scene.coupled_energy(problem, scene.unknown)
     estimator = ESTIMATORS[name](problem)
     return Turning(estimator, problem) if scene.turns else estimator
 

@@ -17,10 +17,10 @@ from .run_messages import BEGUN_ANEW, REPEATED, STARTS_DAMPED, UNKNOWN_SCHEME
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..estimates.march import Scheme
     from ..report.scope import Doubt
     from ..residual.free_mass import AtStart
     from ..trajectory.samples import Extension
+    from ..trajectory.scheme import Scheme
     from ..trajectory.segments import Block
     from .run import Opening, Run
 

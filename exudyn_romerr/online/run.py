@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import RunError
-from ..estimates.kept_estimate import KeptEstimate
 from ..trajectory.reconstruction import Linear, Quintic
 from ..trajectory.samples import Extension, Samples, checked_states, make_jumps
 from ..trajectory.segments import Cut, turn_of
 from .bound_stream import Stream, best_outputs
 from .galerkin_defect import Defect
 from .initial_condition import IN_THE_SPAN, driven_start, start_of
+from .kept_estimate import KeptEstimate
 from .run_messages import doubts_of
 from .run_record import UNKNOWN, RecordedSamples, RunRecord, SolverFacts
 from .summary import assemble

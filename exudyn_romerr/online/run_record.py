@@ -15,12 +15,12 @@ from ..trajectory.growing_array import GrowingArray
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from ..estimates.estimate import Estimate
     from ..estimators.node_bounds import AtNodes
     from ..offline.prepared import Offline
     from ..report.scope import Doubt
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
+    from ..trajectory.estimate import Estimate
     from ..trajectory.samples import Samples
 
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..estimates.estimate import Estimate, estimated
-from ..estimators.coupled_energy import CorrectedEnergy
+from ..estimators import Auxiliary
 from ..report.formats.provenance import made_here
 from ..report.report import BoundReport, OutputReport
 from ..report.scope import COUPLED, FROZEN, with_doubts
 from ..residual.interface_stiffening import interface_share
 from ..trajectory.bounds import seen_in, unbounded
+from ..trajectory.estimate import Estimate, estimated
 from .run_messages import planned_end, run_messages, stopped_at
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ class _Seen(NamedTuple):
         def seen(name: str, b: Bounds) -> Bounds:
             if scene.scope_of(name) != COUPLED:
                 return b
-            if name != CorrectedEnergy.name or np.isinf(left).all():
+            if name != Auxiliary.name or np.isinf(left).all():
                 return unbounded(b)
             bound = np.abs(error) + left
             return replace(b, outputs=bound, jumped=None, correction=error, correction_bound=left)

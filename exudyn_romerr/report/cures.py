@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..estimates.estimate import RESOLVED
-from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
+from ..trajectory.estimate import LINEAR, LINEAR_STEPS, RESOLVED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

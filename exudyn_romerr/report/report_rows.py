@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..estimates.kept_estimate import LINEAR, LINEAR_STEPS
+from ..trajectory.estimate import LINEAR, LINEAR_STEPS
 from .answers import SHARE, Answer, Tolerance
 from .cures import OF_CAUSES, Steps, cure_of, cure_of_bound
 from .data import is_rate

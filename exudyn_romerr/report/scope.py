@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -180,7 +180,8 @@ class Scene:
 
     scope, reason : what the bounds cover; a coupled scope is that of estimators "energy" and, where auxiliary vectors
     react with the mechanism (feedback), "auxiliary"; frozen : why others have another. corrected : these are the
-    bounds of the trajectory with auxiliary vectors. unknown : number of trailing inputs, wrenches of a mechanism.
+    bounds of the trajectory with auxiliary vectors. coupled_energy : makes the estimator of a coupled scope of a
+    Problem and the number `unknown`. unknown : number of trailing inputs, wrenches of a mechanism.
     turns : the body is in a frame that may turn. checked : whether W^T R is a check, not used up by wrenches that
     follow from it. pose : of the frame in the reference configuration.
     driven : inputs and motion of a frame that moves as a function of time says, see driven_inputs.py; None: those of
@@ -195,10 +196,12 @@ class Scene:
     frozen: str = ""
     feedback: bool = False
     corrected: bool = False
+    coupled_energy: Callable[..., Any] | None = None
     unknown: int = 0
     turns: bool = False
     checked: bool = True
     pose: FramePose | None = None
+    coupled_energy: Callable[..., Any] | None = None
     driven: Callable[..., Inputs] | None = None
     jitter: Jitter | None = None
     minor: slice | None = None
@@ -221,6 +224,10 @@ class Scene:
         """Return the scope of an estimator's bound."""
         covers = name == "energy" or (name == "auxiliary" and (self.feedback or self.corrected))
         return self.scope if covers or not self.coupled else FROZEN
+
+    def is_coupled(self, name: str) -> bool:
+        """Whether an estimator's bound is that of a mechanism."""
+        return self.coupled and self.scope_of(name) == COUPLED
 
     def widest(self, names: Iterable[str]) -> list[str]:
         """Return the estimators whose bounds cover most: the others' may be smaller, but say less."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..estimates.estimate import RESOLVED
+from ..trajectory.estimate import RESOLVED
 from .answers import Answer, worst
 from .cures import AGAIN, LOWEST_ORDER, SECOND_ORDER
 

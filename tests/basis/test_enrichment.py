@@ -10,6 +10,7 @@ import scipy.linalg as la
 
 from exudyn_romerr import AssumptionError, Basis, ElasticBody, Output
 from exudyn_romerr.basis.enrichment import Enrichment, independent_beside
+from exudyn_romerr.estimators.coupled_energy import CorrectedEnergy, MechanismEnergy
 from exudyn_romerr.model.admissible_space import mass_orthogonal, mean_motion, rigid_modes
 from exudyn_romerr.model.floating_frame import unit_inertia
 from exudyn_romerr.offline.options import BoundOptions
@@ -48,7 +49,8 @@ class Part:
     def run(self, V, corrected):
         """A run whose inputs are a'', a' of the frame, loads, and wrenches at both interfaces."""
         inputs = np.hstack([-self.matrices[0] @ self.Rg, -self.matrices[1] @ self.Rg, self.B, self.faces.T])
-        scene = Scene(COUPLED, feedback=corrected, corrected=corrected)
+        energy = CorrectedEnergy if corrected else MechanismEnergy
+        scene = Scene(COUPLED, feedback=corrected, corrected=corrected, coupled_energy=energy)
         outputs = Output("y", self.C), Output("v", self.C, of="velocity")
         options = BoundOptions(inputs=inputs, outputs=outputs, estimators=("energy", "auxiliary")[corrected])
         return Run(prepare(self.body, Basis(V), options, scene=scene, sampled_inputs=True))

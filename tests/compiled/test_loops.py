@@ -10,12 +10,13 @@ import exudyn_romerr as romerr
 import exudyn_romerr.compiled
 from exudyn_romerr.compiled.loops import VERSION
 from exudyn_romerr.estimates import march
-from exudyn_romerr.estimates.march import Columns, Scheme, Steps
+from exudyn_romerr.estimates.march import Columns, Steps
 from exudyn_romerr.linalg import bezier, blocked_products, modal_oscillators
 from exudyn_romerr.linalg.blocked_products import norms_times, polygon_lengths, rows_times
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
 from exudyn_romerr.residual.packed_residual import PackedCoordinates
 from exudyn_romerr.residual.residual import Coordinates
+from exudyn_romerr.trajectory.scheme import Scheme
 from models import floating
 from tests.helpers import tolerances as tol
 

@@ -8,10 +8,10 @@ from scipy.linalg import block_diag, eigh, null_space
 from scipy.spatial.transform import Rotation
 
 import exudyn_romerr as romerr
-from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.overshoot import CarriedTurn
 from exudyn_romerr.mbs.access.equations import Equations
 from exudyn_romerr.residual.free_mass import FreeMass, turned_mass
+from exudyn_romerr.trajectory.scheme import Scheme
 from models.hex_bar import hex_bar
 
 RESOLVED, STIFF = 0.01, 1e5  # omega h

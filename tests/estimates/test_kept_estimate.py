@@ -5,21 +5,17 @@ Runs here are longer than FEW but where a test is about that: instants of zeros 
 
 import numpy as np
 
-from exudyn_romerr.estimates.estimate import CAUSES
-from exudyn_romerr.estimates.kept_estimate import (
+from exudyn_romerr.online.kept_estimate import (
     AHEAD,
     ALTERNATES,
     FEW,
     FIRST,
-    LINEAR,
-    LINEAR_STEPS,
     LOST,
     PHASE_LOST,
     REMAINDER,
     KeptEstimate,
 )
-from exudyn_romerr.estimates.time_step_error import TimeStep
-from exudyn_romerr.estimators.coupled_energy import LINEARISED
+from exudyn_romerr.trajectory.estimate import CAUSES, LINEAR, LINEAR_STEPS, LINEARISED, TimeStep
 
 
 def column(*values):

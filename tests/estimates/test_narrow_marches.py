@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from exudyn_romerr.estimates.march import Scheme, Tangent
+from exudyn_romerr.estimates.march import Tangent
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.estimates.narrow_marches import NarrowMarches
+from exudyn_romerr.trajectory.scheme import Scheme
 
 K, CONSTRAINTS, STEPS = 12, 2, 150
 SCHEME = Scheme(0.2, 0.4, 0.36, 0.7)

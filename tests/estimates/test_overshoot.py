@@ -7,10 +7,10 @@ from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 
 import exudyn_romerr as romerr
 from exudyn_romerr.estimates import overshoot
-from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.overshoot import Overshoot, overshoots
 from exudyn_romerr.model.admissible_space import rigid_modes
 from exudyn_romerr.residual.free_mass import FreeInterfaces, FreeMass
+from exudyn_romerr.trajectory.scheme import Scheme
 from models import floating
 from models.hex_bar import hex_bar
 

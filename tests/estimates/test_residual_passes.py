@@ -8,9 +8,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from exudyn_romerr.estimates.march import Scheme, Tangent
+from exudyn_romerr.estimates.march import Tangent
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.estimates.residual_passes import SELDOM, TOGETHER, JointDrift, ResidualPasses
+from exudyn_romerr.trajectory.scheme import Scheme
 
 K, STEPS, H, BLOCK = 3, 120, 0.02, 50
 M, STIFFNESS = np.diag([1.0, 2.0, 0.5]), np.diag([9.0, 4.0, 30.0])

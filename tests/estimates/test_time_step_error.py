@@ -6,9 +6,11 @@ import scipy.linalg as la
 
 from exudyn_romerr.estimates import time_step_error as module
 from exudyn_romerr.estimates.local_errors import defects, in_the_middle, shared, within
-from exudyn_romerr.estimates.march import Columns, Scheme, Tangent
-from exudyn_romerr.estimates.time_step_error import PROVISIONAL, TimeStepError
+from exudyn_romerr.estimates.march import Columns, Tangent
+from exudyn_romerr.estimates.time_step_error import TimeStepError
 from exudyn_romerr.estimates.track import Track
+from exudyn_romerr.trajectory.estimate import PROVISIONAL
+from exudyn_romerr.trajectory.scheme import Scheme
 from tests.helpers import tolerances as tol
 
 SIZE, RADIUS, FINER = 6, 0.8, 32

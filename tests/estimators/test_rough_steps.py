@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.overshoot import Overshoot
 from exudyn_romerr.estimators.coupled_energy import MechanismEnergy
+from exudyn_romerr.trajectory.scheme import Scheme
 
 NEWMARK = Scheme(0.0, 0.0, 0.5, 1.0)
 SCHEMES = {**{f"radius {r}": Scheme.of_radius(r) for r in (0.0, 0.3, 0.6, 1.0)}, "Newmark": NEWMARK}

@@ -14,8 +14,8 @@ import exudyn_romerr as romerr
 from exudyn_romerr.decay import decay_rates as forgetting
 from exudyn_romerr.linalg import eigenmodes as modes
 from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
+from exudyn_romerr.mbs.coupled.feedback_runs import Reaction
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
-from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from exudyn_romerr.model import body as body_module
 from exudyn_romerr.offline import prepare as offline
 from exudyn_romerr.offline.options import BoundOptions

@@ -7,9 +7,9 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr.decay.passive_steps import PassiveSteps
-from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.estimates.overshoot import Overshoot
 from exudyn_romerr.residual.felt_residuals import STARTED, FeltResiduals
+from exudyn_romerr.trajectory.scheme import Scheme
 from tests.estimators.test_rough_steps import answers, share
 
 RADII = (0.0, 0.3, 0.6, 0.8, 0.9, 0.99, 1.0)

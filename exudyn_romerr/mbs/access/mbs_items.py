@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ...estimates.march import Scheme
+from ...trajectory.scheme import Scheme
 
 if TYPE_CHECKING:
     from collections.abc import Callable

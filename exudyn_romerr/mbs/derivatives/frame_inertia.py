@@ -2,7 +2,7 @@
 
 Acceleration of a node in the frame: a = b + al~ p + w~ w~ p + 2 w~ u' + u'', p = x + u, b = A^T r''; m a works on
 velocities of nodes, A^T r' + w~ p + u' with w = G theta'. All follows from sums over the nodes that Exudyn keeps with
-its modes: see object_terms in shadow/wider_object.py.
+its modes: see object_terms in access/object_terms.py.
 """
 
 from __future__ import annotations

@@ -2,43 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
-from ...errors import AssumptionError
-from ...report.scope import COMPLETE, COUPLED, FROZEN, UNATTACHED
-from ..access.load_functions import remembering_joints
-from ..access.mbs_items import FFRF
-from ..control.control_functions import find_controls, is_followed
-from ..memory.memory_search import setters_in
+from ...report.scope import COMPLETE, COUPLED, FROZEN
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable
 
     from ...offline.options import BoundOptions
     from .actions import Actions
-    from .floating_body import ReducedMatrices
     from .frame_support import Support
 
 AUTO = "auto"
 ASKABLE = (AUTO, COUPLED, FROZEN)
 NO_COUPLED = "no coupled bound: "  # begins the reason of frozen inputs
 REACTING = "; these react to the body's deformation: "  # goes on with what they are
-ONLY = "auxiliary modes react with the mechanism only"
 OF_A_FILE = "of a file"
-SWITCHING = (
-    "ConnectorRollingDiscPenalty",
-    "ConnectorReevingSystemSprings",
-    "JointSliding",
-    "JointSliding2D",
-    "JointALEMoving2D",
-    "JointRollingDisc",
-)
-SWITCHES = ("useLimitStops", "dynamicFrictionForce", "staticFrictionOffsetForce")  # parameters
-PASSIVE = ("stiffness", "damping")  # parameters that take energy away or keep it, if not negative
+# scopes that leave the feedback of a mechanism out, and why
+WITHOUT_FEEDBACK = {
+    OF_A_FILE: "a file is evaluated for one body alone, attach before the solve has those of all",
+    FROZEN: f"scope={FROZEN!r} was asked for",
+}
 DRIVEN = (
     "the bound holds for the full body under the motion of the frame that this simulation computed, at its samples "
     "and linear between them; how far that is from the function, what time steps do to the frame's motion, is not "
@@ -48,7 +33,6 @@ BY_FUNCTION = (
     "which gives the frame's motion between time steps too; its derivatives are those of polynomials through it, and "
     "what they miss is estimated and added"
 )
-STATIC_FIRST = "; without initial=, a solve after SolveStatic starts in the equilibrium of the full mechanism"
 TO_FIRST_ORDER = (
     "joints, springs and dampers react to the body's deformation, and the bound covers that to first order: for the "
     "mechanism linearised about its computed motion, all attached bodies together, outputs as the body's frame sees "
@@ -81,22 +65,24 @@ class Found:
     answers: bool = False
 
 
-def find_scope(
-    mbs: Any,
-    wanted: Wanted,
-    model: ReducedMatrices,
-    actions: Actions,
-    support: Support,
-    static: bool,
-    attached: Collection[int],
-    others: str,
-) -> Found:
-    """Return the widest scope that the scene allows, or the one asked for; others: why other bodies do not.
+class Feedback(NamedTuple):
+    """Whether a bound can cover the feedback of joints, springs and dampers.
 
-    Raises
-    ------
-    AssumptionError
-        The coupled scope was asked for and its assumptions do not hold.
+    refusal : why it cannot; empty: it can. without : why auxiliary vectors cannot react with the mechanism. answers :
+    whether the linearised mechanism has an estimate, though no bound.
+    """
+
+    refusal: str
+    without: str = ""
+    answers: bool = False
+
+
+def find_scope(
+    wanted: Wanted, actions: Actions, support: Support, static: bool, feedback: Callable[[], Feedback]
+) -> Found:
+    """Return the widest scope that the scene allows, or the one asked for.
+
+    feedback : is asked where something reacts to the body's deformation.
     """
     reacting = [place.name for place in actions.wrenches] + [load.name for load in actions.loads if load.follows]
     if not support.at_rest and not support.driven:
@@ -109,11 +95,7 @@ def find_scope(
         return Found(COMPLETE, f"{support.text}, {BY_FUNCTION}; loads do not depend on the body's deformation")
     if not reacting:
         return Found(COMPLETE, f"{support.text}; loads do not depend on the body's deformation")
-    without = next(_no_feedback(mbs, wanted, model), "")
-    unknown = next(_refusals(mbs, wanted, static, attached, without), "")
-    refusal = others or unknown or next(_refusals_of_bounds(mbs, wanted.options), "")
-    if refusal and wanted.scope == COUPLED and not static:
-        raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
+    refusal, without, answers = feedback()
     frozen = (
         f"{', '.join(reacting)}; the bound holds for the full body under the "
         "motion of the frame, the loads and the wrenches of this simulation; their feedback, and what other steps "
@@ -122,126 +104,6 @@ def find_scope(
     if refusal:
         note = f"{NO_COUPLED}{refusal}"
         told = "" if wanted.scope == FROZEN else note
-        return Found(FROZEN, f"{note}{REACTING}{frozen}", note=told, answers=not unknown and not without)
+        return Found(FROZEN, f"{note}{REACTING}{frozen}", note=told, answers=answers)
     frozen = f"{REACTING.removeprefix('; ')}{frozen}"
     return Found(COUPLED, TO_FIRST_ORDER, f"{frozen}; {without}" if without else frozen, feedback=not without)
-
-
-def _refusals(mbs: Any, wanted: Wanted, static: bool, attached: Collection[int], without: str) -> Iterator[str]:
-    """Why neither bound nor estimate can cover the feedback of the mechanism."""
-    options = wanted.options
-    if wanted.scope == OF_A_FILE:
-        yield "a file is evaluated for one body alone, attach before the solve has those of all"
-    if wanted.scope == FROZEN:
-        yield f"scope={FROZEN!r} was asked for"
-    if static:
-        yield "a static solve"
-    if options.initial is not None or len(options.jumps):
-        yield "initial= and jumps= are covered with frozen inputs only" + (
-            STATIC_FIRST if options.initial is not None else ""
-        )
-    names = _asked(options)
-    if "energy" not in names and (without or "auxiliary" not in names):
-        yield f"none of the estimators {', '.join(names)} has a coupled bound here" + (
-            f" ({without})" if without else ", add 'energy' or 'auxiliary' to estimators="
-        )
-    objects = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects())]
-    yield from _unattached(objects, attached)
-    yield from _switching(objects, attached)
-    yield from _controlled(mbs)
-    if refused := find_controls(mbs).refused:
-        yield "; ".join(refused)
-
-
-def _refusals_of_bounds(mbs: Any, options: BoundOptions) -> Iterator[str]:
-    """Why the bound cannot, where the linearised mechanism is there all the same."""
-    watched = [out.name for out in options.outputs if out.frame == "global" and options.watches(out.name)]
-    if watched:
-        yield (
-            f"the tolerance on {', '.join(map(repr, watched))} asks for a bound at every step; of what sees the "
-            "motion of the frame there is one after the run only, of velocities none: pass report.assess the "
-            "tolerance instead, or give one to node_displacement(..., frame='body') or a sensor of DisplacementLocal"
-        )
-    for i in range(mbs.systemData.NumberOfObjects()):
-        item = mbs.GetObject(i)
-        if "markerNumbers" in item and any(np.any(np.asarray(item.get(key, 0.0)) < 0) for key in PASSIVE):
-            name = f"object {i} ({item['name']}, {item['objectType']})"
-            yield f"{name} has negative stiffness or damping: it may do work on the error"
-    if active := find_controls(mbs).active:
-        yield "; ".join(active)
-
-
-def _unattached(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
-    reduced = {i: item["name"] for i, item in enumerate(objects) if item["objectType"] == FFRF}
-    missing = [f"object {i} ({name})" for i, name in reduced.items() if i not in attached]
-    if missing:
-        named = ", ".join(missing)
-        yield f"{UNATTACHED}, so their errors are not known: {named}; attach them all"
-
-
-def _switching(objects: list[dict], attached: Collection[int]) -> Iterator[str]:
-    """Objects that are no ideal joints, linear springs or dampers, nor attached linear bodies: these see t alone."""
-    for i, item in enumerate(objects):
-        kind, name = item["objectType"], f"object {i} ({item['name']}, {item['objectType']})"
-        if "Contact" in kind or kind in SWITCHING or any(item.get(key) for key in SWITCHES):
-            yield f"{name} switches, slides, rolls or rubs: a linearised mechanism does not"
-        if item.get("velocityLevel"):
-            yield f"{name} constrains velocities, not positions: set velocityLevel=False if that is the same motion"
-        functions = [key for key in item if _controls(key) and item[key]]
-        if functions and not (kind == "GenericODE2" and i in attached) and not is_followed(item):
-            yield f"{name} has {', '.join(functions)}: a controller may do work on the error"
-
-
-def _controlled(mbs: Any) -> Iterator[str]:
-    """What else than objects may switch, follow or control."""
-    system = mbs.systemData
-    if system.DataSize() or mbs.NumberOfGeneralContacts():
-        yield "data coordinates of the mbs (contact, friction, hysteresis) switch: a linearised mechanism does not"
-    if system.ODE1Size():
-        yield "the mbs has ODE1 coordinates (hydraulics, controllers), which may do work on the error"
-    if before_steps := mbs.GetPreStepUserFunction():
-        yield _of_pre_step(before_steps["function"])
-    for i in range(system.NumberOfLoads()):
-        load = mbs.GetLoad(i)
-        if load.get("bodyFixed"):
-            yield f"load {i} ({load['name']}) turns with its body (bodyFixed)"
-    if joints := remembering_joints(mbs):
-        called = (
-            "depend on earlier calls, so they cannot be called away from the run: make them functions of time alone"
-        )
-        yield f"offsets of {', '.join(joints)} {called}"
-
-
-def _of_pre_step(function: Callable) -> str:
-    name = getattr(function, "__qualname__", type(function).__qualname__)
-    calls = ", ".join(sorted(setters_in([function])))
-    return (
-        f"the PreStep user function {name} {f'calls {calls} and ' if calls else ''}may change the mechanism or its "
-        "loads before any step, otherwise with other steps or modes: romerr verify measures that. Covered is a "
-        "smooth controller that is the user function of a spring in the joint (springTorqueUserFunction, "
-        "springForceUserFunction), which is asked when errors move the mechanism, too"
-    )
-
-
-def _asked(options: BoundOptions) -> list[str]:
-    """Estimators that were asked for, of those that a coupled bound is known of if that was left open."""
-    asked = options.estimators
-    if asked == AUTO:
-        return ["energy", "auxiliary"]
-    return [asked] if isinstance(asked, str) else list(asked)
-
-
-def _controls(key: str) -> bool:
-    """Whether a parameter is a user function that forces may come from; offsets are motion prescribed over time."""
-    return key.endswith("UserFunction") and "graphics" not in key and key != "offsetUserFunction"
-
-
-def _no_feedback(mbs: Any, wanted: Wanted, model: ReducedMatrices) -> Iterator[str]:
-    """Why auxiliary vectors cannot react with the mechanism."""
-    if model.frame.size != 7:
-        yield f"{ONLY} if frames have Euler parameters, the default (leave out rigidBodyNodeType=)"
-    solver = mbs.sys.get("dynamicSolver")
-    if solver is not None and not hasattr(solver, "newmarkBeta"):
-        yield f"{ONLY} under an implicit solver, which has accelerations: leave out solverType="
-    if "auxiliary" not in _asked(wanted.options):
-        yield "estimator 'auxiliary' was not asked for, add it to estimators="

@@ -13,8 +13,9 @@ from ...basis.enrichment import Enrichment
 from ...basis.shape_sums import ShapeSums, contracted
 from ...checks import check_count
 from ...errors import AssumptionError
-from ...estimates.columns import consecutive
+from ...estimators.coupled_energy import CorrectedEnergy
 from ...estimators.rigid_motion import Deformations
+from ...linalg.blocked_products import consecutive
 from ...model.floating_frame import moment_of, skew, unit_inertia
 from ...model.outputs import stacked_rows
 from ...model.shared_body import made_once
@@ -154,7 +155,7 @@ class EnrichedBody:
             Basis(V, note=f"{V.shape[1]} modes and auxiliary vectors"),
             BoundOptions(inputs=Deferred(lambda: terms.columns, terms.made_of), estimators="auxiliary", **kept),
             sampled_inputs=True,
-            scene=replace(scene, corrected=True, minor=terms.minor),
+            scene=replace(scene, corrected=True, coupled_energy=CorrectedEnergy, minor=terms.minor),
         )
         self.sampler, self._rest_rows = Sampler.of(self._frame, actions, terms, self.offline), self._rests()
 

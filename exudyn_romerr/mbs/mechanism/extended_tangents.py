@@ -74,7 +74,7 @@ class ExtendedTangents:
         varies = (self._whole != self._whole[0]).any(axis=0)
         if not varies.any():
             return varies, np.zeros((len(self.t), 0))
-        from scipy.interpolate import CubicSpline  # here, for it takes long to import: see floating_adapter
+        from scipy.interpolate import CubicSpline  # here, for it takes long to import: see CoupledSubject
 
         slopes = CubicSpline(self.t, np.eye(len(self.t)))(self.t, 1)  # of values at these times
         return varies, slopes @ (self._whole[:, varies] - self._whole[0, varies])

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...estimates.kept_estimate import REMAINDER
-from ...estimates.time_step_error import PROVISIONAL
+from ...online.kept_estimate import REMAINDER
+from ...trajectory.estimate import PROVISIONAL
 
 if TYPE_CHECKING:
-    from ...estimates.time_step_error import TimeStep
     from ...online.run import Run
+    from ...trajectory.estimate import TimeStep
     from .enriched_body import EnrichedBody
 
 States = Sequence[np.ndarray]  # q, q_t, q_tt (S, k + m) of frame, modes and vectors

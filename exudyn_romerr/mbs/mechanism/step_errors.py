@@ -11,8 +11,9 @@ from ...errors import AssumptionError
 from ...estimates.columns import Columns
 from ...estimates.march import Steps
 from ...estimates.mechanism_feedback import GROWN
-from ...estimates.time_step_error import TimeStep, TimeStepError
+from ...estimates.time_step_error import TimeStepError
 from ...online.run_messages import OTHER_INDEX, changed
+from ...trajectory.estimate import TimeStep
 from ..derivatives.linearisation import Tangents
 from .kept_equations import KeptEquations
 from .stored_residuals import StoredResiduals

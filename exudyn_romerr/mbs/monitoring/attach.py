@@ -12,7 +12,6 @@ from ...process.blas_threads import one_thread
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
 from ..floating.scope_decision import ASKABLE
-from ..sensors.other_sensors import OtherSensors
 from .body_monitor import Watch
 from .monitor import MechanismMonitor, Monitor
 from .requests import checked_tolerance, make_subject, shares
@@ -133,7 +132,11 @@ def _attach_all(mbs: Any, flexes: Sequence, hook: Callable | None, options: Boun
     ]
     watches = [Watch(subject, tolerance) for subject, (_, tolerance) in zip(subjects, asked, strict=True)]
     found = shared_hook(mbs, hook, *watches)
-    linear = [int(flex.items["nGenericODE2"]) for flex in flexes if isinstance(flex, ReducedBody)]
-    others = OtherSensors(sensors, [flex for flex in flexes if isinstance(flex, FloatingBody)], linear)
-    found.sensors.append(others)
+    others = None
+    if sensors != []:
+        from .coupled_core import OtherSensors
+
+        linear = [int(flex.items["nGenericODE2"]) for flex in flexes if isinstance(flex, ReducedBody)]
+        others = OtherSensors(sensors, [flex for flex in flexes if isinstance(flex, FloatingBody)], linear)
+        found.sensors.append(others)
     return MechanismMonitor(mbs, [Monitor(mbs, found, watch) for watch in watches], others)

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from ...online.run import Opening
     from ...trajectory.samples import Extension
     from ..access.linear_adapter import LinearSubject
-    from ..mechanism.enriched_body import EnrichedBody
-    from .floating_adapter import MovingSubject
+    from ..floating.moving_subject import MovingSubject
 
 
 class Watch:
@@ -63,7 +62,7 @@ class Watch:
         self._opened = self._newest = ()
 
     @property
-    def enriched(self) -> EnrichedBody | None:
+    def enriched(self) -> Any:
         """The body with auxiliary vectors that react with the mechanism, if it has such."""
         return self.subject.enriched
 
@@ -75,6 +74,11 @@ class Watch:
     def is_coupled(self) -> bool:
         """Whether its bounds are those of the mechanism, and need those of other bodies."""
         return self.error is None and self._listens and self._offline.scene.coupled
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether it needs nothing of the mechanism: neither bounds nor estimates know its feedback."""
+        return not self.is_coupled and not (self.is_frozen and self.enriched is not None)
 
     @property
     def is_frozen(self) -> bool:
@@ -186,6 +190,10 @@ class Watch:
             for reason in self.check.exceeded(self.run):
                 self.stopped, t = True, self.bounded_until()
                 self.note(f"{stopped_or_ended(t, self.run.solver)} at t = {t:g}: {reason}")
+
+    def forget_block(self) -> None:
+        """Let the rows go: blocks are large, and the next is made anew."""
+        self.opening, self.extension, self.rows = None, None, ()
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""

@@ -11,7 +11,7 @@ from ...process.blas_threads import one_thread
 from ...report.mechanism_report import joined, joined_plan
 from ..access.endings import note_end, on_purpose
 from .live_output import sensor_of
-from .requests import UNNAMED, why_not_coupled
+from .requests import UNNAMED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport
     from ..access.linear_adapter import LinearSubject
-    from ..sensors.other_sensors import OtherSensors
+    from ..floating.moving_subject import MovingSubject
     from .body_monitor import Watch
-    from .floating_adapter import MovingSubject
+    from .coupled_core import OtherSensors
     from .step_hook import StepHook
 
 TO_PRINT = "print(monitor.plan) after mbs.Assemble(), print(monitor.report()) after a solve"
@@ -153,7 +153,7 @@ class MechanismMonitor:
         One per body, in the order that attach was given.
     """
 
-    def __init__(self, mbs: Any, bodies: Sequence[Monitor], sensors: OtherSensors):
+    def __init__(self, mbs: Any, bodies: Sequence[Monitor], sensors: OtherSensors | None):
         self._mbs, self.bodies, self._sensors = mbs, tuple(bodies), sensors
 
     def __repr__(self) -> str:
@@ -169,6 +169,10 @@ class MechanismMonitor:
     def plan(self) -> Plan:
         """What is computed, what is left out and why, of all bodies and sensors; raises as Monitor.plan does."""
         plans = [body.plan for body in self.bodies]
+        if self._sensors is None:
+            return joined_plan(plans, [], [])
+        from .coupled_core import why_not_coupled
+
         is_coupled = any(body.subject.enriched is not None for body in self.bodies)
         watches = [body._watch for body in self.bodies]
         return joined_plan(plans, *self._sensors.find(self._mbs, is_coupled, why=why_not_coupled(watches)))
@@ -193,5 +197,7 @@ class MechanismMonitor:
             As Monitor.report, of the first body that has none.
         """
         reports = [body.report(i) for body in self.bodies]
+        if self._sensors is None:
+            return joined(reports, [], [])
         run = self.bodies[0].runs[i]
         return joined(reports, *self._sensors.outputs(run, len(reports[0].t)))

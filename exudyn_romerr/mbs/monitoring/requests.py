@@ -22,15 +22,15 @@ from ...residual.residual import RESIDUALS
 from ..access.linear_adapter import LinearSubject
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody, read_object
+from ..floating.moving_subject import MovingSubject
 from ..floating.reference_search import require_still_interface
+from ..floating.scope_decision import WITHOUT_FEEDBACK
 from ..floating.sensor_outputs import is_on, sensor_output
 from ..sensors.sensor_names import without_names
-from .floating_adapter import MovingSubject
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
-    from .body_monitor import Watch
 
 UNNAMED = "there are no outputs, or they are not known before a solve begins; pass outputs= to attach"
 
@@ -127,7 +127,15 @@ def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, a
     asked = options.estimators
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
-    return MovingSubject(flex, replace(options, outputs=outputs), scope, alone)
+    return _kind(scope)(flex, replace(options, outputs=outputs), scope, alone)
+
+
+def _kind(scope: str) -> type[MovingSubject]:
+    if scope in WITHOUT_FEEDBACK:
+        return MovingSubject
+    from .coupled_core import CoupledSubject
+
+    return CoupledSubject
 
 
 class _Mesh:
@@ -185,9 +193,3 @@ def checked_tolerance(tolerance: Any, names: Sequence[str], for_each: bool = Fal
         if not isinstance(limit, Real) or not 0 < limit < np.inf:
             raise InputError(f"tolerance[{name!r}]={limit!r}; needed: a positive finite number")
     return {name: float(limit) for name, limit in tolerance.items()}
-
-
-def why_not_coupled(watches: Iterable[Watch]) -> str:
-    """Return why no linearised mechanism answers the errors of bodies; empty: none of them asks for one."""
-    reasons = (str(x.error) if x.error is not None else x.subject.why_not_coupled for x in watches)
-    return next(filter(None, reasons), "")

@@ -15,9 +15,8 @@ from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
 from ...report.scope import FROZEN
 from ..access.mbs_items import end_time, is_verbose, running_static_solver
-from ..mechanism.extended_tangents import FixedFreedoms
 from ..memory.standstill import no_step_is_made
-from .joint_evaluation import Mechanism
+from .evaluation import Evaluation
 from .live_output import live_line
 from .run_succession import SAME_TIME
 from .step_recorder import gatherer
@@ -26,8 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from ...offline.prepared import Offline
-    from ..sensors.other_sensors import OtherSensors
     from .body_monitor import Watch
+    from .coupled_core import Mechanism, OtherSensors
 
 LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step
 CACHED = 700_000  # numbers, which all that is computed at control points in a block has at most then
@@ -47,7 +46,7 @@ class StepHook:
         self.user, self._verbose, self._static_solver = user, False, None
         self.watches: list[Watch] = []
         self.sensors: list[OtherSensors] = []  # on no flexible body
-        self._mechanism = Mechanism([])
+        self._evaluation: Evaluation | Mechanism = Evaluation([])
         self.step, self._drain, self._hurry = gatherer(mbs, self)
         self._occupant: Callable = self.step
         self._arrays: tuple = ()
@@ -81,11 +80,21 @@ class StepHook:
             if watch.is_coupled:
                 watch.begin(mbs, static is not None, self.attached, others)
         self._mbs = weakref.ref(mbs)
-        self._mechanism = Mechanism(self.watches, self._mechanism, self.sensors)
-        self._mechanism.begin(mbs, self.user is not None or self._occupant is not self.step)
+        self._begin_evaluation(mbs)
         end = end_time(mbs, static is not None) if self.has_tangents else None
         self.end = np.inf if end is None else end - SAME_TIME * abs(end)
         return static is not None  # load steps are few, and loads may change before the next solve asks for a block
+
+    def _begin_evaluation(self, mbs: Any) -> None:
+        """Choose what evaluates the rows of the solve that begins."""
+        if not self.sensors and all(watch.is_alone for watch in self.watches):
+            self._evaluation = Evaluation(self.watches)
+            return
+        from .coupled_core import Mechanism
+
+        before = self._evaluation if isinstance(self._evaluation, Mechanism) else None
+        self._evaluation = Mechanism(self.watches, before, self.sensors)
+        self._evaluation.begin(mbs, self.user is not None or self._occupant is not self.step)
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
@@ -108,7 +117,7 @@ class StepHook:
         if not rows:
             return
         with self._run_goes_on():
-            self._mechanism.evaluate(self._mbs(), *rows, multipliers)
+            self._evaluation.evaluate(self._mbs(), *rows, multipliers)
             if self._verbose:
                 exu.Print(live_line(self.watches, rows[0][-1]))
         for watch in self.watches:
@@ -145,8 +154,8 @@ class StepHook:
         offline = watch.subject.read(mbs, attached=self.attached)
         if not offline.scene.coupled:
             return offline
-        if watch.enriched is not None and len(self.watches) == 1:
-            FixedFreedoms([watch.enriched], mbs.systemData.ODE2Size()).prepare(mbs)
+        if len(self.watches) == 1:
+            watch.subject.read_alone(mbs)
         others = [other for other in self.watches if other is not watch]
         frozen = [other for other in others if other.subject.read(mbs, attached=self.attached).scene.scope == FROZEN]
         return watch.subject.read(mbs, attached=self.attached, others=_frozen(frozen)) if frozen else offline
@@ -159,18 +168,18 @@ class StepHook:
     @property
     def has_tangents(self) -> bool:
         """Whether the solve that has begun needs tangents of the mechanism."""
-        return self._mechanism.tangents is not None
+        return self._evaluation.tangents is not None
 
     @one_thread()
     def read_tangent(self, mbs: Any, t: float) -> int:
         """Read the tangent now; return after how many steps it is to be read again."""
-        return self._mechanism.read_tangent(mbs, t)
+        return self._evaluation.read_tangent(mbs, t)
 
     def call_user(self, mbs: Any, t: float, go_on: bool, *row: np.ndarray) -> Any:
         """Call the user's function and pass on what it returns, unless the solve is to be stopped; row: q, q_t."""
         result = self.user(mbs, t)
         if self.has_tangents:
-            self._mechanism.equations.compare(mbs, t, *row)
+            self._evaluation.equations.compare(mbs, t, *row)
         for watch in () if result else self.watches:
             why = f"the PostStep function returned {result!r}; it must return True to go on"
             watch.note(f"stopped at t = {t:g}: {why}")

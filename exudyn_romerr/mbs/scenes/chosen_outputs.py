@@ -10,7 +10,7 @@ from exudyn.itemInterface import SensorMarker, SensorSuperElement
 
 from ...model.outputs import Output, mean_displacement, node_displacement
 from ..floating.loads_and_joints import MESH_MARKERS, read_interfaces
-from ..sensors.sensor_dependence import NO_STATE
+from ..sensors.without_state import NO_STATE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

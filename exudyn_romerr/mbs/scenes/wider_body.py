@@ -13,11 +13,11 @@ from ...errors import AssumptionError, InputError
 from ...model.floating_frame import unit_inertia
 from ...residual.interface_stiffening import with_rigid_interfaces
 from ..access.mbs_items import dense
+from ..access.object_terms import object_terms
 from ..access.reduced_damping import rayleigh_factors
 from ..floating.floating_body import floating_body, read_object
 from ..floating.loads_and_joints import read_actions
 from ..floating.reference_search import find_reference, held_body, stiff_space
-from ..shadow.wider_object import object_terms
 
 if TYPE_CHECKING:
     from .found_bodies import FoundBody

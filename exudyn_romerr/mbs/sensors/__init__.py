@@ -1,1 +1,1 @@
-"""Sensors of an mbs on none of its flexible bodies: what they show, and what errors make of it."""
+"""Sensors of an mbs: their names, and which of them show a state."""

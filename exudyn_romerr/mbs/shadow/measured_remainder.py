@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...estimates.kept_estimate import LOST
-from ...estimates.time_step_error import PROVISIONAL
-from ...estimators.coupled_energy import LINEARISED
 from ...linalg.blocked_products import rows_times
+from ...online.kept_estimate import LOST
+from ...trajectory.estimate import LINEARISED, PROVISIONAL
 from .looks import Jumps, look_together, middles
 from .measured import LOOKED, NOT_LINEAR, OF_THIRD_ORDER, SAMPLED, Measured, joined
 from .remainder import Remainder, march_together
@@ -22,7 +21,7 @@ from .shadow_mbs import Shadow
 if TYPE_CHECKING:
     from ...estimates.march import Steps, Tangent
     from ...estimates.residual_passes import JointDrift
-    from ...estimates.time_step_error import TimeStep
+    from ...trajectory.estimate import TimeStep
     from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.step_errors import StepErrors

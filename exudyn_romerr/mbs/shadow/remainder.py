@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...estimates.kept_estimate import LOST
 from ...estimates.march import Columns
 from ...estimates.mechanism_feedback import held
+from ...online.kept_estimate import LOST
 from .looks import DENSE, Loads, Looks, Residuals, Sizes
 from .measured import LOOKED, SAMPLED, Measured, joined
 

@@ -12,7 +12,7 @@ from ...errors import InputError, RunError
 from ...offline.options import BoundOptions
 from ..floating.scope_decision import OF_A_FILE
 from ..monitoring.body_monitor import Watch
-from ..monitoring.joint_evaluation import Mechanism
+from ..monitoring.evaluation import Evaluation
 from ..monitoring.requests import make_subject
 from ..monitoring.step_hook import block_rows
 
@@ -87,7 +87,7 @@ def evaluate_file(
     watch = Watch(make_subject(mbs, flex, options, OF_A_FILE, alone=False), {})
     rows = read_solution(path, mbs.systemData.ODE2Size())
     watch.begin(mbs, static=False)
-    alone = Mechanism([watch])
+    alone = Evaluation([watch])
     length = block_rows(mbs.systemData.ODE2Size())
     for first, end in [(0, 1), *((i, i + length) for i in range(1, len(rows[0]), length))]:
         alone.take(*(x[first:end] for x in rows))

@@ -9,7 +9,6 @@ import numpy as np
 
 from ...checks import check_choice, check_count
 from ...errors import InputError
-from ...estimates.estimate import RESOLVED
 from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
 from ...mode_selection.tried_run import outputs_of
 from ...report.scope import COUPLED, FROZEN
@@ -23,6 +22,7 @@ from ...report.wording import (
     widest_scope,
     with_unit,
 )
+from ...trajectory.estimate import RESOLVED
 from .scene_run import build_trial, same_times
 
 if TYPE_CHECKING:

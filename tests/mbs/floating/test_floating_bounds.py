@@ -13,7 +13,7 @@ import pytest
 import scipy.linalg as la
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.monitoring.floating_adapter import MovingSubject
+from exudyn_romerr.mbs.floating.moving_subject import MovingSubject
 from exudyn_romerr.residual import modal_split as split
 from models import estimate_truths, floating
 from models.estimate_scenes import clamped_bar

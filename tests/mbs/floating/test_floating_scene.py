@@ -27,7 +27,7 @@ from exudyn_romerr import (
 from exudyn_romerr.mbs.floating import actions
 from exudyn_romerr.mbs.floating import floating_body as floating_module
 from exudyn_romerr.mbs.floating import loads_and_joints as actions_module
-from exudyn_romerr.mbs.monitoring import floating_adapter as moving
+from exudyn_romerr.mbs.floating import moving_subject as moving
 from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating
 from tests.helpers import tolerances as tol

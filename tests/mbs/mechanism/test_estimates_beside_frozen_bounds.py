@@ -7,7 +7,7 @@ import pytest
 from exudyn import itemInterface
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.monitoring import floating_adapter
+from exudyn_romerr.mbs.coupled import coupled_subject
 from models import floating, mechanisms, output_truths
 from tests.helpers import tolerances as tol
 from tests.helpers.mechanism_runs import (
@@ -224,7 +224,7 @@ def test_vectors_that_cannot_be_made_leave_the_bound(monkeypatch):
     def failing(*_):
         raise romerr.AssumptionError("no such vectors")
 
-    monkeypatch.setattr(floating_adapter, "EnrichedBody", failing)
+    monkeypatch.setattr(coupled_subject, "EnrichedBody", failing)
     scene = pushed(steps=3)
     monitors = watch(scene)
     solve(scene)

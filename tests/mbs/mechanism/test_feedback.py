@@ -13,9 +13,10 @@ from scipy.integrate import solve_ivp
 from exudyn_romerr import AssumptionError
 from exudyn_romerr.basis.enrichment import Enrichment
 from exudyn_romerr.estimates import track as module
-from exudyn_romerr.estimates.march import Columns, Scheme, Tangent
+from exudyn_romerr.estimates.march import Columns, Tangent
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
-from exudyn_romerr.estimators.coupled_energy import LINEARISED
+from exudyn_romerr.trajectory.estimate import LINEARISED
+from exudyn_romerr.trajectory.scheme import Scheme
 from tests.helpers import tolerances as tol
 from tests.mbs.mechanism.test_mechanism_energy import Reduced, norms, scenario, violations
 

@@ -10,10 +10,10 @@ from exudyn import itemInterface
 
 import exudyn_romerr as romerr
 from benchmarks.rigid_estimates import Recorder
+from exudyn_romerr.mbs.coupled.other_sensors import OtherSensors
+from exudyn_romerr.mbs.coupled.sensor_dependence import SHARED
+from exudyn_romerr.mbs.coupled.sensor_record import Sensor, SensorRecord
 from exudyn_romerr.mbs.mechanism.stored_residuals import MEMORY
-from exudyn_romerr.mbs.sensors.other_sensors import OtherSensors
-from exudyn_romerr.mbs.sensors.sensor_dependence import SHARED
-from exudyn_romerr.mbs.sensors.sensor_record import Sensor, SensorRecord
 from models import estimate_truths, mechanisms
 from models.estimate_scenes import rigid_pendulum
 from tests.helpers.mechanism_runs import pendulum, solve

@@ -201,7 +201,7 @@ def test_what_a_solve_has_made_goes_with_the_next_but_one():
     gc.disable()
     try:
         solve(scene)
-        first = weakref.ref(hook._mechanism._reaction), weakref.ref(hook._mechanism._reaction._remainder._shadow)
+        first = weakref.ref(hook._evaluation._reaction), weakref.ref(hook._evaluation._reaction._remainder._shadow)
         for _ in range(2):
             solve(scene)
         assert [one() for one in first] == [None, None]

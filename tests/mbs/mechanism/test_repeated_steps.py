@@ -10,9 +10,9 @@ from exudyn import itemInterface
 import exudyn_romerr as romerr
 from benchmarks.mechanism_builder import _face, built
 from benchmarks.random_mechanisms import drawn
-from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.online.coupled_runs import FirstSteps
 from exudyn_romerr.online.run_messages import REPEATED
+from exudyn_romerr.trajectory.scheme import Scheme
 
 # how many, between which none of more than a quarter is accepted, and after how many a force sets in
 AMID, ALL = (40, (9.5, 20.5), 15), (10, (-1, 11), -1)

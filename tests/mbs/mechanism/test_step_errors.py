@@ -10,14 +10,14 @@ from exudyn.utilities import InertiaCuboid
 
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.access.mbs_items import scheme_of
+from exudyn_romerr.mbs.coupled.feedback_runs import Reaction
+from exudyn_romerr.mbs.coupled.joint_evaluation import TRAPEZOIDAL
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.mechanism import step_errors, stored_residuals
 from exudyn_romerr.mbs.mechanism.kept_equations import KeptEquations
 from exudyn_romerr.mbs.mechanism.late_readings import LateReadings
 from exudyn_romerr.mbs.mechanism.step_errors import StepErrors
 from exudyn_romerr.mbs.mechanism.stored_residuals import StoredResiduals
-from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
-from exudyn_romerr.mbs.monitoring.joint_evaluation import TRAPEZOIDAL
 from exudyn_romerr.online.coupled_runs import FirstSteps
 
 FINER = 8

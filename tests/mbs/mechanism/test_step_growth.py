@@ -10,10 +10,10 @@ import exudyn_romerr as romerr
 from benchmarks.mechanism_builder import built
 from benchmarks.random_mechanisms import drawn
 from exudyn_romerr.decay.passive_steps import step_change
-from exudyn_romerr.estimates.march import Scheme
 from exudyn_romerr.online import coupled_runs
 from exudyn_romerr.online.coupled_runs import FirstSteps
 from exudyn_romerr.report.scope import NOT_CERTIFIED
+from exudyn_romerr.trajectory.scheme import Scheme
 
 
 def opened(radius, t=0.0):

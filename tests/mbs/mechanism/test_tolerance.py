@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
+from exudyn_romerr.mbs.coupled.feedback_runs import Reaction
 from exudyn_romerr.online.tolerance_check import FEWEST, MOST, ToleranceCheck
 from tests.helpers.mechanism_runs import pendulum, reports, solve, watch
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.mbs.coupled.joint_evaluation import Mechanism
 from exudyn_romerr.mbs.monitoring import step_hook
-from exudyn_romerr.mbs.monitoring.joint_evaluation import Mechanism
 from exudyn_romerr.offline import prepare
 from exudyn_romerr.online.run import Run
 from exudyn_romerr.process import blas_threads

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.estimators.coupled_energy import LINEARISED
 from exudyn_romerr.mbs.derivatives.reader import TangentReader
-from exudyn_romerr.mbs.monitoring import floating_adapter as moving
+from exudyn_romerr.mbs.floating import moving_subject as moving
 from exudyn_romerr.mbs.monitoring import step_hook as hook
 from exudyn_romerr.online.run import Run
+from exudyn_romerr.trajectory.estimate import LINEARISED
 from models import floating
 from tests.helpers import mbs_scenes
 from tests.helpers import tolerances as tol

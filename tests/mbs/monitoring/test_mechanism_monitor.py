@@ -10,8 +10,8 @@ from exudyn import itemInterface
 from exudyn.utilities import InertiaCuboid
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.sensors import other_sensors, sensor_dependence, sensor_record
-from exudyn_romerr.mbs.sensors.sensor_record import Sensor, SensorRecord
+from exudyn_romerr.mbs.coupled import other_sensors, sensor_dependence, sensor_record
+from exudyn_romerr.mbs.coupled.sensor_record import Sensor, SensorRecord
 from exudyn_romerr.mbs.studies.scene_run import build_trial
 from exudyn_romerr.report.mechanism_report import MechanismReport
 from models import mechanisms

@@ -6,7 +6,7 @@ import pytest
 from exudyn import itemInterface
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.sensors.sensor_dependence import LINEAR
+from exudyn_romerr.mbs.coupled.sensor_dependence import LINEAR
 from models import floating
 from tests.helpers.mechanism_runs import COUPLED, pendulum, solve
 

@@ -8,7 +8,7 @@ import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr import add_reduced_body, attach, floating_body, krylov_basis
-from exudyn_romerr.mbs.monitoring import floating_adapter
+from exudyn_romerr.mbs.floating import moving_subject
 from exudyn_romerr.offline import prepare
 from models import linkage
 from tests.helpers import mbs_scenes
@@ -28,7 +28,7 @@ def made(monkeypatch):
         return one(*given, **options)
 
     monkeypatch.setattr(prepare, "prepare", counting)  # of a run that begins in a static equilibrium
-    monkeypatch.setattr(floating_adapter, "prepare", counting)
+    monkeypatch.setattr(moving_subject, "prepare", counting)
     return counted
 
 

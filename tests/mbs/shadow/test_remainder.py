@@ -5,11 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from exudyn_romerr.estimates.march import Scheme, Tangent
+from exudyn_romerr.estimates.march import Tangent
 from exudyn_romerr.estimates.mechanism_feedback import Feedback
 from exudyn_romerr.mbs.shadow import looks
 from exudyn_romerr.mbs.shadow import remainder as module
 from exudyn_romerr.mbs.shadow.remainder import Remainder, march_together
+from exudyn_romerr.trajectory.scheme import Scheme
 
 SCHEME = Scheme.of_radius(0.9)
 T, STEPS = 6.0, 480

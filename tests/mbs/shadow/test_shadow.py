@@ -11,12 +11,12 @@ from exudyn.FEM import ObjectFFRFreducedOrderInterface
 import exudyn_romerr as romerr
 from exudyn_romerr import RunError
 from exudyn_romerr.basis.shape_sums import ShapeSums
+from exudyn_romerr.mbs.access.object_terms import object_terms
+from exudyn_romerr.mbs.coupled.feedback_runs import Reaction
 from exudyn_romerr.mbs.derivatives.frame_inertia import FrameInertia
-from exudyn_romerr.mbs.monitoring.feedback_runs import Reaction
 from exudyn_romerr.mbs.shadow import remainder
 from exudyn_romerr.mbs.shadow.measured_remainder import LEFT_OUT
 from exudyn_romerr.mbs.shadow.shadow_mbs import Shadow
-from exudyn_romerr.mbs.shadow.wider_object import object_terms
 from models import mechanisms
 from models.floating import RAYLEIGH, load_fem
 from tests.helpers.mechanism_runs import pendulum, solve

@@ -9,14 +9,11 @@ import numpy as np
 
 from ..access.state_guard import set_state, state_kept
 from ..derivatives.tangent_reading import INCREMENTS, rotations_of
+from ..sensors.without_state import NO_STATE
 from .sensor_record import Sensor
 
 AWAY = 0.05  # of coordinates and rates: where dependences are looked for, so that nothing vanishes by chance
 SEED = 19
-NO_STATE = {
-    "Load": "it shows a load, not the motion",
-    "UserFunction": "a user function is not called away from the run",
-}
 NO_FUNCTION = "its object has a user function, which is not called away from the run"
 SHARED = (
     "it depends on forces of redundant constraints, of which only the sum is determined: leave one of them out, for "

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
-from ...estimates.kept_estimate import REMAINDER
-from ...estimates.time_step_error import PROVISIONAL
+from ...online.kept_estimate import REMAINDER
+from ...trajectory.estimate import PROVISIONAL
 from ..access.mbs_items import sensor_name
 from ..access.state_guard import set_state, state_kept
 from ..derivatives.twin import Place
@@ -21,9 +21,9 @@ from .sensor_dependence import read_sensor, sensor_or_reason
 from .sensor_record import Sensor, SensorRecord
 
 if TYPE_CHECKING:
-    from ...estimates.time_step_error import TimeStep
     from ...online.run import Run
     from ...report.report import OutputReport
+    from ...trajectory.estimate import TimeStep
     from ..derivatives.linearisation import Reading, Tangents
 
 COORDINATES = exu.OutputVariableType.Coordinates

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...estimates.kept_estimate import KeptEstimate
+from ...online.kept_estimate import KeptEstimate
 from ...report.data import UNITS
 from ...report.report import OutputReport
 from ...report.scope import COUPLED
 from ...trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:
-    from ...estimates.estimate import Estimate
     from ...online.run import Run
+    from ...trajectory.estimate import Estimate
 
 ENDED = (
     "estimates of the mechanism ended before its bounds: the line that begins with 'estimates are those under frozen "

@@ -7,25 +7,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..estimators.coupled_energy import LINEARISED
+from ..trajectory.estimate import (
+    BY_STEPS,
+    CAUSES,
+    LINEAR,
+    LINEAR_STEPS,
+    LINEARISED,
+    PROVISIONAL,
+    RESOLVED,
+    RINGING,
+    Estimate,
+)
 from ..trajectory.growing_array import GrowingArray
-from .estimate import CAUSES, RESOLVED, Estimate
-from .time_step_error import PROVISIONAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from .time_step_error import TimeStep
+    from ..trajectory.estimate import TimeStep
 
     Shown = Callable[[], np.ndarray]  # outputs (S, r) at all instants, as they are shown
 
-REMAINDER, RINGING = "remainder", "ringing"
-LINEAR, LINEAR_STEPS = "linearisation", "linearisation of steps"  # what linear equations miss of each
+REMAINDER = "remainder"
 FIRST = 5  # samples: differences of the first steps are one-sided, and there are few of them
 FEW = 16  # samples: of runs of 1 to 10 steps that were tried, 21 of 26 rows lay outside without
 # what the error by time steps and its checks depend on samples after it for: what they say of these holds before them
 AHEAD = PROVISIONAL
-BY_STEPS = ("time step", "steps", LINEAR_STEPS, "loads", RINGING)
 # of the prediction: what linear equations leave out, and is larger, is not added, for what it misses itself is larger
 # still; corrections of corrections grow then, and nothing is known of the prediction
 LOST = 1.0

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ...errors import AssumptionError, InputError, RunError
-from ...estimates.march import Scheme
 from ...estimates.mechanism_feedback import Feedback
 from ...online.coupled_runs import Connectors, FirstSteps, join_extensions, joined_openings, turned_in
+from ...trajectory.scheme import Scheme
 from ..access.mbs_items import first_step, scheme_of, share_of
 from ..control.connectors import connectors
 from ..control.steady_gains import SteadyGains
@@ -21,11 +21,15 @@ from ..mechanism.step_errors import StepErrors
 from ..mechanism.stored_residuals import StoredResiduals
 from ..shadow.seen_vectors import seen_vectors
 from .feedback_runs import Reaction
-from .requests import why_not_coupled
-from .run_succession import check_extensions, check_openings, end_with, fall_back, open_together, require_vectors
-
-if TYPE_CHECKING:
-    from .body_monitor import Watch
+from .watches_together import (
+    check_extensions,
+    check_openings,
+    end_with,
+    fall_back,
+    open_together,
+    require_vectors,
+    why_not_coupled,
+)
 
 # Exudyn holds rates of constraints with this rule only. Multipliers, and errors of errors by time steps, ring with it
 # here, where positions are held; with a damped one vectors do not ring as bodies do: errors were 112 times the bound
@@ -45,10 +49,10 @@ class Mechanism:
 
     tangents: Tangents | None = None
 
-    def __init__(self, watches: Sequence[Watch], before: Mechanism | None = None, sensors: Sequence = ()):
+    def __init__(self, watches: Sequence[Any], before: Mechanism | None = None, sensors: Sequence = ()):
         self._watches, self._before, self._sensors = watches, before and before._reaction, sensors
-        self._coupled: list[Watch] = []
-        self._partners: list[Watch] = []  # the coupled ones; those of which there are estimates, if none is coupled
+        self._coupled: list[Any] = []
+        self._partners: list[Any] = []  # the coupled ones; those of which there are estimates, if none is coupled
         self._ended: Exception | None = None  # why there are none, until it is said
         self._reaction: Reaction | None = None
         self._failure: Exception | None = None  # of the tangent
@@ -131,7 +135,7 @@ class Mechanism:
         self._check_others(self._coupled)
         for watch in self._watches:
             watch.settle()
-            watch.opening, watch.extension, watch.rows = None, None, ()  # blocks are large, and the next is made anew
+            watch.forget_block()
         self._fail(self._failure)
         if self._ended is not None and fall_back(self._partners, self._ended):
             self._ended = None
@@ -246,6 +250,6 @@ class Mechanism:
         for watch in self._coupled if error is not None else ():
             watch.error = watch.error or error
 
-    def _check_others(self, watches: Sequence[Watch]) -> None:
+    def _check_others(self, watches: Sequence[Any]) -> None:
         """Where one body has no bound, coupled bounds of the others have none either."""
         end_with([watch for watch in watches if watch.error is not None], self._coupled)

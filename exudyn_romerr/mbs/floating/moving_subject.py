@@ -6,31 +6,30 @@ The frame's inertia terms, the loads and the wrenches of joints are inputs of a 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...basis.basis import Basis
-from ...estimates.columns import consecutive
+from ...linalg.blocked_products import consecutive
 from ...model.floating_frame import FramePose, Jitter
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
-from ...residual.free_mass import FreeMass
+from ...report.scope import COMPLETE, FULL_MODEL, Scene
 from ...residual.problem import Deferred
 from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor, node_coordinates
 from ..access.reduced_damping import damping_text, require_modal_damping
-from ..floating.driven_frame import PrescribedMotion
-from ..floating.floating_body import read_object
-from ..floating.frame_support import read_support, require_free_node
-from ..floating.input_terms import InputTerms
-from ..floating.loads_and_joints import read_actions
-from ..floating.reference_search import find_reference, held_body, stiff_space
-from ..floating.sampler import Sampler
-from ..floating.scope_decision import NO_COUPLED, REACTING, Wanted, find_scope
-from ..floating.sensor_outputs import NO_SENSOR, BodySensors, body_sensors
-from ..mechanism.enriched_body import EnrichedBody
+from .driven_frame import PrescribedMotion
+from .floating_body import read_object
+from .frame_support import read_support, require_free_node
+from .input_terms import InputTerms
+from .loads_and_joints import read_actions
+from .reference_search import find_reference, held_body, stiff_space
+from .sampler import Sampler
+from .scope_decision import NO_COUPLED, REACTING, WITHOUT_FEEDBACK, Feedback, Wanted, find_scope
+from .sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -39,33 +38,28 @@ if TYPE_CHECKING:
     from ...model.outputs import Output
     from ...offline.prepared import Offline
     from ...trajectory.driven_inputs import Inputs
-    from ..floating.actions import Actions
-    from ..floating.floating_body import FloatingBody, ReducedMatrices
-    from ..floating.frame_support import Support
-    from ..floating.reference_search import Reference
-    from ..floating.scope_decision import Found
-
-TANGENT = "tangent of the mechanism: read by a solver of its own, the simulation stays the same bit for bit"
-ESTIMATE = "estimate of the error: modes by these vectors, time steps from the samples, reaction of the mechanism"
-BETWEEN = ("loads between samples, in the estimate of the error by time steps", "midpoint_residual=False")
-BY_MECHANISM = "estimate by the linearised mechanism"
+    from .actions import Actions
+    from .floating_body import FloatingBody, ReducedMatrices
+    from .frame_support import Support
+    from .reference_search import Reference
+    from .scope_decision import Found
 
 
 class MovingSubject:
     """Reads the mbs when a solve begins, and turns rows of its coordinates into samples of a run.
 
+    What reacts to the body's deformation is frozen, as this simulation has it.
+
     alone : whether nobody else estimates the other sensors of the mbs. sensors : on the body, if they are outputs.
     """
+
+    enriched: Any = None  # vectors that react with the mechanism
 
     def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool):
         self.item, self._flex, self._options, self._alone = flex.number, flex, options, alone
         self._by_sensors, self.sensors = options.outputs is None, BodySensors((), ())
         self._wanted = Wanted(scope, options)
-        if scope != FROZEN:  # imported in the solve, when tangents are read, it takes as long as some runs
-            import scipy.integrate
-            import scipy.interpolate  # noqa: F401
         self._use(options.outputs or ())
-        self.enriched: EnrichedBody | None = None
         self.columns, self._motion = np.zeros(0, dtype=int), PrescribedMotion()
         self._signature = self._before = ()  # of this solve; what was made for one before: a static one, most often
         self._body: ElasticBody | None = None
@@ -84,7 +78,9 @@ class MovingSubject:
         if not static and model.rigid is None:  # else its function moves another frame than that of the mbs
             support = self._motion.taken(mbs, model, support, body, self._wanted)
         columns = np.concatenate([node_coordinates(mbs, node) for node in model.nodes])
-        scope = self._find_scope(mbs, model, actions, support, static, attached, others)
+        feedback = partial(self._feedback, mbs, model, static, attached, others)
+        scope = find_scope(self._wanted, actions, support, static, feedback)
+        self._take_sensors(mbs, scope)
         held = support if scope.name == COMPLETE else replace(support, known=False, unknown="")  # of no use in others
         signature = (model.V.tobytes(), id(body), held, scope, self.sensors, *actions.signature())
         if signature != self._signature:
@@ -95,13 +91,11 @@ class MovingSubject:
             else:
                 terms = InputTerms(actions, support, self._flex, model.held, model.rigid)
                 scene = self._scene(model, actions, terms, reference, support, scope)
-                scene = self._enriched_scene(scene, scope, body, model, actions, support, columns, terms)
+                scene = self._reacting(scene, scope, body, model, actions, support, columns, terms)
                 offline = self._prepare(body, model, terms, scene)
                 self._sampler = Sampler.of(model.frame, actions, terms, offline)
             self._signature = signature
         self._sampler = replace(self._sampler, actions=actions)  # functions of time may be other ones
-        if self.enriched is not None:
-            self.enriched.use(actions)
         self.columns, self._model = consecutive(columns), model
         self._now = mbs.systemData.GetODE2Coordinates()[columns][: model.frame.size]
         self.floor = self._sampler.weight(model.V.T @ self._flex.carried)
@@ -110,10 +104,7 @@ class MovingSubject:
     @property
     def why_not_coupled(self) -> str:
         """Why the last solve has no linearised mechanism; empty: it has one, or nothing reacts to the body."""
-        scene = self._sampler.offline.scene
-        if scene.coupled:
-            return "" if scene.feedback else scene.frozen.rpartition("; ")[2]
-        found, _, _ = scene.reason.partition(REACTING)
+        found, _, _ = self._sampler.offline.scene.reason.partition(REACTING)
         return found.removeprefix(NO_COUPLED) if found.startswith(NO_COUPLED) else ""
 
     @property
@@ -126,11 +117,6 @@ class MovingSubject:
         """What is bounded."""
         return tuple(self._options.outputs)
 
-    def compliance(self, marker: int) -> tuple[float, float] | None:
-        """Return what a unit force and torque at a marker accelerate it by at most; None: it is not on the body."""
-        place = self._sampler.actions.places.get(marker)
-        return None if place is None else FreeMass.of(self._body).compliance(place.columns)
-
     def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
         """Return V (N, n) and the full K (N, N)."""
         return read_object(mbs, self._flex).V, self._flex.stiffness
@@ -140,32 +126,23 @@ class MovingSubject:
         self._use([*self._options.outputs, *outputs])
         self._signature = self._before = ()
 
-    def _enriched_scene(self, scene: Scene, scope: Found, body, model, actions, support, columns, terms) -> Scene:
-        """Make the body with vectors if the mechanism answers its errors; return the scene, which says so."""
-        self.enriched = None
-        if not (scene.feedback or scope.answers):
-            return scene
-        kept = (self._flex, body, model, actions, support, replace(scene, scope=COUPLED, feedback=True))
-        try:
-            self.enriched = EnrichedBody(*kept, columns, terms, self._options)
-        except Exception as error:
-            if scene.feedback:
-                raise
-            return replace(scene, left_out=(*scene.left_out, (BY_MECHANISM, str(error))))
-        computed = (*scene.computed, self.enriched.note, TANGENT, ESTIMATE)
-        left_out = scene.left_out if self._options.midpoint_residual else (*scene.left_out, BETWEEN)
-        return replace(scene, computed=computed, left_out=left_out)
+    def _feedback(self, *scene: Any) -> Feedback:
+        """Why bounds leave the feedback of the mechanism out."""
+        return Feedback(WITHOUT_FEEDBACK[self._wanted.scope])
 
-    def _find_scope(self, mbs: Any, *scene: Any) -> Found:
-        """Return the scope; where no outputs were asked for, take those that the sensors show."""
+    def _reacting(self, scene: Scene, *body: Any) -> Scene:
+        """Return the scene with what reacts with the mechanism: nothing here."""
+        return scene
+
+    def _take_sensors(self, mbs: Any, scope: Found) -> None:
+        """Where no outputs were asked for, take those that the sensors show."""
         if not self._by_sensors:
-            return find_scope(mbs, self._wanted, *scene)
-        scope, sensors = find_scope(mbs, self._wanted, *scene), body_sensors(mbs, self._flex, self._alone)
+            return
+        sensors = body_sensors(mbs, self._flex, self._alone)
         sensors = sensors if scope.name == COMPLETE else sensors.in_the_frame_too()
         if sensors != self.sensors:
             options, self.sensors = self._options_with(sensors), sensors
             self._use(options.outputs)
-        return scope
 
     def _options_with(self, sensors: BodySensors) -> BoundOptions:
         """Return the options with other sensors as outputs; those that were added stay."""

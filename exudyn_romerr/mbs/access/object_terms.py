@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import exudyn as exu
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..mechanism.enriched_body import EnrichedBody
+    from collections.abc import Callable
+
+    from ...basis.shape_sums import ShapeSums
 
 CROSS = np.zeros((3, 3, 3))  # (a x b)_c = CROSS_cij a_i b_j
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
 
 
-def object_terms(body: EnrichedBody) -> dict[str, Any]:
+class WithShapes(Protocol):
+    """A body's modes and vectors (N, k), sums of these over its nodes, and X^T D Y of (X, Y, X^T M Y, X^T K Y)."""
+
+    shapes: np.ndarray
+    sums: ShapeSums
+    damping: Callable[..., np.ndarray]
+
+
+def object_terms(body: WithShapes) -> dict[str, Any]:
     """Return what an ObjectFFRFreducedOrder has of a body's modes and vectors.
 
     As ObjectFFRFreducedOrderInterface makes it, with M = m (x) I, so that all follows from the sums of u_i (m u)_j

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...estimates.columns import consecutive
 from ...estimates.mechanism_feedback import Feedback
 from ...estimates.narrow_marches import NarrowMarches
 from ...estimates.residual_passes import JointDrift, ResidualPasses
+from ...linalg.blocked_products import consecutive
 from ...model.floating_frame import Veer
 from ...online.coupled_runs import FirstSteps, join_extensions, joined_openings, shared_energy, turned_in
 from ...online.run import Opening, Run
@@ -25,13 +25,12 @@ from ..shadow.measured_remainder import MeasuredRemainder
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ...estimates.time_step_error import TimeStep
+    from ...trajectory.estimate import TimeStep
     from ...trajectory.samples import Extension
     from ..derivatives.linearisation import Tangents
     from ..mechanism.enriched_body import EnrichedBody
     from ..mechanism.step_errors import StepErrors
-    from ..sensors.other_sensors import OtherSensors
-    from .body_monitor import Watch
+    from .other_sensors import OtherSensors
 
 STREAM = "reduction"  # of a mechanism's bounds, which are those at samples
 NO_POSITIONS = "positions in global axes have an estimate only: {}"
@@ -45,7 +44,7 @@ class Reaction:
 
     def __init__(
         self,
-        watches: Sequence[Watch],
+        watches: Sequence[Any],
         feedback: Feedback,
         first_steps: FirstSteps,
         tangents: Tangents,
