@@ -28,6 +28,7 @@ from .verdicts import (
     judged,
     not_covered,
     until,
+    until_load,
 )
 from .wording import MEASURE_IT, NOT_THE_MECHANISM, covers_time, estimate_scope, instant, parts_of, widest_scope
 
@@ -84,7 +85,8 @@ def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int
     """Return what is known of one component."""
     is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
     bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
-    shown, still = out.extents, report.time == "static" and is_rate(out.of)
+    shown, early = out.extents, until_of(report)
+    still = report.time == "static" and is_rate(out.of) and not early
     return Row(
         out.name,
         i,
@@ -99,7 +101,7 @@ def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int
         label=out.row_names[i],
         axis=out.labels[i] if out.labels and out.labels[i] in AXES else "",
         is_asked=limit.is_asked,
-        until=until_of(report),
+        until=early,
     )
 
 
@@ -209,6 +211,8 @@ def _reservation(report: ReportData, out: OutputData) -> Reservation:
 
 def until_of(report: ReportData) -> str:
     """Return until when a run went that was to go farther, and what ended it; empty: it went to its end."""
+    if report.time == "static" and report.ended_by:
+        return until_load(report.t[-1], report.ended_by)
     if report.planned_end is None:
         return ""
     return until(report.t[-1], report.planned_end, report.ended_by)

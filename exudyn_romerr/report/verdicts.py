@@ -227,6 +227,11 @@ def until(t: float, end: float, why: str) -> str:
     return f"until {t:.4g} of {end:.4g} s: {why or 'it went no farther'}"
 
 
+def until_load(factor: float, why: str) -> str:
+    """Return up to which load factor a static solve went that failed, and why it did."""
+    return f"until load factor {factor:.4g}: {why}"
+
+
 def not_the_rest(of: dict[str, Verdict], early: str) -> dict[str, Verdict]:
     """Return verdicts on a run that ended early: of the rest nothing is enough, what is too large until then is."""
     return {

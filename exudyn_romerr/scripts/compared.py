@@ -70,6 +70,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
     of["sum"] = one.whole(limit, of)
     if signal.until and not signal.on_purpose:
         of = not_the_rest(of, signal.until)
+    still = signal.is_static and is_rate(signal.shows) and not signal.until
     return Row(
         signal.name,
         c,
@@ -77,7 +78,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
         unit,
         float(shown[c]),
         float(shown.max()),
-        judged(of, None if signal.is_static and is_rate(signal.shows) else float(shown.max()), limit),
+        judged(of, None if still else float(shown.max()), limit),
         tolerance=limit,
         order=one.order,
         noise=one.noise,

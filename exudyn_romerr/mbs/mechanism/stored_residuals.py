@@ -114,19 +114,26 @@ class StoredResiduals:
             quarter, last = np.split(both, 2)
             uncertain[matter] = np.tensordot(CLOSER, [quarter, r[matter], last], axes=1)
             uncertain[INNER] = filled(t[INNER], uncertain[INNER], closer[INNER])
-        return r, uncertain + self._hidden(look, r, moves)
+        return r, uncertain + self._hidden(look, r, np.isin(np.arange(len(r)), matter), moves)
 
-    def _hidden(self, look: Callable, r: np.ndarray, moves: np.ndarray) -> np.ndarray:
-        """The largest residuals (n,) that those at quarters and middle do not tell of, where they matter; 0: none."""
+    def _hidden(self, look: Callable, r: np.ndarray, closer: np.ndarray, moves: np.ndarray) -> np.ndarray:
+        """The largest residuals (n,) that what was looked at does not tell of, where they matter; 0: none.
+
+        closer : steps (S,) that were looked at at their quarters, too: a quartic tells the rest there, elsewhere a
+        parabola.
+        """
         steps = np.unique(np.linspace(0, len(r) - 1, PROBED).astype(int))
         share = (GOLDEN * (1 + np.arange(len(steps)))) % 1
         nodes = np.array([0.0, QUARTERS[0], MIDDLE, QUARTERS[1], 1.0])
         inner = [look(QUARTERS[0], steps), r[steps], look(QUARTERS[1], steps)]
         weights = weights_of(np.tile(nodes, (len(steps), 1)), share)[:, 1:-1].T[..., None]  # 0 at the ends
-        off = np.abs(look(share, steps) - sum(w * x for w, x in zip(weights, inner, strict=True)))
-        # what rings within a step shows at the quarters, too: there a parabola through the middle is as far off
+        there, quartic = look(share, steps), sum(w * x for w, x in zip(weights, inner, strict=True))
         bent = np.maximum(*(np.abs(x - 0.75 * inner[1]) for x in inner[::2]))
-        return np.where((off > STANDS_OUT * bent) & (moves[steps] * off > MATTERS), off, 0.0).max(axis=0)
+        off = np.maximum(np.abs(there - (4 * share * (1 - share))[:, None] * inner[1]), bent)
+        # what rings within a step shows at the quarters, too: there a parabola through the middle is as far off
+        of_quartic = np.abs(there - quartic)
+        off = np.where(closer[steps, None], np.where(of_quartic > STANDS_OUT * bent, of_quartic, 0.0), off)
+        return np.where(moves[steps] * off > MATTERS, off, 0.0).max(axis=0)
 
     def _looked(self, mbs: Any, t: np.ndarray, local: np.ndarray) -> np.ndarray:
         """Which steps (S,) between times t (S + 1,) are looked at first: some, and those that differ from these.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...report.verdicts import until
+from ...report.verdicts import until, until_load
 from ..access.endings import ended_by
 
 if TYPE_CHECKING:
@@ -244,7 +244,9 @@ class Variation:
                 raise
             finally:
                 recorded.seconds = process_time() - begin
-                if not is_static:
+                if is_static:
+                    _note_static_end(recorded, solver, mbs.systemData.GetTime(), error)
+                else:
                     _note_end(recorded, solver, mbs.systemData.GetTime(), settings.timeIntegration.endTime, error)
                 self._record(mbs, recorded)
 
@@ -336,3 +338,8 @@ def _no_image(*arguments: Any, **options: Any) -> None:
 def _settings(arguments: tuple, options: dict[str, Any]) -> Any:
     """The simulation settings that a function of a solver is called with, beside the mbs."""
     return arguments[0] if arguments else options["simulationSettings"]
+
+
+def _note_static_end(recorded: Recorded, solver: Any, t: float, error: BaseException | None) -> None:
+    why, recorded.on_purpose = ended_by(solver, error)
+    recorded.until = until_load(t, why) if why else ""
