@@ -5,16 +5,8 @@ import pytest
 
 from benchmarks import bounds, half_widths, told_and_true
 
-GOOD = {
-    "cause": "modes",
-    "true": 1.0,
-    "unsure": 0.01,
-    "is known": True,
-    "told": 1.5,
-    "half": 0.3,
-    "off": 0.1,
-    "inside": 1.0,
-}
+GOOD = {"name": "tip", "component": 0, "cause": "modes", "true": 1.0, "unsure": 0.01}
+GOOD |= {"is known": True, "told": 1.5, "half": 0.3, "off": 0.1, "inside": 1.0}
 
 
 @pytest.mark.parametrize(
