@@ -124,10 +124,8 @@ def _by_causes(
         if names := _names(row for row in own if row.of[cause].answer in answers and row.name not in named):
             by_names.setdefault(names, []).append(TITLES[cause])
     parts = [f"by {_and(causes)}: {names}" for names, causes in by_names.items()]
-    told = {row.name for row in of if _has_cause(row, besides)}
-    alone = _names(
-        row for row in of if row.answer in answers and not _has_cause(row, answers) and row.name not in told
-    )
+    told = {row.name for row in of if _has_cause(row, (*besides, *answers))}  # by a cause, of another component too
+    alone = _names(row for row in of if row.answer in answers and row.name not in told)
     said = [f"{word}, {'; '.join(parts)}."] if parts else []
     return said + ([f"{word}: {alone}."] if alone else [])
 
