@@ -9,7 +9,7 @@ is.
 
 These truths are in random_truths.npz, of as many seeds as 2 MB hold; those of others are made anew each time (20 s):
 
-    python benchmarks/told_and_true.py FOLDER [--count 128] [--processes 2]      half an hour on two cores
+    python benchmarks/told_and_true.py FOLDER [--count 160] [--processes 2]      half an hour on two cores
 
 FOLDER keeps one file a seed until all are there. Scenes of models/estimate_scenes.py: stored truths with no mode left
 out, see models/estimate_truths.py; with RBE3 and with RBE2 interfaces.
@@ -110,7 +110,10 @@ def truth_of(seed: int) -> dict[str, np.ndarray]:
 
 
 def kept_truth(seed: int, truth: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return a truth as the file has it: errors of steps in half precision, whose rounding counts as uncertain."""
+    """Return a truth as the file has it: errors of modes in single, of steps in half precision.
+
+    Their rounding counts as uncertain.
+    """
     found = {}
     for name, x in truth.items():
         key, _, part = name.partition("/")
@@ -118,9 +121,10 @@ def kept_truth(seed: int, truth: dict[str, np.ndarray]) -> dict[str, np.ndarray]
             scale = np.maximum(np.abs(x).max(axis=0), np.finfo(float).tiny)
             found[f"{seed}/{name}"] = (x / scale).astype(np.float16)
             found[f"{seed}/{key}/scale"] = scale
-        elif part == "unsure":
-            most = np.abs(truth[f"{key}/step"]).max(axis=0)
-            found[f"{seed}/{name}"] = x + np.finfo(np.float16).eps / 2 * most
+        elif part in ("floor", "unsure"):
+            of_step, of_modes = (np.abs(truth[f"{key}/{of}"]).max(axis=0) for of in ("step", "modes"))
+            x = x + np.finfo(np.float32).eps / 2 * of_modes
+            found[f"{seed}/{name}"] = x + (part == "unsure") * np.finfo(np.float16).eps / 2 * of_step
         else:
             found[f"{seed}/{name}"] = x.astype(np.float32) if part == "modes" else x
     return found
@@ -325,7 +329,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Make the truths of random mechanisms that are not in the folder yet, and put all into TRUTHS."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--count", type=int, default=128)
+    parser.add_argument("--count", type=int, default=160)
     parser.add_argument("--processes", type=int, default=1)
     options = parser.parse_args(arguments)
     options.folder.mkdir(parents=True, exist_ok=True)
