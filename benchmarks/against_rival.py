@@ -18,9 +18,7 @@ import contextlib
 import inspect
 import io
 import json
-import os
 import runpy
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -36,31 +34,22 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from benchmarks import page
+from benchmarks.exudyn_examples import environment, put, scripts_in
 
-# no windows; threads on small matrices only wait for one another
-QUIET = {"EXUDYN_SUPPRESS_UI_WINDOW_OPEN": "1", "MPLBACKEND": "Agg", "OPENBLAS_NUM_THREADS": "1"}
 HOW = ("bare", "all in", "rival")
 MARK = "against rival"
 PAGE = page.ROOT / "docs" / "speed.md"
-SITE = Path(__file__).resolve().parent / "exudyn_site"
 IMPORTS = ("exudyn", "exudyn.FEM", "exudyn.utilities", "scipy.sparse.linalg", "ngsolve")
 PACKAGE = ("__main__", "mbs", "mbs.monitoring.coupled_core", "mbs.scenes.scene_monitor", "scripts.run")
 PACKAGE = tuple(f"exudyn_romerr.{name}" for name in PACKAGE)
-MODES = {  # of FEMinterface: the argument that is the number of modes
-    "ComputeHurtyCraigBamptonModes": "nEigenModes",
-    "ComputeHurtyCraigBamptonModesNGsolve": "nEigenModes",
-    "ComputeEigenmodes": "nModes",
-    "ComputeEigenmodesNGsolve": "nModes",
-    "ComputeEigenModesWithBoundaryNodes": "nEigenModes",
-}
-EXUDYNS = {
-    "NGsolveCraigBampton": "Examples",
-    "NGsolveCMStest": "TestModels",
-    "perfObjectFFRFreducedOrder": "TestModels",
-    "CMSexampleCourse": "Examples",
-    "objectFFRFreducedOrderTest": "TestModels",
-    "abaqusImportTest": "TestModels",
-}
+EXUDYNS = (
+    "NGsolveCraigBampton",
+    "NGsolveCMStest",
+    "perfObjectFFRFreducedOrder",
+    "CMSexampleCourse",
+    "objectFFRFreducedOrderTest",
+    "abaqusImportTest",
+)
 FLOATING = "from models import floating\nscene = floating.pendulum({n}, h={h}, t_end={end})\nscene.solve()\n"
 MECHANISM = (
     "from models import mechanisms\nscene = mechanisms.double_pendulum({n}, h={h}, t_end={end})\nscene.solve()\n"
@@ -133,8 +122,11 @@ def twice() -> Iterator[None]:
     import exudyn as exu
     from exudyn.FEM import FEMinterface
 
+    from exudyn_romerr.mbs.scenes.variation import CALLS  # here, for imports of the package are told apart
+
+    of_ngsolve = {f"{name}NGsolve": CALLS[name] for name in ("ComputeHurtyCraigBamptonModes", "ComputeEigenmodes")}
     with contextlib.ExitStack() as stack:
-        for name, argument in MODES.items():
+        for name, argument in (CALLS | of_ngsolve).items():
             _replace(stack, FEMinterface, name, lambda call, argument=argument: _with_modes(call, argument))
         _replace(stack, exu.MainSolverImplicitSecondOrder, "SolveSystem", _with_steps)
         yield
@@ -217,20 +209,11 @@ def child(script: str, how: str, own: bool) -> None:
 def run(script: Path, how: str, own: bool) -> Seconds:
     """Run a script in a process and a folder of its own, with its test data."""
     with tempfile.TemporaryDirectory() as place:
-        if (script.parent / "testData").is_dir():
-            shutil.copytree(script.parent / "testData", Path(place) / "testData")
-        (Path(place) / "solution").mkdir()
-        shutil.copy(script, place)
-        # with it a script runs as in exudyn_examples.py, but for the states, which are not kept
-        paths = [SITE, page.ROOT, *(p for p in (script.parents[1] / "TestModels",) if p.is_dir())]
-        environment = {
-            **os.environ,
-            **QUIET,
-            "PYTHONPATH": os.pathsep.join(map(str, paths)),
-            "ROMERR_STATES": os.devnull,
-        }
+        folder = Path(place) / how
+        put(script, folder)
         command = [sys.executable, __file__, "--child", script.name, how, *(["--own"] if own else [])]
-        done = subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True)
+        around = environment(script, Path(place) / "states.npz")
+        done = subprocess.run(command, cwd=folder, env=around, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"{script.name}, {how}: {done.stderr[-2000:]}")
         return Seconds(*json.loads(done.stdout.strip().splitlines()[-1]))
@@ -239,7 +222,7 @@ def run(script: Path, how: str, own: bool) -> Seconds:
 def measured(name: str, checkout: Path | None, rounds: int, scale: float = 1.0) -> dict[str, list[Seconds]]:
     """Return what each kind of run took, so many times in turn; scale: of the time until the end, of our scenes."""
     if name in EXUDYNS:
-        script = checkout / "main" / "pythonDev" / EXUDYNS[name] / f"{name}.py"
+        script = next(path for path in scripts_in(checkout) if path.stem == name)
         rows = [{how: run(script, how, False) for how in HOW} for _ in range(rounds)]
     else:
         scene, rows = SCENES[name], []

@@ -10,7 +10,6 @@ of which an error is above bound and floor at an instant.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -23,7 +22,7 @@ import numpy as np
 
 from benchmarks import page
 from benchmarks.half_widths import KNOWN, PAGE
-from benchmarks.told_and_true import collected
+from benchmarks.told_and_true import collected_with, options_of
 
 MARK = "bounds"
 HEAD = f"{'bound / error':<36}{'values':>8}{'left out':>10}{'least':>8}{'median':>9}{'90 %':>9}{'worst':>10}"
@@ -80,14 +79,8 @@ def table(results: list[dict[str, Any]]) -> str:
 
 def main(arguments: list[str] | None = None) -> str:
     """Collect the results, print and return the table."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("folder", type=Path, help="where results are stored")
-    parser.add_argument("--count", type=int, default=200, help="seeds")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--limit", type=float, default=np.inf, help="s, after which no scene is begun")
-    parser.add_argument("--docs", action="store_true", help=f"write the table into {PAGE.name}")
-    options = parser.parse_args(arguments)
-    text = table(collected(options.folder, options.count, options.limit, options.processes))
+    options = options_of(__doc__, PAGE).parse_args(arguments)
+    text = table(collected_with(options))
     print(text)
     if options.docs:
         page.put(MARK, text, PAGE)

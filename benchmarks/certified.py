@@ -41,10 +41,10 @@ def changed(seed):
     rng, mechanism = np.random.default_rng([seed, 35]), drawn(seed)
     is_damped, is_sudden, is_repeated = rng.random() < 0.5, rng.random() < 0.5, rng.random() < 0.1
     mechanism = replace(mechanism, rho=float(rng.choice(RADII)))
-    return _started(_damped(mechanism, is_damped), is_sudden), is_repeated, is_damped, is_sudden
+    return started(damped(mechanism, is_damped), is_sudden), is_repeated, is_damped, is_sudden
 
 
-def _damped(mechanism, is_damped):
+def damped(mechanism, is_damped):
     """With a damper at least, or without any beside those of the bars."""
     if is_damped:
         links = tuple(tuple(replace(link, damped=True) for link in of) for of in mechanism.links)
@@ -58,7 +58,7 @@ def _damped(mechanism, is_damped):
     return replace(mechanism, links=links, end="guide" if mechanism.end in ("springs", "rope") else mechanism.end)
 
 
-def _started(mechanism, is_sudden):
+def started(mechanism, is_sudden):
     """With a load that is there at once, or without any."""
     first, *others = mechanism.loads
     if is_sudden:

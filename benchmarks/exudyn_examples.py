@@ -56,17 +56,26 @@ def scripts_in(checkout: Path) -> list[Path]:
     return [path for path in found if MAKES_A_BODY.search(path.read_text(encoding="utf-8", errors="replace"))]
 
 
-def ran(script: Path, how: str, folder: Path, limit: float) -> Ran:
-    """Run a script "bare", by "run" or by "verify", in a new folder with its test data."""
+def put(script: Path, folder: Path) -> None:
+    """Copy a script into a new folder, with its test data."""
     folder.mkdir(parents=True)
     if (script.parent / "testData").is_dir():
         shutil.copytree(script.parent / "testData", folder / "testData")
     (folder / "solution").mkdir()
     shutil.copy(script, folder)
+
+
+def environment(script: Path, states: Path) -> dict[str, str]:
+    """Return what a script is run with: no windows, names of older versions, a file for its states."""
+    helpers = [place.parent / "TestModels" for place in script.parents if place.name in FOLDERS][:1]
+    path = os.pathsep.join(map(str, (SITE, page.ROOT, *helpers)))
+    return {**os.environ, **QUIET, "PYTHONPATH": path, "ROMERR_STATES": str(states)}
+
+
+def ran(script: Path, how: str, folder: Path, limit: float) -> Ran:
+    """Run a script "bare", by "run" or by "verify", in a new folder with its test data."""
+    put(script, folder)
     kept, told = folder.parent / f"{how}.npz", folder.parent / f"{how}.json"
-    paths = (SITE, page.ROOT, next(p for p in script.parents if p.name in FOLDERS).parent / "TestModels")
-    environment = {**os.environ, **QUIET, "PYTHONPATH": os.pathsep.join(map(str, paths))}
-    environment["ROMERR_STATES"] = str(kept)
     ours = [] if how == "bare" else ["-m", "exudyn_romerr", how, "--json", str(told)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with open(folder.parent / f"{how}.txt", "w", encoding="utf-8") as out:
@@ -74,7 +83,7 @@ def ran(script: Path, how: str, folder: Path, limit: float) -> Ran:
             done = subprocess.run(
                 [sys.executable, *ours, script.name],
                 cwd=folder,
-                env=environment,
+                env=environment(script, kept),
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=subprocess.STDOUT,

@@ -16,7 +16,6 @@ our vectors.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -28,18 +27,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from benchmarks import page
-from benchmarks.exudyn_examples import ROOT, ran
-from benchmarks.told_and_true import CAUSES, TIMES, collected, stored
+from benchmarks.exudyn_examples import ran, scripts_in
+from benchmarks.told_and_true import CAUSES, TIMES, collected_with, options_of, stored
 
 PAGE = page.ROOT / "docs" / "measured.md"
 MARK = "half widths"
-EXUDYNS = {
-    "NGsolveCraigBampton": "Examples",
-    "NGsolveCMStest": "TestModels",
-    "CMSexampleCourse": "Examples",
-    "objectFFRFreducedOrderTest": "TestModels",
-    "abaqusImportTest": "TestModels",
-}
+EXUDYNS = (
+    "NGsolveCraigBampton",
+    "NGsolveCMStest",
+    "CMSexampleCourse",
+    "objectFFRFreducedOrderTest",
+    "abaqusImportTest",
+)
 LIMIT = 900.0  # s of one run of a script
 KNOWN = 10.0  # times what is uncertain of a true error
 SHARPER = 2.0  # times the true error: what is told at most
@@ -149,19 +148,14 @@ def example(script: Path) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> str:
     """Collect the results, print and return the table."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("folder", type=Path, help="where results are stored")
-    parser.add_argument("--count", type=int, default=200, help="seeds")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--limit", type=float, default=np.inf, help="s, after which no scene is begun")
+    parser = options_of(__doc__, PAGE)
     parser.add_argument("--exudyn", type=Path, metavar="CHECKOUT", help="work tree of Exudyn's repository")
     parser.add_argument("--all", action="store_true", help="print every number that is not good")
-    parser.add_argument("--docs", action="store_true", help=f"write the table into {PAGE.name}")
     options = parser.parse_args(arguments)
-    results = collected(options.folder, options.count, options.limit, options.processes)
-    for name, place in (EXUDYNS if options.exudyn else {}).items():
-        script = options.exudyn.resolve() / ROOT / place / f"{name}.py"
-        results.append(stored(options.folder / f"{name}.json", example, script))
+    results = collected_with(options)
+    scripts = scripts_in(options.exudyn.resolve()) if options.exudyn else ()
+    for script in (script for script in scripts if script.stem in EXUDYNS):
+        results.append(stored(options.folder / f"{script.stem}.json", example, script))
     text = table(results)
     print("\n".join([*(not_good(results) if options.all else ()), text]))
     if options.docs:

@@ -36,6 +36,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 import exudyn_romerr as romerr
+from benchmarks.certified import damped, started
+from benchmarks.estimates import attached
 from benchmarks.mechanism_builder import all_modes, built
 from benchmarks.random_mechanisms import Mechanism, Shape, drawn
 from benchmarks.sweep import PENCIL
@@ -44,15 +46,13 @@ from exudyn_romerr.report.report_rows import CHECKS, PARTS
 from exudyn_romerr.report.scope import COMPLETE, FROZEN
 from exudyn_romerr.report.wording import estimate_scope
 from models import estimate_truths
-from models.estimate_scenes import SCENES, LinearScene
+from models.estimate_scenes import SCENES
 
 KINDS = ("smooth", "sudden, undamped", "sudden, undamped", "sudden, dampers")  # of seed % 4
 LAST = 6  # halvings of the step
 ORDER_2 = 3.5, 4.5  # ratio of the differences of two halvings
 ITERATED = 1e-7  # of the largest value: what Newton's tolerances leave of the difference of two runs of models/
-TIMES = (
-    2.0  # half widths that the truth is to lie within; the told number is to be at most so many times the true one
-)
+TIMES = 2.0  # half widths that the truth is to lie within
 TRUTHS = Path(__file__).resolve().parent / "random_truths.npz"  # as many seeds as 2 MB hold
 CAUSES = ("modes", "interfaces", "step", "whole")
 STATIC = ("basis", "interfaces")  # told together, for the truth tells them together
@@ -66,20 +66,14 @@ def kind_of(seed: int) -> str:
 def mechanism_of(seed: int) -> Mechanism:
     """Return the mechanism of a seed, made what its kind says."""
     mechanism = drawn(seed)
-    first, *others = mechanism.loads
     if kind_of(seed) == "smooth":
         loads = tuple(replace(load, shape=_smooth(load.shape, "smooth")) for load in mechanism.loads)
         vector, shape = mechanism.gravity
         return replace(mechanism, loads=loads, gravity=(vector, _smooth(shape, "ramp")))
-    loads = (replace(first, shape=replace(first.shape, kind="at once")), *others)
-    is_damped = kind_of(seed).endswith("dampers")
-    links = tuple(tuple(replace(link, damped=is_damped) for link in of) for of in mechanism.links)
-    bars = mechanism.bars
-    if not is_damped:
-        bars = tuple(replace(bar, damping=(0.0, 0.0), ratios=None) for bar in bars)
-        links = tuple(tuple(replace(x, kind="spherical") if x.kind == "bushing" else x for x in of) for of in links)
-    end = "springs" if is_damped else "guide" if mechanism.end in ("springs", "rope") else mechanism.end
-    return replace(mechanism, loads=loads, links=links, bars=bars, end=end)
+    if kind_of(seed).endswith("dampers"):
+        return replace(started(damped(mechanism, True), True), end="springs")
+    bars = tuple(replace(bar, damping=(0.0, 0.0), ratios=None) for bar in mechanism.bars)
+    return replace(started(damped(mechanism, False), True), bars=bars)
 
 
 def _smooth(shape: Shape, instead: str) -> Shape:
@@ -145,24 +139,32 @@ def read_truth(seed: int) -> dict[str, np.ndarray]:
 
 def of_seed(seed: int) -> dict[str, Any]:
     """Return the records of a random mechanism, or why there are none."""
-    truth, begin = read_truth(seed), time.process_time()
-    found: dict[str, Any] = {"scene": f"seed {seed}", "kind": kind_of(seed)}
+    truth, found = read_truth(seed), {"scene": f"seed {seed}", "kind": kind_of(seed)}
     if "failed" in truth:
         return found | {"no truth": str(truth["failed"])}
     try:
         few, report = told(mechanism_of(seed), float(truth["factor"]))
     except Exception as error:
         return found | {"refused": f"{type(error).__name__}: {error}"}
+    known = {key: tuple(truth[f"{key}/{part}"] for part in ("modes", "floor", "step", "unsure")) for key in few}
+    return found | records_of(report, known)
+
+
+def records_of(report: Any, known: dict[str, tuple[np.ndarray, ...]]) -> dict[str, Any]:
+    """Return what a report says beside what is known of its sensors.
+
+    known : by name errors of modes (T, r), how far they are uncertain (r,), the same of steps.
+    """
+    # else its bounds are those of the error that the modes make
+    is_whole = COMPLETE in report.scope.values() and report.time != "sampled"
     records, bounds = [], []
-    for key, y in few.items():
-        modes, step, floor, unsure = (truth[f"{key}/{part}"] for part in ("modes", "step", "floor", "unsure"))
+    for key, (modes, floor, step, unsure) in known.items():
         true = {"modes": (modes, floor), "step": (step, unsure), "whole": (modes + step, unsure)}
         out = report.outputs.get(key)
-        records += list(of_output(key, out, report.scope, true, y.shape[1]))
-        bounds += list(of_bound(key, out, report.scope, modes, floor))
+        records += list(of_output(key, out, report.scope, true, modes.shape[1]))
+        bounds += list(of_bound(key, out, report.scope, *true["whole" if is_whole else "modes"]))
     uncertified = {doubt.cause for out in report.outputs.values() for doubt in out.uncertified}
-    found |= {"records": records, "bounds": bounds, "uncertified": sorted(uncertified)}
-    return found | {"seconds": time.process_time() - begin}
+    return {"records": records, "bounds": bounds, "uncertified": sorted(uncertified)}
 
 
 def told(mechanism: Mechanism, iterate: float) -> tuple[dict[str, np.ndarray], Any]:
@@ -251,15 +253,8 @@ def of_bound(
 
 def of_scene(name: str, n: int, kind: str) -> dict[str, Any]:
     """Return the records of a scene of models/ with n modes and interfaces of a kind."""
-    scene, begin = SCENES[name], time.process_time()
-    found: dict[str, Any] = {"scene": f"{name}, n = {n}, {kind}", "kind": f"models, {kind}"}
-    made = scene.make(n, kind, scene.h)
-    for key, number in made.sensors.items():
-        made.mbs.SetSensorParameter(number, "name", key)
-    if isinstance(made, LinearScene):
-        monitor = romerr.attach(made.mbs, made.flex, outputs=list(made.outputs))
-    else:
-        monitor = romerr.attach(made.mbs, [romerr.floating_body(made.fem, items) for items in made.bodies])
+    scene, found = SCENES[name], {"scene": f"{name}, n = {n}, {kind}", "kind": f"models, {kind}"}
+    made, (monitor,) = attached(scene, n, kind)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -267,22 +262,12 @@ def of_scene(name: str, n: int, kind: str) -> dict[str, Any]:
         report = monitor.report()
     except Exception as error:
         return found | {"refused": f"{type(error).__name__}: {error}"}
-    records, bounds = [], []
+    known = {}
     for key, truth in estimate_truths.stored(name).items():
-        modes, step = truth.same_steps - shown[key], truth.value - truth.same_steps
         floor = ITERATED * np.abs(truth.value).max() + np.zeros_like(truth.off)
-        true = {
-            "modes": (modes, floor),
-            "step": (step, truth.off + floor),
-            "whole": (modes + step, truth.off + floor),
-        }
-        out = report.outputs.get(key)
-        records += list(of_output(key, out, report.scope, true, modes.shape[1]))
-        is_whole = COMPLETE in report.scope.values() and report.time != "sampled"
-        bounds += list(of_bound(key, out, report.scope, *(true["whole"] if is_whole else (modes, floor))))
-    uncertified = {doubt.cause for out in report.outputs.values() for doubt in out.uncertified}
-    found |= {"records": records, "bounds": bounds, "uncertified": sorted(uncertified)}
-    return found | {"seconds": time.process_time() - begin}
+        modes, step = truth.same_steps - shown[key], truth.value - truth.same_steps
+        known[key] = modes, floor, step, truth.off + floor
+    return found | records_of(report, known)
 
 
 def scenes() -> list[tuple[str, int, str]]:
@@ -296,7 +281,9 @@ def stored(path: Path, make: Callable[..., dict[str, Any]], *arguments: Any, end
     if not path.exists():
         if time.time() > end:
             return None
-        path.write_text(json.dumps(make(*arguments)), encoding="utf-8")
+        part = path.with_suffix(".part")
+        part.write_text(json.dumps(make(*arguments)), encoding="utf-8")
+        part.replace(path)
     return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -312,6 +299,22 @@ def collected(folder: Path, count: int, limit: float = np.inf, processes: int = 
         with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
             found = [one.result() for one in [pool.submit(stored, *task, end=end) for task in tasks]]
     return [one for one in found if one is not None]
+
+
+def options_of(about: str, target: Path) -> argparse.ArgumentParser:
+    """Return the options of what counts these results: about, its docstring; target, the page for its table."""
+    parser = argparse.ArgumentParser(description=about.split("\n", maxsplit=1)[0])
+    parser.add_argument("folder", type=Path, help="where results are stored")
+    parser.add_argument("--count", type=int, default=200, help="seeds")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--limit", type=float, default=np.inf, help="s, after which no scene is begun")
+    parser.add_argument("--docs", action="store_true", help=f"write the table into {target.name}")
+    return parser
+
+
+def collected_with(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Return what `collected` does, with these options."""
+    return collected(options.folder, options.count, options.limit, options.processes)
 
 
 def _most(x: np.ndarray) -> float:

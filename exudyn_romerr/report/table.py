@@ -79,8 +79,9 @@ def summary(rows: Sequence[Row], what: str = "sensor", how_to_ask: str = OPTION)
 
     rows : of all components. what : they are of. how_to_ask : what another tolerance is given by.
     """
-    uncovered = [row for row in rows if all(verdict.how == NONE for verdict in row.of.values())]
-    uncovered = [row for row in uncovered if row.answer is not Answer.ENOUGH]  # rates in a static solve
+    # rates in a static solve are enough without any estimate
+    unsure = [row for row in rows if row.answer is not Answer.ENOUGH]
+    uncovered = [row for row in unsure if all(verdict.how == NONE for verdict in row.of.values())]
     still = [row for row in rows if row.shows_nothing and row.answer not in FINE]
     others = [row for row in rows if all(row is not other for other in uncovered)]
     said = [
