@@ -115,22 +115,29 @@ def ringing_of(error: np.ndarray, h: float, slowest: float) -> np.ndarray:
     return signal.sosfiltfilt(sections, error, axis=0)
 
 
-def attached(scene: EstimateScene, n: int, kind: str) -> tuple[Any, list[Any]]:
-    """Return the scene with n modes and interfaces of a kind, and its monitor, none without flexible bodies."""
+def bodies_of(scene: EstimateScene, n: int, kind: str) -> tuple[Any, list[Any]]:
+    """Return the scene with n modes and interfaces of a kind, its sensors named, and its reduced bodies."""
     made = scene.make(n, kind, scene.h)
     for name, number in made.sensors.items():
         made.mbs.SetSensorParameter(number, "name", name)
     if isinstance(made, LinearScene):
-        return made, [romerr.attach(made.mbs, made.flex, outputs=list(made.outputs))]
-    flexes = [romerr.floating_body(made.fem, items) for items in made.bodies]
-    return made, [romerr.attach(made.mbs, flexes)] if flexes else []
+        return made, [made.flex]
+    return made, [romerr.floating_body(made.fem, items) for items in made.bodies]
+
+
+def attached(made: Any, flexes: list[Any]) -> list[Any]:
+    """Return the monitor of a scene, none without flexible bodies."""
+    if isinstance(made, LinearScene):
+        return [romerr.attach(made.mbs, *flexes, outputs=list(made.outputs))]
+    return [romerr.attach(made.mbs, flexes)] if flexes else []
 
 
 def monitored(scene: EstimateScene, n: int) -> tuple:
     """Run the reduced scene; return its outputs, whether their scope is complete, what its sensors show, and the
     frequency of its slowest mode that is not resolved.
     """
-    made, monitors = attached(scene, n, "RBE3")
+    made, flexes = bodies_of(scene, n, "RBE3")
+    monitors = attached(made, flexes)
     recorder = None if monitors else Recorder(made.mbs)
     made.mbs.Assemble()
     slowest = slowest_unresolved(made, scene.h, scene.t_end)

@@ -35,18 +35,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
-import exudyn_romerr as romerr
+from benchmarks.by_run import told_by_run
 from benchmarks.certified import damped, started
-from benchmarks.estimates import attached
+from benchmarks.estimates import attached, bodies_of
 from benchmarks.mechanism_builder import all_modes, built
 from benchmarks.random_mechanisms import Mechanism, Shape, drawn
 from benchmarks.sweep import PENCIL
 from benchmarks.sweep_mechanisms import truths
-from exudyn_romerr.report.report_rows import CHECKS, PARTS
+from exudyn_romerr.report.report_rows import CHECKS, OF_INTERFACES, PARTS
 from exudyn_romerr.report.scope import COMPLETE, FROZEN
 from exudyn_romerr.report.wording import estimate_scope
 from models import estimate_truths
-from models.estimate_scenes import SCENES
+from models.estimate_scenes import SCENES, LinearScene
 
 KINDS = ("smooth", "sudden, undamped", "sudden, undamped", "sudden, dampers")  # of seed % 4
 LAST = 6  # halvings of the step
@@ -170,11 +170,8 @@ def records_of(report: Any, known: dict[str, tuple[np.ndarray, ...]]) -> dict[st
 def told(mechanism: Mechanism, iterate: float) -> tuple[dict[str, np.ndarray], Any]:
     """Return what sensors show in a run, and its report, as `romerr run` makes it; iterate: see mechanism_builder."""
     scene = built(mechanism, iterate=iterate)
-    monitor = romerr.attach(scene.mbs, scene.flexible())
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        scene.solve()
-    return scene.motion(), monitor.report()
+    _, report = told_by_run(scene.mbs, scene.flexible(), scene.solve)
+    return scene.motion(), report
 
 
 def values(mechanism: Mechanism, iterate: float) -> dict[str, np.ndarray]:
@@ -232,9 +229,11 @@ def parts(out: Any, cause: str) -> tuple[np.ndarray, np.ndarray]:
     """Return what is told of a cause (T, r), signed, and its half width (T, r), as `romerr run` prints them."""
     if cause == "whole":
         return out.estimate, out.uncertainty
-    names = STATIC if cause == "modes" else PARTS[cause]
+    names, checks = PARTS[cause], CHECKS[cause]
+    if cause == "modes":
+        names, checks = STATIC, checks + OF_INTERFACES
     zero = np.zeros_like(out.estimate)
-    halves = (out.uncertainty_parts[x] for x in CHECKS[cause] if x in out.uncertainty_parts)
+    halves = (out.uncertainty_parts[x] for x in checks if x in out.uncertainty_parts)
     return zero + sum(out.estimate_parts[x] for x in names if x in out.estimate_parts), zero + sum(halves)
 
 
@@ -254,12 +253,16 @@ def of_bound(
 def of_scene(name: str, n: int, kind: str) -> dict[str, Any]:
     """Return the records of a scene of models/ with n modes and interfaces of a kind."""
     scene, found = SCENES[name], {"scene": f"{name}, n = {n}, {kind}", "kind": f"models, {kind}"}
-    made, (monitor,) = attached(scene, n, kind)
+    made, flexes = bodies_of(scene, n, kind)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            shown = estimate_truths.motion(made, scene.h)
-        report = monitor.report()
+        if isinstance(made, LinearScene):
+            (monitor,) = attached(made, flexes)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                shown = estimate_truths.motion(made, scene.h)
+            report = monitor.report()
+        else:
+            shown, report = told_by_run(made.mbs, flexes, lambda: estimate_truths.motion(made, scene.h))
     except Exception as error:
         return found | {"refused": f"{type(error).__name__}: {error}"}
     known = {}

@@ -86,7 +86,7 @@ def _without(solve: Solve, name: str, reason: str, tolerances: Tolerances) -> Ro
     if asked is None:
         found = replace(found, answer=Answer.NO_TOLERANCE)
     of = dict.fromkeys((*ALWAYS, "sum"), found)
-    return Row(name, 0, solve.number, "", None, None, of, is_asked=tolerances.is_given)
+    return Row(name, 0, solve.number, "", None, None, of, is_asked=tolerances.is_given, until=solve.until)
 
 
 def text(judgement: Judgement, script: str, what_next: str = "") -> str:

@@ -16,7 +16,7 @@ class Solve:
     number : from 0. kind : "dynamic" or "static". bodies : how many. report : None where there is none; failure says
     why then. refused : (body, why) of bodies that are not watched. sensors : names of all sensors of the mbs.
     chosen : whether outputs were chosen for a scene without sensors. notes : what else is to be said.
-    runs_before : of the monitor, in solves before.
+    until : of a solve without report that ended early, when and by what.
     seconds, our_seconds : CPU time of the solve with us, and of what we do before and after it.
     """
 
@@ -29,6 +29,6 @@ class Solve:
     sensors: list[str] = field(default_factory=list)
     chosen: bool = False
     notes: list[str] = field(default_factory=list)
-    runs_before: int = 0
+    until: str = ""
     seconds: float = 0.0
     our_seconds: float = 0.0

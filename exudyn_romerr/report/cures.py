@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..trajectory.estimate import LINEAR, LINEAR_STEPS, RESOLVED
+from ..trajectory.estimate import LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -65,7 +65,7 @@ def cure_of(
     if out.beside_steps:
         return out.beside_steps[0]
     check = max(halves, key=halves.get)
-    if check in (LINEAR, LINEAR_STEPS):
+    if check in (LINEAR, LINEAR_MODES, LINEAR_STEPS):
         return f"{shorter_steps(size + half, limit, steps) if cause == 'step' else OF_CAUSES[cause]}, {NOT_LINEAR}"
     if check == "steps":
         return shorter_steps(size + half, limit, steps, is_resolved=False)

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..trajectory.estimate import LINEAR, LINEAR_STEPS
+from ..trajectory.estimate import (
+    FURTHER,
+    FURTHER_INTERFACES,
+    LINEAR,
+    LINEAR_INTERFACES,
+    LINEAR_MODES,
+    LINEAR_STEPS,
+)
 from .answers import SHARE, Answer, Tolerance
 from .cures import OF_CAUSES, Steps, cure_of, cure_of_bound
 from .data import is_rate
@@ -40,7 +47,8 @@ if TYPE_CHECKING:
     from .scope import Doubt
 
 PARTS = {"modes": ("basis",), "interfaces": ("interfaces",), "step": ("time step",), "start": ("initial", "jumps")}
-OF_MODES, OF_STEPS = ("vectors", LINEAR, "proved"), ("steps", LINEAR_STEPS, "loads", "proved")
+OF_MODES, OF_STEPS = ("vectors", LINEAR, FURTHER, LINEAR_MODES, "proved"), ("steps", LINEAR_STEPS, "loads", "proved")
+OF_INTERFACES = (FURTHER_INTERFACES, LINEAR_INTERFACES)  # in place of a share of those of modes, where they are known
 CHECKS = {"modes": OF_MODES, "interfaces": OF_MODES, "step": OF_STEPS, "start": OF_MODES}
 NO_STEPS = "the error of the time steps is in none of its numbers"
 AXES = ("x", "y", "z")
@@ -133,9 +141,11 @@ def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) 
     zero, steps = np.zeros(len(out.value)), steps_of(report)
     for cause in CAUSES:
         part = zero + sum(parts[name][:, i] for name in PARTS[cause] if name in parts)
-        halves = {x: out.uncertainty_parts[x][:, i] for x in CHECKS[cause] if x in out.uncertainty_parts}
+        own = cause == "interfaces" and OF_INTERFACES[0] in out.uncertainty_parts
+        checks = OF_INTERFACES if own else CHECKS[cause]
+        halves = {x: out.uncertainty_parts[x][:, i] for x in checks if x in out.uncertainty_parts}
         size, half = _largest(part), _half_width(part, zero + sum(halves.values()))
-        if cause == "interfaces":  # of what vectors say each part has its share
+        if cause == "interfaces" and not own:  # of what vectors say each part has its share
             half *= size / (size + (found["modes"].size or 0.0)) if size else 0.0
         if size > 0 or (cause in ALWAYS and (cause, report.time) != ("step", "static")):
             cure = cure_of(out, cause, size, half, _by_check(halves), limit, steps)

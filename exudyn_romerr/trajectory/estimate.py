@@ -16,6 +16,10 @@ RESOLVED = 0.3  # half width over the largest estimate: above it no digit of the
 CAUSES = ("basis", "interfaces", "time step", "initial", "jumps")
 RINGING = "ringing"  # a check of estimates by steps
 LINEAR, LINEAR_STEPS = "linearisation", "linearisation of steps"  # what linear equations miss of each
+# checks of the march of a whole mechanism, which tells interfaces and modes apart: vectors that it has not, and what
+# linear equations miss
+FURTHER, LINEAR_MODES = "further vectors", "linearisation of modes"
+FURTHER_INTERFACES, LINEAR_INTERFACES = "further vectors of interfaces", "linearisation of interfaces"
 BY_STEPS = ("time step", "steps", LINEAR_STEPS, "loads", RINGING)
 # of what is estimated, where what linear equations leave out is not measured; it was up to 0.007 right after a static
 # solve, up to 0.002 else, and more where springs are short beside the motion

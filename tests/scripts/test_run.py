@@ -45,14 +45,17 @@ def pendulum(tmp_path_factory):
     return run, monitor.report()
 
 
-def test_the_report_is_that_of_attach(pendulum):
+def test_the_estimate_is_that_of_attach(pendulum):
+    """By another core, to what both say of themselves; bounds are attach's."""
     run, report = pendulum
     assert run.ending.error is None
-    assert list(run.reports[0].outputs) == list(report.outputs)
-    for name, out in report.outputs.items():
-        scale = np.max(np.abs(out.estimate))  # modes are of a solver that begins with random numbers
-        np.testing.assert_allclose(run.reports[0].output(name).estimate, out.estimate, rtol=0, atol=1e-4 * scale)
-        np.testing.assert_allclose(run.reports[0].output(name).bound["best"], out.bound["best"], rtol=1e-3)
+    assert {name for name in report.outputs if not name.endswith("in the frame")} == set(run.reports[0].outputs)
+    for name, own in run.reports[0].outputs.items():
+        out = report.output(name)
+        assert np.array_equal(own.value.shape, out.value.shape)
+        np.testing.assert_allclose(own.value, out.value, rtol=0, atol=1e-9 * np.max(np.abs(out.value)))
+        off = np.abs(own.estimate - out.estimate).max(axis=0)
+        assert np.all(off <= own.uncertainty.max(axis=0) + out.uncertainty.max(axis=0))
 
 
 def test_rows_are_the_parts_of_the_estimate(pendulum):
@@ -67,13 +70,13 @@ def test_rows_are_the_parts_of_the_estimate(pendulum):
         assert row["sum"]["size"] == np.max(np.abs(out.estimate[:, i]))
         most = np.max(np.abs(out.estimate[:, i]) + out.uncertainty[:, i])
         assert row["sum"]["size"] + row["sum"]["half_width"] >= most * (1 - 1e-12)  # rounding of a sum
-        assert row["bound"] >= np.max(out.bound["best"][:, i])
+        assert row["bound"] is None  # issue 49
         assert set(row) >= {*CAUSES, "sum", "solve", "unit", "largest", "order", "noise"}
 
 
 def test_numbers_stand_in_the_text(pendulum):
     text = str(pendulum[0])
-    assert re.match(r"(Enough|More than|Not known)", text)
+    assert re.match(r"(Enough|Too large|Not known)", text)
     assert re.search(r"^Modes: .* at \w+", text, re.M)
     assert re.search(r"^Step: .* at \w+", text, re.M)
     assert re.search(r"^sensor +up to +modes about", text, re.M)
@@ -341,9 +344,11 @@ def test_a_run_that_ended_early_says_when_and_by_what(text, first, tmp_path):
     assert str(run).startswith(first)
     is_meant = "on purpose" in first
     assert (run.judgement.answer is Answer.ENOUGH) == is_meant
-    run.reports[0].save(tmp_path / "run.npz")
-    assert romerr.load_report(tmp_path / "run.npz").ended_by == run.reports[0].ended_by
-    assert ("a user function" in first) == romerr.load_report(tmp_path / "run.npz").on_purpose
+    assert len(run.reports) == ("Until 0 " not in first)  # without a step there is nothing to report
+    for report in run.reports:
+        report.save(tmp_path / "run.npz")
+        assert romerr.load_report(tmp_path / "run.npz").ended_by == report.ended_by
+        assert ("a user function" in first) == romerr.load_report(tmp_path / "run.npz").on_purpose
     assert "exudyn_romerr" not in str(run.ending.error)  # Exudyn lists frames in what it says
 
 

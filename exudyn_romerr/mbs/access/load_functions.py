@@ -87,6 +87,15 @@ def load_functions(load: dict[str, Any]) -> list[Callable]:
     return [f for f in found if callable(f)]
 
 
+def user_functions(mbs: Any) -> list[Callable]:
+    """Return the user functions of loads and objects."""
+    found = [f for i in loads_with_functions(mbs) for f in load_functions(mbs.GetLoad(i))]
+    for i in range(mbs.systemData.NumberOfObjects()):
+        values = [value for key, value in mbs.GetObject(i).items() if key.endswith("UserFunction") and value]
+        found += [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]
+    return found
+
+
 def shifts(n: int) -> np.ndarray:
     """Return what coordinates (n,) are moved by to see what functions of the motion do: each by another amount."""
     return MOVED * (1 + np.sin(np.arange(n)))

@@ -11,11 +11,12 @@ import numpy as np
 
 from ...online.kept_estimate import REMAINDER
 from ...trajectory.estimate import PROVISIONAL
+from ..access.load_functions import user_functions
 from ..access.mbs_items import sensor_name
 from ..access.state_guard import set_state, state_kept
 from ..derivatives.twin import Place
 from ..floating.sensor_outputs import is_on
-from ..mechanism.stored_residuals import HOLDS, MEMORY, user_functions
+from ..mechanism.stored_residuals import HOLDS, MEMORY
 from ..memory.user_memory import memory_kept
 from .sensor_dependence import read_sensor, sensor_or_reason
 from .sensor_record import Sensor, SensorRecord

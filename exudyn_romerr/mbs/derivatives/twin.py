@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import exudyn as exu
 import numpy as np
 
+from ..access.copied_mbs import copy_items, may_be_lighter
 from ..access.equations import Equations
 from ..access.state_guard import current_state, set_state, state_in_place, state_set
-from .copied_mbs import copy_items, may_be_lighter
 from .frame_inertia import FrameInertia
 
 MOVED = 1e-4  # of coordinates and rates: where both are compared, so that nothing vanishes by chance

@@ -121,6 +121,16 @@ def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
     return Measured(sensor["name"], nodes, weights, of, frame)
 
 
+def measured_of(mbs: Any, flex: FloatingBody, number: int) -> Measured | None:
+    """Return what a sensor measures of the body; None: nothing, or nothing of its mesh nodes that has a name here."""
+    if not is_on(mbs, flex, mbs.GetSensor(number)):
+        return None
+    try:
+        return _measured(mbs, flex, number)
+    except InputError:
+        return None
+
+
 def is_on(mbs: Any, flex: FloatingBody, sensor: dict) -> bool:
     """Whether it sees mesh nodes of the body."""
     return _body_of(mbs, sensor) == flex.number

@@ -10,7 +10,7 @@ import numpy as np
 from ...errors import RunError
 from ...estimates.local_errors import NODES, STANDS_OUT, filled, seldom, standing_out, told, weights_of, within
 from ...online.run_messages import CHANGED
-from ..access.load_functions import load_functions, loads_with_functions
+from ..access.load_functions import load_functions, loads_with_functions, user_functions
 from ..access.state_guard import state_kept
 from ..derivatives.linearisation import Tangents
 from ..derivatives.twin import Place
@@ -184,15 +184,6 @@ class StoredResiduals:
         self.was_changed = bool(off.any())
         if self.was_changed:
             raise RunError(UNTRUE.format(t[off][0], CHANGED))
-
-
-def user_functions(mbs: Any) -> list[Callable]:
-    """Return the user functions of loads and objects."""
-    found = [f for i in loads_with_functions(mbs) for f in load_functions(mbs.GetLoad(i))]
-    for i in range(mbs.systemData.NumberOfObjects()):
-        values = [value for key, value in mbs.GetObject(i).items() if key.endswith("UserFunction") and value]
-        found += [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]
-    return found
 
 
 UNTRUE = "at t = {:g} s Exudyn's equations do not hold in the state of the sample: {}"

@@ -8,7 +8,6 @@ import exudyn as exu
 import numpy as np
 from exudyn.itemInterface import SensorMarker, SensorSuperElement
 
-from ...model.outputs import Output, mean_displacement, node_displacement
 from ..floating.loads_and_joints import MESH_MARKERS, read_interfaces
 from ..sensors.without_state import NO_STATE
 
@@ -17,13 +16,6 @@ if TYPE_CHECKING:
 
     from ..floating.floating_body import FloatingBody
     from .found_bodies import FoundBody
-
-
-def chosen_outputs(mbs: Any, flexes: Sequence[FloatingBody]) -> list[tuple[FloatingBody, Output]] | None:
-    """Return (body, output) for all bodies; None where the mbs has sensors that show the motion: these are meant."""
-    if shows_motion(mbs):
-        return None
-    return [(flex, output) for flex in flexes for output in _of_body(mbs, flex)]
 
 
 def shows_motion(mbs: Any) -> bool:
@@ -60,13 +52,13 @@ def _farthest(x: np.ndarray, ends: Sequence[np.ndarray]) -> int:
     return int(np.argmax(np.min([np.linalg.norm(x - end, axis=1) for end in ends], axis=0)))
 
 
-def _of_body(mbs: Any, flex: FloatingBody) -> list[Output]:
+def chosen_nodes(mbs: Any, flex: FloatingBody) -> list[tuple[str, Sequence[int], Sequence[float] | None]]:
+    """Return (name, nodes, weights) of interfaces of a body, and of the node that is farthest from them."""
     name = mbs.GetObject(flex.number)["name"] or f"body {flex.number}"
     interfaces = read_interfaces(mbs, flex)
     found = [
-        mean_displacement(f"{name}, {place}", nodes=motion.nodes.tolist(), weights=motion.weights.tolist())
-        for place, motion in interfaces.items()
+        (f"{name}, {place}", motion.nodes.tolist(), motion.weights.tolist()) for place, motion in interfaces.items()
     ]
     x = flex.positions
     far = _farthest(x, [motion.weights @ x[motion.nodes] for motion in interfaces.values()])
-    return [*found, node_displacement(f"{name}, node {far}", node=far)]
+    return [*found, (f"{name}, node {far}", [far], None)]

@@ -10,15 +10,15 @@ from contextlib import ExitStack, contextmanager
 from functools import wraps
 from time import process_time
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
+from ...errors import RunError
 from ...judgement.solve import Solve
 from ...process.own_frames import without_our_places
 from ..access.endings import TO_ITS_END, EndedBy, ended_by, note_end
 from .stand_in import StandIn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from types import ModuleType
 
     from ...report.report import BoundReport
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 DYNAMIC = ("MainSolverImplicitSecondOrder", "MainSolverExplicit")
 STATIC = "MainSolverStatic"
-Opened = tuple[Solve | None, Any, ExitStack | None]  # a solve, its monitor, what is put back when it has ended
+Opened = tuple[Solve | None, Any, ExitStack | None]  # a solve, what tells of it, what is put back when it has ended
+INTERRUPTED = "it was interrupted (Ctrl-C) while its error was computed"
 NOTHING: Opened = (None, None, None)
 
 
@@ -41,7 +42,6 @@ class WatchedSolves(StandIn):
         super().__init__()
         self.bodies, self.solves, self.plain = bodies, [], 0
         self._elsewhere, self._process = elsewhere, os.getpid()
-        self._asked: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
         self._open: dict[int, tuple] = {}  # solves made step by step, by the solver's identity
         self._is_inside = False
 
@@ -92,7 +92,7 @@ class WatchedSolves(StandIn):
         return FinalizeSolver
 
     def _begin(self, solver: Any, mbs: Any, is_static: bool, arguments: tuple, options: dict) -> Opened:
-        """Attach monitors, if there is anything to watch; return what _end wants to know."""
+        """Record, if there is anything to watch; return what _end wants to know."""
         if os.getpid() != self._process:
             self._note_elsewhere()
             return NOTHING
@@ -105,15 +105,18 @@ class WatchedSolves(StandIn):
         self._is_inside = True
         begin = process_time()
         try:
-            from .scene_monitor import scene_monitor
+            from .recorded_solve import ATTACHED_BY_SCRIPT, RecordedSolve, monitor_of_script
 
-            monitor = scene_monitor(mbs, bodies, self._asked, solve)
+            kept, monitor = ExitStack(), monitor_of_script(mbs)
+            if monitor is None:
+                recorded = RecordedSolve(mbs, bodies, solve)
+                kept.callback(recorded.close)
+                return solve, lambda ending: recorded.reports(solver, solve, ending), kept
+            solve.notes.append(ATTACHED_BY_SCRIPT)
             settings = arguments[0] if arguments else next(iter(options.values()), None)
-            kept = ExitStack()
-            if monitor is not None:
-                solve.runs_before = len(monitor.runs)
-                kept.enter_context(_kept_in_sys(mbs, solver, settings, is_static))
-            return solve, monitor, kept
+            kept.enter_context(_kept_in_sys(mbs, solver, settings, is_static))
+            first = len(monitor.runs)
+            return solve, lambda ending: _reports(monitor, first), kept
         except Exception as error:  # whatever it is: the script goes on, and the answer says why there is no number
             solve.failure = error
             return solve, None, ExitStack()
@@ -124,7 +127,7 @@ class WatchedSolves(StandIn):
     def _end(
         self,
         solve: Solve | None,
-        monitor: Any,
+        tell: Callable[[EndedBy], list[BoundReport]] | None,
         kept: ExitStack | None,
         seconds: float = 0.0,
         ending: EndedBy = TO_ITS_END,
@@ -134,7 +137,7 @@ class WatchedSolves(StandIn):
         kept.close()
         begin, solve.seconds = process_time(), seconds
         try:
-            reports = [] if monitor is None else _reports(monitor, solve.runs_before)
+            reports = [] if tell is None else tell(ending)
             for report in reports[:-1]:  # a solver that began again at an earlier time, without being made anew
                 solve.report, bodies = report, solve.bodies
                 solve = Solve(len(self.solves), solve.kind, bodies, sensors=solve.sensors, chosen=solve.chosen)
@@ -144,6 +147,9 @@ class WatchedSolves(StandIn):
                 note_end(report, ending)
         except Exception as error:  # as in _begin
             solve.failure = error
+        except KeyboardInterrupt:
+            solve.failure = RunError(INTERRUPTED)
+            raise
         solve.our_seconds += process_time() - begin
 
     def _note_elsewhere(self) -> None:

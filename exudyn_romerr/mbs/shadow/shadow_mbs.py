@@ -14,11 +14,11 @@ import exudyn as exu
 import numpy as np
 
 from ...errors import RunError
+from ..access.copied_mbs import copy_items
 from ..access.equations import Equations
 from ..access.object_terms import object_terms
 from ..access.state_guard import current_state, set_state, state_kept
 from ..control.mbs_by_name import hints
-from ..derivatives.copied_mbs import copy_items
 from ..derivatives.frame_inertia import FrameInertia
 from ..mechanism.stored_residuals import GONE, HOLDS, MEMORY, user_functions
 from ..memory.user_memory import memory_kept

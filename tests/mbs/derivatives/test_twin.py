@@ -7,8 +7,8 @@ from exudyn import itemInterface
 from exudyn.FEM import ObjectFFRFreducedOrderInterface
 
 from exudyn_romerr.mbs.access.equations import Equations
+from exudyn_romerr.mbs.access.light_mesh import lightened
 from exudyn_romerr.mbs.access.state_guard import state_set
-from exudyn_romerr.mbs.derivatives.light_mesh import lightened
 from exudyn_romerr.mbs.derivatives.linearisation import Tangents
 from exudyn_romerr.mbs.derivatives.twin import Place
 from models import mechanisms, wishbone

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..access.mbs_items import FFRF
 from .light_mesh import TRIANGLE, lightened
+from .mbs_items import FFRF
 
 
 def copy_items(

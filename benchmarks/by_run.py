@@ -1,0 +1,28 @@
+"""What `romerr run` tells of a scene of this process, whose bodies need not be those of a script."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from exudyn_romerr.mbs.mirror.recorder import Recorder
+from exudyn_romerr.mbs.mirror.told_solve import Asked, told_solve
+from exudyn_romerr.trajectory.scheme import Scheme
+
+
+def told_by_run(mbs: Any, flexes: Sequence[Any], solve: Callable[[], Any]) -> tuple[Any, Any]:
+    """Return what solve() returns, and the report of the last run that it makes of the mbs.
+
+    Does not cover: a PostStep function of the scene's own.
+    """
+    recorder = Recorder(mbs, None)
+    mbs.SetPostStepUserFunction(recorder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = solve()
+    mbs.SetPostStepUserFunction(0)
+    solver = mbs.sys["dynamicSolver"]
+    scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
+    asked = Asked(flexes, [()] * len(flexes), scheme, False)
+    return result, told_solve(mbs, asked, recorder.runs()[-1], None)

@@ -1,0 +1,127 @@
+/* Calls from Python of mechanism_march.h and flow.h. */
+
+static void march_mechanism_anywhere(const Mechanism *all) { march_mechanism(all); }
+static void flow_anywhere(const Flow *all) { flow(all); }
+static void (*march_mechanism_here)(const Mechanism *) = march_mechanism_anywhere;
+static void (*flow_here)(const Flow *) = flow_anywhere;
+
+#ifdef WIDE
+WIDE static void march_mechanism_wide(const Mechanism *all) { march_mechanism(all); }
+WIDE static void flow_wide(const Flow *all) { flow(all); }
+#endif
+
+#define MARCH_ARRAYS 10
+#define BODY_ARRAYS 10
+#define MECHANISM                                                                                                      \
+    "march_mechanism((T, n, n_a, c, columns), scheme, starts, bodies, arrays, (x, p, e, l))\n\nMarch.__call__ of "      \
+    "mechanism/march.py: write e (T, 3, n, columns) and l (T, c, columns), go on with x (4, n, columns) and p (4, "    \
+    "nodes, 4, columns)."
+
+static int body_of(PyObject *given, const Mechanism *all, Oscillating *body, Held *held)
+{
+    PyObject *of[BODY_ARRAYS];
+    if (!PyArg_ParseTuple(given, "nnnnOOOOOOOOOO", &body->first, &body->s, &body->wave, &body->m, of, of + 1, of + 2,
+                          of + 3, of + 4, of + 5, of + 6, of + 7, of + 8, of + 9))
+        return -1;
+    const Size whole = all->T * body->s * body->m, many[BODY_ARRAYS] = {whole, whole, whole, whole, whole, whole, whole,
+                                                                        all->T * body->m, body->m, body->m};
+    if (!are_sizes(3, all->T, body->s, body->m) || body->s < 6 || body->first < 0 || body->wave < all->n_a ||
+        body->first + body->s > all->n_a || body->wave + body->m > all->n) {
+        PyErr_SetString(PyExc_ValueError, "a body has unknowns or oscillators that there are not");
+        return -1;
+    }
+    const double **into[BODY_ARRAYS] = {&body->M,  &body->D,    &body->K,    &body->D_back,  &body->K_back,
+                                        &body->up, &body->down, &body->soft, &body->springs, &body->dampers};
+    for (int i = 0; i < BODY_ARRAYS; i++)
+        if (!(*into[i] = numbers(of[i], held, many[i], 'd', 0))) return -1;
+    return 0;
+}
+
+static int mechanism_of(PyObject *scheme, PyObject *starts, PyObject *bodies, PyObject *const *given,
+                        PyObject *const *written, Mechanism *all, Oscillating *body, Held *held)
+{
+    const Size T = all->T, n_a = all->n_a, k = all->k, w = n_a + k, c = all->c, square = T * n_a * n_a;
+    const Size many[MARCH_ARRAYS] = {T, T, T, square, square, square, T * k * n_a, T * w * w, T * all->nodes * 70,
+                                     T * all->n * c};
+    const double **into[MARCH_ARRAYS - 2] = {&all->h, &all->c1, &all->c2, &all->M, &all->D, &all->K, &all->C, &all->inverse};
+    for (int i = 0; i < MARCH_ARRAYS - 2; i++)
+        if (!(*into[i] = numbers(given[i], held, many[i], 'd', 0))) return -1;
+    if (!(all->turns = numbers(given[8], held, many[8], 'd', 0)) || !(all->f = numbers(given[9], held, many[9], 'd', 0)) ||
+        !(all->scheme = numbers(scheme, held, 4, 'd', 0)) || !(all->spin = numbers(starts, held, all->nodes, 'q', 0)) ||
+        !(all->x = numbers(written[0], held, 4 * all->n * c, 'd', PyBUF_WRITABLE)) ||
+        !(all->y = numbers(written[1], held, 16 * all->nodes * c, 'd', PyBUF_WRITABLE)) ||
+        !(all->e = numbers(written[2], held, 3 * T * all->n * c, 'd', PyBUF_WRITABLE)) ||
+        !(all->l = numbers(written[3], held, T * k * c, 'd', PyBUF_WRITABLE)))
+        return -1;
+    int is_none = all->nodes < all->bodies;
+    for (Size b = 0; b < all->nodes; b++) is_none |= all->spin[b] < 0 || all->spin[b] + 3 > n_a;
+    if (is_none) {
+        PyErr_SetString(PyExc_ValueError, "a node has rotations that there are not");
+        return -1;
+    }
+    for (Size b = 0; b < all->bodies; b++)
+        if (body_of(PyList_GET_ITEM(bodies, b), all, body + b, held) < 0) return -1;
+    return 0;
+}
+
+static PyObject *mechanism_marched(PyObject *self, PyObject *arguments)
+{
+    Mechanism all = {0};
+    PyObject *scheme, *starts, *bodies, *given[MARCH_ARRAYS], *written[4], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "(nnnnn)OOO!(OOOOOOOOOO)(OOOO)", &all.T, &all.n, &all.n_a, &all.k, &all.c, &scheme,
+                          &starts, &PyList_Type, &bodies, given, given + 1, given + 2, given + 3, given + 4, given + 5,
+                          given + 6, given + 7, given + 8, given + 9, written, written + 1, written + 2, written + 3))
+        return NULL;
+    const Size nodes = PyObject_Length(starts);
+    if (nodes < 0 || !are_sizes(5, all.T, all.n + all.k, all.n_a + all.k, all.c + 1, 70 * (nodes + 1)) ||
+        !are_sizes(3, all.n, all.n_a, all.k) || all.n_a > all.n)
+        return PyErr_Occurred() ? NULL : PyErr_Format(PyExc_ValueError, "more unknowns than there are");
+    all.nodes = nodes, all.bodies = PyList_GET_SIZE(bodies);
+    Held held = {PyMem_Calloc(MARCH_ARRAYS + 6 + BODY_ARRAYS * all.bodies, sizeof(Py_buffer)), 0};
+    Oscillating *body = PyMem_Calloc(all.bodies + 1, sizeof(Oscillating));
+    all.body = body, all.work = PyMem_Calloc(march_work(&all) + 1, sizeof(double));
+    if (!held.views || !body || !all.work) PyErr_NoMemory();
+    else if (mechanism_of(scheme, starts, bodies, given, written, &all, body, &held) == 0) {
+        march_mechanism_here(&all);
+        result = Py_NewRef(Py_None);
+    }
+    if (held.views) release(&held);
+    PyMem_Free(held.views), PyMem_Free(body), PyMem_Free(all.work);
+    return result;
+}
+
+#define FLOW_ARRAYS 9
+#define FLOW                                                                                                           \
+    "flow((T, n, c, columns, m, pieces, terms), arrays, e, ends)\n\nby_series of mechanism/flow.py: write ends (T, "    \
+    "columns, 2 n), go on with e (columns, 2 n)."
+
+static PyObject *flowed(PyObject *self, PyObject *arguments)
+{
+    Flow all = {0};
+    PyObject *given[FLOW_ARRAYS], *e, *ends, *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "(nnnnnnn)(OOOOOOOOO)OO", &all.T, &all.n, &all.k, &all.c, &all.m, &all.pieces,
+                          &all.terms, given, given + 1, given + 2, given + 3, given + 4, given + 5, given + 6, given + 7,
+                          given + 8, &e, &ends) ||
+        !are_sizes(5, all.T, 2 * all.n + all.k, 2 * all.n + all.k, all.c + 1, 8 * (all.m + 1)) ||
+        !are_sizes(5, all.n, all.k, all.m, all.pieces, all.terms))
+        return NULL;
+    if (all.m > LOAD_TERMS || all.pieces < 1) return PyErr_Format(PyExc_ValueError, "too many terms of loads, or no piece");
+    const Size T = all.T, n = all.n, k = all.k, square = T * n * n;
+    const Size many[FLOW_ARRAYS] = {T, square, square, T * 2 * n, T * 2 * n, all.c * T * all.m * n, T * k * n, T * k * n,
+                                    T * n * k};
+    const double **into[FLOW_ARRAYS] = {&all.h, &all.A, &all.B, &all.y, &all.z, &all.loads, &all.C, &all.C1, &all.W};
+    Py_buffer views[FLOW_ARRAYS + 2];
+    Held held = {views, 0};
+    int is_ready = 1;
+    for (int i = 0; i < FLOW_ARRAYS && is_ready; i++)
+        is_ready = (*into[i] = numbers(given[i], &held, many[i], 'd', 0)) != NULL;
+    is_ready = is_ready && (all.e = numbers(e, &held, all.c * 2 * n, 'd', PyBUF_WRITABLE)) &&
+               (all.ends = numbers(ends, &held, T * all.c * 2 * n, 'd', PyBUF_WRITABLE));
+    if (is_ready && !(all.work = PyMem_Calloc(flow_work(&all) + 1, sizeof(double)))) PyErr_NoMemory();
+    else if (is_ready) {
+        flow_here(&all);
+        result = Py_NewRef(Py_None);
+    }
+    release(&held), PyMem_Free(all.work);
+    return result;
+}

@@ -1,0 +1,199 @@
+"""The hollow copy of an mbs, which is asked for everything that is no floating body in closed form.
+
+Joints, springs, user functions, rigid bodies, loads, whatever a script has: their residual at rows, their tangents by
+differences of it. The mbs of the run is read once and never moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+import scipy.linalg as la
+
+from ...mechanism.readings import Reading
+from ...mechanism.unknowns import Unknowns
+from ..access.copied_mbs import copy_items
+from ..access.equations import Equations
+from ..access.object_terms import object_terms
+from ..access.state_guard import set_state, state_in_place
+from .vectors import Enriched
+
+UNSEEN = 1e-8  # of the largest: what differences leave of an unknown that nothing knows
+STEP = 1e-5  # rad, and of a body's size: to differentiate by, both ways
+KNOWN = 1e-12  # of the largest force: a change by rates that is less is rounding
+DEPENDENT = 1e-8  # of the largest: what is below is a constraint that others imply, or none
+NO_CONSTRAINT = 1e-8  # of the largest motion that a constraint knows
+
+
+class HollowCopy:
+    """Equations of an mbs without its floating bodies, in coordinates of the run, those of vectors behind them.
+
+    Attributes
+    ----------
+    independent (c,) : numbers of constraints that no others imply. felt, seen : unknowns that forces act on, and that
+    forces know. scales (n_a,) : finite motions that are alike. mbs : the copy.
+    """
+
+    def __init__(self, mbs: Any, enriched: Sequence[Enriched], unknowns: Unknowns, shows: bool = False):
+        """Copy; shows: whether with all vectors, and the sensors."""
+        self._unknowns, self._shows = unknowns, shows
+        self.independent: np.ndarray | None = None
+        self.seen = self.felt = np.arange(unknowns.n_a)
+        self.scales = unknowns.steps(STEP)[: unknowns.n_a]
+        self._acting = np.zeros(unknowns.n_a)  # largest forces on unknowns that were met
+        wider = {one.body.place.number: _massless(one.shapes if shows else one.kept_shapes) for one in enriched}
+        self._container = exu.SystemContainer()
+        self.mbs = self._container.AddSystem()
+        copy_items(mbs, self.mbs, wider, wider, shows)
+        for load in (number for one in enriched for number in one.weights):
+            self.mbs.SetLoadParameter(load, "loadVectorUserFunction", 0)
+            self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
+        self.mbs.Assemble()
+        self._equations = Equations(self.mbs)
+        self.own, self.extra = self._places(mbs, enriched)
+        self.size, self._is_massless = self._equations.size, not self._equations.mass(self.mbs).any()
+
+    def _places(self, mbs: Any, enriched: Sequence[Enriched]) -> tuple[np.ndarray, np.ndarray]:
+        """Where coordinates of the mbs, and vectors, are among those of the copy."""
+        of, wide = mbs.systemData, self.mbs.systemData
+        own, extra = np.zeros(self._unknowns.n_q, int), []
+        for number in range(of.NumberOfNodes()):
+            mine, there = of.GetNodeLTGODE2(number), wide.GetNodeLTGODE2(number)
+            own[mine] = there[: len(mine)]
+        for one in enriched:
+            node = int(mbs.GetObject(one.body.place.number)["nodeNumbers"][1])
+            extra += [*wide.GetNodeLTGODE2(node)[one.body.n :]]
+        return own, np.array(extra, int)
+
+    def wide(self, x: np.ndarray, vectors: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return coordinates (..., n_q) of the run, and of vectors, as the copy has them."""
+        found = np.zeros((*x.shape[:-1], self.size))
+        found[..., self.own], found[..., self.extra] = x, vectors
+        return found
+
+    def set(
+        self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray | None = None
+    ) -> None:
+        """Set a state in coordinates of the copy."""
+        system = self.mbs.systemData
+        forces = state_in_place(system)[3] if multipliers is None else multipliers
+        set_state(system, t, (q, v, a, forces))
+
+    def jacobians(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return J, J', J'' (3, T, size, n_a) in states (T, size)."""
+        u, own = self._unknowns, self.own
+        J = np.zeros((3, len(q), self.size, u.n_a))
+        J[:, :, own] = u.jacobians(q[:, own], v[:, own], a[:, own])
+        if not self._shows:
+            J[0][:, self.extra, u.kept] = 1.0
+        return J
+
+    def _forces(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """M a - f (size,), without forces of constraints."""
+        self.set(t, q, v, a)
+        inertia = 0.0 if self._is_massless else self._equations.mass(self.mbs) @ a
+        return inertia - self._equations.forces(self.mbs)
+
+    def residuals(
+        self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return M a - f (T, n_a), G^T (T, n_a, all), g (T, all) in states (T, size), in axes of their bodies."""
+        J_t = self.jacobians(q, v, a)[0].swapaxes(1, 2)
+        R, G, g = [], [], []
+        for state in zip(q, v, a, strict=True):
+            R.append(self._forces(t, *state))
+            G.append(self._equations.constraints(self.mbs))
+            g.append(self._equations.drift(self.mbs))
+        return (J_t @ np.array(R)[..., None])[..., 0], J_t @ np.array(G).swapaxes(1, 2), np.array(g)
+
+    def unbalanced_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
+        """Return M a - f + G^T lam (n_a,) at a row of the run, in axes of bodies."""
+        R, G_t, _ = self.residuals(t, *(self.wide(x)[None] for x in (q, v, a)))
+        return R[0] + G_t[0] @ lam
+
+    def forces_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
+        """Return M a - f + G^T lam (n_q,) in a state of the run, in its coordinates."""
+        R = self._forces(t, *(self.wide(x) for x in (q, v, a)))
+        return (R + self._equations.constraints(self.mbs).T @ lam)[self.own]
+
+    def constraints_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return g (all,) in a state of the run."""
+        self.set(t, *(self.wide(x) for x in (q, v, a)))
+        return self._equations.drift(self.mbs)
+
+    def read(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> Reading:
+        """Return the tangent at a row of the run by central differences along unknowns that forces know."""
+        state = [self.wide(x) for x in (q, v, a)]
+        J, n, use = self.jacobians(*(x[None] for x in state))[:, 0], self._unknowns.n_a, self.seen
+        h = np.concatenate([self.scales[use], -self.scales[use]])
+        states = [x + h[:, None] * part[:, [*use, *use]].T for x, part in zip(state, J, strict=True)]
+        R, G_t, g = self.residuals(t, *states)
+        self._acting = np.maximum(self._acting, np.abs(R).max(axis=0) + (np.abs(G_t) @ np.abs(lam)).max(axis=0))
+        found = [x.reshape(2, len(use), *x.shape[1:]) for x in (R, G_t, g)]
+        K, H, C = (np.zeros((n, *x.shape[2:])) for x in found)
+        for whole, x in zip((K, H, C), found, strict=True):
+            whole[use] = (x[0] - x[1]) / (2 * self.scales[use]).reshape(-1, *[1] * (x.ndim - 2))
+        D = self._damping(t, state, J)
+        self.set(t, *state)
+        M = J[0].T @ self._equations.mass(self.mbs) @ J[0]
+        whole = self._equations.constraints(self.mbs)
+        if self.independent is None:
+            self.independent = self._independent(C.T, whole)
+        return Reading(M, D, K.T, whole[self.independent] @ J[0], C.T[self.independent], H.transpose(1, 0, 2))
+
+    def note_dependence(self, readings: Sequence[Reading]) -> None:
+        """Note which unknowns forces act on (felt), and which they know (seen); others are not moved any more."""
+        both = self.scales * self.scales[:, None]
+        rows, columns = np.zeros((2, self._unknowns.n_a))
+        for one in readings:
+            for x in (one.K, one.D, np.moveaxis(one.H, -1, 0)):
+                x = np.abs(x).reshape(-1, *both.shape).max(axis=0, initial=0.0) * both
+                if largest := x.max(initial=0.0):
+                    rows = np.maximum(rows, x.max(axis=1) / largest)
+                    columns = np.maximum(columns, x.max(axis=0) / largest)
+            x = (np.abs(one.C) * self.scales).max(axis=0, initial=0.0)
+            if largest := x.max(initial=0.0):
+                columns = np.maximum(columns, x / largest)
+        acting = self._acting * self.scales
+        rows = np.maximum(rows, acting / acting.max() if acting.any() else 0.0)
+        self.felt, self.seen = (np.flatnonzero(x > UNSEEN) for x in (rows, columns))
+
+    def _damping(self, t: float, state: list[np.ndarray], J: np.ndarray) -> np.ndarray:
+        """Derivative by rates; zero where forces do not know them, which is tried along one of them all."""
+        rng, (q, v, a) = np.random.default_rng(1), state
+        rate = np.abs(v).max() + self.scales.max()
+        R, h = J[0].T @ self._forces(t, q, v, a), self.scales * rate / self.scales.max()
+        e = rng.uniform(0.5, 1.0, J.shape[2]) * h
+        moved = J[0].T @ self._forces(t, q, v + J[0] @ e, a + 2 * J[1] @ e)
+        D = np.zeros((len(R), len(R)))
+        if np.abs(moved - R).max() <= KNOWN * np.abs(R).max():
+            return D
+        for j in self.seen:
+            two = [self._forces(t, q, v + s * J[0][:, j], a + 2 * s * J[1][:, j]) for s in (h[j], -h[j])]
+            D[:, j] = J[0].T @ (two[0] - two[1]) / (2 * h[j])
+        return D
+
+    def _independent(self, C: np.ndarray, whole: np.ndarray) -> np.ndarray:
+        """Numbers of constraints that act on unknowns and that no others imply.
+
+        C (all, n_a), whole : G (all, size).
+        """
+        scaled = C * self.scales
+        size = np.linalg.norm(scaled, axis=1)
+        rows = np.flatnonzero(whole.any(axis=1) & (size > NO_CONSTRAINT * size.max(initial=0.0)))
+        if not len(rows):
+            return rows
+        triangle, order = la.qr((scaled[rows] / size[rows, None]).T, mode="r", pivoting=True)
+        values = np.abs(np.diag(triangle[: len(rows), : len(rows)]))
+        return np.sort(rows[order[: int(np.sum(values > DEPENDENT * values[0]))]])
+
+
+def _massless(shapes: np.ndarray) -> dict[str, Any]:
+    """What a body's object has of shapes (N, k) that have neither mass nor stiffness."""
+    k = shapes.shape[1]
+    sums = np.zeros((3, 3, k, k)), np.zeros((3, 3, k)), np.zeros((3, k)), np.zeros((k, k)), np.zeros((k, k))
+    return object_terms(SimpleNamespace(shapes=shapes, sums=sums, damping=lambda *of: 0 * of[2]))

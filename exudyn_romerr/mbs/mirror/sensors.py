@@ -1,0 +1,237 @@
+"""Sensors of an mbs: what they show in rows of a run, and their gradients, in closed form where that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from re import sub
+from typing import Any
+
+import numpy as np
+
+from ...mechanism.outputs import NodeSensor, Outputs
+from ...mechanism.rotations import rotation_matrix, times_transposed
+from ...mechanism.samples import Rows
+from ...mechanism.unknowns import Unknowns
+from ...report.data import UNITS
+from ..access.mbs_items import sensor_name
+from ..floating.sensor_outputs import measured_of
+from ..sensors.without_state import NO_STATE
+from .hollow_copy import STEP, HollowCopy
+from .vectors import Enriched
+
+KINDS = {  # closed form of what a sensor on mesh nodes measures, by quantity and axes
+    ("displacement", "global"): "Displacement",
+    ("position", "global"): "Position",
+    ("velocity", "global"): "Velocity",
+    ("displacement", "body"): "DisplacementLocal",
+    ("velocity", "body"): "VelocityLocal",
+}
+TURNED = ("Displacement", "Position", "Velocity", "Acceleration")  # what is turned into axes of the body it is on
+FASTER = 1e3  # times steps of coordinates: of rates and accelerations, to differentiate by
+STILL = "it does not depend on the motion"
+NOT_FINITE = "it is not finite"
+NO_FUNCTION = "its object has a user function, which is not called away from the run"
+
+
+@dataclass(frozen=True)
+class ShownSensor:
+    """A sensor that can be told: its name, rows, kind as Exudyn has it, what it shows in words.
+
+    number : Exudyn's; None: chosen for a scene without sensors.
+    """
+
+    name: str
+    rows: slice
+    kind: str
+    of: str
+    number: int | None
+
+    @property
+    def unit(self) -> str:
+        """The unit of that, where it is the same in every system of units."""
+        return UNITS.get(self.kind.removesuffix("Local"), "")
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of components."""
+        return ("x", "y", "z") if self.rows.stop - self.rows.start == 3 else ()
+
+
+class Sensors:
+    """All sensors of an mbs that show its state.
+
+    shown : in their order. left_out : (name, why) of others. count : of all rows.
+    """
+
+    def __init__(self, mbs: Any, enriched: Sequence[Enriched], unknowns: Unknowns):
+        self._mbs, self._enriched, self._unknowns = mbs, enriched, unknowns
+        self.shown: list[ShownSensor] = []
+        self.left_out: list[tuple[str, str]] = []
+        self.nodes: list[NodeSensor] = []
+        self._axes: list[int] = []
+        self.count = 0
+        for number in range(mbs.systemData.NumberOfSensors()):
+            self._add(number)
+        self._asked = [one for one in self.shown if one.rows.start not in {node.first for node in self.nodes}]
+        self._copy = HollowCopy(mbs, enriched, unknowns, shows=True) if self._asked else None
+        self._values: Callable[[], np.ndarray] = self._read
+
+    def _add(self, number: int) -> None:
+        item, name = self._mbs.GetSensor(number), sensor_name(self._mbs, number)
+        if why := _why_not(self._mbs, item):
+            self.left_out.append((name, why))
+            return
+        kind = item.get("outputVariableType")
+        kind = "" if kind is None else kind.name
+        for b, one in enumerate(self._enriched):
+            found = measured_of(self._mbs, one.known.flex, number)
+            if found is not None:
+                self.add_nodes(name, b, KINDS[found.of, found.frame], found.nodes, found.weights, number)
+                return
+        values = np.atleast_1d(self._mbs.GetSensorValues(number)).ravel()
+        if not np.isfinite(values).all():
+            self.left_out.append((name, NOT_FINITE))
+            return
+        bodies = [one.body.place.number for one in self._enriched]
+        is_turned = int(item.get("bodyNumber", -1)) in bodies and len(values) == 3 and kind in TURNED
+        self._note(name, kind, number, len(values), bodies.index(int(item["bodyNumber"])) if is_turned else -1)
+
+    def _note(self, name: str, kind: str, number: int | None, count: int, axes: int) -> None:
+        rows = slice(self.count, self.count + count)
+        of = sub(r"(?<!^)([A-Z])", r" \1", kind.removesuffix("Local")).lower()
+        self.shown.append(ShownSensor(name, rows, kind, of, number))
+        self._axes += [axes] * count
+        self.count += count
+
+    def add_nodes(
+        self,
+        name: str,
+        b: int,
+        kind: str,
+        nodes: Sequence[int],
+        weights: Sequence[float] | None,
+        number: int | None = None,
+    ) -> None:
+        """Add the mean of mesh nodes of body number b, in closed form."""
+        share = np.ones(len(nodes)) if weights is None else np.asarray(weights, float)
+        share = share / share.sum()
+        one = self._enriched[b]
+        shapes = np.tensordot(share, one.shapes.reshape(-1, 3, one.body.k)[list(nodes)], 1)
+        position = share @ one.known.flex.positions[list(nodes)]
+        self.nodes.append(NodeSensor(self.count, b, kind, shapes, position))
+        self._note(name, kind, number, 3, -1 if kind.endswith("Local") else b)
+
+    def outputs(self, rows: Rows) -> Outputs:
+        """Return the gradients along a run."""
+        source = None if self._copy is None else _Differences(self, rows)
+        return Outputs(self._unknowns, rows, np.array(self._axes, int), self.nodes, source)
+
+    def values(self, rows: Rows) -> np.ndarray:
+        """Return what they show in rows of the run, (T, R)."""
+        found = np.zeros((len(rows), self.count))
+        for node in self.nodes:
+            found[:, node.rows] = node.values(self._unknowns.bodies[node.body], rows)
+        for i in range(len(rows)) if self._asked else ():
+            t, q, v, a, lam = rows.row(i)
+            found[i] += self.shown_by(t, *(self._copy.wide(x) for x in (q, v, a)), lam)
+        return found
+
+    def shown_by(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
+        """Return what sensors without closed form show in a state of the copy, (R,), zero of all others."""
+        self._copy.set(t, q, v, a, lam)
+        return self._values()
+
+    def _read(self) -> np.ndarray:
+        found, of = np.zeros(self.count), self._copy.mbs
+        for one in self._asked:
+            found[one.rows] = np.ravel(of.GetSensorValues(one.number))
+        return found
+
+
+class _Differences:
+    """Gradients of sensors by central differences on the copy; uses (4,) : of what sensors know at all."""
+
+    def __init__(self, sensors: Sensors, rows: Rows):
+        self._of, self._rows = sensors, rows
+        self._copy, self._unknowns = sensors._copy, sensors._unknowns
+        self.uses = self._used()
+
+    def _used(self) -> list[bool]:
+        """Whether sensors know coordinates, rates, accelerations, multipliers."""
+        t, *state = self._state(len(self._rows) - 1)
+        rng, found = np.random.default_rng(3), []
+        shown = self._of.shown_by(t, *state)
+        for k, x in enumerate(state):
+            moved = [*state]
+            moved[k] = x + rng.uniform(0.5, 1.0, len(x)) * (1 + np.abs(x).max(initial=0.0)) * STEP
+            found.append(bool(len(x)) and bool(np.any(self._of.shown_by(t, *moved) != shown)))
+        return [True, *found[1:]]
+
+    def _state(self, i: int) -> tuple:
+        t, q, v, a, lam = self._rows.row(i)
+        return t, *(self._copy.wide(x) for x in (q, v, a)), lam
+
+    def _jacobians(self, i: int) -> np.ndarray:
+        """J, J', J'' (3, size, n) of all unknowns, oscillators too."""
+        _, q, v, a, _ = self._state(i)
+        u, J = self._unknowns, np.zeros((3, self._copy.size, self._unknowns.n))
+        J[..., : u.n_a] = self._copy.jacobians(q[None], v[None], a[None])[:, 0]
+        columns = []
+        for body, at, wave in zip(u.bodies, u.blocks, u.waves, strict=True):
+            columns += [*range(at.start + 6 + body.n, at.stop), *range(wave.start, wave.stop)]
+        J[0, self._copy.extra, columns] = 1.0
+        return J
+
+    def gradients(self, i: int) -> list[np.ndarray]:
+        """Return of row i the gradients by coordinates, rates, accelerations, multipliers."""
+        t, *state = self._state(i)
+        J, steps, lam = self._jacobians(i), self._unknowns.steps(STEP), state[3]
+        found = []
+        for order, is_used in enumerate(self.uses):
+            if order == 3:
+                h = STEP * (1 + np.abs(lam))
+                moves = [[None, None, None, h[j] * np.eye(len(lam))[j]] for j in range(len(lam))]
+            else:
+                h = steps * (FASTER if order else 1.0)
+                moves = [self._moves(J, order, h, j) for j in range(len(h))]
+            G = np.zeros((self._of.count, len(h)))
+            for j, move in enumerate(moves if is_used else ()):
+                G[:, j] = (self._shown(t, state, move, 1) - self._shown(t, state, move, -1)) / (2 * h[j])
+            found.append(self._turned(G, i))
+        return found
+
+    @staticmethod
+    def _moves(J: np.ndarray, order: int, h: np.ndarray, j: int) -> list[np.ndarray | None]:
+        """What a motion of unknown j, or of its rate or acceleration, does to q, v, a."""
+        found: list[np.ndarray | None] = [None] * 4
+        for up, factor in enumerate((1, (1, 2, 0)[order], 1)):
+            if order + up < 3 and factor:
+                found[order + up] = factor * h[j] * J[up][:, j]
+        return found
+
+    def _shown(
+        self, t: float, state: Sequence[np.ndarray], move: Sequence[np.ndarray | None], sign: int
+    ) -> np.ndarray:
+        return self._of.shown_by(t, *(x if dx is None else x + sign * dx for x, dx in zip(state, move, strict=True)))
+
+    def _turned(self, y: np.ndarray, i: int) -> np.ndarray:
+        """Rows of vectors (R, n) in axes of their bodies."""
+        axes = np.array(self._of._axes, int)
+        for b in set(axes[axes >= 0]):
+            A, own = rotation_matrix(self._unknowns.nodes[b].parameters(self._rows.q[i])), np.flatnonzero(axes == b)
+            vectors = y[own].reshape(-1, 3, y.shape[1]).swapaxes(1, 2)
+            y[own] = times_transposed(A, vectors).swapaxes(1, 2).reshape(len(own), -1)
+        return y
+
+
+def _why_not(mbs: Any, item: dict[str, Any]) -> str:
+    """Why a sensor cannot be told; empty: it can."""
+    kind = item["sensorType"]
+    if kind in NO_STATE:
+        return NO_STATE[kind]
+    if kind == "Object":
+        on = mbs.GetObject(int(item["objectNumber"]))
+        if any(key.endswith("UserFunction") and value for key, value in on.items()):
+            return NO_FUNCTION
+    return ""

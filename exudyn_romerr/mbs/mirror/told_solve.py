@@ -1,0 +1,172 @@
+"""What is told of a solve that has ended: rows of the run in, a report of all its sensors out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ...errors import AssumptionError, RunError
+from ...mechanism.mechanism import Mechanism, unbalanced_share
+from ...mechanism.readings import Readings
+from ...mechanism.samples import Rows
+from ...mechanism_errors.estimates import estimates
+from ...report.data import Plan
+from ...report.formats.provenance import made_here
+from ...report.mechanism_report import MechanismReport, OfBodies
+from ...report.report import OutputReport
+from ...report.scope import COUPLED
+from ..access.load_functions import user_functions
+from ..access.state_guard import state_set
+from ..memory.user_memory import memory_kept
+from .hollow_copy import HollowCopy
+from .layout import require_covered, unknowns_of
+from .sensors import Sensors, ShownSensor
+from .vectors import enriched
+
+if TYPE_CHECKING:
+    from ...mechanism_errors.half_widths import CauseEstimate
+    from ...trajectory.scheme import Scheme
+    from ..floating.floating_body import FloatingBody
+
+VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
+TURNS = 100.0  # vectors slower than so many times the frame's angular velocity are kept beside the modes
+SAME = 1e-4  # of the largest force: what may be left of the equations of motion at stored rows
+PART_OF = {"modes": "basis", "interfaces": "interfaces", "step": "time step"}
+UNKNOWN_ACTS = (
+    "at stored instants the equations are off by {:.0e} of the largest force: something acts that is not a function "
+    "of time and state (a controller in PreStep, parameters that the script changes)"
+)
+REMEMBERS = "a user function keeps something from call to call"
+HOLDS = "a user function can reach what no call away from the run could put back: {}"
+ESTIMATOR = "auxiliary"  # of the report: vectors beside the modes that react with the mechanism
+OF_ESTIMATE = "linearised mechanism: all bodies, joints, springs and loads of this run, to first order"
+
+
+class Asked(NamedTuple):
+    """What a solve is told of.
+
+    flexes : all reduced bodies of the mbs. chosen : of each (name, nodes, weights) that are shown beside sensors.
+    scheme : of the solver. is_static : whether rows are load steps, of which the last counts.
+    """
+
+    flexes: Sequence[FloatingBody]
+    chosen: Sequence[Sequence[tuple[str, Sequence[int], Sequence[float] | None]]]
+    scheme: Scheme
+    is_static: bool
+
+
+def told_solve(mbs: Any, asked: Asked, rows: Rows, planned_end: float | None) -> MechanismReport:
+    """Return what is known of the error of all sensors of an mbs in a run that has ended.
+
+    Parameters
+    ----------
+    rows : of the run
+    planned_end : s, where it was to go to, if it ended before; None: it did not
+
+    Raises
+    ------
+    AssumptionError
+        Something that the linearised mechanism does not cover.
+    """
+    require_covered(mbs)
+    if len(rows) < 2 and not asked.is_static:
+        raise RunError("no step was made: only the first instant of the run is known")
+    flexes = asked.flexes
+    if asked.is_static:
+        rows = rows[-1:]
+    functions = user_functions(mbs)
+    with memory_kept(mbs, functions) as memory, _in_last_state(mbs, rows):
+        if memory.lost:
+            raise AssumptionError(HOLDS.format(memory.lost))
+        bodies = [
+            enriched(mbs, flex, VECTORS, TURNS * w)
+            for flex, w in zip(flexes, _speeds(mbs, flexes, rows), strict=True)
+        ]
+        unknowns = unknowns_of(mbs, [one.body for one in bodies])
+        sensors = Sensors(mbs, bodies, unknowns)
+        for b, of_body in enumerate(asked.chosen):
+            for name, nodes, weights in of_body:
+                sensors.add_nodes(name, b, "DisplacementLocal", nodes, weights)
+        copy = HollowCopy(mbs, bodies, unknowns)
+        readings = Readings(copy, rows)
+        share = unbalanced_share(unknowns, rows, copy, readings)
+        if not share < SAME:
+            raise AssumptionError(REMEMBERS if memory.changed else UNKNOWN_ACTS.format(share))
+        of = Mechanism(
+            *(unknowns, rows, asked.scheme, copy, readings.splined, sensors.outputs(rows)),
+            projectors=[one.projectors for one in bodies],
+            is_rigid=any(one.known.stiff is not None for one in bodies),
+            has_user_functions=bool(functions),
+        )
+        return _report(sensors, rows, estimates(of, asked.is_static), planned_end, asked.is_static)
+
+
+def _in_last_state(mbs: Any, rows: Rows) -> AbstractContextManager:
+    """The mbs in the state of its last accepted step: a step that failed may have left another one."""
+    t, *state = rows.row(-1)
+    return state_set(mbs.systemData, t, state)
+
+
+def _speeds(mbs: Any, flexes: Sequence[FloatingBody], rows: Rows) -> list[float]:
+    """Largest angular velocity of each frame, rad/s."""
+    nodes = (int(mbs.GetObject(flex.number)["nodeNumbers"][0]) for flex in flexes)
+    own = [np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in nodes]
+    return [float(2 * np.linalg.norm(rows.v[:, x[3:]], axis=1).max()) for x in own]
+
+
+def _report(
+    sensors: Sensors,
+    rows: Rows,
+    by_cause: dict[str, CauseEstimate],
+    planned_end: float | None,
+    is_static: bool,
+) -> MechanismReport:
+    values = sensors.values(rows)
+    outputs = [_output(one, values[:, one.rows], by_cause) for one in sensors.shown]
+    computed = tuple(f"output {x.name!r}: {x.of}{x.unit and f' in {x.unit}'}, estimated" for x in sensors.shown)
+    return MechanismReport(
+        t=rows.t,
+        position_bound=OfBodies(),
+        velocity_bound=OfBodies(),
+        outputs={out.name: out for out in outputs},
+        scope={ESTIMATOR: COUPLED},
+        scope_reason="",
+        reasons={ESTIMATOR: OF_ESTIMATE},
+        plan=Plan(computed, tuple(sensors.left_out)),
+        messages=[],
+        time="static" if is_static else "reconstructed",
+        total_mass=None,
+        made=made_here(),
+        planned_end=planned_end,
+    )
+
+
+def _output(sensor: ShownSensor, value: np.ndarray, by_cause: dict[str, CauseEstimate]) -> OutputReport:
+    none = np.full(value.shape, np.inf)
+    parts = {PART_OF[cause]: x.over_time[:, sensor.rows] for cause, x in by_cause.items()}
+    checks: dict[str, np.ndarray] = {}
+    for x in by_cause.values():
+        for check, half in x.half_widths.items():
+            checks[check] = checks.get(check, 0.0) + np.broadcast_to(half[sensor.rows], value.shape)
+    return OutputReport(
+        name=sensor.name,
+        unit=sensor.unit,
+        quantity=sensor.of,
+        of=sensor.of,
+        value=value,
+        round_off=np.finfo(float).eps * np.abs(value),
+        bound={ESTIMATOR: none, "best": none},
+        reduction_bound={},
+        corrected=None,
+        corrected_bound=None,
+        causes={},
+        estimate=sum(parts.values()),
+        estimate_parts=parts,
+        uncertainty=sum(checks.values()),
+        uncertainty_parts=checks,
+        estimate_scope=COUPLED,
+        labels=sensor.labels,
+    )

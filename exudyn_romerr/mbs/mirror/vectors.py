@@ -1,0 +1,199 @@
+"""Vectors beside a body's modes: which, how many, which of them the rest of the mechanism sees.
+
+Static ones by Enrichment: responses to inertia, loads and wrenches, then to their own inertia, without motion of the
+interfaces; those that deform interfaces which the modes make rigid (RBE2) are told apart. And M^-1 times the same
+forces: without them the accelerations of a sudden start are wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as la
+
+from ...basis.enrichment import Enrichment
+from ...mechanism.body import Body, Place
+from ...mechanism_errors.modes import PARTS
+from ...model.floating_frame import unit_inertia
+from ...residual.free_mass import FreeMass
+from ...residual.interface_stiffening import with_rigid_interfaces
+from ..floating.floating_body import FloatingBody, read_object
+from ..floating.loads_and_joints import read_actions
+from ..floating.reference_search import find_reference, held_body, stiff_space
+from .weight import weight_of
+
+SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding
+HELD, NEW = 1e-6, 1e-6  # of a motion, of a vector: less is rounding, or what others hold
+SAME = 1e-8  # of the largest: directions that are none of their own
+
+
+@dataclass
+class KnownBody:
+    """What is known of a floating body: its modes, what acts on it, the full body as it is held in its frame.
+
+    stiff : space of interfaces that the modes make rigid, or None.
+    """
+
+    flex: FloatingBody
+    model: Any
+    actions: Any
+    held: Any
+    stiff: Any
+
+    @classmethod
+    def of(cls, mbs: Any, flex: FloatingBody) -> KnownBody:
+        """Read it."""
+        model = read_object(mbs, flex)
+        actions = read_actions(mbs, flex, model)
+        reference = find_reference(flex, model.V, actions.interfaces())
+        model = reference.of(model)
+        held = held_body(flex, model.rayleigh, reference)
+        stiff = stiff_space(flex, model.V, actions.interfaces())
+        actions.drop_idle(held)
+        return cls(flex, model, actions, held, stiff)
+
+    def forces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Columns (n_free, w) of wrenches, (n_free, p) of loads."""
+        none = np.zeros((self.held.N, 0))
+        wrenches, loads = ([none, *(x.columns for x in of)] for of in (self.actions.wrenches, self.actions.loads))
+        return self.held.space.loads(np.hstack(wrenches)), self.held.space.loads(np.hstack(loads))
+
+
+@dataclass
+class Enriched:
+    """A body in closed form and whose force each of its vectors carries.
+
+    body : modes, kept vectors (seen by the rest of the mechanism, or slow), oscillators. shapes (N, k) : all of them.
+    projectors (PARTS, m, m) : of the force on vectors (kept, then oscillators), what belongs to each part. weights :
+    numbers of loads on the body's mass, which the closed form has.
+    """
+
+    body: Body
+    shapes: np.ndarray
+    projectors: np.ndarray
+    weights: list[int]
+    known: KnownBody
+
+    @property
+    def kept_shapes(self) -> np.ndarray:
+        """Those that all but the body know: modes and kept vectors."""
+        return self.shapes[:, : self.body.na]
+
+
+def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float) -> Enriched:
+    """Return a body with vectors.
+
+    Parameters
+    ----------
+    count : number of static vectors, those that deform rigid interfaces not counted
+    slow : rad/s; vectors below are kept beside the modes, with all terms of the turning frame
+    """
+    known = KnownBody.of(mbs, flex)
+    model = known.model
+    P, parts, omega = _vectors(known, count)
+    columns = np.hstack([np.zeros((len(P), 0)), *(place.columns for place in known.actions.places.values())])
+    able = np.linalg.norm(columns, axis=0) * np.linalg.norm(P, axis=0).max(initial=0.0)
+    P, parts, kept = _kept_first(P, parts, omega, columns.T @ P, able, slow)
+    frame, modal = (int(node) for node in mbs.GetObject(flex.number)["nodeNumbers"])
+    coordinates = (np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in (frame, modal))
+    place = Place(flex.number, *coordinates, np.asarray(mbs.GetNode(frame)["referenceCoordinates"], float))
+    gravity, weights = weight_of(mbs, flex.number)
+    n, shapes = model.V.shape[1], np.hstack([model.V, P])
+
+    def damping(M: np.ndarray, K: np.ndarray) -> np.ndarray:
+        D = model.rayleigh[0] * M + model.rayleigh[1] * K
+        D[:n, :n] = model.D
+        return D
+
+    body = Body(place, (flex.mass, flex.stiffness), flex.positions, shapes, (n, n + kept), damping, gravity)
+    return Enriched(body, shapes, parts, weights, known)
+
+
+def _vectors(known: KnownBody, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """P (N, m), M-orthonormal oscillators, the projectors of their parts (PARTS, m, m), frequencies (m,) rad/s."""
+    held, Z = known.held, known.held.space
+    (wrenches, loads), inertia = known.forces(), Z.loads(unit_inertia(known.flex.mass, known.flex.positions))
+    rigid = None if known.stiff is None else with_rigid_interfaces(held, known.stiff)
+    V = Z.coordinates("V", known.model.held)
+    found = Enrichment(held, V, inertia, loads, wrenches, min(count, len(V) - V.shape[1]), rigid)
+    part = _part_of(found.keeps, found.first)
+    squares, turn = la.eigh(found.P.T @ (held.M @ found.P), found.P.T @ (held.K @ found.P))
+    turn = turn[:, ::-1] / np.sqrt(squares[::-1])
+    static = found.P @ turn
+    X = _accelerations(known, np.hstack([V, static]), V.shape[1])
+    P, m = np.hstack([static, X]), static.shape[1]
+    K = P.T @ (held.K @ P)
+    squares, T = la.eigh(K, P.T @ (held.M @ P))
+    apart = np.eye(len(K))  # the new ones belong to the first third by what static ones do not answer at rest
+    apart[:m, m:] = K[:m, m:] / np.diag(K)[:m, None]
+    part, turn = np.append(part, np.zeros(X.shape[1], int)), la.block_diag(turn, np.eye(X.shape[1])) @ apart @ T
+    back = np.linalg.inv(turn)  # y = turn eta: force on eta = turn^T force on y
+    parts = [turn.T @ np.diag((part == i) * 1.0) @ back.T for i in range(len(PARTS))]
+    return Z.expand(P @ T), np.array(parts), np.sqrt(squares)
+
+
+def _part_of(keeps: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Number of PARTS of each vector, in their order; keeps : interfaces rigid; first : of two halves."""
+    part = np.zeros(len(keeps), int)
+    order = np.flatnonzero(keeps)
+    part[order] = np.where(first[order], 0, 2)
+    half = order[first[order]]
+    part[half[len(half) // 2 :]] = 1
+    part[~keeps] = np.where(first[~keeps], 3, 4)
+    return part
+
+
+def _accelerations(known: KnownBody, U: np.ndarray, n: int) -> np.ndarray:
+    """M^-1 times forces at interfaces, loads and the frame's support, M-orthonormal, without what U holds.
+
+    With them the accelerations of a sudden start are those of the full mechanism, whatever joints hold. The n modes,
+    first in U, take the motion of interfaces out of them, so that joints and loads see none; where they cannot, there
+    are no such vectors.
+    """
+    held, actions, mass = known.held, known.actions, FreeMass.of(known.held)
+    X = mass.response(np.hstack([*known.forces(), -mass.pull]))
+    acting = [place.columns for place in [*actions.wrenches, *(load.place for load in actions.loads)]]
+    acting = held.space.loads(np.hstack([np.zeros((held.N, 0)), *acting]))
+    acting = acting / np.maximum(np.linalg.norm(acting, axis=0), np.finfo(float).tiny)
+    X = X - U[:, :n] @ (np.linalg.pinv(acting.T @ U[:, :n], rcond=1e-10) @ (acting.T @ X))
+    if np.abs(acting.T @ X).max(initial=0.0) > HELD * np.abs(X).max(initial=0.0):
+        return X[:, :0]
+    basis, _ = la.qr(held.mass_factor.half_multiply(U), mode="economic")
+    half = held.mass_factor.half_multiply(X)
+    size = np.maximum(np.linalg.norm(half, axis=0), np.finfo(float).tiny)
+    _, values, turn = la.svd(_without(basis, half / size), full_matrices=False)
+    use = values > NEW
+    return (X / size) @ (turn[use].T / values[use])
+
+
+def _without(Q: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Columns without what the orthonormal Q hold of them; twice, for what rounding leaves."""
+    for _ in range(2):
+        columns = columns - Q @ (Q.T @ columns)
+    return columns
+
+
+def _kept_first(
+    P: np.ndarray, parts: np.ndarray, omega: np.ndarray, seen: np.ndarray, able: np.ndarray, slow: float
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Vectors turned so that those which all else sees, and slow ones, stand first; how many these are.
+
+    seen (r, m) : motion of markers by vectors; able (r,) : what it could be.
+    """
+    seen = seen[np.linalg.norm(seen, axis=1) > SEEN * able]
+    rows = np.vstack([seen, np.eye(P.shape[1])[omega < slow]])
+    if not len(rows):
+        return P, parts, 0
+    _, values, basis = la.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True), full_matrices=True)
+    kept = int(np.sum(values > SAME * values[0]))
+    turn = np.hstack([_oscillators(block, omega) for block in (basis[:kept].T, basis[kept:].T)])
+    return P @ turn, np.array([turn.T @ part @ turn for part in parts]), kept
+
+
+def _oscillators(block: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Orthonormal columns of combinations of vectors, turned so that K is diagonal on them."""
+    if not block.shape[1]:
+        return block
+    return block @ la.eigh(block.T @ ((omega**2)[:, None] * block))[1]

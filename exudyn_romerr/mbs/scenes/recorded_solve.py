@@ -1,0 +1,114 @@
+"""A solve of a script whose mbs has reduced bodies: its rows are kept while it runs, and told when it has ended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from ...errors import AssumptionError
+from ...process.blas_threads import one_thread
+from ...report.verdicts import until, until_load
+from ...trajectory.scheme import Scheme
+from ..access.mbs_items import sensor_name
+from ..floating.floating_body import floating_body
+from ..mirror.recorder import Recorder
+from ..mirror.told_solve import Asked, told_solve
+from ..monitoring.monitor import MechanismMonitor, Monitor
+from ..monitoring.run_succession import SAME_TIME
+from ..monitoring.step_hook import StepHook, slot_function
+from .chosen_outputs import chosen_nodes, shows_motion
+from .found_bodies import NO_FEM
+
+if TYPE_CHECKING:
+    from ...judgement.solve import Solve
+    from ...report.report import BoundReport
+    from ..access.endings import EndedBy
+    from ..floating.floating_body import FloatingBody
+    from .found_bodies import FoundBody
+
+ATTACHED_BY_SCRIPT = "the script attaches monitors of its own; the answer is theirs"
+
+
+def monitor_of_script(mbs: Any) -> Monitor | MechanismMonitor | None:
+    """Return what the script has attached to the mbs itself, or None."""
+    hook = getattr(slot_function(mbs), "hook", None)
+    if not isinstance(hook, StepHook) or not hook.watches:
+        return None
+    monitors = [Monitor(mbs, hook, watch) for watch in hook.watches]
+    return MechanismMonitor(mbs, monitors, hook.sensors[-1]) if hook.sensors else monitors[0]
+
+
+class RecordedSolve:
+    """Keeps rows from the moment it is made; `reports` puts back the user's PostStep function and tells them.
+
+    solve : is told of sensors, bodies that cannot be read and why.
+    """
+
+    def __init__(self, mbs: Any, bodies: Sequence[FoundBody], solve: Solve):
+        self._mbs, self._bodies, self._is_static = mbs, bodies, solve.kind == "static"
+        solve.sensors = [sensor_name(mbs, i) for i in range(mbs.systemData.NumberOfSensors())]
+        solve.chosen = not shows_motion(mbs)
+        self._is_chosen = solve.chosen
+        self._recorder = Recorder(mbs, slot_function(mbs))
+        mbs.SetPostStepUserFunction(self._recorder)
+
+    def close(self) -> None:
+        """Put back the user's PostStep function."""
+        if slot_function(self._mbs) is self._recorder:
+            self._mbs.SetPostStepUserFunction(self._recorder.user or 0)
+
+    @one_thread()
+    def reports(self, solver: Any, solve: Solve, ending: EndedBy) -> list[BoundReport]:
+        """Return a report of each run that the solver has made; ending : what ended it.
+
+        Raises
+        ------
+        RomErrError
+            Nothing can be told, and why.
+        """
+        runs = self._recorder.runs()
+        end = _planned_end(solver, runs[-1].t[-1]) if runs else None
+        if end is not None and ending.why:
+            last = runs[-1].t[-1]
+            solve.until = until_load(last, ending.why) if self._is_static else until(last, end, ending.why)
+        flexes, solve.refused = _readable(self._mbs, self._bodies)
+        if solve.refused:
+            raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
+        chosen = [chosen_nodes(self._mbs, flex) if self._is_chosen else () for flex in flexes]
+        asked = Asked(flexes, chosen, _scheme(solver), self._is_static)
+        ends = [*[None] * (len(runs) - 1), end]
+        return [told_solve(self._mbs, asked, rows, end) for rows, end in zip(runs, ends, strict=bool(runs))]
+
+
+def _scheme(solver: Any) -> Scheme:
+    """The integrator's parameters; of explicit ones, which resolve all modes, the trapezoidal rule's."""
+    if not hasattr(solver, "newmarkBeta"):
+        return Scheme.of_radius(1.0)
+    return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
+
+
+def _planned_end(solver: Any, last: float) -> float | None:
+    """Where a run was to go to, s, if it ended before."""
+    end = float(solver.it.endTime)
+    return None if last >= end - SAME_TIME * abs(end) else end
+
+
+def _readable(mbs: Any, bodies: Sequence[FoundBody]) -> tuple[list[FloatingBody], list[tuple[str, str]]]:
+    """Return the bodies that can be read, and (which, why not) of the others."""
+    found = [(body, _flex_or_reason(mbs, body)) for body in bodies]
+    refused = [(_named(mbs, body), why) for body, why in found if isinstance(why, str)]
+    return [flex for _, flex in found if not isinstance(flex, str)], refused
+
+
+def _flex_or_reason(mbs: Any, body: FoundBody) -> FloatingBody | str:
+    if body.fem is None:
+        return NO_FEM
+    try:
+        return floating_body(body.fem, body.items(mbs))
+    except Exception as error:  # whatever it is: the answer says it
+        return str(error)
+
+
+def _named(mbs: Any, body: FoundBody) -> str:
+    name = mbs.GetObject(body.number)["name"]
+    return f"body {body.number}{name and f' ({name})'}"

@@ -1,0 +1,74 @@
+"""Mechanism: what all stages of a solve share, once it has ended and its equations were read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..trajectory.scheme import Scheme
+from .outputs import Outputs
+from .readings import Readings, Splined
+from .samples import Rows
+from .unknowns import Unknowns
+
+
+class OtherEquations(Protocol):
+    """Equations of all but the floating bodies, with kept vectors.
+
+    independent : numbers of constraints that no others imply. felt : unknowns on which forces act at all.
+    """
+
+    independent: np.ndarray
+    felt: np.ndarray
+
+    def unbalanced_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
+        """Return M a - f + G^T lam (n_a,) at a row of the run, in axes of bodies."""
+
+    def forces_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
+        """Return M a - f + G^T lam (n_q,) in a state of the run, in coordinates of the mbs."""
+
+    def constraints_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return g (all,) in a state of the run."""
+
+
+@dataclass
+class Mechanism:
+    """What all stages of a solve share.
+
+    projectors : of each body, (PARTS, m, m) of its kept vectors and oscillators. is_rigid : whether modes make
+    interfaces rigid. has_user_functions : which may do between samples what these do not tell.
+    """
+
+    unknowns: Unknowns
+    rows: Rows
+    scheme: Scheme
+    equations: OtherEquations
+    rest: Splined
+    outputs: Outputs
+    projectors: Sequence[np.ndarray]
+    is_rigid: bool
+    has_user_functions: bool
+
+    def all_multipliers(self, lam: np.ndarray) -> np.ndarray:
+        """Return multipliers (T, all, columns) of those of independent constraints (T, c, columns)."""
+        wide = np.zeros((len(lam), self.rows.multipliers.shape[1], lam.shape[-1]))
+        wide[:, self.equations.independent] = lam
+        return wide
+
+
+def unbalanced_share(unknowns: Unknowns, rows: Rows, equations: OtherEquations, readings: Readings) -> float:
+    """Return the largest M a - f + G^T lam of the reduced mechanism at rows that were read, over the largest force.
+
+    It is far above Newton's tolerance where something acts that is no function of time and state.
+    """
+    part = rows[readings.at]
+    left = np.array([equations.unbalanced_at(*part.row(i)) for i in range(len(part))])
+    size = np.abs(left).max(initial=0.0)
+    for body, at in zip(unknowns.bodies, unknowns.blocks, strict=True):
+        forces = body.residual(body.motion(part))[:, : 6 + body.na]
+        left[:, at] += forces
+        size = max(size, np.abs(forces).max(initial=0.0))
+    return float(np.abs(left[:, unknowns.own]).max(initial=0.0) / size) if size else 0.0

@@ -1,0 +1,158 @@
+"""Outputs: what errors of unknowns, rates, accelerations and multipliers do to what sensors show.
+
+Sensors of a node of a floating body in closed form, for their gradients ring with the body: dx of -x~ dphi is U c.
+All others by gradients that are asked for in few rows, linear in time between them, in axes of bodies; more rows
+where that is not true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .body import Body
+from .rotations import body_rates, rotation_matrix, times
+from .samples import Rows
+from .unknowns import Unknowns
+
+WITHIN, MOST = 2e-3, 65  # of the largest entry of a sensor; rows that are looked at
+ORDERS = ("coordinates", "rates", "accelerations", "multipliers")  # what sensors may know
+
+
+@dataclass(frozen=True)
+class NodeSensor:
+    """Three rows from `first` on that show a mesh node of body number `body`.
+
+    kind : one of CLOSED. shapes (3, k), position (3,) m : of the node, or of the mean of several.
+    """
+
+    first: int
+    body: int
+    kind: str
+    shapes: np.ndarray
+    position: np.ndarray
+
+    @property
+    def rows(self) -> slice:
+        """The rows."""
+        return slice(self.first, self.first + 3)
+
+    def values(self, body: Body, rows: Rows) -> np.ndarray:
+        """Return what it shows in rows of the reduced run, (T, 3)."""
+        c, c1 = (x[:, body.place.modal] @ self.shapes[:, : body.n].T for x in (rows.q, rows.v))
+        if self.kind.endswith("Local"):
+            return c if self.kind.startswith("Displacement") else c1
+        frame, reference = body.place.frame, body.place.reference
+        p = reference[3:] + rows.q[:, frame[3:]]
+        A = rotation_matrix(p)
+        if self.kind == "Velocity":
+            w = times(body_rates(p), rows.v[:, frame[3:]])
+            return rows.v[:, frame[:3]] + times(A, np.cross(w, self.position + c) + c1)
+        place = reference[:3] + rows.q[:, frame[:3]] + times(A, self.position + c)
+        if self.kind == "Position":
+            return place
+        return place - reference[:3] - rotation_matrix(reference[3:]) @ self.position
+
+    def changes(self, body: Body, rows: Rows, e: np.ndarray) -> np.ndarray:
+        """Return changes (T, 3, columns) in axes of the body by e (T, 3, 6 + k, columns) in these, too."""
+        e = np.moveaxis(e, 2, -1)
+        du, du1 = e[:, 0, :, 6:] @ self.shapes.T, e[:, 1, :, 6:] @ self.shapes.T
+        if self.kind.endswith("Local"):
+            return (du if self.kind.startswith("Displacement") else du1).swapaxes(1, 2)
+        y = (self.position + rows.q[:, body.place.modal] @ self.shapes[:, : body.n].T)[:, None]
+        dr, phi = e[..., :3], e[..., 3:6]
+        if self.kind != "Velocity":
+            return (dr[:, 0] + np.cross(phi[:, 0], y) + du).swapaxes(1, 2)
+        p = body.place.reference[3:] + rows.q[:, body.place.frame[3:]]
+        w = times(body_rates(p), rows.v[:, body.place.frame[3:]])[:, None]
+        rate = np.cross(w, y) + (rows.v[:, body.place.modal] @ self.shapes[:, : body.n].T)[:, None]
+        turned = np.cross(phi[:, 1], y) + np.cross(phi[:, 0], rate) + np.cross(w, du)
+        return (dr[:, 1] + turned + du1).swapaxes(1, 2)
+
+
+CLOSED = "Displacement", "Position", "Velocity", "DisplacementLocal", "VelocityLocal"  # kinds of NodeSensor
+
+
+class Gradients(Protocol):
+    """What knows gradients of sensors. uses (4,) : whether sensors know ORDERS at all."""
+
+    uses: Sequence[bool]
+
+    def gradients(self, i: int) -> list[np.ndarray]:
+        """Return of row i the gradients (R, n or all) by each of ORDERS, in axes of bodies."""
+
+
+class Outputs:
+    """Gradients of R rows of sensors over time.
+
+    axes (R,) : number of the body whose axes a row's gradients are in, or -1. at : rows that were looked at.
+    """
+
+    def __init__(
+        self, unknowns: Unknowns, rows: Rows, axes: np.ndarray, nodes: Sequence[NodeSensor], source: Gradients | None
+    ):
+        self._unknowns, self._rows, self.axes, self._nodes = unknowns, rows, axes, nodes
+        closed = [i for node in nodes for i in range(node.first, node.first + 3)]
+        self._asked = np.setdiff1d(np.arange(len(axes)), closed)
+        self._read: dict[int, list[np.ndarray]] = {}
+        if len(self._asked):
+            self._uses = source.uses
+            self._look(source)
+        self.at = np.array(sorted(self._read) or [0, len(rows) - 1])
+
+    def _look(self, source: Gradients) -> None:
+        """Look at halves of spans until they are straight."""
+        last = len(self._rows) - 1
+        self._read = {i: source.gradients(i) for i in {0, last}}
+        spans = [(0, last)]
+        while spans and len(self._read) < MOST:
+            a, b = spans.pop(0)
+            c = (a + b) // 2
+            if c > a:
+                self._read[c] = source.gradients(c)
+                if not self._is_straight(a, c, b):
+                    spans += [(a, c), (c, b)]
+
+    def _is_straight(self, a: int, c: int, b: int) -> bool:
+        share = (c - a) / (b - a)
+        for one, now, two in zip(self._read[a], self._read[c], self._read[b], strict=True):
+            if now.size:
+                off = np.abs((1 - share) * one + share * two - now)[self._asked].max(axis=1, initial=0.0)
+                if np.any(off > WITHIN * np.abs(now)[self._asked].max(axis=1, initial=0.0)):
+                    return False
+        return True
+
+    def __call__(self, first: int, e: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
+        """Return changes (T, R, columns) by e (T, 3, n, columns) in global axes, multipliers (T, all, columns).
+
+        first : row of the run that e begins at.
+        """
+        u, T = self._unknowns, len(e)
+        rows, y = self._rows[first : first + T], np.zeros((T, len(self.axes), e.shape[-1]))
+        e = np.moveaxis(u.in_body_axes(np.moveaxis(e, 2, -1), rows.q[:, None, None]), -1, 2)
+        if self._read:
+            self._add_asked(first, e, multipliers, y)
+        for node in self._nodes:
+            own = np.concatenate([e[:, :, u.blocks[node.body]], e[:, :, u.waves[node.body]]], axis=2)
+            y[:, node.rows] = node.changes(u.bodies[node.body], rows, own)
+        for b in set(self.axes[self.axes >= 0]):
+            A, own = rotation_matrix(u.nodes[b].parameters(rows.q)), np.flatnonzero(self.axes == b)
+            turned = A[:, None] @ y[:, own].reshape(T, -1, 3, y.shape[-1])
+            y[:, own] = turned.reshape(T, len(own), -1)
+        return y
+
+    def _add_asked(self, first: int, e: np.ndarray, multipliers: np.ndarray, y: np.ndarray) -> None:
+        """Add what gradients tell, linear between the rows in which they were asked for."""
+        numbers = np.arange(first, first + len(e))
+        spans = np.clip(np.searchsorted(self.at, numbers, "right") - 1, 0, max(len(self.at) - 2, 0))
+        for k in np.unique(spans):
+            own, (i, *more) = np.flatnonzero(spans == k), self.at[k : k + 2]
+            j = more[0] if more else i
+            s = ((numbers[own] - i) / max(j - i, 1))[:, None, None]
+            for share, row in ((1 - s, i), (s, j)):
+                for order, G in enumerate(self._read[row]):
+                    if self._uses[order]:
+                        y[own] += share * (G @ (e[own, order] if order < 3 else multipliers[own]))

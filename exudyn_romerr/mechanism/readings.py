@@ -1,0 +1,164 @@
+"""Readings: tangents of all but the floating bodies at some rows, splined over time; where to read them.
+
+What has to be asked for hardly changes in axes of bodies; what forces of constraints carry is linear in multipliers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.interpolate import CubicSpline
+
+from .samples import Rows
+
+FIRST = 9  # readings at first
+WITHIN = 5e-3  # of the largest entry: a spline that is farther off is read more often
+MOST = 0.25  # of rows
+ASIDE = 0.382  # of a span, where it is tried: halves of a turn look like the whole
+CONSTANT = 1e-11  # of the largest: an entry that varies by less does not
+PARTS = ("M", "D", "K", "G", "C")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Of all but floating bodies, in axes of bodies, at one row.
+
+    M, D, K (n_a, n_a) : K without forces of constraints. G, C (c, n_a) of independent constraints: forces G^T lam,
+    what is kept zero C z. H (n_a, n_a, all) : change of the forces of constraints, for each multiplier.
+    """
+
+    M: np.ndarray
+    D: np.ndarray
+    K: np.ndarray
+    G: np.ndarray
+    C: np.ndarray
+    H: np.ndarray
+
+    def stiffness(self, multipliers: np.ndarray) -> np.ndarray:
+        """K with what turning constraints add to it."""
+        return self.K + self.H @ multipliers if multipliers.size else self.K
+
+
+class Readable(Protocol):
+    """What can be read at a row. scales (n_a,) : finite motions that are alike."""
+
+    scales: np.ndarray
+
+    def read(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray) -> Reading:
+        """Return what is there."""
+
+    def note_dependence(self, readings: Sequence[Reading]) -> None:
+        """Note which unknowns matter at all: all others are left out of later readings."""
+
+
+class Splined:
+    """Readings over time: entries that are always the same once, others by a cubic spline."""
+
+    def __init__(self, t: np.ndarray, readings: Sequence[Reading]):
+        self._fixed, self._varying = {}, {}
+        for name in PARTS:
+            values = np.array([getattr(one, name) for one in readings])
+            flat = values.reshape(len(values), -1)
+            moves = np.flatnonzero(np.ptp(flat, axis=0) > CONSTANT * np.abs(flat).max(initial=0.0))
+            self._fixed[name] = values[0]
+            self._varying[name] = moves, _over_time(t, flat[:, moves]) if len(moves) else None
+        self._by_multiplier = _sparse(np.array([one.H for one in readings]), t)
+
+    def __call__(self, name: str, t: np.ndarray) -> np.ndarray:
+        """Return a part of PARTS at times t, (T, ...)."""
+        fixed, (moves, spline) = self._fixed[name], self._varying[name]
+        found = np.tile(fixed.ravel(), (len(t), 1))
+        if spline is not None:
+            found[:, moves] = spline(t)
+        return found.reshape(len(t), *fixed.shape)
+
+    def stiffness(self, t: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
+        """Return K (T, n_a, n_a) with what multipliers (T, all) make of turning constraints."""
+        K, (number, values, gathers) = self("K", t), self._by_multiplier
+        if len(number):
+            K += ((values(t) * multipliers[:, number]) @ gathers).reshape(K.shape)
+        return K
+
+
+def _sparse(H: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, Callable, sp.csr_matrix]:
+    """Entries of H (readings, n_a, n_a, all) that are not zero: multipliers, values over time, where they go."""
+    R, n, _, count = H.shape
+    flat = H.reshape(R, -1)
+    size = np.abs(flat).max(axis=0, initial=0.0)
+    used = np.flatnonzero(size > CONSTANT * size.max(initial=0.0))
+    place, number = np.divmod(used, max(count, 1))
+    gathers = sp.csr_matrix((np.ones(len(used)), (np.arange(len(used)), place)), shape=(len(used), n * n))
+    return number, _over_time(t, flat[:, used]), gathers
+
+
+def _over_time(t: np.ndarray, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Values (R, k) of readings as a function of times (T,): cubic, linear where there are few."""
+    if len(t) > 3:
+        return CubicSpline(t, values)
+    return lambda at: np.array([np.interp(at, t, column) for column in values.T]).T.reshape(len(at), -1)
+
+
+class Readings:
+    """Readings at rows of a run: more of them where a spline of those before would not have told them.
+
+    at : rows that were read. unresolved : spans in which a spline is still farther off than WITHIN; splined : of all.
+    """
+
+    def __init__(self, source: Readable, rows: Rows):
+        self._source, self._rows, self._read = source, rows, {}
+        S = len(rows)
+        first = np.unique(np.clip([0, 1, 4, *np.linspace(0, S - 1, FIRST).astype(int)], 0, S - 1))
+        for i in first:
+            self._take(i)
+        source.note_dependence([*self._read.values()])
+        spans = [*pairwise(first)]
+        while spans:
+            spans = self._refined(spans)
+            self.unresolved = len(spans)
+            if len(self._read) + len(spans) > max(S * MOST, 2 * FIRST):
+                break
+        self.splined = self._spline()
+
+    @property
+    def at(self) -> np.ndarray:
+        """Rows that were read, in their order."""
+        return np.array(sorted(self._read))
+
+    def _spline(self) -> Splined:
+        return Splined(self._rows.t[self.at], [self._read[i] for i in self.at])
+
+    def _refined(self, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Read within each span; return both parts of those where the spline was off."""
+        splined, wrong = self._spline(), []
+        for a, b in spans:
+            if b - a > 1:
+                self._take(c := a + max(1, round(ASIDE * (b - a))))
+                if self._off(c, splined) > WITHIN:
+                    wrong += [(a, c), (c, b)]
+        return wrong
+
+    def _take(self, i: int) -> None:
+        self._read[i] = self._source.read(*self._rows.row(i))
+
+    def _off(self, i: int, splined: Splined) -> float:
+        """Largest difference of what was read from what a spline told, over the largest of its part."""
+        now, part, scale = self._read[i], self._rows[i : i + 1], self._source.scales
+        both = scale * scale[:, None]
+        pairs = [
+            (now.M, splined("M", part.t), both),
+            (now.D, splined("D", part.t), both),
+            (now.stiffness(part.multipliers[0]), splined.stiffness(part.t, part.multipliers), both),
+            (now.C, splined("C", part.t), scale),
+        ]
+        return max(_relative((there[0] - here) * by, here * by) for here, there, by in pairs)
+
+
+def _relative(off: np.ndarray, of: np.ndarray) -> float:
+    """Largest |off| over the largest |of|; 0 of nothing."""
+    size: Any = np.abs(of).max(initial=0.0)
+    return float(np.abs(off).max() / size) if size else 0.0

@@ -1,0 +1,170 @@
+"""The step error: what the time integration got wrong in every step, by the exact flow of the reduced mechanism.
+
+A step's error is the computed end less where the equations, frozen in the middle of the step, go from the computed
+begin: their flow is a power series. e = computed - exact, so that y_full - y_reduced is -e. docs/theory.md.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg as la
+
+from ..compiled.loops import loops
+from ..mechanism.samples import Rows
+from ..mechanism.tangents import Block
+from ..mechanism.unknowns import Unknowns
+from .reduced_system import FrozenSteps, ReducedSystem, consistent_rates, cubics, saddle_inverses
+
+PIECE = 3.0  # |lambda| h of one piece of the series; more pieces above
+TERMS = 40  # at most: it ends where terms are rounding
+STIFF = 25.0  # |lambda| h above which a matrix exponential is cheaper than pieces of the series
+FAST = 3.0  # |lambda| h above which loads between samples are asked for
+COLUMNS = 2  # cubic loads, and a second opinion of loads
+
+
+class InnerLoads(Protocol):
+    """What knows accelerations between samples; is_shifting: and looks there in any case."""
+
+    is_shifting: bool
+
+    def __call__(self, rows: Rows, frozen: FrozenSteps, at: np.ndarray) -> np.ndarray:
+        """Return coefficients (T, m, n) of loads over steps `at`; rates in rows obey the constraints."""
+
+
+class Flow:
+    """Errors of the time integration, block after block, of columns: the best loads; a second opinion of loads.
+
+    fastest : largest |lambda| h met. drift : largest |v - v~| over |v|, rates off the constraints.
+    """
+
+    def __init__(self, unknowns: Unknowns, constraints: np.ndarray, count: int, inner: InnerLoads):
+        """Begin at rest.
+
+        Parameters
+        ----------
+        constraints : numbers of the independent ones among all `count` multipliers
+        inner : loads between samples, where steps are fast, or user functions may do what samples do not tell
+        """
+        self._unknowns, self._constraints, self._count, self._inner = unknowns, constraints, count, inner
+        self._looks_inside = inner.is_shifting  # stays so once it is
+        self._e, self._off, self._rate, self.fastest = np.zeros((COLUMNS, 2 * unknowns.n_q)), 0.0, 0.0, 0.0
+
+    def __call__(self, rows: Rows, system: ReducedSystem, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return errors at rows first .. first + count - 1 of these, which have neighbours around if there are any.
+
+        Returns
+        -------
+        e (count, 3, n_q, 2), multipliers (count, all, 2)
+        """
+        n, h = self._unknowns.n_q, np.diff(rows.t)
+        inverses = saddle_inverses(system.M, system.G, system.C)
+        v, a = consistent_rates(rows.t, rows.q, rows.v, rows.a, system.C, inverses[:, :n, n:])
+        found, lam = np.zeros((count, 3, n, COLUMNS)), np.zeros((count, self._count, COLUMNS))
+        steps = np.arange(max(first - 1, 0), first + count - 1)
+        if len(steps):
+            frozen = FrozenSteps.of(system, inverses, rows.t, steps)
+            pace = frozen.fastest(h[steps])
+            self.fastest = max(self.fastest, pace)
+            self._looks_inside |= pace > FAST
+            loads = self._loads(rows, v, a, frozen, steps)
+            ends = self._ends(rows, v, frozen, loads, steps, h, pace)
+            x, w, where = ends[..., :n].swapaxes(1, 2), ends[..., n:].swapaxes(1, 2), steps + 1 - first
+            found[where, 0], found[where, 1] = x, w
+            found[where, 2] = frozen.a21 @ x + frozen.a22 @ w
+            forces = (frozen.b21 @ x + frozen.b22 @ w)[:, : len(self._constraints)]
+            lam[where[:, None], self._constraints] = forces
+        own = slice(first, first + count)
+        found[:, 1] += (rows.v - v)[own, :, None]
+        found[:, 2] += (rows.a - a)[own, :, None]
+        self._off, self._rate = max(self._off, np.abs(rows.v - v).max()), max(self._rate, np.abs(rows.v).max())
+        return found, lam
+
+    @property
+    def drift(self) -> float:
+        """Largest |v - v~| over the largest |v|; 0 where nothing moves."""
+        return self._off / self._rate if self._rate else 0.0
+
+    def _loads(self, rows: Rows, v: np.ndarray, a: np.ndarray, frozen: FrozenSteps, at: np.ndarray) -> np.ndarray:
+        """Coefficients (2, T, m, n) over steps, of both columns."""
+        first, weights = cubics(rows.t, at)
+        near = first[:, None] + np.arange(weights.shape[2])
+        dq = rows.q[near] - rows.q[at, None]
+        phi = a[near] - dq @ frozen.a21.swapaxes(1, 2) - v[near] @ frozen.a22.swapaxes(1, 2)
+        cubic = weights @ phi
+        if self._looks_inside:
+            inner = self._inner(Rows(rows.t, rows.q, v, a, rows.multipliers), frozen, at)
+            return np.stack([np.pad(inner, ((0, 0), (0, cubic.shape[1] - inner.shape[1]), (0, 0))), cubic])
+        linear, k = np.zeros_like(cubic), (at - first)[:, None]
+        begin, end = (np.take_along_axis(phi, (k + i)[..., None], axis=1)[:, 0] for i in (0, 1))
+        linear[:, 0], linear[:, 1] = begin, end - begin
+        return np.stack([cubic, linear])
+
+    def _ends(
+        self,
+        rows: Rows,
+        v: np.ndarray,
+        frozen: FrozenSteps,
+        loads: np.ndarray,
+        at: np.ndarray,
+        h: np.ndarray,
+        pace: float,
+    ) -> np.ndarray:
+        """Errors and their rates (T, 2, 2 n) after each step."""
+        y = np.concatenate([np.zeros_like(v[at]), v[at] * h[at, None]], axis=1)
+        z = np.concatenate([rows.q[at + 1] - rows.q[at], v[at + 1] * h[at, None]], axis=1)
+        is_series = pace <= STIFF and loops is not None
+        ends = (by_series if is_series else by_exponentials)(self._e, y, z, h[at], frozen, loads, pace)
+        self._e = ends[-1].copy()
+        return ends
+
+
+def by_series(
+    e: np.ndarray, y: np.ndarray, z: np.ndarray, h: np.ndarray, frozen: FrozenSteps, loads: np.ndarray, pace: float
+) -> np.ndarray:
+    """Return ends (T, columns, 2 n) of errors: z - flow(y - e); y, z (T, 2 n) : begin and end, rates times h.
+
+    e (columns, 2 n) : before. pace : |lambda| h. By power series, in C.
+    """
+    T, n, m = len(h), y.shape[1] // 2, loads.shape[2]
+    e, ends, pieces = e.copy(), np.empty((T, len(e), 2 * n)), max(1, int(np.ceil(pace / PIECE)))
+    arrays = h, frozen.a21, frozen.a22, y, z, loads, frozen.C, frozen.C1, frozen.W
+    sizes = T, n, frozen.C.shape[1], len(e), m, pieces, TERMS
+    loops.flow(sizes, tuple(map(np.ascontiguousarray, arrays)), e, ends)
+    return ends
+
+
+def by_exponentials(
+    e: np.ndarray, y: np.ndarray, z: np.ndarray, h: np.ndarray, frozen: FrozenSteps, loads: np.ndarray, pace: float
+) -> np.ndarray:
+    """Return the same by one matrix exponential a step, where steps are stiff, or without the compiled loops."""
+    T, n, m = len(h), y.shape[1] // 2, loads.shape[2]
+    ends, whole = np.empty((T, len(e), 2 * n)), np.zeros((T, 2 * n + 2 * m, 2 * n + 2 * m))
+    one, two = h[:, None, None], h[:, None]
+    whole[:, :n, n : 2 * n] = np.eye(n)
+    whole[:, n : 2 * n, :n], whole[:, n : 2 * n, n : 2 * n] = frozen.a21 * one**2, frozen.a22 * one
+    for column in range(COLUMNS):
+        first = 2 * n + column * m
+        for k in range(m):
+            whole[:, n : 2 * n, first + k] = loads[column, :, k] * two**2 * (1, 1, 2, 6)[k]
+            if k:
+                whole[:, first + k, first + k - 1] = 1.0
+    E = la.expm(whole)
+    for i in range(T):
+        x = np.concatenate([y[i, :n, None] - e[:, :n].T, y[i, n:, None] - h[i] * e[:, n:].T])
+        x = E[i, : 2 * n, : 2 * n] @ x + E[i, : 2 * n, [2 * n, 2 * n + m]].T
+        e = np.concatenate(frozen.projected(z[i, :n, None] - x[:n], (z[i, n:, None] - x[n:]) / h[i], i)).T
+        ends[i] = e
+    return ends
+
+
+def in_unknowns(block: Block, unknowns: Unknowns, e: np.ndarray) -> np.ndarray:
+    """Return e (T, 3, n_q, columns) in unknowns in global axes (T, 3, n, columns), zero of vectors."""
+    rows, n_a = block.rows, unknowns.n_a
+    H, H1, H2 = unknowns.inverses(rows.q, rows.v, rows.a)
+    found = np.zeros((len(rows), 3, unknowns.n, e.shape[-1]))
+    found[:, 0, :n_a] = H @ e[:, 0]
+    found[:, 1, :n_a] = H @ e[:, 1] + H1 @ e[:, 0]
+    found[:, 2, :n_a] = H @ e[:, 2] + 2 * H1 @ e[:, 1] + H2 @ e[:, 0]
+    return found

@@ -1,0 +1,136 @@
+"""Errors by modes and by rigid interfaces: the march under what vectors would feel, and one correction of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..mechanism.tangents import Block
+from ..trajectory.estimate import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES
+from .half_widths import SHARE, CauseEstimate, Largest, tail
+from .march import Factors, March, factors_of, is_at_rest
+from .unbalanced import unbalanced
+
+if TYPE_CHECKING:
+    from ..mechanism.mechanism import Mechanism
+
+# of whose force on vectors the kicks are: thirds of the vectors, in the order in which they were found; those that
+# deform interfaces which the modes make rigid, and the last half of these
+PARTS = ("first third", "second third", "last third", "deforming", "deforming, last half")
+OF_MODES = 3  # of PARTS
+TWICE_THE_STEP = 3.0  # times the error of steps, which is of the second order, lie between those of h and 2 h
+
+
+@dataclass
+class Marched:
+    """A block that was marched: kicks f (T, n), errors e (T, 3, n), lam (T, c) of all parts, corrected."""
+
+    block: Block
+    f: np.ndarray
+    e: np.ndarray
+    lam: np.ndarray
+
+
+class Modes:
+    """Marches block after block. now : the last block."""
+
+    def __init__(self, of: Mechanism):
+        self._of, self._before = of, None
+        self.is_rigid = of.is_rigid
+        self._parts = len(PARTS) if self.is_rigid else OF_MODES
+        self._wanted = [OF_MODES, self._parts] if self.is_rigid else [OF_MODES]  # parts whose sums are corrected
+        self._first, self._second, self._coarse = (March(of.unknowns, of.scheme) for _ in range(3))
+        self._before_coarse: float | None = None
+        self._largest, self._kept = Largest(), []
+        self.now: Marched | None = None
+
+    def take(self, block: Block, first: int) -> None:
+        """Go on through a block of rows of the run that begins at number `first`."""
+        u, t = self._of.unknowns, block.rows.t
+        f = self._shared(self._kicks(block))[..., : self._parts]
+        h = np.diff(t, prepend=t[0] - 1.0 if self._before is None else self._before)
+        self._before = t[-1]
+        factors = factors_of(block, h, u, self._of.scheme)
+        e, lam = _marched(self._first, block, factors, f)
+        sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
+        left = [unbalanced(block, u, *(x[..., k] for x in sums))[0] for k in range(len(self._wanted))]
+        d, dlam = _marched(self._second, block, factors, np.stack(left, -1))
+        whole, forces = sums[1] + d, sums[2] + dlam
+        self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1])
+        of_modes = np.abs(whole[:, 0]).max()
+        changed = min(1.0, np.abs(d[:, 0]).max() / of_modes) if of_modes else 0.0
+        off, off_lam = self._marched_coarsely(block, first, *(x[..., -1:] for x in sums))
+        columns = [
+            np.concatenate(x, axis=-1) for x in ((e, whole, d[..., :1], off), (lam, forces, dlam[..., :1], off_lam))
+        ]
+        self._look(first, columns[0], self._of.all_multipliers(columns[1]), changed)
+
+    def _look(self, first: int, e: np.ndarray, lam: np.ndarray, changed: float) -> None:
+        """What sensors show of parts, of corrected sums, of the correction: columns of e, lam."""
+        y = self._of.outputs(first, e, lam)
+        z = y[..., self._parts : self._parts + len(self._wanted)]
+        self._largest.add(modes=z[..., 0], last=y[..., 2], second=y[..., 1], change=y[..., -2] * changed)
+        self._largest.add(steps=y[..., -1] / TWICE_THE_STEP)
+        if self.is_rigid:
+            z[..., 1] -= z[..., 0]
+            self._largest.add(interfaces=z[..., 1], deforming=y[..., 4], first_deforming=y[..., 3])
+        self._kept.append(z)
+
+    def _marched_coarsely(
+        self, block: Block, first: int, f: np.ndarray, e: np.ndarray, lam: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What e, lam of a sum f of parts are off those of a march over every second row; zero in all other rows."""
+        even = slice(first % 2, None, 2)
+        part, off, off_lam = block[even], np.zeros_like(e), np.zeros_like(lam)
+        if len(part):
+            h = np.diff(part.rows.t, prepend=part.rows.t[0] - 1.0 if first == 0 else self._before_coarse)
+            self._before_coarse = part.rows.t[-1]
+            factors = factors_of(part, h, self._of.unknowns, self._of.scheme)
+            there, forces = _marched(self._coarse, part, factors, f[even])
+            off[even], off_lam[even] = there - e[even], forces - lam[even]
+        return off, off_lam
+
+    @property
+    def steps_of_modes(self) -> np.ndarray:
+        """What steps make wrong of what modes leave out, (R,): so much of that is in no estimate."""
+        return self._largest["steps"]
+
+    def _kicks(self, block: Block) -> np.ndarray:
+        """Forces (T, n) on vectors that the reduced run does not answer: what M a - f + G^T lam leaves there."""
+        u, others = self._of.unknowns, self._of.equations
+        left = np.zeros((len(block), u.n))
+        left[:, u.n_a :], left[:, u.kept] = -block.forces[:, u.n_a :], -block.forces[:, u.kept]
+        felt = np.intersect1d(u.kept, others.felt)
+        if len(felt):
+            left[:, felt] -= [others.unbalanced_at(*block.rows.row(i))[felt] for i in range(len(block))]
+        return left
+
+    def _shared(self, left: np.ndarray) -> np.ndarray:
+        """Parts (T, n, PARTS) of the kicks."""
+        u, found = self._of.unknowns, np.zeros((*left.shape, len(PARTS)))
+        for projectors, body, at, wave in zip(self._of.projectors, u.bodies, u.blocks, u.waves, strict=True):
+            own = [*range(at.start + 6 + body.n, at.stop), *range(wave.start, wave.stop)]
+            found[:, own] = np.moveaxis(left[:, own] @ projectors.swapaxes(1, 2), 0, -1)
+        return found
+
+    def estimates(self) -> dict[str, CauseEstimate]:
+        """Return what is known of "modes", and of "interfaces" where these are rigid."""
+        most, over_time = self._largest, np.concatenate(self._kept)
+        checks = {FURTHER: tail(most["last"], most["second"]), LINEAR_MODES: most["change"] + SHARE * most["modes"]}
+        found = {"modes": CauseEstimate(over_time[..., 0], checks)}
+        if self.is_rigid:
+            checks = {FURTHER_INTERFACES: tail(most["deforming"], most["first_deforming"])}
+            checks[LINEAR_INTERFACES] = most["change"] + SHARE * most["interfaces"]
+            found["interfaces"] = CauseEstimate(over_time[..., 1], checks)
+        return found
+
+
+def _marched(march: March, block: Block, factors: Factors, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """March a block; its very first row begins the march."""
+    if march.state is not None:
+        return march(block, factors, f)
+    begun = march.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
+    marched = march(block[1:], factors[1:], f[1:])
+    return tuple(np.concatenate(pair) for pair in zip(begun, marched, strict=True))

@@ -1,0 +1,43 @@
+"""Errors by the time integration, as sensors show them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..trajectory.estimate import LINEAR_STEPS
+from .flow import Flow, in_unknowns
+from .half_widths import SHARE, CauseEstimate, Largest
+from .inner_loads import TrueLoads
+from .reduced_system import ReducedSystem
+
+if TYPE_CHECKING:
+    from ..mechanism.mechanism import Mechanism
+    from ..mechanism.tangents import Block
+
+ORDER_4 = 8  # a cubic of loads is closer than straight ones, at least so many times, where both resolve them
+
+
+class Steps:
+    """Goes on from block to block. flow : of the reduced mechanism."""
+
+    def __init__(self, of: Mechanism):
+        self._of = of
+        inner = TrueLoads(of.unknowns, of.equations, of.has_user_functions)
+        self.flow = Flow(of.unknowns, of.equations.independent, of.rows.multipliers.shape[1], inner)
+        self._largest, self._kept = Largest(), []
+
+    def take(self, wide: Block, inner: slice, first: int) -> None:
+        """Go on through rows `inner` of a block with neighbours; number `first` of the run is the first of these."""
+        of = self._of
+        e, lam = self.flow(wide.rows, ReducedSystem.of(wide, of.unknowns), inner.start, inner.stop - inner.start)
+        y = -of.outputs(first, in_unknowns(wide[inner], of.unknowns, e), lam)
+        self._largest.add(step=y[..., 0], loads=y[..., 0] - y[..., 1])
+        self._kept.append(y[..., 0])
+
+    def estimate(self, of_modes: np.ndarray) -> CauseEstimate:
+        """Return what is known of the error by steps; of_modes (R,) : what they make wrong of the motion left out."""
+        most = self._largest
+        checks = {"steps": of_modes, "loads": most["loads"] / ORDER_4, LINEAR_STEPS: SHARE * most["step"]}
+        return CauseEstimate(np.concatenate(self._kept), checks)
