@@ -10,7 +10,7 @@ import numpy as np
 
 from ..trajectory.scheme import Scheme
 from .outputs import Outputs
-from .readings import Readings, Splined
+from .readings import Readings
 from .samples import Rows
 from .unknowns import Unknowns
 
@@ -26,6 +26,11 @@ class OtherEquations(Protocol):
 
     def unbalanced_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
         """Return M a - f + G^T lam (n_a,) at a row of the run, in axes of bodies."""
+
+    def moved_forces(
+        self, t: float, state: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return M a - f + G^T lam (n_a,) in axes of bodies, g (all,); kept (3, kept) : vectors beside q, v, a."""
 
     def forces_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
         """Return M a - f + G^T lam (n_q,) in a state of the run, in coordinates of the mbs."""
@@ -46,7 +51,7 @@ class Mechanism:
     rows: Rows
     scheme: Scheme
     equations: OtherEquations
-    rest: Splined
+    readings: Readings
     outputs: Outputs
     projectors: Sequence[np.ndarray]
     is_rigid: bool

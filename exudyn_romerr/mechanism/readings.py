@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +19,7 @@ from .samples import Rows
 FIRST = 9  # readings at first
 WITHIN = 5e-3  # of the largest entry: a spline that is farther off is read more often
 MOST = 0.25  # of rows
+JUMP = 0.1  # of the largest entry: tangents of two rows beside one another that are farther apart do not join
 ASIDE = 0.382  # of a span, where it is tried: halves of a turn look like the whole
 CONSTANT = 1e-11  # of the largest: an entry that varies by less does not
 PARTS = ("M", "D", "K", "G", "C")
@@ -45,9 +46,13 @@ class Reading:
 
 
 class Readable(Protocol):
-    """What can be read at a row. scales (n_a,) : finite motions that are alike."""
+    """What can be read at a row.
+
+    scales (n_a,) : finite motions that are alike. inertia : kg m^2, of the lightest body moved so.
+    """
 
     scales: np.ndarray
+    inertia: float
 
     def read(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, multipliers: np.ndarray) -> Reading:
         """Return what is there."""
@@ -106,12 +111,15 @@ def _over_time(t: np.ndarray, values: np.ndarray) -> Callable[[np.ndarray], np.n
 class Readings:
     """Readings at rows of a run: more of them where a spline of those before would not have told them.
 
-    at : rows that were read. unresolved : spans in which a spline is still farther off than WITHIN; splined : of all.
+    at : rows that were read. splined : all of them over time. doubtful : rows where the spline may still be off:
+    between rows that were read, and where two of these are beside one another and apart.
     """
 
     def __init__(self, source: Readable, rows: Rows):
         self._source, self._rows, self._read = source, rows, {}
-        S = len(rows)
+        S, T = len(rows), rows.t[-1] - rows.t[0] or 1.0
+        # what is less moves no body along the run
+        self._least = [2 * source.inertia / T**order for order in (0, 1, 2)]
         first = np.unique(np.clip([0, 1, 4, *np.linspace(0, S - 1, FIRST).astype(int)], 0, S - 1))
         for i in first:
             self._take(i)
@@ -119,10 +127,11 @@ class Readings:
         spans = [*pairwise(first)]
         while spans:
             spans = self._refined(spans)
-            self.unresolved = len(spans)
             if len(self._read) + len(spans) > max(S * MOST, 2 * FIRST):
                 break
         self.splined = self._spline()
+        jumps = (i for i, j in pairwise(self.at) if j == i + 1 and self._differs(i))
+        self.doubtful = {(a + b) // 2 for a, b in spans} | {i for first in jumps for i in (first, first + 1)}
 
     @property
     def at(self) -> np.ndarray:
@@ -131,6 +140,15 @@ class Readings:
 
     def _spline(self) -> Splined:
         return Splined(self._rows.t[self.at], [self._read[i] for i in self.at])
+
+    def _differs(self, i: int) -> bool:
+        """Whether the tangents of the next row are others."""
+        one, two, both = self._read[i], self._read[i + 1], self._source.scales * self._source.scales[:, None]
+        pairs = ((one.D, two.D), (one.K, two.K))
+        return any(
+            _relative((b - a) * both, np.maximum(np.abs(a), np.abs(b)) * both, least) > JUMP
+            for (a, b), least in zip(pairs, self._least[1:], strict=True)
+        )
 
     def _refined(self, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Read within each span; return both parts of those where the spline was off."""
@@ -149,16 +167,16 @@ class Readings:
         """Largest difference of what was read from what a spline told, over the largest of its part."""
         now, part, scale = self._read[i], self._rows[i : i + 1], self._source.scales
         both = scale * scale[:, None]
-        pairs = [
-            (now.M, splined("M", part.t), both),
-            (now.D, splined("D", part.t), both),
-            (now.stiffness(part.multipliers[0]), splined.stiffness(part.t, part.multipliers), both),
-            (now.C, splined("C", part.t), scale),
-        ]
-        return max(_relative((there[0] - here) * by, here * by) for here, there, by in pairs)
+        K = now.stiffness(part.multipliers[0]), splined.stiffness(part.t, part.multipliers)[0]
+        pairs = zip((now.M, now.D, K[0]), (splined("M", part.t)[0], splined("D", part.t)[0], K[1]), strict=True)
+        off = (
+            _relative((there - here) * both, here * both, least)
+            for (here, there), least in zip(pairs, self._least, strict=True)
+        )
+        return max(*off, _relative((splined("C", part.t)[0] - now.C) * scale, now.C * scale))
 
 
-def _relative(off: np.ndarray, of: np.ndarray) -> float:
-    """Largest |off| over the largest |of|; 0 of nothing."""
-    size: Any = np.abs(of).max(initial=0.0)
+def _relative(off: np.ndarray, of: np.ndarray, least: float = 0.0) -> float:
+    """Largest |off| over the largest |of|, which is at least `least`; 0 of nothing."""
+    size = max(float(np.abs(of).max(initial=0.0)), least)
     return float(np.abs(off).max() / size) if size else 0.0

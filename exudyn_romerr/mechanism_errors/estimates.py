@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..mechanism.tangents import block_of
+from ..trajectory.estimate import LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
+from .linearity import Linearity
 from .modes import Modes
 from .steps import Steps
 
@@ -12,20 +16,28 @@ if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
     from .half_widths import CauseEstimate
 
+LINEARISED = {"modes": LINEAR_MODES, "interfaces": LINEAR_INTERFACES, "step": LINEAR_STEPS}  # checks by cause
 BLOCK, NEIGHBOURS = 128, 2  # rows that are worked at once, and beside them
 
 
 def estimates(of: Mechanism, is_static: bool) -> dict[str, CauseEstimate]:
     """Return the errors by "modes", "interfaces" where these are rigid, and "step"; of static rows not of steps."""
-    modes, steps, S = Modes(of), Steps(of), len(of.rows)
+    modes, steps, linearity, S = Modes(of), Steps(of), Linearity(of), len(of.rows)
     for a in range(0, S, BLOCK):
         own = slice(a, min(a + BLOCK, S))
         near = slice(max(a - NEIGHBOURS, 0), min(a + BLOCK + NEIGHBOURS, S))
         wide, inner = (
-            block_of(of.rows[near], of.unknowns, of.rest),
+            block_of(of.rows[near], of.unknowns, of.readings.splined),
             slice(own.start - near.start, own.stop - near.start),
         )
         modes.take(wide[inner], a)
+        e, lam = modes.now.e, modes.now.lam
         if not is_static:
-            steps.take(wide, inner, a)
-    return modes.estimates() | ({} if is_static else {"step": steps.estimate(modes.steps_of_modes)})
+            of_steps, forces = steps.take(wide, inner, a)
+            e, lam = e - of_steps, lam - forces[:, of.equations.independent]
+        linearity.take(wide[inner], a, e[..., : of.unknowns.n_a], lam)
+    found = modes.estimates() | ({} if is_static else {"step": steps.estimate(modes.steps_of_modes)})
+    for cause, check in LINEARISED.items():
+        if cause in found:
+            found[cause].half_widths[check] += linearity.share * np.abs(found[cause].over_time).max(axis=0)
+    return found

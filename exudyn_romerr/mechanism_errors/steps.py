@@ -28,13 +28,20 @@ class Steps:
         self.flow = Flow(of.unknowns, of.equations.independent, of.rows.multipliers.shape[1], inner)
         self._largest, self._kept = Largest(), []
 
-    def take(self, wide: Block, inner: slice, first: int) -> None:
-        """Go on through rows `inner` of a block with neighbours; number `first` of the run is the first of these."""
+    def take(self, wide: Block, inner: slice, first: int) -> tuple[np.ndarray, np.ndarray]:
+        """Go on through rows `inner` of a block with neighbours; number `first` of the run is the first of these.
+
+        Returns
+        -------
+        e (T, 3, n), multipliers (T, all) : what the steps make wrong
+        """
         of = self._of
         e, lam = self.flow(wide.rows, ReducedSystem.of(wide, of.unknowns), inner.start, inner.stop - inner.start)
-        y = -of.outputs(first, in_unknowns(wide[inner], of.unknowns, e), lam)
+        e = in_unknowns(wide[inner], of.unknowns, e)
+        y = -of.outputs(first, e, lam)
         self._largest.add(step=y[..., 0], loads=y[..., 0] - y[..., 1])
         self._kept.append(y[..., 0])
+        return e[..., 0], lam[..., 0]
 
     def estimate(self, of_modes: np.ndarray) -> CauseEstimate:
         """Return what is known of the error by steps; of_modes (R,) : what they make wrong of the motion left out."""

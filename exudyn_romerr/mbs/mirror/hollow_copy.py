@@ -35,7 +35,7 @@ class HollowCopy:
     Attributes
     ----------
     independent (c,) : numbers of constraints that no others imply. felt, seen : unknowns that forces act on, and that
-    forces know. scales (n_a,) : finite motions that are alike. mbs : the copy.
+    forces know. scales (n_a,) : finite motions that are alike; inertia : of the lightest body moved so.
     """
 
     def __init__(self, mbs: Any, enriched: Sequence[Enriched], unknowns: Unknowns, shows: bool = False):
@@ -44,6 +44,7 @@ class HollowCopy:
         self.independent: np.ndarray | None = None
         self.seen = self.felt = np.arange(unknowns.n_a)
         self.scales = unknowns.steps(STEP)[: unknowns.n_a]
+        self.inertia = min(one.body.mass for one in enriched) * (STEP * unknowns.largest_size) ** 2
         self._acting = np.zeros(unknowns.n_a)  # largest forces on unknowns that were met
         wider = {one.body.place.number: _massless(one.shapes if shows else one.kept_shapes) for one in enriched}
         self._container = exu.SystemContainer()
@@ -114,6 +115,13 @@ class HollowCopy:
         """Return M a - f + G^T lam (n_a,) at a row of the run, in axes of bodies."""
         R, G_t, _ = self.residuals(t, *(self.wide(x)[None] for x in (q, v, a)))
         return R[0] + G_t[0] @ lam
+
+    def moved_forces(
+        self, t: float, state: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return M a - f + G^T lam (n_a,) in axes of bodies, g (all,); kept (3, kept) : vectors beside q, v, a."""
+        R, G_t, g = self.residuals(t, *(self.wide(x, y)[None] for x, y in zip(state, kept, strict=True)))
+        return R[0] + G_t[0] @ lam, g[0]
 
     def forces_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
         """Return M a - f + G^T lam (n_q,) in a state of the run, in its coordinates."""

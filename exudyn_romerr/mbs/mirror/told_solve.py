@@ -96,7 +96,7 @@ def told_solve(mbs: Any, asked: Asked, rows: Rows, planned_end: float | None) ->
         if not share < SAME:
             raise AssumptionError(REMEMBERS if memory.changed else UNKNOWN_ACTS.format(share))
         of = Mechanism(
-            *(unknowns, rows, asked.scheme, copy, readings.splined, sensors.outputs(rows)),
+            *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(rows)),
             projectors=[one.projectors for one in bodies],
             is_rigid=any(one.known.stiff is not None for one in bodies),
             has_user_functions=bool(functions),

@@ -1,0 +1,87 @@
+"""What linear equations miss of forces that are no bodies' own: Exudyn's under q + e beside them, in few rows.
+
+Bodies are nonlinear in the correction; joints, springs, contact and user functions are there to first order. Where a
+force is not smooth, as that of a stop, first order says nothing, and no reading of tangents tells.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..mechanism.mechanism import Mechanism
+from ..mechanism.tangents import Block
+
+ROUGHEST = 2  # rows of a block where accelerations bend most, and their neighbours
+DOUBTFUL = 8  # of a block, rows where readings of tangents do not join
+LEAST = 1e-2  # of the largest forces that errors make along the run: where they make less nothing is compared
+
+
+class Linearity:
+    """Looks at rows of every block: where the error is largest, accelerations bend most, or tangents may be off.
+
+    share : what forces and constraints are off, over the forces and the motion that the errors make in the same row.
+    """
+
+    def __init__(self, of: Mechanism):
+        self._of, self._looks = of, []
+
+    @property
+    def share(self) -> float:
+        """See the class; 0 where there are no errors."""
+        if not self._looks:
+            return 0.0
+        off, whole = np.array(self._looks).swapaxes(0, 1)
+        whole = np.maximum(whole, LEAST * whole.max(axis=0))
+        return float((off / np.where(whole > 0, whole, np.inf)).max())
+
+    def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray) -> None:
+        """Look at rows of a block, which begins with number `first` of the run.
+
+        e (T, 3, n_a) in global axes, lam (T, c) : what all errors together move.
+        """
+        masses = np.einsum("tii->ti", block.M)
+        masses = np.maximum(masses, masses.max(axis=1, keepdims=True) * np.finfo(float).eps)
+        doubtful = sorted(i - first for i in self._of.readings.doubtful if 0 <= i - first < len(block))
+        doubtful = doubtful[:: 1 + len(doubtful) // DOUBTFUL]
+        for i in sorted(self._rows(block, e[:, 0], masses) | set(doubtful)):
+            if e[i].any():
+                self._looks.append(self._look(block, i, e[i], lam[i], masses[i]))
+
+    @staticmethod
+    def _rows(block: Block, e: np.ndarray, masses: np.ndarray) -> set[int]:
+        T = len(block)
+        rows = {int(np.argmax((e**2 * masses).sum(axis=1)))}
+        if T > 2:
+            bend = np.abs(np.diff(block.rows.a, n=2, axis=0))
+            bend = (bend / np.maximum(bend.max(axis=0), np.finfo(float).tiny)).sum(axis=1)
+            for i in 1 + np.argsort(bend)[-ROUGHEST:]:
+                rows |= {int(i) - 1, int(i), int(i) + 1}
+        return rows
+
+    def _look(self, block: Block, i: int, x: np.ndarray, lam: np.ndarray, masses: np.ndarray) -> tuple:
+        """Forces and constraints that are off (2,); forces and motion that the errors make (2,)."""
+        u, rows, others = self._of.unknowns, block.rows, self._of.equations
+        t, q, v, a, forces = rows.row(i)
+        J, z = u.jacobians(q, v, a), u.in_body_axes(x, q)
+        moved = (
+            u.moved(q, x[0]),
+            v + J[0] @ z[1] + J[1] @ z[0],
+            a + J[0] @ z[2] + 2 * J[1] @ z[1] + J[2] @ z[0],
+        )
+        more = np.zeros_like(forces)
+        more[others.independent] = lam
+        here, g = others.moved_forces(t, (q, v, a), 0 * z[:, u.kept], forces)
+        there, moved_g = others.moved_forces(t, moved, z[:, u.kept], forces + more)
+        terms = [X[i] @ y for X, y in zip(block.rest, x[::-1], strict=True)]
+        left = u.in_global_axes(there - here, q) - sum(terms) - lam @ block.G[i]
+        whole = [X[i] @ y for X, y in zip((block.M, block.D, block.K), x[::-1], strict=True)]
+        reach = np.linalg.norm(block.C[i] / np.sqrt(masses), axis=1)
+        reach = np.where(reach > 0, reach, 1.0)
+        bent = np.abs((moved_g - g)[others.independent] - block.C[i] @ x[0]) / reach
+        motion = np.sqrt((x[0] ** 2 * masses).sum())
+        return (_size(left, masses), bent.max(initial=0.0)), (max(_size(y, masses) for y in whole), motion)
+
+
+def _size(forces: np.ndarray, masses: np.ndarray) -> float:
+    """|f|_{M^-1} with the diagonal of M."""
+    return float(np.sqrt((forces**2 / masses).sum()))
