@@ -8,6 +8,7 @@ import numpy as np
 
 from ..mechanism.tangents import block_of
 from ..trajectory.estimate import LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
+from .end_state import EndState
 from .linearity import Linearity
 from .modes import Modes
 from .steps import Steps
@@ -20,9 +21,14 @@ LINEARISED = {"modes": LINEAR_MODES, "interfaces": LINEAR_INTERFACES, "step": LI
 BLOCK, NEIGHBOURS = 128, 2  # rows that are worked at once, and beside them
 
 
-def estimates(of: Mechanism, is_static: bool) -> dict[str, CauseEstimate]:
-    """Return the errors by "modes", "interfaces" where these are rigid, and "step"; of static rows not of steps."""
-    modes, steps, linearity, S = Modes(of), Steps(of), Linearity(of), len(of.rows)
+def estimates(
+    of: Mechanism, is_static: bool, before: EndState | None = None
+) -> tuple[dict[str, CauseEstimate], EndState]:
+    """Return the errors by "modes", "interfaces" where these are rigid, and "step", and what the run leaves wrong.
+
+    is_static : whether rows are load steps, in which nothing moves. before : what the run begins with.
+    """
+    modes, steps, linearity, S = Modes(of, before), Steps(of, before), Linearity(of), len(of.rows)
     for a in range(0, S, BLOCK):
         own = slice(a, min(a + BLOCK, S))
         near = slice(max(a - NEIGHBOURS, 0), min(a + BLOCK + NEIGHBOURS, S))
@@ -40,4 +46,4 @@ def estimates(of: Mechanism, is_static: bool) -> dict[str, CauseEstimate]:
     for cause, check in LINEARISED.items():
         if cause in found:
             found[cause].half_widths[check] += linearity.share * np.abs(found[cause].over_time).max(axis=0)
-    return found
+    return found, EndState(of.unknowns, *modes.end, steps.flow.e)

@@ -36,20 +36,25 @@ class InnerLoads(Protocol):
 class Flow:
     """Errors of the time integration, block after block, of columns: the best loads; a second opinion of loads.
 
-    fastest : largest |lambda| h met. drift : largest |v - v~| over |v|, rates off the constraints.
+    e (2, 2 n_q) : after the last row, of coordinates and rates. fastest : largest |lambda| h met. drift : largest
+    |v - v~| over |v|, rates off the constraints.
     """
 
-    def __init__(self, unknowns: Unknowns, constraints: np.ndarray, count: int, inner: InnerLoads):
-        """Begin at rest.
+    def __init__(
+        self, unknowns: Unknowns, constraints: np.ndarray, count: int, inner: InnerLoads, e: np.ndarray | None
+    ):
+        """Begin.
 
         Parameters
         ----------
         constraints : numbers of the independent ones among all `count` multipliers
         inner : loads between samples, where steps are fast, or user functions may do what samples do not tell
+        e : (2, 2 n_q), what a run before has left wrong of coordinates and rates; None: nothing
         """
         self._unknowns, self._constraints, self._count, self._inner = unknowns, constraints, count, inner
         self._looks_inside = inner.is_shifting  # stays so once it is
-        self._e, self._off, self._rate, self.fastest = np.zeros((COLUMNS, 2 * unknowns.n_q)), 0.0, 0.0, 0.0
+        self.e = np.zeros((COLUMNS, 2 * unknowns.n_q)) if e is None else e
+        self._off = self._rate = self.fastest = 0.0
 
     def __call__(self, rows: Rows, system: ReducedSystem, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return errors at rows first .. first + count - 1 of these, which have neighbours around if there are any.
@@ -62,6 +67,8 @@ class Flow:
         inverses = saddle_inverses(system.M, system.G, system.C)
         v, a = consistent_rates(rows.t, rows.q, rows.v, rows.a, system.C, inverses[:, :n, n:])
         found, lam = np.zeros((count, 3, n, COLUMNS)), np.zeros((count, self._count, COLUMNS))
+        if first == 0:
+            found[0, :2] = self.e.T.reshape(2, n, COLUMNS)
         steps = np.arange(max(first - 1, 0), first + count - 1)
         if len(steps):
             frozen = FrozenSteps.of(system, inverses, rows.t, steps)
@@ -115,8 +122,8 @@ class Flow:
         y = np.concatenate([np.zeros_like(v[at]), v[at] * h[at, None]], axis=1)
         z = np.concatenate([rows.q[at + 1] - rows.q[at], v[at + 1] * h[at, None]], axis=1)
         is_series = pace <= STIFF and loops is not None
-        ends = (by_series if is_series else by_exponentials)(self._e, y, z, h[at], frozen, loads, pace)
-        self._e = ends[-1].copy()
+        ends = (by_series if is_series else by_exponentials)(self.e, y, z, h[at], frozen, loads, pace)
+        self.e = ends[-1].copy()
         return ends
 
 

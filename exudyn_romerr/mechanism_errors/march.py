@@ -136,6 +136,30 @@ class March:
         self._unknowns, self._scheme = unknowns, scheme
         self.state: State | None = None
 
+    def go_on(self, block: Block, f: np.ndarray, before: State) -> tuple[np.ndarray, np.ndarray]:
+        """First row under f (n, columns) of a run that begins where another has ended: accelerations anew.
+
+        Returns
+        -------
+        e (1, 3, n, columns), lam (1, c, columns)
+        """
+        u, n_a = self._unknowns, self._unknowns.n_a
+        (q, v, *_), (p, p1, *_) = before.x, before.p
+        left = f.copy()
+        left[:n_a] -= block.K[0] @ q[:n_a] + block.D[0] @ v[:n_a]
+        for body, at, own, wave in zip(u.bodies, u.blocks, u.waves, block.couplings, strict=True):
+            left[at] -= wave.K[0] @ q[own] + wave.D[0] @ v[own]
+            left[own] -= body.springs[:, None] * q[own] + body.dampers[:, None] * v[own]
+            left[own] -= wave.K_back[0].T @ q[at] + wave.D_back[0].T @ v[at]
+        e, lam = self.begin(block, left, False)
+        a, turns = e[0, 2], Turns.of(block.rows[:1], u, np.zeros(1))[0]
+        p_rate, p_bend = (np.stack([x[0][n.own[3:]] for n in u.nodes]) for x in (block.rows.v, block.rows.a))
+        along = 2 * np.einsum("ki,kic->kc", p_rate, p1) + np.einsum("ki,kic->kc", p_bend, p)
+        bend = a[u.turns].reshape(-1, 3, f.shape[1]) - 2 * turns.H1 @ p1 - turns.H2 @ p
+        p2 = turns.J @ bend - turns.p[:, :, None] * along[:, None]
+        self.state = State(np.array([q, v, a, a]), np.array([p, p1, p2, p2]))
+        return self.state.x[None, :3].copy(), lam
+
     def begin(self, block: Block, f: np.ndarray, rests: bool) -> tuple[np.ndarray, np.ndarray]:
         """First row under f (n, columns): accelerations from rest; static if rests, for the full model rests, too.
 

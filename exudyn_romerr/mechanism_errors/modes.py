@@ -10,11 +10,12 @@ import numpy as np
 from ..mechanism.tangents import Block
 from ..trajectory.estimate import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES
 from .half_widths import SHARE, CauseEstimate, Largest, tail
-from .march import Factors, March, factors_of, is_at_rest
+from .march import Factors, March, State, factors_of, is_at_rest
 from .unbalanced import unbalanced
 
 if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
+    from .end_state import EndState
 
 # of whose force on vectors the kicks are: thirds of the vectors, in the order in which they were found; those that
 # deform interfaces which the modes make rigid, and the last half of these
@@ -36,8 +37,8 @@ class Marched:
 class Modes:
     """Marches block after block. now : the last block."""
 
-    def __init__(self, of: Mechanism):
-        self._of, self._before = of, None
+    def __init__(self, of: Mechanism, before: EndState | None):
+        self._of, self._before, self._goes_on = of, None, before
         self.is_rigid = of.is_rigid
         self._parts = len(PARTS) if self.is_rigid else OF_MODES
         self._wanted = [OF_MODES, self._parts] if self.is_rigid else [OF_MODES]  # parts whose sums are corrected
@@ -53,10 +54,11 @@ class Modes:
         h = np.diff(t, prepend=t[0] - 1.0 if self._before is None else self._before)
         self._before = t[-1]
         factors = factors_of(block, h, u, self._of.scheme)
-        e, lam = _marched(self._first, block, factors, f)
+        before = (None, None) if self._goes_on is None else (self._goes_on.parts, self._goes_on.corrections)
+        e, lam = _marched(self._first, block, factors, f, before[0])
         sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
         left = [unbalanced(block, u, *(x[..., k] for x in sums))[0] for k in range(len(self._wanted))]
-        d, dlam = _marched(self._second, block, factors, np.stack(left, -1))
+        d, dlam = _marched(self._second, block, factors, np.stack(left, -1), before[1])
         whole, forces = sums[1] + d, sums[2] + dlam
         self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1])
         of_modes = np.abs(whole[:, 0]).max()
@@ -88,9 +90,18 @@ class Modes:
             h = np.diff(part.rows.t, prepend=part.rows.t[0] - 1.0 if first == 0 else self._before_coarse)
             self._before_coarse = part.rows.t[-1]
             factors = factors_of(part, h, self._of.unknowns, self._of.scheme)
-            there, forces = _marched(self._coarse, part, factors, f[even])
+            before = None if self._goes_on is None else self._goes_on.parts
+            whole = (
+                None if before is None else State(before.x.sum(-1, keepdims=True), before.p.sum(-1, keepdims=True))
+            )
+            there, forces = _marched(self._coarse, part, factors, f[even], whole)
             off[even], off_lam[even] = there - e[even], forces - lam[even]
         return off, off_lam
+
+    @property
+    def end(self) -> tuple[State, State]:
+        """The states of parts and corrections after the last row."""
+        return self._first.state, self._second.state
 
     @property
     def steps_of_modes(self) -> np.ndarray:
@@ -127,10 +138,15 @@ class Modes:
         return found
 
 
-def _marched(march: March, block: Block, factors: Factors, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """March a block; its very first row begins the march."""
+def _marched(
+    march: March, block: Block, factors: Factors, f: np.ndarray, before: State | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """March a block; its very first row begins the march, or goes on from a state before."""
     if march.state is not None:
         return march(block, factors, f)
-    begun = march.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
+    if before is None:
+        begun = march.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
+    else:
+        begun = march.go_on(block, f[0], before)
     marched = march(block[1:], factors[1:], f[1:])
     return tuple(np.concatenate(pair) for pair in zip(begun, marched, strict=True))

@@ -15,6 +15,7 @@ from .reduced_system import ReducedSystem
 if TYPE_CHECKING:
     from ..mechanism.mechanism import Mechanism
     from ..mechanism.tangents import Block
+    from .end_state import EndState
 
 ORDER_4 = 8  # a cubic of loads is closer than straight ones, at least so many times, where both resolve them
 
@@ -22,10 +23,16 @@ ORDER_4 = 8  # a cubic of loads is closer than straight ones, at least so many t
 class Steps:
     """Goes on from block to block. flow : of the reduced mechanism."""
 
-    def __init__(self, of: Mechanism):
+    def __init__(self, of: Mechanism, before: EndState | None):
         self._of = of
         inner = TrueLoads(of.unknowns, of.equations, of.has_user_functions)
-        self.flow = Flow(of.unknowns, of.equations.independent, of.rows.multipliers.shape[1], inner)
+        self.flow = Flow(
+            of.unknowns,
+            of.equations.independent,
+            of.rows.multipliers.shape[1],
+            inner,
+            None if before is None else before.steps,
+        )
         self._largest, self._kept = Largest(), []
 
     def take(self, wide: Block, inner: slice, first: int) -> tuple[np.ndarray, np.ndarray]:

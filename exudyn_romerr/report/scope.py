@@ -98,6 +98,11 @@ class Reason(Enum):
         "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with "
         "modes that ring and that they do not resolve, is not in the bound",
     )
+    GOES_ON = (
+        "it goes on from a solve before whose error is not known",
+        "make one solve of both",
+        "the run goes on from another one, and what that has left wrong is not known, or not in these vectors",
+    )
     OTHER_INDEX = (
         "useIndex2Constraints in a solve that goes on from one without",
         "set useIndex2Constraints in both solves, or in none",

@@ -12,21 +12,24 @@ from ...errors import AssumptionError, RunError
 from ...mechanism.mechanism import Mechanism, unbalanced_share
 from ...mechanism.readings import Readings
 from ...mechanism.samples import Rows
+from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
+from ...mechanism_errors.modes import OF_MODES, PARTS
 from ...report.data import Plan
 from ...report.formats.provenance import made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
-from ...report.scope import COUPLED
+from ...report.scope import COUPLED, Doubt, Reason
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
 from ..memory.user_memory import memory_kept
 from .hollow_copy import HollowCopy
 from .layout import require_covered, unknowns_of
 from .sensors import Sensors, ShownSensor
-from .vectors import enriched
+from .vectors import Enriched, enriched, in_shapes_of
 
 if TYPE_CHECKING:
+    from ...mechanism.unknowns import Unknowns
     from ...mechanism_errors.half_widths import CauseEstimate
     from ...trajectory.scheme import Scheme
     from ..floating.floating_body import FloatingBody
@@ -58,12 +61,24 @@ class Asked(NamedTuple):
     is_static: bool
 
 
-def told_solve(mbs: Any, asked: Asked, rows: Rows, planned_end: float | None) -> MechanismReport:
-    """Return what is known of the error of all sensors of an mbs in a run that has ended.
+class Ended(NamedTuple):
+    """A run that has ended: its last q and q_t; bodies and errors there, None where these are not known."""
+
+    q: np.ndarray
+    v: np.ndarray
+    bodies: Sequence[Enriched] = ()
+    errors: EndState | None = None
+
+
+def told_solve(
+    mbs: Any, asked: Asked, rows: Rows, before: Ended | None = None, planned_end: float | None = None
+) -> tuple[MechanismReport, Ended]:
+    """Return what is known of the error of all sensors of an mbs in a run that has ended, and with what it has ended.
 
     Parameters
     ----------
     rows : of the run
+    before : the run before; what it has left wrong is in this one if this goes on from there
     planned_end : s, where it was to go to, if it ended before; None: it did not
 
     Raises
@@ -98,10 +113,35 @@ def told_solve(mbs: Any, asked: Asked, rows: Rows, planned_end: float | None) ->
         of = Mechanism(
             *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(rows)),
             projectors=[one.projectors for one in bodies],
-            is_rigid=any(one.known.stiff is not None for one in bodies),
+            is_rigid=is_rigid(bodies),
             has_user_functions=bool(functions),
         )
-        return _report(sensors, rows, estimates(of, asked.is_static), planned_end, asked.is_static)
+        errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
+        by_cause, end = estimates(of, asked.is_static, errors)
+        report = _report(sensors, rows, by_cause, doubts)
+        report.planned_end = planned_end
+        if asked.is_static:
+            report.time = "static"
+        return report, Ended(rows.q[-1], rows.v[-1], bodies, end)
+
+
+def _begun_with(
+    before: Ended | None, rows: Rows, bodies: Sequence[Enriched], unknowns: Unknowns
+) -> tuple[EndState | None, tuple[Doubt, ...]]:
+    """What a run begins with that goes on from another, and what speaks against it; None: it goes on from none."""
+    if before is None or not (np.array_equal(before.q, rows.q[0]) and np.array_equal(before.v, rows.v[0])):
+        return None, ()
+    turns = [in_shapes_of(one, was) for one, was in zip(bodies, before.bodies, strict=False)]
+    parts = len(PARTS) if is_rigid(bodies) else OF_MODES
+    is_known = before.errors is not None and before.errors.parts.x.shape[2] == parts
+    if not is_known or len(turns) < len(bodies) or any(turn is None for turn in turns):
+        return None, (Reason.GOES_ON.doubt(),)
+    return before.errors.of(unknowns, turns), ()
+
+
+def is_rigid(bodies: Sequence[Enriched]) -> bool:
+    """Whether modes make interfaces of a body rigid."""
+    return any(one.known.stiff is not None for one in bodies)
 
 
 def _in_last_state(mbs: Any, rows: Rows) -> AbstractContextManager:
@@ -118,14 +158,10 @@ def _speeds(mbs: Any, flexes: Sequence[FloatingBody], rows: Rows) -> list[float]
 
 
 def _report(
-    sensors: Sensors,
-    rows: Rows,
-    by_cause: dict[str, CauseEstimate],
-    planned_end: float | None,
-    is_static: bool,
+    sensors: Sensors, rows: Rows, by_cause: dict[str, CauseEstimate], doubts: tuple[Doubt, ...]
 ) -> MechanismReport:
     values = sensors.values(rows)
-    outputs = [_output(one, values[:, one.rows], by_cause) for one in sensors.shown]
+    outputs = [_output(one, values[:, one.rows], by_cause, doubts) for one in sensors.shown]
     computed = tuple(f"output {x.name!r}: {x.of}{x.unit and f' in {x.unit}'}, estimated" for x in sensors.shown)
     return MechanismReport(
         t=rows.t,
@@ -137,14 +173,16 @@ def _report(
         reasons={ESTIMATOR: OF_ESTIMATE},
         plan=Plan(computed, tuple(sensors.left_out)),
         messages=[],
-        time="static" if is_static else "reconstructed",
+        time="reconstructed",
         total_mass=None,
         made=made_here(),
-        planned_end=planned_end,
+        uncertified=doubts,
     )
 
 
-def _output(sensor: ShownSensor, value: np.ndarray, by_cause: dict[str, CauseEstimate]) -> OutputReport:
+def _output(
+    sensor: ShownSensor, value: np.ndarray, by_cause: dict[str, CauseEstimate], doubts: tuple[Doubt, ...]
+) -> OutputReport:
     none = np.full(value.shape, np.inf)
     parts = {PART_OF[cause]: x.over_time[:, sensor.rows] for cause, x in by_cause.items()}
     checks: dict[str, np.ndarray] = {}
@@ -169,4 +207,5 @@ def _output(sensor: ShownSensor, value: np.ndarray, by_cause: dict[str, CauseEst
         uncertainty_parts=checks,
         estimate_scope=COUPLED,
         labels=sensor.labels,
+        uncertified=doubts,
     )

@@ -26,6 +26,7 @@ from .weight import weight_of
 
 SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding
 HELD, NEW = 1e-6, 1e-6  # of a motion, of a vector: less is rounding, or what others hold
+SPANNED = 1e-3  # of |x|_M of a shape: less of it is not left out by others
 SAME = 1e-8  # of the largest: directions that are none of their own
 
 
@@ -109,6 +110,16 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float) -> Enriched:
 
     body = Body(place, (flex.mass, flex.stiffness), flex.positions, shapes, (n, n + kept), damping, gravity)
     return Enriched(body, shapes, parts, weights, known)
+
+
+def in_shapes_of(now: Enriched, before: Enriched) -> np.ndarray | None:
+    """Return coordinates (k, k before) of a body's shapes before in those of now; None: these do not span them."""
+    if now.shapes.shape[0] != before.shapes.shape[0]:
+        return None
+    mass = now.known.flex.mass @ before.shapes
+    found = np.linalg.solve(now.body.M, now.shapes.T @ mass)
+    left = np.einsum("nk,nk->k", before.shapes - now.shapes @ found, mass)
+    return found if np.all(left <= SPANNED**2 * np.diag(before.body.M)) else None
 
 
 def _vectors(known: KnownBody, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

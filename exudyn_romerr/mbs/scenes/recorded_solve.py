@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ...errors import AssumptionError
@@ -12,7 +12,7 @@ from ...trajectory.scheme import Scheme
 from ..access.mbs_items import sensor_name
 from ..floating.floating_body import floating_body
 from ..mirror.recorder import Recorder
-from ..mirror.told_solve import Asked, told_solve
+from ..mirror.told_solve import Asked, Ended, told_solve
 from ..monitoring.monitor import MechanismMonitor, Monitor
 from ..monitoring.run_succession import SAME_TIME
 from ..monitoring.step_hook import StepHook, slot_function
@@ -41,10 +41,11 @@ def monitor_of_script(mbs: Any) -> Monitor | MechanismMonitor | None:
 class RecordedSolve:
     """Keeps rows from the moment it is made; `reports` puts back the user's PostStep function and tells them.
 
-    solve : is told of sensors, bodies that cannot be read and why.
+    solve : is told of sensors, bodies that cannot be read and why. ended : of each mbs how its solve before ended.
     """
 
-    def __init__(self, mbs: Any, bodies: Sequence[FoundBody], solve: Solve):
+    def __init__(self, mbs: Any, bodies: Sequence[FoundBody], solve: Solve, ended: MutableMapping[Any, Ended]):
+        self._ended = ended
         self._mbs, self._bodies, self._is_static = mbs, bodies, solve.kind == "static"
         solve.sensors = [sensor_name(mbs, i) for i in range(mbs.systemData.NumberOfSensors())]
         solve.chosen = not shows_motion(mbs)
@@ -67,6 +68,9 @@ class RecordedSolve:
             Nothing can be told, and why.
         """
         runs = self._recorder.runs()
+        before = self._ended.pop(self._mbs, None)
+        if runs:
+            self._ended[self._mbs] = Ended(runs[-1].q[-1], runs[-1].v[-1])  # where nothing is known
         end = _planned_end(solver, runs[-1].t[-1]) if runs else None
         if end is not None and ending.why:
             last = runs[-1].t[-1]
@@ -75,9 +79,12 @@ class RecordedSolve:
         if solve.refused:
             raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
         chosen = [chosen_nodes(self._mbs, flex) if self._is_chosen else () for flex in flexes]
-        asked = Asked(flexes, chosen, _scheme(solver), self._is_static)
-        ends = [*[None] * (len(runs) - 1), end]
-        return [told_solve(self._mbs, asked, rows, end) for rows, end in zip(runs, ends, strict=bool(runs))]
+        asked, found = Asked(flexes, chosen, _scheme(solver), self._is_static), []
+        for i, rows in enumerate(runs):
+            report, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
+            self._ended[self._mbs] = before
+            found.append(report)
+        return found
 
 
 def _scheme(solver: Any) -> Scheme:

@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from functools import wraps
 from time import process_time
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 from ...errors import RunError
 from ...judgement.solve import Solve
@@ -44,6 +45,7 @@ class WatchedSolves(StandIn):
         self._elsewhere, self._process = elsewhere, os.getpid()
         self._open: dict[int, tuple] = {}  # solves made step by step, by the solver's identity
         self._is_inside = False
+        self._before: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()  # of each mbs how its solve before has ended
 
     def install(self, exudyn: ModuleType) -> None:
         """Stand in front of the solvers' functions; what they do and return stays the same."""
@@ -109,7 +111,7 @@ class WatchedSolves(StandIn):
 
             kept, monitor = ExitStack(), monitor_of_script(mbs)
             if monitor is None:
-                recorded = RecordedSolve(mbs, bodies, solve)
+                recorded = RecordedSolve(mbs, bodies, solve, self._before)
                 kept.callback(recorded.close)
                 return solve, lambda ending: recorded.reports(solver, solve, ending), kept
             solve.notes.append(ATTACHED_BY_SCRIPT)

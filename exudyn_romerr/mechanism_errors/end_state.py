@@ -1,0 +1,50 @@
+"""Errors in the last row of a run, from which the next run goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..mechanism.unknowns import Unknowns
+from .march import State
+
+
+@dataclass(frozen=True)
+class EndState:
+    """What a run leaves wrong: by parts of the modes, what corrects their sums, by the time integration.
+
+    unknowns : of the run. parts, corrections : of the marches. steps (columns, 2 n_q) : coordinates and rates.
+    """
+
+    unknowns: Unknowns
+    parts: State
+    corrections: State
+    steps: np.ndarray
+
+    def of(self, unknowns: Unknowns, shapes: Sequence[np.ndarray]) -> EndState:
+        """Return the same in other unknowns.
+
+        Parameters
+        ----------
+        shapes : of each body (k, k before), coordinates of its shapes before in those that it has now
+        """
+        marches = (State(_of(x.x, self.unknowns, unknowns, shapes), x.p) for x in (self.parts, self.corrections))
+        return EndState(unknowns, *marches, self.steps)
+
+
+def _of(x: np.ndarray, before: Unknowns, now: Unknowns, shapes: Sequence[np.ndarray]) -> np.ndarray:
+    """States (4, n, columns) in other unknowns."""
+    found = np.zeros((x.shape[0], now.n, x.shape[2]))
+    for was, at, turn in zip(_places(before), _places(now), shapes, strict=True):
+        found[:, at[:6]] = x[:, was[:6]]
+        found[:, at[6:]] = turn @ x[:, was[6:]]
+    first, own = before.blocks[-1].stop, now.blocks[-1].stop
+    found[:, own : now.n_a] = x[:, first : before.n_a]
+    return found
+
+
+def _places(unknowns: Unknowns) -> list[np.ndarray]:
+    """Of each body its frame, modes, kept vectors, oscillators."""
+    return [np.r_[at, own] for at, own in zip(unknowns.blocks, unknowns.waves, strict=True)]
