@@ -1,0 +1,56 @@
+"""A body of few nodes, a mass on a spring beside it, and what joins them, as arrays: what a march goes through."""
+
+import numpy as np
+
+from exudyn_romerr.mechanism.readings import Reading, Splined
+from exudyn_romerr.mechanism.rotations import turned_parameters
+from exudyn_romerr.mechanism.samples import Rows
+from exudyn_romerr.mechanism.unknowns import Unknowns
+from tests.helpers.small_body import SmallBody
+
+H = 2e-3
+
+
+class SmallMechanism:
+    """A body, whose frame a constraint holds along x, and another node of three coordinates on a spring.
+
+    rows : of a motion that is smooth, and turns where `turns`. unknowns, rest : as the stages have them.
+    """
+
+    def __init__(self, T=12, turns=True, seed=0):
+        rng = np.random.default_rng(seed)
+        self.small = SmallBody(seed)
+        n_q = 7 + self.small.body.n + 3
+        other = np.arange(7 + self.small.body.n, n_q)
+        self.unknowns = Unknowns([self.small.body], [(other, None)], n_q)
+        self.rows = self._motion(T, turns, n_q, rng)
+        self.rest = Splined(self.rows.t[[0, -1]], [self._reading(rng) for _ in range(2)])
+
+    def _motion(self, T, turns, n_q, rng):
+        t, w = H * np.arange(T), 20.0
+        shapes = rng.normal(size=(2, n_q)) * 0.1
+        q = np.sin(w * t)[:, None] * shapes[0] + np.cos(w * t)[:, None] * shapes[1]
+        v = w * (np.cos(w * t)[:, None] * shapes[0] - np.sin(w * t)[:, None] * shapes[1])
+        a = -(w**2) * q
+        reference = self.small.body.place.reference[3:]
+        spin = rng.normal(size=3) * turns * 5.0
+
+        def parameters(s):
+            return turned_parameters(np.tile(reference, (T, 1)), (t + s)[:, None] * spin)
+
+        dt = 1e-4
+        p = [parameters(s) for s in (-dt, 0.0, dt)]
+        part = slice(3, 7)
+        q[:, part], v[:, part] = p[1] - reference, (p[2] - p[0]) / (2 * dt)
+        a[:, part] = (p[0] + p[2] - 2 * p[1]) / dt**2
+        return Rows(t, q, v, a, rng.normal(size=(T, 1)))
+
+    def _reading(self, rng):
+        n = self.unknowns.n_a
+        half = rng.normal(size=(n, n))
+        at = np.arange(n - 3, n)
+        M = np.zeros((n, n))
+        M[at, at] = 2.0
+        C = np.zeros((1, n))
+        C[0, [0, n - 3]] = 1.0, -0.5
+        return Reading(M, 0.01 * half @ half.T, half @ half.T, C, C, np.zeros((n, n, 1)))

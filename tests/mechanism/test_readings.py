@@ -1,0 +1,99 @@
+"""Readings: few where tangents are smooth, more where they are not; where they jump that is said."""
+
+import numpy as np
+import pytest
+
+from exudyn_romerr.mechanism.readings import FIRST, MOST, Reading, Readings
+from exudyn_romerr.mechanism.samples import Rows
+
+S, T_END = 400, 0.4
+
+
+class Source:
+    """A stiffness over time between two unknowns, everything else as it is; counts how often it is asked.
+
+    unit : of length, in which all is told.
+    """
+
+    def __init__(self, stiffness, unit=1.0):
+        self._stiffness, self.asked, self.unit = stiffness, 0, unit
+        self.scales, self.inertia, self.noted = 1e-5 * unit * np.ones(2), 1e-10, 0
+
+    def read(self, t, q, v, a, multipliers):
+        self.asked += 1
+        K = self._stiffness(t) / self.unit**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        H = np.zeros((2, 2, 1))
+        H[0, 0] = 3.0 / self.unit**2
+        C = np.array([[1.0, 0.0]])
+        return Reading(np.eye(2) / self.unit**2, np.zeros((2, 2)), K, C, C, H)
+
+    def note_dependence(self, readings):
+        self.noted = len(readings)
+
+
+def rows_of(count=S):
+    t = np.linspace(0, T_END, count)
+    none = np.zeros((count, 2))
+    return Rows(t, none, none, none, np.sin(40 * t)[:, None])
+
+
+def smooth(t):
+    return 1e4 * (1 + 0.3 * np.sin(15 * t))
+
+
+def test_what_is_smooth_is_read_seldom_and_told_well():
+    source, rows = Source(smooth), rows_of()
+    readings = Readings(source, rows)
+    assert source.asked == len(readings.at) <= 5 * FIRST
+    assert source.noted <= FIRST + 3
+    assert readings.doubtful == set()
+    K = readings.splined("K", rows.t)
+    np.testing.assert_allclose(K[:, 0, 0], smooth(rows.t), rtol=5e-3)
+    np.testing.assert_allclose(readings.splined("M", rows.t), np.tile(np.eye(2), (S, 1, 1)))
+
+
+def test_forces_of_constraints_follow_multipliers_at_every_row():
+    """They ring faster than anything is read: what they add is linear in them."""
+    readings, rows = Readings(Source(smooth), rows_of()), rows_of()
+    added = readings.splined.stiffness(rows.t, rows.multipliers) - readings.splined("K", rows.t)
+    np.testing.assert_allclose(added[:, 0, 0], 3.0 * rows.multipliers[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_a_jump_is_found_between_two_rows(unit):
+    """As of a stop; whatever the units are."""
+
+    def jumping(t):
+        return 1e4 if t < 0.123 * T_END else 1e7
+
+    readings = Readings(Source(jumping, unit), rows_of())
+    first = int(np.searchsorted(rows_of().t, 0.123 * T_END)) - 1
+    assert {first, first + 1} <= readings.doubtful
+    assert len(readings.at) <= MOST * S
+
+
+def test_what_rings_faster_than_it_is_read_is_doubtful():
+    readings = Readings(Source(lambda t: 1e7 * (1 + np.sin(3000 * t))), rows_of())
+    assert len(readings.doubtful) > 10
+
+
+def test_a_turn_is_not_read_at_halves_alone():
+    """Halves of a turn look like the whole."""
+    readings, rows = Readings(Source(lambda t: 1e6 * (2 + np.cos(2 * np.pi * 8 * t / T_END))), rows_of()), rows_of()
+    K = readings.splined("K", rows.t)[:, 0, 0]
+    np.testing.assert_allclose(K, 1e6 * (2 + np.cos(2 * np.pi * 8 * rows.t / T_END)), rtol=0, atol=3e4)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 7])
+def test_runs_of_few_rows_are_read(count):
+    readings = Readings(Source(smooth), rows_of(count))
+    assert len(readings.at) == min(count, len(readings.at))
+    assert readings.splined("K", rows_of(count).t).shape == (count, 2, 2)
+
+
+def test_forces_that_move_no_body_are_not_read_for():
+    """What springs of 1e-9 N/m do along the run is less than any number shows."""
+    source = Source(lambda t: 1e-9 * (1 + np.sign(np.sin(500 * t))))
+    readings = Readings(source, rows_of())
+    assert source.asked <= 2 * FIRST + 3
+    assert readings.doubtful == set()

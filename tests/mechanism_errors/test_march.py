@@ -1,0 +1,137 @@
+"""The march: its states obey the equations and generalised-alpha; C and NumPy are one; blocks do not matter."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from exudyn_romerr.compiled.loops import loops
+from exudyn_romerr.mechanism.tangents import block_of
+from exudyn_romerr.mechanism_errors import march as module
+from exudyn_romerr.mechanism_errors.march import March, factors_of
+from exudyn_romerr.trajectory.scheme import Scheme
+from tests.helpers.small_mechanism import H, SmallMechanism
+
+SCHEME = Scheme.of_radius(0.6)
+
+
+def marched(mechanism, f, cuts=(), rests=False):
+    """E (T, 3, n, columns) and lam (T, c, columns) of a march in pieces."""
+    march, found = March(mechanism.unknowns, SCHEME), []
+    whole = block_of(mechanism.rows, mechanism.unknowns, mechanism.rest)
+    h = np.full(len(f), H)
+    factors = factors_of(whole, h, mechanism.unknowns, SCHEME)
+    found.append(march.begin(whole, f[0], rests))
+    edges = [1, *cuts, len(f)]
+    for a, b in pairwise(edges):
+        found.append(march(whole[a:b], factors[a:b], f[a:b]))
+    return tuple(np.concatenate(x) for x in zip(*found, strict=True))
+
+
+def kicks(mechanism, columns, seed=3):
+    return np.random.default_rng(seed).normal(size=(len(mechanism.rows), mechanism.unknowns.n, columns))
+
+
+def left(mechanism, f, e, lam):
+    """What e and lam leave of the equations of motion, and of constraints."""
+    u, block = mechanism.unknowns, block_of(mechanism.rows, mechanism.unknowns, mechanism.rest)
+    n, r = u.n_a, f.copy()
+    for X, order in ((block.M, 2), (block.D, 1), (block.K, 0)):
+        r[:, :n] -= X @ e[:, order, :n]
+    r[:, :n] -= block.G.swapaxes(1, 2) @ lam
+    body, at, own, w = u.bodies[0], u.blocks[0], u.waves[0], block.couplings[0]
+    for X, back, order in ((w.M, w.M, 2), (w.D, w.D_back, 1), (w.K, w.K_back, 0)):
+        r[:, at] -= X @ e[:, order, own]
+        r[:, own] -= back.swapaxes(1, 2) @ e[:, order, at]
+    r[:, own] -= e[:, 2, own] + body.dampers[:, None] * e[:, 1, own] + body.springs[:, None] * e[:, 0, own]
+    return r, block.C @ e[:, 0, :n]
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_every_row_obeys_the_equations(turns):
+    mechanism = SmallMechanism(turns=turns)
+    f = kicks(mechanism, 2)
+    e, lam = marched(mechanism, f)
+    r, g = left(mechanism, f, e, lam)
+    assert np.abs(r).max() < 1e-8 * np.abs(f).max()  # rounding of terms that are 1e5 times as large
+    assert np.abs(g).max() < 1e-10 * np.abs(e[:, 0]).max()
+
+
+def test_without_rotation_it_is_newmarks():
+    """What is no Euler parameter: e and e' from the scheme's own accelerations."""
+    mechanism = SmallMechanism(turns=False)
+    e, _ = marched(mechanism, kicks(mechanism, 1))
+    s, a = SCHEME, e[0, 2].copy()
+    for i in range(1, len(e)):
+        own = ((1 - s.alpha_f) * e[i, 2] + s.alpha_f * e[i - 1, 2] - s.alpha_m * a) / (1 - s.alpha_m)
+        q = e[i - 1, 0] + H * e[i - 1, 1] + H**2 * ((0.5 - s.beta) * a + s.beta * own)
+        v = e[i - 1, 1] + H * ((1 - s.gamma) * a + s.gamma * own)
+        np.testing.assert_allclose(e[i, 0], q, rtol=0, atol=1e-11 * np.abs(e[:, 0]).max())
+        np.testing.assert_allclose(e[i, 1], v, rtol=0, atol=1e-11 * np.abs(e[:, 1]).max())
+        a = own
+
+
+def test_a_start_at_rest_is_the_static_answer():
+    mechanism = SmallMechanism(turns=False)
+    f = kicks(mechanism, 1)
+    e, lam = marched(mechanism, f, rests=True)
+    assert not e[0, 1:].any()
+    r, g = left(mechanism, f, e, lam)
+    assert np.abs(r[0]).max() < 1e-8 * np.abs(f).max()
+    assert np.abs(g[0]).max() < 1e-10 * np.abs(e[0, 0]).max()
+
+
+@pytest.mark.parametrize("cuts", [(2,), (4, 5, 9)])
+def test_blocks_do_not_matter(cuts):
+    mechanism = SmallMechanism()
+    f = kicks(mechanism, 3)
+    for one, two in zip(marched(mechanism, f), marched(mechanism, f, cuts), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.skipif(loops is None, reason="no compiler")
+@pytest.mark.parametrize("columns", [1, 2, 3, 5])
+def test_compiled_and_numpy_are_one(columns, monkeypatch):
+    """Also of numbers that are almost zero: nothing turns them off."""
+    mechanism = SmallMechanism()
+    f = kicks(mechanism, columns)
+    f[:, :, 0] *= 1e-305
+    fast = marched(mechanism, f)
+    monkeypatch.setattr(module, "loops", None)
+    slow = marched(mechanism, f)
+    for one, two in zip(fast, slow, strict=True):
+        for column in range(columns):
+            scale = np.abs(two[..., column]).max()
+            assert scale > 0
+            off = np.abs(one[..., column] - two[..., column]).max()
+            assert off <= 1e-10 * scale + 64 * np.finfo(float).smallest_subnormal
+
+
+def test_a_run_that_goes_on_is_one_run():
+    """Where accelerations are those of the equations anew: the scheme's own are another's, for a step or two."""
+    mechanism = SmallMechanism(T=40, turns=True)
+    f = np.ones_like(kicks(mechanism, 1)) * np.linspace(0, 1, 40)[:, None, None]
+    e, _ = marched(mechanism, f)
+    march = March(mechanism.unknowns, SCHEME)
+    whole = block_of(mechanism.rows, mechanism.unknowns, mechanism.rest)
+    factors = factors_of(whole, np.full(40, H), mechanism.unknowns, SCHEME)
+    march.begin(whole, f[0], False)
+    march(whole[1:21], factors[1:21], f[1:21])
+    before, march = march.state, March(mechanism.unknowns, SCHEME)
+    begun, _ = march.go_on(whole[20:], f[20], before)
+    np.testing.assert_allclose(begun[0, :2], e[20, :2], rtol=0, atol=1e-12 * np.abs(e).max())
+    np.testing.assert_allclose(begun[0, 2], e[20, 2], rtol=0, atol=0.05 * np.abs(e[:, 2]).max())
+    on, _ = march(whole[21:], factors[21:], f[21:])
+    np.testing.assert_allclose(on[:, 0], e[21:, 0], rtol=0, atol=0.02 * np.abs(e[:, 0]).max())
+
+
+@pytest.mark.skipif(loops is None, reason="no compiler")
+def test_wrong_sizes_are_refused():
+    mechanism = SmallMechanism()
+    with pytest.raises((ValueError, TypeError)):
+        loops.march_mechanism(
+            (1, 2, 3, 4, 5), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 10, (np.zeros(1),) * 4
+        )
+    with pytest.raises((ValueError, TypeError)):
+        loops.flow((1, 2, 0, 1, 9, 1, 40), (np.zeros(1),) * 9, np.zeros(4), np.zeros(4))
+    assert mechanism.unknowns.n == 6 + 7 + 3
