@@ -45,6 +45,7 @@ class Mechanism:
 
     projectors : of each body, (PARTS, m, m) of its kept vectors and oscillators. is_rigid : whether modes make
     interfaces rigid. has_user_functions : which may do between samples what these do not tell.
+    sign : of multipliers as sensors know them.
     """
 
     unknowns: Unknowns
@@ -56,11 +57,12 @@ class Mechanism:
     projectors: Sequence[np.ndarray]
     is_rigid: bool
     has_user_functions: bool
+    sign: float
 
     def all_multipliers(self, lam: np.ndarray) -> np.ndarray:
         """Return multipliers (T, all, columns) of those of independent constraints (T, c, columns)."""
         wide = np.zeros((len(lam), self.rows.multipliers.shape[1], lam.shape[-1]))
-        wide[:, self.equations.independent] = lam
+        wide[:, self.equations.independent] = self.sign * lam
         return wide
 
 

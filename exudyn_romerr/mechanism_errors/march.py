@@ -64,7 +64,8 @@ class Turns(Samples):
 
     def packed(self) -> np.ndarray:
         """All of a node one behind the other, (T, nodes, 70), as mechanism_march.h has it."""
-        return np.concatenate([x.reshape(*x.shape[:2], -1) for x in vars(self).values()], axis=2)
+        parts = (x.reshape(*x.shape[:2], int(np.prod(x.shape[2:]))) for x in vars(self).values())
+        return np.concatenate([*parts], axis=2)
 
 
 @dataclass

@@ -90,10 +90,10 @@ def told_solve(
     if len(rows) < 2 and not asked.is_static:
         raise RunError("no step was made: only the first instant of the run is known")
     flexes = asked.flexes
-    if asked.is_static:
-        rows = rows[-1:]
+    shown = rows[-1:] if asked.is_static else rows
+    rows = _as_equations_have_it(shown, asked.is_static)
     functions = user_functions(mbs)
-    with memory_kept(mbs, functions) as memory, _in_last_state(mbs, rows):
+    with memory_kept(mbs, functions) as memory, _in_last_state(mbs, shown):
         if memory.lost:
             raise AssumptionError(HOLDS.format(memory.lost))
         bodies = [
@@ -111,18 +111,24 @@ def told_solve(
         if not share < SAME:
             raise AssumptionError(REMEMBERS if memory.changed else UNKNOWN_ACTS.format(share))
         of = Mechanism(
-            *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(rows)),
+            *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(shown)),
             projectors=[one.projectors for one in bodies],
             is_rigid=is_rigid(bodies),
             has_user_functions=bool(functions),
+            sign=-1.0 if asked.is_static else 1.0,
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
         by_cause, end = estimates(of, asked.is_static, errors)
-        report = _report(sensors, rows, by_cause, doubts)
+        report = _report(sensors, shown, by_cause, doubts)
         report.planned_end = planned_end
         if asked.is_static:
             report.time = "static"
         return report, Ended(rows.q[-1], rows.v[-1], bodies, end)
+
+
+def _as_equations_have_it(rows: Rows, is_static: bool) -> Rows:
+    """Rows with M a - f + G^T lam = 0: Exudyn's static solver has f + G^T lam = 0."""
+    return Rows(rows.t, rows.q, rows.v, rows.a, -rows.multipliers) if is_static else rows
 
 
 def _begun_with(

@@ -160,17 +160,20 @@ def _accelerations(known: KnownBody, U: np.ndarray, n: int) -> np.ndarray:
     """M^-1 times forces at interfaces, loads and the frame's support, M-orthonormal, without what U holds.
 
     With them the accelerations of a sudden start are those of the full mechanism, whatever joints hold. The n modes,
-    first in U, take the motion of interfaces out of them, so that joints and loads see none; where they cannot, there
-    are no such vectors.
+    first in U, take the motion of interfaces out of them, so that joints and loads see none; where they cannot, at
+    least of joints, else there are no such vectors.
     """
     held, actions, mass = known.held, known.actions, FreeMass.of(known.held)
-    X = mass.response(np.hstack([*known.forces(), -mass.pull]))
-    acting = [place.columns for place in [*actions.wrenches, *(load.place for load in actions.loads)]]
-    acting = held.space.loads(np.hstack([np.zeros((held.N, 0)), *acting]))
-    acting = acting / np.maximum(np.linalg.norm(acting, axis=0), np.finfo(float).tiny)
-    X = X - U[:, :n] @ (np.linalg.pinv(acting.T @ U[:, :n], rcond=1e-10) @ (acting.T @ X))
-    if np.abs(acting.T @ X).max(initial=0.0) > HELD * np.abs(X).max(initial=0.0):
-        return X[:, :0]
+    whole = mass.response(np.hstack([*known.forces(), -mass.pull]))
+    wrenches, loads = actions.wrenches, [load.place for load in actions.loads]
+    for places in ([*wrenches, *loads], wrenches):
+        acting = held.space.loads(np.hstack([np.zeros((held.N, 0)), *(place.columns for place in places)]))
+        acting = acting / np.maximum(np.linalg.norm(acting, axis=0), np.finfo(float).tiny)
+        X = whole - U[:, :n] @ (np.linalg.pinv(acting.T @ U[:, :n], rcond=1e-10) @ (acting.T @ whole))
+        if np.abs(acting.T @ X).max(initial=0.0) <= HELD * np.abs(X).max(initial=0.0):
+            break
+    else:
+        return whole[:, :0]
     basis, _ = la.qr(held.mass_factor.half_multiply(U), mode="economic")
     half = held.mass_factor.half_multiply(X)
     size = np.maximum(np.linalg.norm(half, axis=0), np.finfo(float).tiny)
