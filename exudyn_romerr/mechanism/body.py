@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .rotations import body_rates, exponential, rotation_matrix, skew, times, times_transposed
+from .rotations import CYCLE, body_rates, cross, exponential, rotation_matrix, skew, times, times_transposed
 from .samples import Rows, Samples
 
-CYCLE = ((1, 2), (2, 0), (0, 1))  # (a x b)_r = a_i b_j - a_j b_i
 UNIT_TURNS = skew(np.eye(3))
 
 
@@ -38,7 +37,7 @@ class Motion(Samples):
 
     def moved(self, e: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Motion:
         """Return the motion moved by e, e', e'' (T, 6 + k) of the unknowns, to second order in rotations."""
-        x, w, alpha = np.cross, self.w, self.alpha
+        x, w, alpha = cross, self.w, self.alpha
         th, phi1, phi2 = (times_transposed(self.A, y[:, 3:6]) for y in (e, e1, e2))
         th1 = phi1 - x(w, th)
         th2 = phi2 - x(w, phi1 + th1) - x(alpha, th)
@@ -165,7 +164,7 @@ class Body:
         force += times(W, m.c1 @ self.Ux[:, :j].T) + m.c2 @ self.Ux[:, :j].T
         Yu1, Yu2 = ((YU[..., :j] @ x[:, None, :, None])[..., 0] for x in (m.c1, m.c2))
         arms = YY @ S.swapaxes(1, 2) + Yu1 @ W.swapaxes(1, 2) + Yu2
-        moment = np.cross(Y, m.b) - np.cross(self.X, m.g) + crossed(arms)
+        moment = cross(Y, m.b) - cross(self.X, m.g) + crossed(arms)
         modal = (m.b - m.g) @ self.Ux + m.c2 @ self.M[:j] + m.c1 @ self.D[:j] + m.c @ self.K[:j]
         for turn, of in ((S, YU), (W, U1)):
             modal += (turn.swapaxes(1, 2).reshape(T, 1, 9) @ of.reshape(T, 9, -1))[:, 0]
@@ -219,7 +218,10 @@ def _spin(YY: np.ndarray, Yu1: np.ndarray, W: np.ndarray) -> np.ndarray:
 
 def crossed(z: np.ndarray) -> np.ndarray:
     """Return the sum of y x z (T, 3, ...) of sums y_i z_j (T, 3, 3, ...)."""
-    return np.stack([z[:, i, j] - z[:, j, i] for i, j in CYCLE], axis=1)
+    found = np.empty((len(z), *z.shape[2:]))
+    for r, (i, j) in enumerate(CYCLE):
+        found[:, r] = z[:, i, j] - z[:, j, i]
+    return found
 
 
 def _on_second(L: np.ndarray, z: np.ndarray) -> np.ndarray:

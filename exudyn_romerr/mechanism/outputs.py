@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from .body import Body
-from .rotations import body_rates, rotation_matrix, times
+from .rotations import body_rates, cross, rotation_matrix, times
 from .samples import Rows
 from .unknowns import Unknowns
 
@@ -50,7 +50,7 @@ class NodeSensor:
         A = rotation_matrix(p)
         if self.kind == "Velocity":
             w = times(body_rates(p), rows.v[:, frame[3:]])
-            return rows.v[:, frame[:3]] + times(A, np.cross(w, self.position + c) + c1)
+            return rows.v[:, frame[:3]] + times(A, cross(w, self.position + c) + c1)
         place = reference[:3] + rows.q[:, frame[:3]] + times(A, self.position + c)
         if self.kind == "Position":
             return place
@@ -65,11 +65,11 @@ class NodeSensor:
         y = (self.position + rows.q[:, body.place.modal] @ self.shapes[:, : body.n].T)[:, None]
         dr, phi = e[..., :3], e[..., 3:6]
         if self.kind != "Velocity":
-            return (dr[:, 0] + np.cross(phi[:, 0], y) + du).swapaxes(1, 2)
+            return (dr[:, 0] + cross(phi[:, 0], y) + du).swapaxes(1, 2)
         p = body.place.reference[3:] + rows.q[:, body.place.frame[3:]]
         w = times(body_rates(p), rows.v[:, body.place.frame[3:]])[:, None]
-        rate = np.cross(w, y) + (rows.v[:, body.place.modal] @ self.shapes[:, : body.n].T)[:, None]
-        turned = np.cross(phi[:, 1], y) + np.cross(phi[:, 0], rate) + np.cross(w, du)
+        rate = cross(w, y) + (rows.v[:, body.place.modal] @ self.shapes[:, : body.n].T)[:, None]
+        turned = cross(phi[:, 1], y) + cross(phi[:, 0], rate) + cross(w, du)
         return (dr[:, 1] + turned + du1).swapaxes(1, 2)
 
 

@@ -7,32 +7,53 @@ from __future__ import annotations
 
 import numpy as np
 
+CYCLE = ((1, 2), (2, 0), (0, 1))  # (a x b)_r = a_i b_j - a_j b_i
 SMALL = 1e-8  # rad, below which sin x / x and its like are their limits to the last digit
+
+
+def _filled(rows: tuple, like: np.ndarray, *shape: int) -> np.ndarray:
+    """Matrices (..., *shape) of their entries (...), row by row."""
+    found = np.empty((*like.shape[:-1], len(rows)))
+    for i, entry in enumerate(rows):
+        found[..., i] = entry
+    return found.reshape(*like.shape[:-1], *shape)
+
+
+def _entries(x: np.ndarray) -> list[np.ndarray]:
+    return [x[..., i] for i in range(x.shape[-1])]
 
 
 def skew(v: np.ndarray) -> np.ndarray:
     """Return v~ (..., 3, 3) of v (..., 3): v~ x = v x x."""
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*v.shape[:-1], 3, 3)
+    x, y, z = _entries(v)
+    return _filled((0.0, -z, y, z, 0.0, -x, -y, x, 0.0), v, 3, 3)
 
 
 def body_rates(p: np.ndarray) -> np.ndarray:
     """Return B (..., 3, 4): angular velocity in body axes w = B p' of Euler parameters p (..., 4)."""
-    a, b, c, d = np.moveaxis(p, -1, 0)
-    rows = [-b, a, d, -c, -c, -d, a, b, -d, c, -b, a]
-    return 2 * np.stack(rows, axis=-1).reshape(*p.shape[:-1], 3, 4)
+    a, b, c, d = _entries(2 * p)
+    return _filled((-b, a, d, -c, -c, -d, a, b, -d, c, -b, a), p, 3, 4)
 
 
 def rotation_matrix(p: np.ndarray) -> np.ndarray:
     """Return A (..., 3, 3), as Exudyn has it, of Euler parameters (..., 4) that need not have length one."""
-    a, b, c, d = np.moveaxis(p, -1, 0)
-    rows = [
-        *(2 * (a * a + b * b) - 1, 2 * (b * c - a * d), 2 * (b * d + a * c)),
-        *(2 * (b * c + a * d), 2 * (a * a + c * c) - 1, 2 * (c * d - a * b)),
-        *(2 * (b * d - a * c), 2 * (c * d + a * b), 2 * (a * a + d * d) - 1),
-    ]
-    return np.stack(rows, axis=-1).reshape(*p.shape[:-1], 3, 3)
+    a, b, c, d = _entries(p)
+    aa, bb, cc, dd = a * a, b * b, c * c, d * d
+    ab, ac, ad, bc, bd, cd = a * b, a * c, a * d, b * c, b * d, c * d
+    rows = (
+        *(2 * (aa + bb) - 1, 2 * (bc - ad), 2 * (bd + ac)),
+        *(2 * (bc + ad), 2 * (aa + cc) - 1, 2 * (cd - ab)),
+        *(2 * (bd - ac), 2 * (cd + ab), 2 * (aa + dd) - 1),
+    )
+    return _filled(rows, p, 3, 3)
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a x b (..., 3); a fourth of the time of NumPy's."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for r, (i, j) in enumerate(CYCLE):
+        found[..., r] = a[..., i] * b[..., j] - a[..., j] * b[..., i]
+    return found
 
 
 def exponential(v: np.ndarray) -> np.ndarray:
@@ -57,9 +78,8 @@ def times_transposed(A: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def parameter_rates(p: np.ndarray) -> np.ndarray:
     """Return E (..., 4, 3): dp = E dphi of Euler parameters p by a small rotation; linear in p."""
-    a, b, c, d = np.moveaxis(p, -1, 0)
-    rows = [-b, -c, -d, a, d, -c, -d, a, b, c, -b, a]
-    return np.stack(rows, axis=-1).reshape(*p.shape[:-1], 4, 3) / 2
+    a, b, c, d = _entries(p / 2)
+    return _filled((-b, -c, -d, a, d, -c, -d, a, b, c, -b, a), p, 4, 3)
 
 
 def global_rates(p: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tangents import Block
 
-ROUGHEST = 2  # rows of a block where accelerations bend most, and their neighbours
+ROUGH = 10.0  # times the median of a block, accelerations that bend more are looked at, and neighbours
 DOUBTFUL = 8  # of a block, rows where readings of tangents do not join
 LEAST = 1e-2  # of the largest forces that errors make along the run: where they make less nothing is compared
 
@@ -54,8 +54,8 @@ class Linearity:
         if T > 2:
             bend = np.abs(np.diff(block.rows.a, n=2, axis=0))
             bend = (bend / np.maximum(bend.max(axis=0), np.finfo(float).tiny)).sum(axis=1)
-            for i in 1 + np.argsort(bend)[-ROUGHEST:]:
-                rows |= {int(i) - 1, int(i), int(i) + 1}
+            i = 1 + int(np.argmax(bend))
+            rows |= {i - 1, i, i + 1} if bend[i - 1] > ROUGH * np.median(bend) else set()
         return rows
 
     def _look(self, block: Block, i: int, x: np.ndarray, lam: np.ndarray, masses: np.ndarray) -> tuple:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism.body import Motion
-from ..mechanism.rotations import times
+from ..mechanism.rotations import cross, times
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 
@@ -26,7 +26,7 @@ def unbalanced(
         moved = motion.moved(*own.swapaxes(0, 1))
         F, before = body.residual(moved), np.concatenate([block.forces[:, at], block.forces[:, wave]], axis=1)
         for part in (slice(0, 3), slice(3, 6)):
-            F[:, part] = times(moved.A, F[:, part]) - np.cross(own[:, 0, 3:6], before[:, part])
+            F[:, part] = times(moved.A, F[:, part]) - cross(own[:, 0, 3:6], before[:, part])
         F -= before
         left[:, at] -= F[:, : 6 + body.na]
         left[:, wave] -= F[:, 6 + body.na :]
