@@ -45,7 +45,7 @@ class Mechanism:
 
     projectors : of each body, (PARTS, m, m) of its kept vectors and oscillators. is_rigid : whether modes make
     interfaces rigid. has_user_functions : which may do between samples what these do not tell.
-    sign : of multipliers as sensors know them.
+    sign : of multipliers as sensors know them. sensors : rows of each.
     """
 
     unknowns: Unknowns
@@ -58,6 +58,7 @@ class Mechanism:
     is_rigid: bool
     has_user_functions: bool
     sign: float
+    sensors: Sequence[slice]
 
     def all_multipliers(self, lam: np.ndarray) -> np.ndarray:
         """Return multipliers (T, all, columns) of those of independent constraints (T, c, columns)."""

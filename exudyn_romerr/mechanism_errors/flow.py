@@ -12,6 +12,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ..compiled.loops import loops
+from ..mechanism.rotations import times
 from ..mechanism.samples import Rows
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
@@ -83,10 +84,21 @@ class Flow:
             forces = (frozen.b21 @ x + frozen.b22 @ w)[:, : len(self._constraints)]
             lam[where[:, None], self._constraints] = forces
         own = slice(first, first + count)
+        lam[:, self._constraints] += self._of_multipliers(
+            system[own], inverses[own], rows.v[own] - v[own], rows.a[own] - a[own]
+        )
         found[:, 1] += (rows.v - v)[own, :, None]
         found[:, 2] += (rows.a - a)[own, :, None]
         self._off, self._rate = max(self._off, np.abs(rows.v - v).max()), max(self._rate, np.abs(rows.v).max())
         return found, lam
+
+    def _of_multipliers(
+        self, system: ReducedSystem, inverses: np.ndarray, dv: np.ndarray, da: np.ndarray
+    ) -> np.ndarray:
+        """What rates and accelerations that disobey the constraints make of multipliers (T, c, 1)."""
+        n, c = self._unknowns.n_q, len(self._constraints)
+        forces = np.concatenate([-times(system.D, dv), times(system.C, da)], axis=1)
+        return times(inverses[:, n : n + c], forces)[..., None]
 
     @property
     def drift(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..mechanism.tangents import Block
 from ..trajectory.estimate import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES
-from .half_widths import SHARE, CauseEstimate, Largest, tail
+from .half_widths import CauseEstimate, Largest, tail, unchecked
 from .march import Factors, March, State, factors_of, is_at_rest
 from .unbalanced import unbalanced
 
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 # deform interfaces which the modes make rigid, and the last half of these
 PARTS = ("first third", "second third", "last third", "deforming", "deforming, last half")
 OF_MODES = 3  # of PARTS
-TWICE_THE_STEP = 3.0  # times the error of steps, which is of the second order, lie between those of h and 2 h
+# between h and 2 h lie 3 times the error of steps where they resolve what vectors do, and less where they do not
+TWICE_THE_STEP = 1.5
 
 
 @dataclass
@@ -129,11 +130,14 @@ class Modes:
     def estimates(self) -> dict[str, CauseEstimate]:
         """Return what is known of "modes", and of "interfaces" where these are rigid."""
         most, over_time = self._largest, np.concatenate(self._kept)
-        checks = {FURTHER: tail(most["last"], most["second"]), LINEAR_MODES: most["change"] + SHARE * most["modes"]}
+        checks = {
+            FURTHER: tail(most["last"], most["second"]),
+            LINEAR_MODES: most["change"] + unchecked(most["modes"], self._of.sensors),
+        }
         found = {"modes": CauseEstimate(over_time[..., 0], checks)}
         if self.is_rigid:
             checks = {FURTHER_INTERFACES: tail(most["deforming"], most["first_deforming"])}
-            checks[LINEAR_INTERFACES] = most["change"] + SHARE * most["interfaces"]
+            checks[LINEAR_INTERFACES] = most["change"] + unchecked(most["interfaces"], self._of.sensors)
             found["interfaces"] = CauseEstimate(over_time[..., 1], checks)
         return found
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..mechanism.samples import Samples
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
-from .march import LEAST, bordered_inverses
+from .march import bordered_inverses
 
 ORDER = 4  # samples of a cubic
 
@@ -91,7 +91,7 @@ class FrozenSteps:
         A1, A2, B1, B2 = X[:, :n, :n], X[:, :n, n:], X[:, n:, :n], X[:, n:, n:]
         M, K_end, C = system.M[at + 1], system.K[at + 1], system.C[at + 1]
         stiff = M + h**2 * np.maximum(np.diagonal(K_end, axis1=1, axis2=2), 0)[:, None] * np.eye(n)
-        W = _projectors(stiff, C)
+        W = saddle_inverses(stiff, C, C)[:, :n, n:]  # bordered: Euler parameters have no mass along themselves
         by_q, by_v = K, D
         return cls(
             *(A1, A2, -(A1 @ by_q + A2 @ C2), -(A1 @ by_v + 2 * A2 @ C1)),
@@ -111,16 +111,6 @@ class FrozenSteps:
             whole = np.block([[np.zeros((n, n)), np.eye(n)], [h[i] ** 2 * self.a21[i], h[i] * self.a22[i]]])
             most = max(most, float(np.abs(np.linalg.eigvals(whole)).max()))
         return most
-
-
-def _projectors(S: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """S^-1 C^T (C S^-1 C^T)^-1 (T, n, c), S with a floor where nothing has mass."""
-    diagonal = np.einsum("tii->ti", S)
-    diagonal[...] = np.maximum(diagonal, LEAST * diagonal.max(axis=1, keepdims=True))
-    size = np.sqrt(diagonal)
-    scaled = C / size[:, None]
-    X = np.linalg.solve(S / (size[:, :, None] * size[:, None]), scaled.swapaxes(1, 2))
-    return (X @ np.linalg.inv(scaled @ X)) / size[:, :, None] if C.shape[1] else X
 
 
 def _derivative(powers: np.ndarray, s: float, order: int) -> np.ndarray:

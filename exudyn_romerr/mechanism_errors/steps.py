@@ -8,7 +8,7 @@ import numpy as np
 
 from ..trajectory.estimate import LINEAR_STEPS
 from .flow import Flow, in_unknowns
-from .half_widths import SHARE, CauseEstimate, Largest
+from .half_widths import CauseEstimate, Largest, unchecked
 from .inner_loads import TrueLoads
 from .reduced_system import ReducedSystem
 
@@ -53,5 +53,9 @@ class Steps:
     def estimate(self, of_modes: np.ndarray) -> CauseEstimate:
         """Return what is known of the error by steps; of_modes (R,) : what they make wrong of the motion left out."""
         most = self._largest
-        checks = {"steps": of_modes, "loads": most["loads"] / ORDER_4, LINEAR_STEPS: SHARE * most["step"]}
+        checks = {
+            "steps": of_modes,
+            "loads": most["loads"] / ORDER_4,
+            LINEAR_STEPS: unchecked(most["step"], self._of.sensors),
+        }
         return CauseEstimate(np.concatenate(self._kept), checks)

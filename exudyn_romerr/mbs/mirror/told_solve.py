@@ -116,6 +116,7 @@ def told_solve(
             is_rigid=is_rigid(bodies),
             has_user_functions=bool(functions),
             sign=-1.0 if asked.is_static else 1.0,
+            sensors=[one.rows for one in sensors.shown],
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
         by_cause, end = estimates(of, asked.is_static, errors)
