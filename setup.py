@@ -3,7 +3,17 @@
 from setuptools import Extension, setup
 
 C = "exudyn_romerr/compiled/"
-NAMES = ("buffers", "curve_calls", "curves", "flow", "inertia", "march", "mechanism_calls", "mechanism_march")
+NAMES = (
+    "buffers",
+    "curve_calls",
+    "curves",
+    "flow",
+    "inertia",
+    "inverses",
+    "march",
+    "mechanism_calls",
+    "mechanism_march",
+)
 NAMES += ("norms", "oscillators", "product_calls", "products", "recorder", "small_products")
 HEADERS = [f"{C}{name}.h" for name in NAMES]
 

@@ -191,6 +191,7 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
 #include "inertia.h"
 #include "mechanism_march.h"
 #include "flow.h"
+#include "inverses.h"
 #include "mechanism_calls.h"
 
 static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
@@ -206,6 +207,7 @@ static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"decaying_sums", summed_up, METH_VARARGS, SUMS},
                                 {"march_mechanism", mechanism_marched, METH_VARARGS, MECHANISM},
                                 {"flow", flowed, METH_VARARGS, FLOW},
+                                {"inverses", inverted, METH_VARARGS, INVERSES},
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
@@ -217,7 +219,8 @@ PyMODINIT_FUNC PyInit__loops(void)
         march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide,
         square_here = square_wide, draw_here = draw_wide, measure_here = measure_wide,
         look_inside_here = look_inside_wide, weigh_here = weigh_wide, interpolate_here = interpolate_wide,
-        find_largest_here = find_largest_wide, march_mechanism_here = march_mechanism_wide, flow_here = flow_wide;
+        find_largest_here = find_largest_wide, march_mechanism_here = march_mechanism_wide, flow_here = flow_wide,
+        invert_all_here = invert_all_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||

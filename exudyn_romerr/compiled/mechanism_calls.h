@@ -1,13 +1,16 @@
-/* Calls from Python of mechanism_march.h and flow.h. */
+/* Calls from Python of mechanism_march.h, flow.h and inverses.h. */
 
 static void march_mechanism_anywhere(const Mechanism *all) { march_mechanism(all); }
 static void flow_anywhere(const Flow *all) { flow(all); }
+static Size invert_all_anywhere(const Inverses *all) { return invert_all(all); }
 static void (*march_mechanism_here)(const Mechanism *) = march_mechanism_anywhere;
 static void (*flow_here)(const Flow *) = flow_anywhere;
+static Size (*invert_all_here)(const Inverses *) = invert_all_anywhere;
 
 #ifdef WIDE
 WIDE static void march_mechanism_wide(const Mechanism *all) { march_mechanism(all); }
 WIDE static void flow_wide(const Flow *all) { flow(all); }
+WIDE static Size invert_all_wide(const Inverses *all) { return invert_all(all); }
 #endif
 
 #define MARCH_ARRAYS 10
@@ -123,5 +126,21 @@ static PyObject *flowed(PyObject *self, PyObject *arguments)
         result = Py_NewRef(Py_None);
     }
     release(&held), PyMem_Free(all.work);
+    return result;
+}
+
+#define INVERSES "inverses(T, n, A)\n\nReplace matrices A (T, n, n) by their inverses; return how many have one: T, or the first without."
+
+static PyObject *inverted(PyObject *self, PyObject *arguments)
+{
+    Inverses all = {0};
+    PyObject *A, *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnO", &all.T, &all.n, &A) || !are_sizes(3, all.T, all.n, all.n)) return NULL;
+    Py_buffer views[1];
+    Held held = {views, 0};
+    if (!(all.order = PyMem_Calloc(all.n + 1, sizeof(Size)))) return PyErr_NoMemory();
+    if ((all.A = numbers(A, &held, all.T * all.n * all.n, 'd', PyBUF_WRITABLE)))
+        result = PyLong_FromSsize_t(invert_all_here(&all));
+    release(&held), PyMem_Free(all.order);
     return result;
 }

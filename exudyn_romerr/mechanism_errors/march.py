@@ -23,6 +23,7 @@ from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 from ..trajectory.scheme import Scheme
 
+SMALL = 64  # rows of matrices that are inverted in C: a fourth of the time of LAPACK's
 LEAST = 1e-10  # of the largest diagonal entry: Euler parameters have no mass along themselves
 REST = 1e-4  # of the largest acceleration: a run that begins with less begins in an equilibrium
 
@@ -119,7 +120,22 @@ def bordered_inverses(A: np.ndarray, G: np.ndarray, C: np.ndarray) -> np.ndarray
         scale[:, n:] = 1 / np.where(lengths > 0, lengths, 1.0)
     whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n] = A, G.swapaxes(1, 2), C
     both = scale[:, :, None] * scale[:, None]
-    return both * np.linalg.inv(both * whole)
+    return both * inverses(both * whole)
+
+
+def inverses(A: np.ndarray) -> np.ndarray:
+    """Return inverses of matrices (T, n, n), which may take their place.
+
+    Raises
+    ------
+    LinAlgError
+        One has none.
+    """
+    if loops is None or A.shape[1] > SMALL:
+        return np.linalg.inv(A)
+    if loops.inverses(len(A), A.shape[1], A) < len(A):
+        raise np.linalg.LinAlgError("Singular matrix")
+    return A
 
 
 def is_at_rest(rows: Rows) -> bool:
