@@ -46,7 +46,7 @@ from exudyn_romerr.report.report_rows import CHECKS, OF_INTERFACES, PARTS
 from exudyn_romerr.report.scope import COMPLETE, FROZEN
 from exudyn_romerr.report.wording import estimate_scope
 from models import estimate_truths
-from models.estimate_scenes import SCENES, LinearScene
+from models.estimate_scenes import SCENES, EstimateScene, LinearScene
 
 KINDS = ("smooth", "sudden, undamped", "sudden, undamped", "sudden, dampers")  # of seed % 4
 LAST = 6  # halvings of the step
@@ -90,7 +90,7 @@ def truth_of(seed: int) -> dict[str, np.ndarray]:
     try:
         factor, full, noise = truths(mechanism)
         few, h, steps = values(mechanism, factor), mechanism.h, mechanism.steps
-        of_steps = limits(lambda k: values(replace(mechanism, h=h / 2**k, steps=steps * 2**k), factor))
+        of_steps = limits(lambda k: values(replace(mechanism, h=h / 2**k, steps=steps * 2**k), factor, 2**k))
     except Exception as error:
         return {"failed": np.array(f"{type(error).__name__}: {error}")}
     omega = [all_modes(bar) for bar in mechanism.bars]
@@ -146,22 +146,25 @@ def of_seed(seed: int) -> dict[str, Any]:
         few, report = told(mechanism_of(seed), float(truth["factor"]))
     except Exception as error:
         return found | {"refused": f"{type(error).__name__}: {error}"}
-    known = {key: tuple(truth[f"{key}/{part}"] for part in ("modes", "floor", "step", "unsure")) for key in few}
+    known = {}
+    for key in few:
+        modes, floor, step, unsure = (truth[f"{key}/{part}"] for part in ("modes", "floor", "step", "unsure"))
+        known[key] = modes, floor, step, unsure, modes + step, unsure
     return found | records_of(report, known)
 
 
 def records_of(report: Any, known: dict[str, tuple[np.ndarray, ...]]) -> dict[str, Any]:
     """Return what a report says beside what is known of its sensors.
 
-    known : by name errors of modes (T, r), how far they are uncertain (r,), the same of steps.
+    known : by name errors of modes (T, r), how far they are uncertain (r,), the same of steps, and of both together.
     """
     # else its bounds are those of the error that the modes make
     is_whole = COMPLETE in report.scope.values() and report.time != "sampled"
     records, bounds = [], []
-    for key, (modes, floor, step, unsure) in known.items():
-        true = {"modes": (modes, floor), "step": (step, unsure), "whole": (modes + step, unsure)}
+    for key, of in known.items():
+        true = {"modes": of[:2], "step": of[2:4], "whole": of[4:]}
         out = report.outputs.get(key)
-        records += list(of_output(key, out, report.scope, true, modes.shape[1]))
+        records += list(of_output(key, out, report.scope, true, of[0].shape[1]))
         bounds += list(of_bound(key, out, report.scope, *true["whole" if is_whole else "modes"]))
     uncertified = {doubt.cause for out in report.outputs.values() for doubt in out.uncertified}
     return {"records": records, "bounds": bounds, "uncertified": sorted(uncertified)}
@@ -174,22 +177,22 @@ def told(mechanism: Mechanism, iterate: float) -> tuple[dict[str, np.ndarray], A
     return scene.motion(), report
 
 
-def values(mechanism: Mechanism, iterate: float) -> dict[str, np.ndarray]:
-    """Return what sensors show (T, r) without us."""
+def values(mechanism: Mechanism, iterate: float, each: int = 1) -> dict[str, np.ndarray]:
+    """Return what sensors show (T, r) without us, in each of so many rows."""
     scene = built(mechanism, iterate=iterate)
     scene.solve()
-    return scene.motion()
+    return {key: y[::each] for key, y in scene.motion().items()}
 
 
 def limits(solve: Callable[[int], dict[str, np.ndarray]]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return of every sensor what the steps have made wrong (T, r), and how far that is uncertain (r,).
 
-    solve(k) : what sensors show with steps that were halved k times.
+    solve(k) : what sensors show with steps that were halved k times, at the instants of those that were not.
     """
     series = [solve(0)]
     found: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for k in range(1, LAST + 1):
-        series.append({key: y[:: 2**k] for key, y in solve(k).items()})
+        series.append(solve(k))
         if k >= 3:
             found = {key: _limit([one[key] for one in series]) for key in series[0]}
             if all(np.all(unsure <= 0.01 * np.abs(error).max(axis=0)) for error, unsure in found.values()):
@@ -265,12 +268,20 @@ def of_scene(name: str, n: int, kind: str) -> dict[str, Any]:
             shown, report = told_by_run(made.mbs, flexes, lambda: estimate_truths.motion(made, scene.h))
     except Exception as error:
         return found | {"refused": f"{type(error).__name__}: {error}"}
+    steps = limits(lambda k: _finer(scene, n, kind, k))
     known = {}
     for key, truth in estimate_truths.stored(name).items():
         floor = ITERATED * np.abs(truth.value).max() + np.zeros_like(truth.off)
-        modes, step = truth.same_steps - shown[key], truth.value - truth.same_steps
-        known[key] = modes, floor, step, truth.off + floor
+        step, unsure = steps[key]
+        of_all = truth.value - shown[key], truth.off + floor
+        known[key] = truth.same_steps - shown[key], floor, step, unsure + floor, *of_all
     return found | records_of(report, known)
+
+
+def _finer(scene: EstimateScene, n: int, kind: str, k: int) -> dict[str, np.ndarray]:
+    """What sensors of the reduced scene show where its steps are halved k times, at the instants of those."""
+    made, _ = bodies_of(scene, n, kind)
+    return estimate_truths.motion(made, scene.h, 2**k)
 
 
 def scenes() -> list[tuple[str, int, str]]:

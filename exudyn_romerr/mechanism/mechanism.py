@@ -32,11 +32,8 @@ class OtherEquations(Protocol):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (n_a,) in axes of bodies, g (all,); kept (3, kept) : vectors beside q, v, a."""
 
-    def forces_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
-        """Return M a - f + G^T lam (n_q,) in a state of the run, in coordinates of the mbs."""
-
-    def constraints_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return g (all,) in a state of the run."""
+    def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
+        """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
 
 
 @dataclass

@@ -42,7 +42,7 @@ def estimates(
             of_steps, forces = steps.take(wide, inner, a)
             e, lam = e - of_steps, lam - forces[:, of.equations.independent]
         linearity.take(wide[inner], a, e[..., : of.unknowns.n_a], lam)
-    found = modes.estimates() | ({} if is_static else {"step": steps.estimate(modes.steps_of_modes)})
+    found = modes.estimates() | ({} if is_static else {"step": steps.estimate()})
     for cause, check in LINEARISED.items():
         if cause in found:
             found[cause].half_widths[check] += linearity.share * np.abs(found[cause].over_time).max(axis=0)

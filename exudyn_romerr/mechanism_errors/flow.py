@@ -22,7 +22,6 @@ PIECE = 3.0  # |lambda| h of one piece of the series; more pieces above
 TERMS = 40  # at most: it ends where terms are rounding
 STIFF = 25.0  # |lambda| h above which a matrix exponential is cheaper than pieces of the series
 FAST = 3.0  # |lambda| h above which loads between samples are asked for
-COLUMNS = 2  # cubic loads, and a second opinion of loads
 
 
 class InnerLoads(Protocol):
@@ -30,15 +29,21 @@ class InnerLoads(Protocol):
 
     is_shifting: bool
 
-    def __call__(self, rows: Rows, frozen: FrozenSteps, at: np.ndarray) -> np.ndarray:
-        """Return coefficients (T, m, n) of loads over steps `at`; rates in rows obey the constraints."""
+    def __call__(
+        self, rows: Rows, frozen: FrozenSteps, at: np.ndarray, cubic: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return coefficients (T, m, n) of loads over steps `at`, and how far their means may be off (T, n).
+
+        cubic (T, 4, n) : those that samples tell. Rates in rows obey the constraints.
+        """
 
 
 class Flow:
-    """Errors of the time integration, block after block, of columns: the best loads; a second opinion of loads.
+    """Errors of the time integration, block after block.
 
-    e (2, 2 n_q) : after the last row, of coordinates and rates. fastest : largest |lambda| h met. drift : largest
-    |v - v~| over |v|, rates off the constraints.
+    columns : the best loads; a second opinion of these; where user functions may jump, how far means may be off.
+    e (columns, 2 n_q) : after the last row, of coordinates and rates. fastest : largest |lambda| h met. drift :
+    largest |v - v~| over |v|, rates off the constraints.
     """
 
     def __init__(
@@ -50,11 +55,14 @@ class Flow:
         ----------
         constraints : numbers of the independent ones among all `count` multipliers
         inner : loads between samples, where steps are fast, or user functions may do what samples do not tell
-        e : (2, 2 n_q), what a run before has left wrong of coordinates and rates; None: nothing
+        e : (columns, 2 n_q), what a run before has left wrong of coordinates and rates; None: nothing
         """
         self._unknowns, self._constraints, self._count, self._inner = unknowns, constraints, count, inner
         self._looks_inside = inner.is_shifting  # stays so once it is
-        self.e = np.zeros((COLUMNS, 2 * unknowns.n_q)) if e is None else e
+        self.columns = 3 if inner.is_shifting else 2
+        self.e = np.zeros((self.columns, 2 * unknowns.n_q))
+        if e is not None:
+            self.e[:] = e[:1]
         self._off = self._rate = self.fastest = 0.0
 
     def __call__(self, rows: Rows, system: ReducedSystem, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -62,14 +70,14 @@ class Flow:
 
         Returns
         -------
-        e (count, 3, n_q, 2), multipliers (count, all, 2)
+        e (count, 3, n_q, columns), multipliers (count, all, columns)
         """
         n, h = self._unknowns.n_q, np.diff(rows.t)
         inverses = saddle_inverses(system.M, system.G, system.C)
         v, a = consistent_rates(rows.t, rows.q, rows.v, rows.a, system.C, inverses[:, :n, n:])
-        found, lam = np.zeros((count, 3, n, COLUMNS)), np.zeros((count, self._count, COLUMNS))
+        found, lam = np.zeros((count, 3, n, self.columns)), np.zeros((count, self._count, self.columns))
         if first == 0:
-            found[0, :2] = self.e.T.reshape(2, n, COLUMNS)
+            found[0, :2] = self.e.T.reshape(2, n, self.columns)
         steps = np.arange(max(first - 1, 0), first + count - 1)
         if len(steps):
             frozen = FrozenSteps.of(system, inverses, rows.t, steps)
@@ -106,15 +114,19 @@ class Flow:
         return self._off / self._rate if self._rate else 0.0
 
     def _loads(self, rows: Rows, v: np.ndarray, a: np.ndarray, frozen: FrozenSteps, at: np.ndarray) -> np.ndarray:
-        """Coefficients (2, T, m, n) over steps, of both columns."""
+        """Coefficients (columns, T, m, n) over steps."""
         first, weights = cubics(rows.t, at)
         near = first[:, None] + np.arange(weights.shape[2])
         dq = rows.q[near] - rows.q[at, None]
         phi = a[near] - dq @ frozen.a21.swapaxes(1, 2) - v[near] @ frozen.a22.swapaxes(1, 2)
         cubic = weights @ phi
         if self._looks_inside:
-            inner = self._inner(Rows(rows.t, rows.q, v, a, rows.multipliers), frozen, at)
-            return np.stack([np.pad(inner, ((0, 0), (0, cubic.shape[1] - inner.shape[1]), (0, 0))), cubic])
+            inner, margin = self._inner(Rows(rows.t, rows.q, v, a, rows.multipliers), frozen, at, cubic)
+            m = max(inner.shape[1], cubic.shape[1])
+            inner, cubic = (np.pad(x, ((0, 0), (0, m - x.shape[1]), (0, 0))) for x in (inner, cubic))
+            wide = inner.copy()
+            wide[:, 0] += margin
+            return np.stack([inner, cubic, wide][: self.columns])
         linear, k = np.zeros_like(cubic), (at - first)[:, None]
         begin, end = (np.take_along_axis(phi, (k + i)[..., None], axis=1)[:, 0] for i in (0, 1))
         linear[:, 0], linear[:, 1] = begin, end - begin
@@ -130,7 +142,7 @@ class Flow:
         h: np.ndarray,
         pace: float,
     ) -> np.ndarray:
-        """Errors and their rates (T, 2, 2 n) after each step."""
+        """Errors and their rates (T, columns, 2 n) after each step."""
         y = np.concatenate([np.zeros_like(v[at]), v[at] * h[at, None]], axis=1)
         z = np.concatenate([rows.q[at + 1] - rows.q[at], v[at + 1] * h[at, None]], axis=1)
         is_series = pace <= STIFF and loops is not None
@@ -159,20 +171,20 @@ def by_exponentials(
 ) -> np.ndarray:
     """Return the same by one matrix exponential a step, where steps are stiff, or without the compiled loops."""
     T, n, m = len(h), y.shape[1] // 2, loads.shape[2]
-    ends, whole = np.empty((T, len(e), 2 * n)), np.zeros((T, 2 * n + 2 * m, 2 * n + 2 * m))
+    ends, whole = np.empty((T, len(e), 2 * n)), np.zeros((T, *2 * [2 * n + len(e) * m]))
     one, two = h[:, None, None], h[:, None]
     whole[:, :n, n : 2 * n] = np.eye(n)
     whole[:, n : 2 * n, :n], whole[:, n : 2 * n, n : 2 * n] = frozen.a21 * one**2, frozen.a22 * one
-    for column in range(COLUMNS):
+    for column in range(len(e)):
         first = 2 * n + column * m
         for k in range(m):
             whole[:, n : 2 * n, first + k] = loads[column, :, k] * two**2 * (1, 1, 2, 6)[k]
             if k:
                 whole[:, first + k, first + k - 1] = 1.0
-    E = la.expm(whole)
+    E, firsts = la.expm(whole), 2 * n + m * np.arange(len(e))
     for i in range(T):
         x = np.concatenate([y[i, :n, None] - e[:, :n].T, y[i, n:, None] - h[i] * e[:, n:].T])
-        x = E[i, : 2 * n, : 2 * n] @ x + E[i, : 2 * n, [2 * n, 2 * n + m]].T
+        x = E[i, : 2 * n, : 2 * n] @ x + E[i, : 2 * n][:, firsts]
         e = np.concatenate(frozen.projected(z[i, :n, None] - x[:n], (z[i, n:, None] - x[n:]) / h[i], i)).T
         ends[i] = e
     return ends

@@ -12,8 +12,10 @@ from .reduced_system import FrozenSteps
 
 GAUSS = np.array([0.5 + 0.5 * x for x in (-(0.6**0.5), 0.0, 0.6**0.5)])
 PARTS = 4  # of a step, a point in each where user functions may do what samples do not tell
+FINE = 64  # points in a step where loads jump
+STANDS_OUT, FEW = 10.0, 8  # times the median of a block; steps of which none is usual
+SMOOTH = 1e-3  # of the largest load, in the norm of the mass: what is off by less is no jump
 GOLDEN = (5**0.5 - 1) / 2  # of a part, by which these points go on from step to step: no period is a fraction of it
-SHORT = 0.05  # of a step: to differentiate constraints by, twice
 
 
 class TrueLoads:
@@ -33,47 +35,101 @@ class TrueLoads:
         self._done += count
         return (np.arange(PARTS) + (GOLDEN * (1 + numbers[:, None])) % 1.0) / PARTS
 
-    def __call__(self, rows: Rows, frozen: FrozenSteps, at: np.ndarray) -> np.ndarray:
-        """Return coefficients (T, points, n_q) over steps `at`; rates in rows obey the constraints."""
-        h, found, shares = rows.t[at + 1] - rows.t[at], [], self._shares(len(at))
+    def __call__(
+        self, rows: Rows, frozen: FrozenSteps, at: np.ndarray, cubic: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return coefficients (T, m, n_q) of loads over steps `at`, and how far their means may be off (T, n_q).
+
+        cubic (T, 4, n_q) : those that samples tell. Rates in rows obey the constraints.
+        """
+        shares = self._shares(len(at))
+        states, forces, g = self._states(rows, at, shares)
+        of_g = self._constraints(rows, at, shares, g)
+        true = self._loads(rows, frozen, at, shares, states, forces, of_g)
+        found, margin = np.linalg.inv(_powers(shares, shares.shape[1])) @ true, np.zeros(true[:, 0].shape)
+        if self.is_shifting:
+            fine = np.tile((np.arange(FINE) + 0.5) / FINE, (1, 1))
+            fit = np.linalg.pinv(_powers(fine, found.shape[1]))
+            for i in _standing_out(true - _powers(shares, cubic.shape[1]) @ cubic, true, frozen.masses):
+                one = slice(i, i + 1)
+                more = self._states(rows, at[one], fine)
+                closer = self._loads(rows, frozen[one], at[one], fine, *more[:2], of_g[one])
+                found[one] = fit @ closer
+                margin[i] = np.abs(np.diff(closer[0], axis=0)).max(axis=0) / FINE
+        return found, margin
+
+    def _states(self, rows: Rows, at: np.ndarray, shares: np.ndarray) -> tuple[list[Rows], list[np.ndarray], list]:
+        """States at shares (T, points) of steps, forces (T, n_q) and constraints (T, c) there, by point."""
+        h, states, R, g = rows.t[at + 1] - rows.t[at], [], [], []
         ends = [(x[at], x[at + 1]) for x in (rows.q, rows.v, rows.a)]
         for s in shares.T:
             q, v, a = quintic(s[:, None], h[:, None], *ends)
             lam = (1 - s[:, None]) * rows.multipliers[at] + s[:, None] * rows.multipliers[at + 1]
-            true = a - self._off(Rows(rows.t[at] + s * h, q, v, a, lam), h, frozen)
-            found.append(true - times(frozen.a21, q - rows.q[at]) - times(frozen.a22, v))
-        weights = np.linalg.inv(shares[:, :, None] ** np.arange(shares.shape[1]))
-        return weights @ np.array(found).swapaxes(0, 1)
+            states.append(Rows(rows.t[at] + s * h, q, v, a, lam))
+            forces, constraints = self._equations.along(states[-1])
+            R.append(forces + self._of_bodies(states[-1]))
+            g.append(constraints[:, self._equations.independent])
+        return states, R, g
 
-    def _off(self, states: Rows, h: np.ndarray, frozen: FrozenSteps) -> np.ndarray:
-        """What accelerations of states are off those of the equations, (T, n_q)."""
-        u, others = self._unknowns, self._equations
+    def _loads(
+        self,
+        rows: Rows,
+        frozen: FrozenSteps,
+        at: np.ndarray,
+        shares: np.ndarray,
+        states: list[Rows],
+        forces: list[np.ndarray],
+        of_g: np.ndarray,
+    ) -> np.ndarray:
+        """Loads (T, points, n_q) that true accelerations tell; of_g : coefficients of constraints over steps."""
+        h, found = rows.t[at + 1] - rows.t[at], []
+        p = np.arange(2, of_g.shape[1])
+        bends = (p * (p - 1) * _powers(shares, len(p))) @ of_g[:, 2:] / (h**2)[:, None, None]
+        for k, (state, R) in enumerate(zip(states, forces, strict=True)):
+            bend = np.concatenate([bends[:, k], self._bend_of_parameters(state)], axis=1)
+            true = state.a - times(frozen.A1, R) - times(frozen.A2, bend)
+            found.append(true - times(frozen.a21, state.q - rows.q[at]) - times(frozen.a22, state.v))
+        return np.array(found).swapaxes(0, 1)
+
+    def _of_bodies(self, states: Rows) -> np.ndarray:
+        """Forces (T, n_q) of the bodies' own, in coordinates of the mbs."""
+        u = self._unknowns
         forces = np.zeros((len(states), u.n_a))
         for body, at in zip(u.bodies, u.blocks, strict=True):
             forces[:, at.start : at.start + 6 + body.n] = body.residual(body.motion(states))[:, : 6 + body.n]
-        R = times_transposed(u.inverses(states.q, states.v, states.a)[0], u.in_global_axes(forces, states.q))
-        R += [others.forces_at(*states.row(i)) for i in range(len(states))]
-        bend = np.concatenate([self._bend(states, h), self._bend_of_parameters(states)], axis=1)
-        return times(frozen.A1, R) + times(frozen.A2, bend)
+        return times_transposed(u.inverses(states.q, states.v, states.a)[0], u.in_global_axes(forces, states.q))
 
-    def _bend(self, states: Rows, h: np.ndarray) -> np.ndarray:
-        """Second derivatives (T, c) of what constraints keep zero, along the motion."""
-        found = np.zeros((len(states), len(self._equations.independent)))
-        for i in range(len(states)) if found.size else ():
-            t, q, v, a, _ = states.row(i)
-            tau = SHORT * h[i]
-            g = [
-                self._equations.constraints_at(t + s, q + s * v + s**2 / 2 * a, v, a)[self._equations.independent]
-                for s in (-tau, 0.0, tau)
-            ]
-            found[i] = (g[0] + g[2] - 2 * g[1]) / tau**2
-        return found
+    def _constraints(self, rows: Rows, at: np.ndarray, shares: np.ndarray, g: list[np.ndarray]) -> np.ndarray:
+        """Coefficients (T, points + 2, c) over steps of what constraints keep zero: ends, and the points inside."""
+        if not g[0].size:
+            return np.zeros((len(at), len(g) + 2, 0))
+        _, there = self._equations.along(rows[at[0] : at[-1] + 2])
+        ends = there[:, self._equations.independent]
+        values = np.stack([ends[at - at[0]], *g, ends[at + 1 - at[0]]], axis=1)
+        s = np.pad(shares, ((0, 0), (1, 1)), constant_values=((0, 0), (0.0, 1.0)))
+        return np.linalg.inv(_powers(s, s.shape[1])) @ values
 
     def _bend_of_parameters(self, states: Rows) -> np.ndarray:
         """The same of the length of Euler parameters, (T, nodes)."""
         pairs = ((node.parameters(states.q), node.own[3:]) for node in self._unknowns.nodes)
         found = [((p * states.a[:, own]) + states.v[:, own] ** 2).sum(axis=1) for p, own in pairs]
         return np.array(found).reshape(-1, len(states)).T
+
+
+def _standing_out(off: np.ndarray, loads: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """Numbers of steps in which loads (T, points, n) are off what samples tell as in few others: a jump.
+
+    masses (T, n) : by which what matters is told from what is nothing but rounding.
+    """
+    size = np.abs(off).max(axis=1)
+    least = SMOOTH * np.sqrt((loads**2).max(axis=1) * masses).max()
+    usual = np.median(size, axis=0) if len(size) >= FEW else 0.0
+    return np.flatnonzero(np.any((size > STANDS_OUT * usual) & (size * np.sqrt(masses) > least), axis=1))
+
+
+def _powers(s: np.ndarray, count: int) -> np.ndarray:
+    """Powers 0 .. count - 1 of s (T, points), (T, points, count)."""
+    return s[:, :, None] ** np.arange(count)
 
 
 def quintic(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..mechanism.tangents import Block
-from ..trajectory.estimate import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES
+from ..trajectory.estimate import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
 from .half_widths import CauseEstimate, Largest, tail, unchecked
 from .march import Factors, March, State, factors_of, is_at_rest
 from .unbalanced import unbalanced
@@ -104,11 +104,6 @@ class Modes:
         """The states of parts and corrections after the last row."""
         return self._first.state, self._second.state
 
-    @property
-    def steps_of_modes(self) -> np.ndarray:
-        """What steps make wrong of what modes leave out, (R,): so much of that is in no estimate."""
-        return self._largest["steps"]
-
     def _kicks(self, block: Block) -> np.ndarray:
         """Forces (T, n) on vectors that the reduced run does not answer: what M a - f + G^T lam leaves there."""
         u, others = self._of.unknowns, self._of.equations
@@ -133,6 +128,7 @@ class Modes:
         checks = {
             FURTHER: tail(most["last"], most["second"]),
             LINEAR_MODES: most["change"] + unchecked(most["modes"], self._of.sensors),
+            STEPS_OF_MODES: most["steps"],
         }
         found = {"modes": CauseEstimate(over_time[..., 0], checks)}
         if self.is_rigid:

@@ -62,11 +62,12 @@ def cubics(t: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @dataclass
-class FrozenSteps:
+class FrozenSteps(Samples):
     """Equations frozen in the middle of T steps: d'' = a21 d + a22 d' + loads, of the coordinates.
 
     A1, A2 : accelerations by forces, by C d''. b21, b22 : multipliers of d, d'. C, C1, W (T, c, n) twice, (T, n, c) :
-    at the ends of steps, constraints, their rates, what takes violations out without moving what is stiff.
+    at the ends of steps, constraints, their rates, what takes violations out without moving what is stiff. masses
+    (T, n) : the diagonal of M.
     """
 
     A1: np.ndarray
@@ -78,6 +79,7 @@ class FrozenSteps:
     C: np.ndarray
     C1: np.ndarray
     W: np.ndarray
+    masses: np.ndarray
 
     @classmethod
     def of(cls, system: ReducedSystem, inverses: np.ndarray, t: np.ndarray, at: np.ndarray) -> FrozenSteps:
@@ -96,7 +98,7 @@ class FrozenSteps:
         return cls(
             *(A1, A2, -(A1 @ by_q + A2 @ C2), -(A1 @ by_v + 2 * A2 @ C1)),
             *(-(B1 @ by_q + B2 @ C2), -(B1 @ by_v + 2 * B2 @ C1)),
-            *(C, _derivative(powers, 1.0, 1) / h, W),
+            *(C, _derivative(powers, 1.0, 1) / h, W, np.maximum(np.einsum("tii->ti", M), 0.0)),
         )
 
     def projected(self, x: np.ndarray, w: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:

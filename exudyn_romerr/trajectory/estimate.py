@@ -20,6 +20,8 @@ LINEAR, LINEAR_STEPS = "linearisation", "linearisation of steps"  # what linear 
 # linear equations miss
 FURTHER, LINEAR_MODES = "further vectors", "linearisation of modes"
 FURTHER_INTERFACES, LINEAR_INTERFACES = "further vectors of interfaces", "linearisation of interfaces"
+# what steps make wrong of what modes leave out: of the whole error, of neither cause alone
+STEPS_OF_MODES = "steps of what modes leave out"
 BY_STEPS = ("time step", "steps", LINEAR_STEPS, "loads", RINGING)
 # of what is estimated, where what linear equations leave out is not measured; it was up to 0.007 right after a static
 # solve, up to 0.002 else, and more where springs are short beside the motion

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ...mechanism.readings import Reading
+from ...mechanism.samples import Rows
 from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items
 from ..access.equations import Equations
@@ -123,15 +124,23 @@ class HollowCopy:
         R, G_t, g = self.residuals(t, *(self.wide(x, y)[None] for x, y in zip(state, kept, strict=True)))
         return R[0] + G_t[0] @ lam, g[0]
 
-    def forces_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
-        """Return M a - f + G^T lam (n_q,) in a state of the run, in its coordinates."""
-        R = self._forces(t, *(self.wide(x) for x in (q, v, a)))
-        return (R + self._equations.constraints(self.mbs).T @ lam)[self.own]
-
-    def constraints_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return g (all,) in a state of the run."""
-        self.set(t, *(self.wide(x) for x in (q, v, a)))
-        return self._equations.drift(self.mbs)
+    def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
+        """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
+        system, equations, R, g = self.mbs.systemData, self._equations, [], []
+        wide = [self.wide(x) for x in (states.q, states.v, states.a)]
+        places = state_in_place(system)[:3]
+        for t, lam, *state in zip(states.t, states.multipliers, *wide, strict=True):
+            system.SetTime(t)
+            for place, x in zip(places, state, strict=True):
+                place[:] = x
+            forces = -equations.forces(self.mbs)
+            if not self._is_massless:
+                forces += equations.mass(self.mbs) @ state[2]
+            if len(lam):
+                forces += equations.constraints(self.mbs).T @ lam
+                g.append(equations.drift(self.mbs))
+            R.append(forces)
+        return np.array(R)[:, self.own], np.array(g).reshape(len(R), -1)
 
     def read(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> Reading:
         """Return the tangent at a row of the run by central differences along unknowns that forces know."""

@@ -15,7 +15,7 @@ from ...mechanism.samples import Rows
 from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.modes import OF_MODES, PARTS
-from ...report.data import Plan
+from ...report.data import Plan, extents
 from ...report.formats.provenance import made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
@@ -193,9 +193,13 @@ def _output(
     none = np.full(value.shape, np.inf)
     parts = {PART_OF[cause]: x.over_time[:, sensor.rows] for cause, x in by_cause.items()}
     checks: dict[str, np.ndarray] = {}
-    for x in by_cause.values():
+    shown = extents(value, sensor.of == "position").max(initial=0.0)
+    for cause, x in by_cause.items():
+        # no linear equation tells an error as large as what is shown
+        is_lost = not np.abs(parts[PART_OF[cause]]).max(initial=0.0) <= shown
         for check, half in x.half_widths.items():
-            checks[check] = checks.get(check, 0.0) + np.broadcast_to(half[sensor.rows], value.shape)
+            width = np.full(value.shape, np.inf) if is_lost else np.broadcast_to(half[sensor.rows], value.shape)
+            checks[check] = checks.get(check, 0.0) + width
     return OutputReport(
         name=sensor.name,
         unit=sensor.unit,

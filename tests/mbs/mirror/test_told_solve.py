@@ -276,6 +276,28 @@ def test_forces_that_are_not_smooth_are_not_told_as_numbers():
         )
 
 
+@pytest.mark.parametrize("until", [0.0203, 0.0207, 0.02])
+def test_a_load_that_ends_inside_a_step_is_told(until):
+    """It was told as 2.7e-5 +- 7e-6, "enough", where 4.7e-4 was true: samples know nothing of when it ends."""
+
+    def made(times):
+        return scene_of(2, h=H / times, t_end=0.03, force=lambda t: (0.0, 0.0, -200.0 if t < until else 0.0))
+
+    report, names = told(scene := made(1))
+    own, fine = shown(scene), []
+    for times in (40, 80):
+        finer = made(times)
+        finer.solve()
+        fine.append(shown(finer))
+    key = "tip"
+    truth, unsure = fine[1][key] - own[key], np.abs(fine[1][key] - fine[0][key]).max()
+    out = report.outputs[names[key]]
+    half = out.uncertainty_parts["loads"] + out.uncertainty_parts["linearisation of steps"]
+    off = np.abs(out.estimate_parts["time step"] - truth).max(axis=0)
+    assert np.all(off <= 2 * half.max(axis=0) + unsure)
+    assert np.abs(truth).max() > 1e-4
+
+
 SEED = 112  # two bars with joints, one of which starts suddenly
 
 
@@ -288,13 +310,16 @@ def reports_in(monkeypatch, length=1.0, mass=1.0):
 
 
 def test_units_do_not_matter(monkeypatch):
-    """Millimetres and tonnes: every number to what Newton's tolerances, which are numbers, leave."""
+    """Millimetres and tonnes: every number to what Newton's tolerances, which are numbers, leave.
+
+    Half widths less so: which steps are looked at closer is decided where these leave something, too.
+    """
     metres, millimetres = reports_in(monkeypatch), reports_in(monkeypatch, 1e3, 1e-3)
     assert set(metres.outputs) == set(millimetres.outputs)
     for name, out in metres.outputs.items():
         other = millimetres.outputs[name]
-        for one, two in ((out.estimate, other.estimate), (out.uncertainty, other.uncertainty)):
-            np.testing.assert_allclose(two / 1e3, one, rtol=0, atol=1e-3 * np.abs(one).max() + 1e-13)
+        for one, two, off in ((out.estimate, other.estimate, 1e-3), (out.uncertainty, other.uncertainty, 0.1)):
+            np.testing.assert_allclose(two / 1e3, one, rtol=0, atol=off * np.abs(one).max() + 1e-13)
 
 
 def loaded_between(n, kind="RBE3"):
