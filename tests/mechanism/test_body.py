@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from exudyn_romerr.mechanism.rotations import times
+from exudyn_romerr.mechanism.rotations import exponential, times
 from tests.helpers.small_body import SmallBody
 
 STEP = 1e-6  # of unknowns of size 1, both ways: leaves 1e-12 of curvature and 1e-10 of rounding
@@ -75,8 +75,6 @@ def test_moved_motions_are_right_to_second_order():
     rng, dt = np.random.default_rng(5), 1e-4
 
     def turned(share):
-        from exudyn_romerr.mechanism.rotations import exponential
-
         m = small.motion(T=1)
         e, e1, e2 = share * rng.normal(size=(3, 1, 6 + small.body.k))
         found = m.moved(e, e1, e2)

@@ -42,6 +42,7 @@ MISSED = SimpleNamespace(
 )
 DOUBTS = {
     "goes on": Reason.BEGUN_ANEW.doubt(),
+    "goes on from what is not known": Reason.GOES_ON.doubt(),
     "goes on by index 2": Reason.OTHER_INDEX.doubt(),
     "goes on with other loads": Reason.OTHER_LOADS.doubt(),
     "steps repeated": Reason.REPEATED.doubt(),
