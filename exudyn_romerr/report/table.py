@@ -175,7 +175,8 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
     named = {row.name for row in rows if row.answer not in FINE and not _are_enough_alone(row)}
     together = [row for row in rows if row.answer not in FINE and row.name not in named]
     told = [("sum", together), *((cause, _told_of(rows, cause)) for cause in _largest_first(rows))]
-    return [_of_cause(of, cause) for cause, of in told if of]
+    in_solves = len({row.solve for row in rows}) > 1
+    return [_of_cause(of, cause, in_solves) for cause, of in told if of]
 
 
 def _told_of(rows: Sequence[Row], cause: str) -> list[Row]:
@@ -200,23 +201,27 @@ def _is_told(row: Row, cause: str) -> bool:
     return cause == "step" or not row.is_coarse
 
 
-def _of_cause(rows: Sequence[Row], cause: str) -> str:
-    """The sentence about one cause: what is too large, then what is not known, each by the worst component."""
+def _of_cause(rows: Sequence[Row], cause: str, in_solves: bool) -> str:
+    """The sentence about one cause: what is too large, then what is not known, each by the worst component.
+
+    in_solves : whether there are several, so that the component's is named.
+    """
     title = TITLES[cause].capitalize()
     known = [row for row in rows if row.of[cause].size is not None]
     found = [[row for row in known if row.of[cause].answer is answer] for answer in reversed(Answer)]
-    clauses = [_clause(of, cause) for of in found if of]
+    clauses = [_clause(of, cause, in_solves) for of in found if of]
     todo = [of for of in found if of and of[0].of[cause].answer not in FINE]
     return f"{title}: {'; '.join(clauses[: max(len(todo), 1)]) or 'not known'}."
 
 
-def _clause(rows: Sequence[Row], cause: str) -> str:
+def _clause(rows: Sequence[Row], cause: str, in_solves: bool) -> str:
     """What is said of rows of one answer: the worst, and what to do, so that it helps all of them."""
     row = max(rows, key=lambda row: row.share(cause))
     cure = max(rows, key=lambda row: row.shortening).of[cause].cure if cause == "step" else row.of[cause].cure
     verdict = row.of[cause]
     word = "measured" if verdict.how == MEASURED else "about"
-    size = f"{word} {said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)} at {row.label or row.name}"
+    where = f"{row.label or row.name}{f' in solve {row.solve}' if in_solves else ''}"
+    size = f"{word} {said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)} at {where}"
     if cause == "interfaces" and verdict.answer not in FINE and not verdict.reason:
         return f"{_word(verdict)}, {size}, {NOT_RIGID}"
     return f"{_word(verdict)}, {size}{cure and f'; {cure}'}"

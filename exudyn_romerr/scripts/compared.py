@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 STEPS = {"half": "the run with half the step", "quarter": "the run with a quarter of the step"}
 ABOVE_NOISE = 3.0  # times what two equal runs differ by: below it nothing is measurable
-LEAST_ORDER, MOST_ORDER = 0.5, 6.0  # between them halving fits an order; Exudyn's methods have 1 to 5
+LEAST_ORDER = 0.5  # from it on halving leads somewhere
+NOT_OF_SECOND_ORDER = 2.0  # times what a half of the step does not divide by four: what jumps inside steps may leave
 TURNS, MOVES = "Rotation", "Position"
 NOT_RUN = "{} was not had: {}"
 DO_NOT_SHRINK = "differences do not shrink with the step (chaotic, or contact at other instants)"
@@ -131,8 +132,9 @@ class _Component:
         if not LEAST_ORDER <= self.order:
             self.unshrunk = DO_NOT_SHRINK if d2 >= d1 else SHRINK_LITTLE
             return first + second, max(d1, d2) + self._floor()
-        left = second / (2 ** min(self.order, MOST_ORDER) - 1)  # Richardson: what steps shorter still would change
-        return first + second + left, _largest(left) + self._floor()
+        left = second / (2**SECOND_ORDER - 1)  # Richardson: what steps shorter still would change
+        jumps = min(NOT_OF_SECOND_ORDER * _largest(second - first / 2**SECOND_ORDER), d2)
+        return first + second + left, _largest(left) + jumps + self._floor()
 
     def _not_run(self, run: str) -> str:
         return NOT_RUN.format(STEPS[run], self._signal.missing.get(run, "it was not made"))

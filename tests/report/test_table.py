@@ -182,6 +182,12 @@ def test_a_run_that_ended_early_says_so_first():
     assert summary(two).startswith("Solve 0 until 0.105 of 0.25 s: the solve failed. Solve 1 until")
 
 
+def test_of_several_solves_that_with_the_worst_is_named():
+    rows = [row("tip", "", step=(1e-3, 1e-5)), replace(row("tip", "", step=(0.5, 1e-3)), solve=4)]
+    assert " at tip in solve 4" in first_sentences(rows)[0]
+    assert " in solve" not in first_sentences(rows[1:])[0]
+
+
 @pytest.mark.parametrize(
     ("measured", "estimated", "answer"),
     [
