@@ -3,8 +3,8 @@
 from setuptools import Extension, setup
 
 C = "exudyn_romerr/compiled/"
-NAMES = ("buffers", "curve_calls", "curves", "inertia", "march", "norms", "oscillators")
-NAMES += ("product_calls", "products", "recorder")
+NAMES = ("buffers", "closed_form", "closed_form_calls", "closed_tangent", "curve_calls", "curves", "inertia")
+NAMES += ("march", "norms", "oscillators", "product_calls", "products", "recorder")
 HEADERS = [f"{C}{name}.h" for name in NAMES]
 
 setup(ext_modules=[Extension("exudyn_romerr.compiled._loops", [C + "loops.c"], depends=HEADERS, optional=True)])

@@ -30,6 +30,8 @@ typedef Py_ssize_t Size;
 #include "oscillators.h"
 #include "products.h"
 #include "recorder.h"
+#include "closed_form.h"
+#include "closed_tangent.h"
 
 static int march_anywhere(March *all) { return march(all); }
 static void oscillate_anywhere(const Oscillators *all) { oscillate(all); }
@@ -189,6 +191,7 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
 #include "product_calls.h"
 #include "curve_calls.h"
 #include "inertia.h"
+#include "closed_form_calls.h"
 
 static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"oscillators", oscillated, METH_VARARGS, OSCILLATORS},
@@ -201,6 +204,9 @@ static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"interpolate", interpolated, METH_VARARGS, INTERPOLATE},
                                 {"largest_sizes", sized, METH_VARARGS, LARGEST_SIZES},
                                 {"decaying_sums", summed_up, METH_VARARGS, SUMS},
+                                {"moved_motion", moved_motion, METH_VARARGS, MOVED},
+                                {"body_residual", found_residual, METH_VARARGS, RESIDUAL},
+                                {"body_tangent", found_tangent, METH_VARARGS, TANGENT},
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
@@ -212,11 +218,11 @@ PyMODINIT_FUNC PyInit__loops(void)
         march_here = march_wide, oscillate_here = oscillate_wide, multiply_here = multiply_wide,
         square_here = square_wide, draw_here = draw_wide, measure_here = measure_wide,
         look_inside_here = look_inside_wide, weigh_here = weigh_wide, interpolate_here = interpolate_wide,
-        find_largest_here = find_largest_wide;
+        find_largest_here = find_largest_wide, add_here = add_wide, project_here = project_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
-                 PyModule_AddIntConstant(made, "VERSION", 6) < 0)) /* as in loops.py */
+                 PyModule_AddIntConstant(made, "VERSION", 7) < 0)) /* as in loops.py */
         Py_CLEAR(made);
     return made;
 }
