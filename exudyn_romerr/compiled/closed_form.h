@@ -23,9 +23,13 @@ INLINE void add_lanes(const int rows, const int lanes, Size inner, Table x, Tabl
 {
     Lanes sums[AT_ONCE][6], row[6];
     UNROLLED
-    for (int i = 0; i < rows; i++) memcpy(sums[i], start.of + i * start.next, lanes * sizeof(Lanes));
+    for (int i = 0; i < rows; i++) {
+        UNROLLED
+        for (int j = 0; j < lanes; j++) memcpy(&sums[i][j], start.of + i * start.next + j * LANES, sizeof(Lanes));
+    }
     for (Size l = 0; l < inner; l++) {
-        memcpy(row, A.of + l * A.next, lanes * sizeof(Lanes));
+        UNROLLED
+        for (int j = 0; j < lanes; j++) memcpy(&row[j], A.of + l * A.next + j * LANES, sizeof(Lanes));
         UNROLLED
         for (int i = 0; i < rows; i++) {
             const double by = x.of[i * x.next + l];
@@ -34,7 +38,10 @@ INLINE void add_lanes(const int rows, const int lanes, Size inner, Table x, Tabl
         }
     }
     UNROLLED
-    for (int i = 0; i < rows; i++) memcpy(y + i * next, sums[i], lanes * sizeof(Lanes));
+    for (int i = 0; i < rows; i++) {
+        UNROLLED
+        for (int j = 0; j < lanes; j++) memcpy(y + i * next + j * LANES, &sums[i][j], sizeof(Lanes));
+    }
 }
 
 /* The last columns of add(), fewer than a lane has. */
