@@ -202,7 +202,7 @@ class Body:
         return np.concatenate([force, moment, modal], axis=1)
 
     def tangent(self, m: Motion) -> tuple[list[np.ndarray], Coupling]:
-        """Return M, D, K (T, s, s) of the residual at samples of a motion by modes alone, s = 6 + na, and the coupling.
+        """Return M, D, K (T, s, s) of the residual, s = 6 + na, and the coupling; of a motion by modes alone.
 
         Does not cover: oscillators with oscillators, of which springs and dampers are kept.
         """
