@@ -30,6 +30,8 @@ typedef Py_ssize_t Size;
 #include "oscillators.h"
 #include "products.h"
 #include "recorder.h"
+#include "closed_form.h"
+#include "closed_tangent.h"
 
 static int march_anywhere(March *all) { return march(all); }
 static void oscillate_anywhere(const Oscillators *all) { oscillate(all); }
@@ -193,6 +195,7 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
 #include "flow.h"
 #include "inverses.h"
 #include "mechanism_calls.h"
+#include "closed_form_calls.h"
 
 static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"oscillators", oscillated, METH_VARARGS, OSCILLATORS},
@@ -208,6 +211,9 @@ static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"march_mechanism", mechanism_marched, METH_VARARGS, MECHANISM},
                                 {"flow", flowed, METH_VARARGS, FLOW},
                                 {"inverses", inverted, METH_VARARGS, INVERSES},
+                                {"moved_motion", moved_motion, METH_VARARGS, MOVED},
+                                {"body_residual", found_residual, METH_VARARGS, RESIDUAL},
+                                {"body_tangent", found_tangent, METH_VARARGS, TANGENT},
                                 {NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_loops", NULL, -1, methods, NULL, NULL, NULL, NULL};
 
@@ -220,11 +226,11 @@ PyMODINIT_FUNC PyInit__loops(void)
         square_here = square_wide, draw_here = draw_wide, measure_here = measure_wide,
         look_inside_here = look_inside_wide, weigh_here = weigh_wide, interpolate_here = interpolate_wide,
         find_largest_here = find_largest_wide, march_mechanism_here = march_mechanism_wide, flow_here = flow_wide,
-        invert_all_here = invert_all_wide;
+        invert_all_here = invert_all_wide, add_here = add_wide, project_here = project_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
-                 PyModule_AddIntConstant(made, "VERSION", 7) < 0)) /* as in loops.py */
+                 PyModule_AddIntConstant(made, "VERSION", 8) < 0)) /* as in loops.py */
         Py_CLEAR(made);
     return made;
 }

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..compiled.loops import loops
 from .rotations import CYCLE, body_rates, cross, exponential, rotation_matrix, skew, times, times_transposed
 from .samples import Rows, Samples
 
@@ -37,6 +38,15 @@ class Motion(Samples):
 
     def moved(self, e: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Motion:
         """Return the motion moved by e, e', e'' (T, 6 + k) of the unknowns, to second order in rotations."""
+        if loops is None:
+            return self._moved(e, e1, e2)
+        (T, j), k = self.c.shape, e.shape[1] - 6
+        moved = [np.empty((T, *shape)) for shape in ((3, 3), *[(3,)] * 4, *[(k,)] * 3)]
+        loops.moved_motion(T, j, k, *_whole(*vars(self).values(), e, e1, e2), *moved)
+        return Motion(*moved)
+
+    def _moved(self, e: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Motion:
+        """Where no loops are compiled."""
         x, w, alpha = cross, self.w, self.alpha
         th, phi1, phi2 = (times_transposed(self.A, y[:, 3:6]) for y in (e, e1, e2))
         th1 = phi1 - x(w, th)
@@ -49,6 +59,11 @@ class Motion(Samples):
         b = times_transposed(E, self.b + times_transposed(self.A, e2[:, :3]))
         shapes = (padded(own, k) + y[:, 6:] for own, y in ((self.c, e), (self.c1, e1), (self.c2, e2)))
         return Motion(self.A @ E, new_w, new_alpha, b, times_transposed(E, self.g), *shapes)
+
+
+def _whole(*arrays: np.ndarray) -> list[np.ndarray]:
+    """Return arrays as compiled loops take them."""
+    return [np.ascontiguousarray(x, dtype=float) for x in arrays]
 
 
 def padded(x: np.ndarray, k: int) -> np.ndarray:
@@ -125,14 +140,16 @@ class Body:
         of, by_mass = ([U[i::3] for i in range(3)] for U in (shapes, weighted))
         G = np.array([[of[i].T @ by_mass[j] for j in range(3)] for i in range(3)])
         self.M, self.K = np.einsum("iikl->kl", G), shapes.T @ (stiffness @ shapes)
-        self.D = damping(self.M, self.K)
+        self.D = np.ascontiguousarray(damping(self.M, self.K))
         Mx = (mass @ positions.ravel()).reshape(-1, 3)
         self.mass = float((mass @ np.tile([1.0, 0.0, 0.0], len(positions))).sum())
         self.X, self.XX = Mx.sum(0), positions.T @ Mx
         self.Ux = np.array([by_mass[j].sum(0) for j in range(3)])
-        self.xU = np.array([positions.T @ by_mass[j] for j in range(3)]).swapaxes(0, 1)
+        self.xU = np.stack([positions.T @ by_mass[j] for j in range(3)], axis=1)
         self.H = np.ascontiguousarray(G.transpose(2, 0, 1, 3).reshape(self.k, -1))
         self.G = np.ascontiguousarray(G.reshape(9, self.k, self.k))
+        self._twists = np.array([G[i, j] - G[j, i] for i, j in CYCLE])
+        self._G_back = np.ascontiguousarray(self.G[:, self.na :, : self.na].swapaxes(1, 2))
         self.springs, self.dampers = np.diag(self.K)[self.na :].copy(), np.diag(self.D)[self.na :].copy()
 
     def motion(self, rows: Rows) -> Motion:
@@ -148,14 +165,27 @@ class Body:
     def _sums(self, m: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Sums of y_i U_j, u1_i U_j (T, 3, 3, k), and of y_i y_j (T, 3, 3)."""
         j, T = m.c.shape[1], len(m.c)
-        YU = self.xU + (m.c @ self.H[:j]).reshape(T, 3, 3, -1)
-        U1 = (m.c1 @ self.H[:j]).reshape(T, 3, 3, -1)
+        YU = self.xU + (m.c @ self.H[:j]).reshape(T, 3, 3, self.k)
+        U1 = (m.c1 @ self.H[:j]).reshape(T, 3, 3, self.k)
         yc = (YU[..., :j] @ m.c[:, None, :, None])[..., 0]
         xc = (m.c @ self.xU[..., :j].reshape(9, j).T).reshape(T, 3, 3)
         return YU, U1, self.XX + yc + xc.swapaxes(1, 2)
 
     def residual(self, m: Motion) -> np.ndarray:
         """Return force, moment, modal rows (T, 6 + k) of inertia and elasticity less weight, in axes of the body."""
+        if loops is None:
+            return self._residual(m)
+        (T, j), rows = m.c.shape, np.empty((len(m.c), 6 + self.k))
+        loops.body_residual(T, j, self.k, self.mass, *self._given(m), rows)
+        return rows
+
+    def _given(self, m: Motion) -> list[np.ndarray]:
+        """Return arrays that compiled loops take."""
+        motion = _whole(m.w, m.alpha, m.b, m.g, m.c, m.c1, m.c2)
+        return [*motion, self.X, self.XX, self.Ux, self.xU, self.G, self._twists, self.M, self.D, self.K]
+
+    def _residual(self, m: Motion) -> np.ndarray:
+        """Where no loops are compiled."""
         j, T = m.c.shape[1], len(m.c)
         W, (YU, U1, YY) = 2 * skew(m.w), self._sums(m)
         S = skew(m.alpha) + W @ W / 4
@@ -167,7 +197,7 @@ class Body:
         moment = cross(Y, m.b) - cross(self.X, m.g) + crossed(arms)
         modal = (m.b - m.g) @ self.Ux + m.c2 @ self.M[:j] + m.c1 @ self.D[:j] + m.c @ self.K[:j]
         for turn, of in ((S, YU), (W, U1)):
-            modal += (turn.swapaxes(1, 2).reshape(T, 1, 9) @ of.reshape(T, 9, -1))[:, 0]
+            modal += (turn.swapaxes(1, 2).reshape(T, 1, 9) @ of.reshape(T, 9, self.k))[:, 0]
         return np.concatenate([force, moment, modal], axis=1)
 
     def tangent(self, m: Motion) -> tuple[list[np.ndarray], Coupling]:
@@ -175,6 +205,15 @@ class Body:
 
         Does not cover: oscillators with oscillators, of which springs and dampers are kept.
         """
+        if loops is None:
+            return self._tangent(m)
+        (T, j), s = m.c.shape, 6 + self.na
+        own, coupled = ([np.empty((T, s, n)) for _ in range(count)] for n, count in ((s, 3), (self.m, 5)))
+        loops.body_tangent(T, j, self.na, self.k, self.mass, *self._given(m), self._G_back, *own, *coupled)
+        return own, Coupling(*coupled)
+
+    def _tangent(self, m: Motion) -> tuple[list[np.ndarray], Coupling]:
+        """Where no loops are compiled."""
         j, T, k, na, s = m.c.shape[1], len(m.c), self.k, self.na, 6 + self.na
         W, (YU, U1, YY) = skew(m.w), self._sums(m)
         S, b, g = skew(m.alpha) + W @ W, skew(m.b), skew(m.g)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+TURNS = [(2, 3)] * 4  # of a body in closed form: w, alpha, b, g; then c, c1, c2 and sums over its nodes
+BODY = [*TURNS, *[(2, 1)] * 3, (3,), (3, 3), (3, 4), (3, 3, 4), (9, 4, 4), (3, 4, 4), *[(4, 4)] * 3]
 CALLS = {  # sizes that are right, and shapes of the arrays
     "march": ((2, 5, 3, 4), [(2, 4, 3), (2, 5, 4), (2, 5, 2, 3), (5, 12), (5, 16), (5, 4, 6), *[(5, 4, 4)] * 2]),
     "oscillators": ((5, 4, 3), [(2, 3), (2, 2, 3), (2, 4, 3), (5, 4, 3), (5, 2, 3)]),
@@ -14,6 +16,12 @@ CALLS = {  # sizes that are right, and shapes of the arrays
     "interpolate": ((5, 3), [*[(5, 3)] * 2, (5, 9, 3), (6, 6), (5, 6), (5, 6, 3), *[(5, 3)] * 2]),
     "largest_sizes": ((7, 5), [(7, 5), (5,)]),
     "decaying_sums": ((2, 5), [*[(2, 5)] * 2, (2,), (2, 5)]),
+    "moved_motion": (
+        (2, 1, 4),
+        [(2, 3, 3), *TURNS, *[(2, 1)] * 3, *[(2, 10)] * 3, (2, 3, 3), *TURNS, *[(2, 4)] * 3],
+    ),
+    "body_residual": ((2, 1, 4, 0.5), [*BODY, (2, 10)]),
+    "body_tangent": ((2, 1, 3, 4, 0.5), [*BODY, (9, 3, 1), *[(2, 9, 9)] * 3, *[(2, 9, 1)] * 5]),
     "inside": ((5, 4, 3), [(3,), (5,), (5, 2, 3), (5, 4, 3), (5, 2, 3)]),
 }
 
