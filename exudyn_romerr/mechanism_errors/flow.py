@@ -20,7 +20,7 @@ from .reduced_system import FrozenSteps, ReducedSystem, consistent_rates, cubics
 
 PIECE = 3.0  # |lambda| h of one piece of the series; more pieces above
 TERMS = 40  # at most: it ends where terms are rounding
-STIFF = 25.0  # |lambda| h above which a matrix exponential is cheaper than pieces of the series
+STIFF = 60.0  # |lambda| h above which a matrix exponential is cheaper than pieces of the series
 FAST = 3.0  # |lambda| h above which loads between samples are asked for
 
 
