@@ -21,8 +21,9 @@ WITHIN = 5e-3  # of the largest entry: a spline that is farther off is read more
 MOST = 0.25  # of rows
 JUMP = 0.1  # of the largest entry: tangents of two rows beside one another that are farther apart do not join
 ASIDE = 0.382  # of a span, where it is tried: halves of a turn look like the whole
-CONSTANT = 1e-11  # of the largest: an entry that varies by less does not
+CONSTANT = 1e-11  # of the largest of alike entries: one that varies by less does not
 PARTS = ("M", "D", "K", "G", "C")
+OF_CONSTRAINTS = ("G", "C")
 
 
 @dataclass(frozen=True)
@@ -62,17 +63,25 @@ class Readable(Protocol):
 
 
 class Splined:
-    """Readings over time: entries that are always the same once, others by a cubic spline."""
+    """Readings over time: entries that are always the same once, others by a cubic spline.
 
-    def __init__(self, t: np.ndarray, readings: Sequence[Reading]):
-        self._fixed, self._varying = {}, {}
+    scales (n_a,) : finite motions that are alike. forces (all,) : the largest of each multiplier. Forces and moments,
+    lengths and angles are told from rounding only beside their like.
+    """
+
+    def __init__(self, t: np.ndarray, readings: Sequence[Reading], scales: np.ndarray, forces: np.ndarray):
+        self._fixed, self._varying, both = {}, {}, scales * scales[:, None]
         for name in PARTS:
             values = np.array([getattr(one, name) for one in readings])
-            flat = values.reshape(len(values), -1)
-            moves = np.flatnonzero(np.ptp(flat, axis=0) > CONSTANT * np.abs(flat).max(initial=0.0))
+            alike, axes = (scales, (0, 2)) if name in OF_CONSTRAINTS else (both, None)
+            least = CONSTANT * np.abs(values * alike).max(axis=axes, initial=0.0, keepdims=True)
+            moves = np.flatnonzero(np.ptp(values * alike, axis=0) > least[0])
             self._fixed[name] = values[0]
-            self._varying[name] = moves, _over_time(t, flat[:, moves]) if len(moves) else None
-        self._by_multiplier = _sparse(np.array([one.H for one in readings]), t)
+            self._varying[name] = (
+                moves,
+                _over_time(t, values.reshape(len(values), -1)[:, moves]) if len(moves) else None,
+            )
+        self._by_multiplier = _sparse(np.array([one.H for one in readings]), t, both[..., None] * forces)
 
     def __call__(self, name: str, t: np.ndarray) -> np.ndarray:
         """Return a part of PARTS at times t, (T, ...)."""
@@ -90,11 +99,14 @@ class Splined:
         return K
 
 
-def _sparse(H: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, Callable, sp.csr_matrix]:
-    """Entries of H (readings, n_a, n_a, all) that are not zero: multipliers, values over time, where they go."""
+def _sparse(H: np.ndarray, t: np.ndarray, alike: np.ndarray) -> tuple[np.ndarray, Callable, sp.csr_matrix]:
+    """Entries of H (readings, n_a, n_a, all) that are not zero: multipliers, values over time, where they go.
+
+    alike (n_a, n_a, all) : times these entries are works.
+    """
     R, n, _, count = H.shape
     flat = H.reshape(R, -1)
-    size = np.abs(flat).max(axis=0, initial=0.0)
+    size = (np.abs(H).max(axis=0, initial=0.0) * alike).ravel()
     used = np.flatnonzero(size > CONSTANT * size.max(initial=0.0))
     place, number = np.divmod(used, max(count, 1))
     gathers = sp.csr_matrix((np.ones(len(used)), (np.arange(len(used)), place)), shape=(len(used), n * n))
@@ -139,7 +151,8 @@ class Readings:
         return np.array(sorted(self._read))
 
     def _spline(self) -> Splined:
-        return Splined(self._rows.t[self.at], [self._read[i] for i in self.at])
+        forces = np.abs(self._rows.multipliers).max(axis=0, initial=0.0)
+        return Splined(self._rows.t[self.at], [self._read[i] for i in self.at], self._source.scales, forces)
 
     def _differs(self, i: int) -> bool:
         """Whether the tangents of the next row are others."""

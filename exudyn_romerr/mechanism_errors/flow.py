@@ -43,7 +43,7 @@ class Flow:
 
     columns : the best loads; a second opinion of these; where user functions may jump, how far means may be off.
     e (columns, 2 n_q) : after the last row, of coordinates and rates. fastest : largest |lambda| h met. drift :
-    largest |v - v~| over |v|, rates off the constraints.
+    largest |v - v~|_M over |v|_M, rates off the constraints.
     """
 
     def __init__(
@@ -97,7 +97,9 @@ class Flow:
         )
         found[:, 1] += (rows.v - v)[own, :, None]
         found[:, 2] += (rows.a - a)[own, :, None]
-        self._off, self._rate = max(self._off, np.abs(rows.v - v).max()), max(self._rate, np.abs(rows.v).max())
+        masses = np.einsum("tii->ti", system.M)
+        off, rate = (np.sqrt((masses * x**2).sum(axis=1)).max() for x in (rows.v - v, rows.v))
+        self._off, self._rate = max(self._off, off), max(self._rate, rate)
         return found, lam
 
     def _of_multipliers(
@@ -110,7 +112,7 @@ class Flow:
 
     @property
     def drift(self) -> float:
-        """Largest |v - v~| over the largest |v|; 0 where nothing moves."""
+        """Largest |v - v~|_M over the largest |v|_M, by the diagonal of M; 0 where nothing moves."""
         return self._off / self._rate if self._rate else 0.0
 
     def _loads(self, rows: Rows, v: np.ndarray, a: np.ndarray, frozen: FrozenSteps, at: np.ndarray) -> np.ndarray:

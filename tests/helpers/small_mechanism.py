@@ -24,7 +24,10 @@ class SmallMechanism:
         other = np.arange(7 + self.small.body.n, n_q)
         self.unknowns = Unknowns([self.small.body], [(other, None)], n_q)
         self.rows = self._motion(T, turns, n_q, rng)
-        self.rest = Splined(self.rows.t[[0, -1]], [self._reading(rng) for _ in range(2)])
+        readings = [self._reading(rng) for _ in range(2)]
+        self.rest = Splined(
+            self.rows.t[[0, -1]], readings, np.ones(self.unknowns.n_a), np.ones(readings[0].H.shape[-1])
+        )
 
     def _motion(self, T, turns, n_q, rng):
         t, w = H * np.arange(T), 20.0

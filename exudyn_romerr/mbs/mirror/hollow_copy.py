@@ -27,7 +27,9 @@ UNSEEN = 1e-8  # of the largest: what differences leave of an unknown that nothi
 STEP = 1e-5  # rad, and of a body's size: to differentiate by, both ways
 KNOWN = 1e-12  # of the largest force: a change by rates that is less is rounding
 DEPENDENT = 1e-8  # of the largest: what is below is a constraint that others imply, or none
-NO_CONSTRAINT = 1e-8  # of the largest motion that a constraint knows
+NO_CONSTRAINT = (
+    1e-8  # of what its row of G could come to: less is the length of Euler parameters, which unknowns keep
+)
 
 
 class HollowCopy:
@@ -159,7 +161,7 @@ class HollowCopy:
         M = J[0].T @ self._equations.mass(self.mbs) @ J[0]
         whole = self._equations.constraints(self.mbs)
         if self.independent is None:
-            self.independent = self._independent(C.T, whole)
+            self.independent = self._independent(C.T, whole, J[0])
         return Reading(M, D, K.T, whole[self.independent] @ J[0], C.T[self.independent], H.transpose(1, 0, 2))
 
     def note_dependence(self, readings: Sequence[Reading]) -> None:
@@ -194,14 +196,16 @@ class HollowCopy:
             D[:, j] = J[0].T @ (two[0] - two[1]) / (2 * h[j])
         return D
 
-    def _independent(self, C: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    def _independent(self, C: np.ndarray, whole: np.ndarray, J: np.ndarray) -> np.ndarray:
         """Numbers of constraints that act on unknowns and that no others imply.
 
-        C (all, n_a), whole : G (all, size).
+        C (all, n_a), whole : G (all, size), J (size, n_a): what a row of G could come to with any signs is what tells
+        rounding from a constraint, for there may be none but the lengths of Euler parameters, which unknowns keep.
         """
         scaled = C * self.scales
-        size = np.linalg.norm(scaled, axis=1)
-        rows = np.flatnonzero(whole.any(axis=1) & (size > NO_CONSTRAINT * size.max(initial=0.0)))
+        size, able = np.linalg.norm(scaled, axis=1), np.linalg.norm(np.abs(whole) @ np.abs(J * self.scales), axis=1)
+        rows = np.flatnonzero(able > 0)
+        rows = rows[size[rows] > NO_CONSTRAINT * able[rows]]
         if not len(rows):
             return rows
         triangle, order = la.qr((scaled[rows] / size[rows, None]).T, mode="r", pivoting=True)
