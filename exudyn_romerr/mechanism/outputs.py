@@ -92,13 +92,24 @@ class Outputs:
     """
 
     def __init__(
-        self, unknowns: Unknowns, rows: Rows, axes: np.ndarray, nodes: Sequence[NodeSensor], source: Gradients | None
+        self,
+        unknowns: Unknowns,
+        rows: Rows,
+        axes: np.ndarray,
+        nodes: Sequence[NodeSensor],
+        asked: Sequence[slice] = (),
+        source: Gradients | None = None,
     ):
-        self._unknowns, self._rows, self.axes, self._nodes = unknowns, rows, axes, nodes
-        closed = [i for node in nodes for i in range(node.first, node.first + 3)]
-        self._asked = np.setdiff1d(np.arange(len(axes)), closed)
+        """Look at gradients.
+
+        Parameters
+        ----------
+        nodes : sensors in closed form
+        asked : rows of each of all others, whose gradients the source knows
+        """
+        self._unknowns, self._rows, self.axes, self._nodes, self._asked = unknowns, rows, axes, nodes, asked
         self._read: dict[int, list[np.ndarray]] = {}
-        if len(self._asked):
+        if asked:
             self._uses = source.uses
             self._look(source)
         self.at = np.array(sorted(self._read) or [0, len(rows) - 1])
@@ -119,9 +130,9 @@ class Outputs:
     def _is_straight(self, a: int, c: int, b: int) -> bool:
         share = (c - a) / (b - a)
         for one, now, two in zip(self._read[a], self._read[c], self._read[b], strict=True):
-            if now.size:
-                off = np.abs((1 - share) * one + share * two - now)[self._asked].max(axis=1, initial=0.0)
-                if np.any(off > WITHIN * np.abs(now)[self._asked].max(axis=1, initial=0.0)):
+            off = np.abs((1 - share) * one + share * two - now)
+            for rows in self._asked:
+                if off[rows].max(initial=0.0) > WITHIN * np.abs(now[rows]).max(initial=0.0):
                     return False
         return True
 

@@ -31,7 +31,7 @@ def moved_rows(u, rows, e):
 def test_sensors_of_nodes_in_closed_form(kind):
     mechanism = SmallMechanism()
     u, rows, node = mechanism.unknowns, mechanism.rows, sensor_of(mechanism, kind)
-    outputs = Outputs(u, rows, np.full(3, -1 if kind.endswith("Local") else 0), [node], None)
+    outputs = Outputs(u, rows, np.full(3, -1 if kind.endswith("Local") else 0), [node])
     rng = np.random.default_rng(4)
     e = rng.normal(size=(3, u.n_a))
     e[:, u.kept] = 0.0
@@ -49,7 +49,7 @@ def test_vectors_move_nodes():
     e = np.zeros((len(rows), 3, u.n, 1))
     k = u.waves[0].start
     e[:, 0, k] = 2.0
-    found = Outputs(u, rows, np.full(3, -1), [node], None)(0, e, np.zeros((len(rows), 1, 1)))[..., 0]
+    found = Outputs(u, rows, np.full(3, -1), [node])(0, e, np.zeros((len(rows), 1, 1)))[..., 0]
     np.testing.assert_allclose(found, np.tile(2.0 * node.shapes[:, u.bodies[0].na], (len(rows), 1)))
 
 
@@ -76,7 +76,7 @@ def test_gradients_are_asked_for_until_they_are_straight(over, most):
     mechanism = SmallMechanism(T=60)
     u, rows = mechanism.unknowns, mechanism.rows
     source = Asked(u.n, over)
-    outputs = Outputs(u, rows, np.array([-1]), [], source)
+    outputs = Outputs(u, rows, np.array([-1]), [], [slice(0, 1)], source)
     assert source.asked == len(outputs.at) <= most
     e, lam = np.zeros((60, 3, u.n, 1)), np.full((60, 1, 1), 5.0)
     e[:, 0, -1] = 1.0

@@ -27,7 +27,8 @@ KINDS = {  # closed form of what a sensor on mesh nodes measures, by quantity an
     ("displacement", "body"): "DisplacementLocal",
     ("velocity", "body"): "VelocityLocal",
 }
-TURNED = ("Displacement", "Position", "Velocity", "Acceleration")  # what is turned into axes of the body it is on
+TURNED = ("Displacement", "Position", "Velocity", "Acceleration", "AngularVelocity", "AngularAcceleration")
+# vectors whose gradients are looked at in axes of the body they are on, where they hardly change
 FASTER = 1e3  # times steps of coordinates: of rates and accelerations, to differentiate by
 STILL = "it does not depend on the motion"
 NOT_FINITE = "it is not finite"
@@ -93,9 +94,17 @@ class Sensors:
         if not np.isfinite(values).all():
             self.left_out.append((name, NOT_FINITE))
             return
-        bodies = [one.body.place.number for one in self._enriched]
-        is_turned = int(item.get("bodyNumber", -1)) in bodies and len(values) == 3 and kind in TURNED
-        self._note(name, kind, number, len(values), bodies.index(int(item["bodyNumber"])) if is_turned else -1)
+        is_turned = len(values) == 3 and kind in TURNED
+        self._note(name, kind, number, len(values), self._body_of(item) if is_turned else -1)
+
+    def _body_of(self, item: dict[str, Any]) -> int:
+        """Number of the body that a sensor is on, or on whose frame's node; -1: on none."""
+        for b, one in enumerate(self._enriched):
+            number = one.body.place.number
+            frame = self._mbs.GetObject(number)["nodeNumbers"][0]
+            if number == int(item.get("bodyNumber", -1)) or int(frame) == int(item.get("nodeNumber", -1)):
+                return b
+        return -1
 
     def _note(self, name: str, kind: str, number: int | None, count: int, axes: int) -> None:
         rows = slice(self.count, self.count + count)
@@ -125,7 +134,8 @@ class Sensors:
     def outputs(self, rows: Rows) -> Outputs:
         """Return the gradients along a run."""
         source = None if self._copy is None else _Differences(self, rows)
-        return Outputs(self._unknowns, rows, np.array(self._axes, int), self.nodes, source)
+        asked = [one.rows for one in self._asked]
+        return Outputs(self._unknowns, rows, np.array(self._axes, int), self.nodes, asked, source)
 
     def values(self, rows: Rows) -> np.ndarray:
         """Return what they show in rows of the run, (T, R)."""
