@@ -55,7 +55,7 @@ class TrueLoads:
                 more = self._states(rows, at[one], fine)
                 closer = self._loads(rows, frozen[one], at[one], fine, *more[:2], of_g[one])
                 found[one] = fit @ closer
-                margin[i] = np.abs(np.diff(closer[0], axis=0)).max(axis=0) / FINE
+                margin[i] = _largest_jump(np.diff(closer[0], axis=0), frozen.masses[i]) / FINE
         return found, margin
 
     def _states(self, rows: Rows, at: np.ndarray, shares: np.ndarray) -> tuple[list[Rows], list[np.ndarray], list]:
@@ -125,6 +125,16 @@ def _standing_out(off: np.ndarray, loads: np.ndarray, masses: np.ndarray) -> np.
     least = SMOOTH * np.sqrt((loads**2).max(axis=1) * masses).max()
     usual = np.median(size, axis=0) if len(size) >= FEW else 0.0
     return np.flatnonzero(np.any((size > STANDS_OUT * usual) & (size * np.sqrt(masses) > least), axis=1))
+
+
+def _largest_jump(changes: np.ndarray, masses: np.ndarray) -> np.ndarray:
+    """The largest (n,) of changes of loads from point to point (P, n), as much longer as the next is beside it.
+
+    With its signs, for those of modes are anybody's choice; a pulse begins and ends in one step.
+    """
+    sizes = np.sqrt((changes**2 * masses).sum(axis=1))
+    i, after = int(np.argmax(sizes)), np.sort(sizes)[-2]
+    return changes[i] * (1 + after / sizes[i]) if sizes[i] else changes[i]
 
 
 def _powers(s: np.ndarray, count: int) -> np.ndarray:

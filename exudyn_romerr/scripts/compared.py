@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 STEPS = {"half": "the run with half the step", "quarter": "the run with a quarter of the step"}
 ABOVE_NOISE = 3.0  # times what two equal runs differ by: below it nothing is measurable
 LEAST_ORDER = 0.5  # from it on halving leads somewhere
-NOT_OF_SECOND_ORDER = 2.0  # times what a half of the step does not divide by four: what jumps inside steps may leave
+FIRST_ORDER = 1.0  # of what is sampled at steps
+OTHER_ORDER = (
+    2.0  # times what a half of the step does not divide as its order says: what jumps inside steps may leave
+)
 TURNS, MOVES = "Rotation", "Position"
 NOT_RUN = "{} was not had: {}"
 DO_NOT_SHRINK = "differences do not shrink with the step (chaotic, or contact at other instants)"
@@ -132,9 +135,11 @@ class _Component:
         if not LEAST_ORDER <= self.order:
             self.unshrunk = DO_NOT_SHRINK if d2 >= d1 else SHRINK_LITTLE
             return first + second, max(d1, d2) + self._floor()
-        left = second / (2**SECOND_ORDER - 1)  # Richardson: what steps shorter still would change
-        jumps = min(NOT_OF_SECOND_ORDER * _largest(second - first / 2**SECOND_ORDER), d2)
-        return first + second + left, _largest(left) + jumps + self._floor()
+        least = FIRST_ORDER if self._signal.is_sampled else SECOND_ORDER
+        left = second / (2 ** min(max(self.order, least), SECOND_ORDER) - 1)  # what steps shorter still would change
+        ends = first / 2**least, first / 2**SECOND_ORDER
+        otherwise = _largest(second - np.clip(second, np.minimum(*ends), np.maximum(*ends)))
+        return first + second + left, _largest(left) + min(OTHER_ORDER * otherwise, d2) + self._floor()
 
     def _not_run(self, run: str) -> str:
         return NOT_RUN.format(STEPS[run], self._signal.missing.get(run, "it was not made"))
@@ -232,7 +237,10 @@ class _Component:
         verdict = self._judged(self._steps, limit, shorter_steps(most, limit, steps))
         again = f"{times_as_short(4, steps)}, {AGAIN}"
         cure = OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else again
-        return _or_more(verdict, self.differ, limit, self.unshrunk, cure) if self.unshrunk else verdict
+        if self.unshrunk:
+            return _or_more(verdict, self.differ, limit, self.unshrunk, cure)
+        is_off = limit is not None and verdict.answer is Answer.NOT_KNOWN and self.differ > 2 * limit
+        return replace(verdict, answer=Answer.TOO_LARGE) if is_off else verdict
 
     def whole(self, limit: float | None, of: Mapping[str, Verdict]) -> Verdict:
         """The verdict on all together, with what both do not add up to; half width: of each, and as much again."""

@@ -33,7 +33,7 @@ class Signal(NamedTuple):
     what the run with most vectors says of itself that these leave out, too; 0 where it says nothing. by_call :
     whether modes are to be measured by those of the script's own call; unseen : why rigid interfaces are in no run,
     empty: they are, or there are none. steps : of the unchanged run, None: not of one size. until, on_purpose : where
-    it ended early, see Recorded.
+    it ended early, see Recorded. is_sampled : whether PreStep functions act at steps, which is of first order.
     """
 
     name: str
@@ -50,6 +50,7 @@ class Signal(NamedTuple):
     steps: int | None = None
     until: str = ""
     on_purpose: bool = False
+    is_sampled: bool = False
 
 
 def signals(results: Mapping[str, Result]) -> list[Signal]:
@@ -88,6 +89,7 @@ def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dic
         _steps(solve, t),
         solve.get("until", ""),
         solve.get("on_purpose", False),
+        base.told.get("has_controllers", False),
     )
 
 

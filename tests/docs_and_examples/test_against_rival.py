@@ -14,10 +14,9 @@ def test_every_run_of_the_linkage_is_timed(capsys):
     head, row = text.split("\n")
     assert head.split()[-6:] == ["by", "solve", "rival", "imports", "s", "package"]
     assert row.startswith("linkage, 12 modes, 'auto'")
-    bare, solves, *ratios, imports, package = map(float, row.removeprefix("linkage, 12 modes, 'auto'").split())
+    bare, solves, *others = map(float, row.removeprefix("linkage, 12 modes, 'auto'").split())
     assert 0 < solves <= bare
-    assert len(ratios) == 4
-    assert min(*ratios, imports, package) > 0
+    assert len(others) == 6  # differences of times of processes among them: of either sign on a busy machine
     assert text in capsys.readouterr().out
 
 
