@@ -232,6 +232,11 @@ def until_load(factor: float, why: str) -> str:
     return f"until load factor {factor:.4g}: {why}"
 
 
+def until_begun(why: str) -> str:
+    """Return that a solve has made no step, and why."""
+    return f"until its first step: {why}"
+
+
 def not_the_rest(of: dict[str, Verdict], early: str) -> dict[str, Verdict]:
     """Return verdicts on a run that ended early: of the rest nothing is enough, what is too large until then is."""
     return {

@@ -16,7 +16,7 @@ from jsonschema import validate
 
 import exudyn_romerr as romerr
 from exudyn_romerr.__main__ import main
-from exudyn_romerr.mbs.scenes import found_bodies
+from exudyn_romerr.mbs.scenes import found_bodies, recorded_solve
 from exudyn_romerr.report.answers import STATUS, Answer
 from exudyn_romerr.report.verdicts import CAUSES
 from exudyn_romerr.scripts.run import NO_BODY
@@ -324,6 +324,18 @@ MEANT = "scene.mbs.SetPostStepUserFunction(lambda mbs, t: t < 0.03)\n"
 SOLVES = "scene.mbs.SolveDynamic(scene.settings)\n"
 TRIED = f"scene.mbs.Assemble()\ntry:\n    {SOLVES}except Exception:\n    pass\n"
 PULLED = FAILS.replace("ValueError('a user')", "KeyboardInterrupt")
+
+
+@pytest.mark.parametrize("where", ["sensor_name", "Recorder"])
+def test_ctrl_c_before_the_first_step_is_said_first(where, tmp_path, monkeypatch):
+    """While a solve is made ready to be watched, which takes a second where it is the first."""
+
+    def interrupted(*of):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(recorded_solve, where, interrupted)
+    run = romerr.run(written(tmp_path, SCENE + "scene.mbs.Assemble()\n" + SOLVES), tolerance="1e9")
+    assert str(run).startswith("Until its first step: it was interrupted (Ctrl-C). Not covered by any estimate:")
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ class EndedBy(NamedTuple):
 
 
 TO_ITS_END = EndedBy("")
+INTERRUPTED = "it was interrupted (Ctrl-C)"
 
 
 def ended_by(solver: Any, error: BaseException | None = None) -> EndedBy:
@@ -53,5 +54,5 @@ def _raised(error: BaseException) -> str:
         chain.append(error)
         error = error.__cause__ or error.__context__
     if any(isinstance(one, KeyboardInterrupt) for one in chain):
-        return "it was interrupted (Ctrl-C)"
+        return INTERRUPTED
     return f"{type(chain[-1]).__name__}: {' '.join(str(chain[-1]).split())}"

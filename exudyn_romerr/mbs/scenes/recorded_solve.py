@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import AssumptionError
 from ...process.blas_threads import one_thread
-from ...report.verdicts import until, until_load
+from ...report.verdicts import until, until_begun, until_load
 from ...trajectory.scheme import Scheme
 from ..access.mbs_items import sensor_name
 from ..floating.floating_body import floating_body
@@ -71,6 +71,8 @@ class RecordedSolve:
         before = self._ended.pop(self._mbs, None)
         if runs:
             self._ended[self._mbs] = Ended(runs[-1].q[-1], runs[-1].v[-1])  # where nothing is known
+        elif ending.why:
+            solve.until = until_begun(ending.why)
         end = _planned_end(solver, runs[-1].t[-1]) if runs else None
         if end is not None and ending.why:
             last = runs[-1].t[-1]

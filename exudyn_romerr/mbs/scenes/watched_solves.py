@@ -15,7 +15,8 @@ from weakref import WeakKeyDictionary
 from ...errors import RunError
 from ...judgement.solve import Solve
 from ...process.own_frames import without_our_places
-from ..access.endings import TO_ITS_END, EndedBy, ended_by, note_end
+from ...report.verdicts import until_begun
+from ..access.endings import INTERRUPTED, TO_ITS_END, EndedBy, ended_by, note_end
 from .stand_in import StandIn
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 DYNAMIC = ("MainSolverImplicitSecondOrder", "MainSolverExplicit")
 STATIC = "MainSolverStatic"
 Opened = tuple[Solve | None, Any, ExitStack | None]  # a solve, what tells of it, what is put back when it has ended
-INTERRUPTED = "it was interrupted (Ctrl-C) while its error was computed"
+WHILE_TOLD = f"{INTERRUPTED} while its error was computed"
 NOTHING: Opened = (None, None, None)
 
 
@@ -122,6 +123,9 @@ class WatchedSolves(StandIn):
         except Exception as error:  # whatever it is: the script goes on, and the answer says why there is no number
             solve.failure = error
             return solve, None, ExitStack()
+        except KeyboardInterrupt:
+            solve.until = until_begun(INTERRUPTED)
+            raise
         finally:
             solve.our_seconds += process_time() - begin
             self._is_inside = False
@@ -150,7 +154,7 @@ class WatchedSolves(StandIn):
         except Exception as error:  # as in _begin
             solve.failure = error
         except KeyboardInterrupt:
-            solve.failure = RunError(INTERRUPTED)
+            solve.failure = RunError(WHILE_TOLD)
             raise
         solve.our_seconds += process_time() - begin
 
