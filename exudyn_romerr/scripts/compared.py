@@ -25,9 +25,8 @@ STEPS = {"half": "the run with half the step", "quarter": "the run with a quarte
 ABOVE_NOISE = 3.0  # times what two equal runs differ by: below it nothing is measurable
 LEAST_ORDER = 0.5  # from it on halving leads somewhere
 FIRST_ORDER = 1.0  # of what is sampled at steps
-OTHER_ORDER = (
-    2.0  # times what a half of the step does not divide as its order says: what jumps inside steps may leave
-)
+# times what half the step does not divide as its order says: what jumps inside steps may leave
+OTHER_ORDER = 2.0
 TURNS, MOVES = "Rotation", "Position"
 NOT_RUN = "{} was not had: {}"
 DO_NOT_SHRINK = "differences do not shrink with the step (chaotic, or contact at other instants)"
