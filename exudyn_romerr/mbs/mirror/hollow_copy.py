@@ -15,6 +15,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ...mechanism.readings import Reading
+from ...mechanism.rotations import times_transposed
 from ...mechanism.samples import Rows
 from ...mechanism.unknowns import Unknowns
 from ..access.copied_mbs import copy_items
@@ -114,35 +115,41 @@ class HollowCopy:
             g.append(self._equations.drift(self.mbs))
         return (J_t @ np.array(R)[..., None])[..., 0], J_t @ np.array(G).swapaxes(1, 2), np.array(g)
 
-    def unbalanced_at(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
-        """Return M a - f + G^T lam (n_a,) at a row of the run, in axes of bodies."""
-        R, G_t, _ = self.residuals(t, *(self.wide(x)[None] for x in (q, v, a)))
-        return R[0] + G_t[0] @ lam
+    def _unbalanced(
+        self, t: np.ndarray, states: Sequence[np.ndarray], multipliers: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return M a - f + G^T lam (T, size) and g (T, all) in states (T, size)."""
+        system, places, found = self.mbs.systemData, state_in_place(self.mbs.systemData), []
+        for now, *state in zip(t, *states, -multipliers, strict=True):
+            system.SetTime(now)
+            for place, x in zip(places, state, strict=True):
+                place[:] = x
+            one = self._equations.static_balance(self.mbs)
+            if not self._is_massless:
+                one[: self.size] -= self._equations.mass(self.mbs) @ state[2]
+            found.append(one)
+        forces, g = np.split(np.array(found), [self.size], axis=1)
+        return -forces, g
+
+    def unbalanced(self, rows: Rows) -> np.ndarray:
+        """Return M a - f + G^T lam (T, n_a) at rows of the run, in axes of bodies."""
+        states = [self.wide(x) for x in (rows.q, rows.v, rows.a)]
+        forces, _ = self._unbalanced(rows.t, states, rows.multipliers)
+        return times_transposed(self.jacobians(*states)[0], forces)
 
     def moved_forces(
         self, t: float, state: Sequence[np.ndarray], kept: np.ndarray, lam: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (n_a,) in axes of bodies, g (all,); kept (3, kept) : vectors beside q, v, a."""
-        R, G_t, g = self.residuals(t, *(self.wide(x, y)[None] for x, y in zip(state, kept, strict=True)))
-        return R[0] + G_t[0] @ lam, g[0]
+        states = [self.wide(x, y)[None] for x, y in zip(state, kept, strict=True)]
+        forces, g = self._unbalanced(np.array([t]), states, lam[None])
+        return self.jacobians(*states)[0, 0].T @ forces[0], g[0]
 
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
-        system, equations, R, g = self.mbs.systemData, self._equations, [], []
         wide = [self.wide(x) for x in (states.q, states.v, states.a)]
-        places = state_in_place(system)[:3]
-        for t, lam, *state in zip(states.t, states.multipliers, *wide, strict=True):
-            system.SetTime(t)
-            for place, x in zip(places, state, strict=True):
-                place[:] = x
-            forces = -equations.forces(self.mbs)
-            if not self._is_massless:
-                forces += equations.mass(self.mbs) @ state[2]
-            if len(lam):
-                forces += equations.constraints(self.mbs).T @ lam
-                g.append(equations.drift(self.mbs))
-            R.append(forces)
-        return np.array(R)[:, self.own], np.array(g).reshape(len(R), -1)
+        forces, g = self._unbalanced(states.t, wide, states.multipliers)
+        return forces[:, self.own], g
 
     def read(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> Reading:
         """Return the tangent at a row of the run by central differences along unknowns that forces know."""
