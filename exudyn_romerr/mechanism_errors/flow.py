@@ -18,7 +18,7 @@ from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 from .reduced_system import FrozenSteps, ReducedSystem, consistent_rates, cubics, saddle_inverses
 
-PIECE = 3.0  # |lambda| h of one piece of the series; more pieces above
+PIECE = 6.0  # |lambda| h of one piece of the series, whose terms grow to e^6 of rounding; more pieces above
 TERMS = 40  # at most: it ends where terms are rounding
 STIFF = 60.0  # |lambda| h above which a matrix exponential is cheaper than pieces of the series
 FAST = 3.0  # |lambda| h above which loads between samples are asked for
