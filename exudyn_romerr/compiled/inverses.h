@@ -1,10 +1,4 @@
-/* Inverses of many small matrices, by Gauss and Jordan with the largest pivot of each column. */
-
-typedef struct {
-    Size T, n;
-    double *A; /* (T, n, n), become their inverses */
-    Size *order; /* n numbers */
-} Inverses;
+/* Inverses of many small bordered matrices, by Gauss and Jordan with the largest pivot of each column. */
 
 enum { PANEL = 4 }; /* pivots at once: other rows are read and written once for all of them */
 
@@ -75,9 +69,51 @@ INLINE int invert(Size n, double *A, Size *order)
     return 1;
 }
 
-INLINE Size invert_all(const Inverses *all)
+typedef struct {
+    Size T, n, c;
+    double least;           /* of the largest diagonal entry: less is not scaled up */
+    const double *A, *G, *C; /* (T, n, n), (T, c, n) twice */
+    double *out, *scale;    /* (T, n + c, n + c); n + c numbers */
+    Size *order;            /* n + c numbers */
+} Bordered;
+
+/* Rows and columns of [[A, G^T], [C, 0]] are scaled to a diagonal of one and constraints of length one. */
+INLINE void find_scale(const Bordered *all, const double *A, const double *C)
 {
-    for (Size i = 0; i < all->T; i++)
-        if (!invert(all->n, all->A + i * all->n * all->n, all->order)) return i;
+    const Size n = all->n, c = all->c;
+    double largest = 2.2250738585072014e-308, *scale = all->scale;
+    for (Size i = 0; i < n; i++) {
+        scale[i] = fabs(A[i * n + i]);
+        if (scale[i] > largest) largest = scale[i];
+    }
+    for (Size i = 0; i < n; i++) scale[i] = 1 / sqrt(scale[i] > all->least * largest ? scale[i] : all->least * largest);
+    for (Size r = 0; r < c; r++) {
+        double square = 0;
+        for (Size j = 0; j < n; j++) square += C[r * n + j] * scale[j] * C[r * n + j] * scale[j];
+        scale[n + r] = square > 0 ? 1 / sqrt(square) : 1;
+    }
+}
+
+/* How many of all have an inverse: T, or the first without. */
+INLINE Size invert_bordered(const Bordered *all)
+{
+    const Size n = all->n, c = all->c, w = n + c;
+    const double *scale = all->scale;
+    for (Size t = 0; t < all->T; t++) {
+        const double *A = all->A + t * n * n, *G = all->G + t * c * n, *C = all->C + t * c * n;
+        double *out = all->out + t * w * w;
+        find_scale(all, A, C);
+        for (Size i = 0; i < n; i++) {
+            for (Size j = 0; j < n; j++) out[i * w + j] = scale[i] * A[i * n + j] * scale[j];
+            for (Size r = 0; r < c; r++) out[i * w + n + r] = scale[i] * G[r * n + i] * scale[n + r];
+        }
+        for (Size r = n; r < w; r++) {
+            for (Size j = 0; j < n; j++) out[r * w + j] = scale[r] * C[(r - n) * n + j] * scale[j];
+            memset(out + r * w + n, 0, c * sizeof(double));
+        }
+        if (!invert(w, out, all->order)) return t;
+        for (Size i = 0; i < w; i++)
+            for (Size j = 0; j < w; j++) out[i * w + j] *= scale[i] * scale[j];
+    }
     return all->T;
 }

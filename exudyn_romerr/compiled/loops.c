@@ -192,6 +192,7 @@ static PyObject *squared(PyObject *self, PyObject *arguments)
 #include "curve_calls.h"
 #include "inertia.h"
 #include "mechanism_march.h"
+#include "mechanism_factors.h"
 #include "flow.h"
 #include "inverses.h"
 #include "mechanism_calls.h"
@@ -210,7 +211,9 @@ static PyMethodDef methods[] = {{"march", marched, METH_VARARGS, MARCH},
                                 {"decaying_sums", summed_up, METH_VARARGS, SUMS},
                                 {"march_mechanism", mechanism_marched, METH_VARARGS, MECHANISM},
                                 {"flow", flowed, METH_VARARGS, FLOW},
-                                {"inverses", inverted, METH_VARARGS, INVERSES},
+                                {"step_matrices", matrices_made, METH_VARARGS, MATRICES},
+                                {"turn_frames", frames_turned, METH_VARARGS, TURNED},
+                                {"bordered_inverses", bordered_inverted, METH_VARARGS, BORDERED},
                                 {"moved_motion", moved_motion, METH_VARARGS, MOVED},
                                 {"body_residual", found_residual, METH_VARARGS, RESIDUAL},
                                 {"body_tangent", found_tangent, METH_VARARGS, TANGENT},
@@ -226,11 +229,11 @@ PyMODINIT_FUNC PyInit__loops(void)
         square_here = square_wide, draw_here = draw_wide, measure_here = measure_wide,
         look_inside_here = look_inside_wide, weigh_here = weigh_wide, interpolate_here = interpolate_wide,
         find_largest_here = find_largest_wide, march_mechanism_here = march_mechanism_wide, flow_here = flow_wide,
-        invert_all_here = invert_all_wide, add_here = add_wide, project_here = project_wide;
+        invert_bordered_here = invert_bordered_wide, make_matrices_here = make_matrices_wide, add_here = add_wide, project_here = project_wide;
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
-                 PyModule_AddIntConstant(made, "VERSION", 8) < 0)) /* as in loops.py */
+                 PyModule_AddIntConstant(made, "VERSION", 9) < 0)) /* as in loops.py */
         Py_CLEAR(made);
     return made;
 }

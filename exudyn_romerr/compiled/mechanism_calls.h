@@ -1,16 +1,19 @@
-/* Calls from Python of mechanism_march.h, flow.h and inverses.h. */
+/* Calls from Python of mechanism_march.h, mechanism_factors.h, flow.h and inverses.h. */
 
 static void march_mechanism_anywhere(const Mechanism *all) { march_mechanism(all); }
 static void flow_anywhere(const Flow *all) { flow(all); }
-static Size invert_all_anywhere(const Inverses *all) { return invert_all(all); }
+static Size invert_bordered_anywhere(const Bordered *all) { return invert_bordered(all); }
+static void make_matrices_anywhere(const StepMatrices *all) { make_matrices(all); }
 static void (*march_mechanism_here)(const Mechanism *) = march_mechanism_anywhere;
 static void (*flow_here)(const Flow *) = flow_anywhere;
-static Size (*invert_all_here)(const Inverses *) = invert_all_anywhere;
+static Size (*invert_bordered_here)(const Bordered *) = invert_bordered_anywhere;
+static void (*make_matrices_here)(const StepMatrices *) = make_matrices_anywhere;
 
 #ifdef WIDE
 WIDE static void march_mechanism_wide(const Mechanism *all) { march_mechanism(all); }
 WIDE static void flow_wide(const Flow *all) { flow(all); }
-WIDE static Size invert_all_wide(const Inverses *all) { return invert_all(all); }
+WIDE static Size invert_bordered_wide(const Bordered *all) { return invert_bordered(all); }
+WIDE static void make_matrices_wide(const StepMatrices *all) { make_matrices(all); }
 #endif
 
 #define MARCH_ARRAYS 10
@@ -35,8 +38,25 @@ static int body_of(PyObject *given, const Mechanism *all, Oscillating *body, Hel
     }
     const double **into[BODY_ARRAYS] = {&body->M,  &body->D,    &body->K,    &body->D_back,  &body->K_back,
                                         &body->up, &body->down, &body->soft, &body->springs, &body->dampers};
-    for (int i = 0; i < BODY_ARRAYS; i++)
-        if (!(*into[i] = numbers(of[i], held, many[i], 'd', 0))) return -1;
+    for (int i = 0; i < BODY_ARRAYS; i++) {
+        const int is_made = i >= 5 && i < 8; /* by step_matrices() */
+        if (!(*into[i] = numbers(of[i], held, many[i], 'd', is_made ? PyBUF_WRITABLE : 0))) return -1;
+    }
+    return 0;
+}
+
+/* Bodies, and where rotations of nodes are, which a mechanism's sizes are known of. */
+static int parts_of(PyObject *starts, PyObject *bodies, Mechanism *all, Oscillating *body, Held *held)
+{
+    if (!(all->spin = numbers(starts, held, all->nodes, 'q', 0))) return -1;
+    int is_none = all->nodes < all->bodies;
+    for (Size b = 0; b < all->nodes; b++) is_none |= all->spin[b] < 0 || all->spin[b] + 3 > all->n_a;
+    if (is_none) {
+        PyErr_SetString(PyExc_ValueError, "a node has rotations that there are not");
+        return -1;
+    }
+    for (Size b = 0; b < all->bodies; b++)
+        if (body_of(PyList_GET_ITEM(bodies, b), all, body + b, held) < 0) return -1;
     return 0;
 }
 
@@ -50,21 +70,13 @@ static int mechanism_of(PyObject *scheme, PyObject *starts, PyObject *bodies, Py
     for (int i = 0; i < MARCH_ARRAYS - 2; i++)
         if (!(*into[i] = numbers(given[i], held, many[i], 'd', 0))) return -1;
     if (!(all->turns = numbers(given[8], held, many[8], 'd', 0)) || !(all->f = numbers(given[9], held, many[9], 'd', 0)) ||
-        !(all->scheme = numbers(scheme, held, 4, 'd', 0)) || !(all->spin = numbers(starts, held, all->nodes, 'q', 0)) ||
+        !(all->scheme = numbers(scheme, held, 4, 'd', 0)) ||
         !(all->x = numbers(written[0], held, 4 * all->n * c, 'd', PyBUF_WRITABLE)) ||
         !(all->y = numbers(written[1], held, 16 * all->nodes * c, 'd', PyBUF_WRITABLE)) ||
         !(all->e = numbers(written[2], held, 3 * T * all->n * c, 'd', PyBUF_WRITABLE)) ||
         !(all->l = numbers(written[3], held, T * k * c, 'd', PyBUF_WRITABLE)))
         return -1;
-    int is_none = all->nodes < all->bodies;
-    for (Size b = 0; b < all->nodes; b++) is_none |= all->spin[b] < 0 || all->spin[b] + 3 > n_a;
-    if (is_none) {
-        PyErr_SetString(PyExc_ValueError, "a node has rotations that there are not");
-        return -1;
-    }
-    for (Size b = 0; b < all->bodies; b++)
-        if (body_of(PyList_GET_ITEM(bodies, b), all, body + b, held) < 0) return -1;
-    return 0;
+    return parts_of(starts, bodies, all, body, held);
 }
 
 static PyObject *mechanism_marched(PyObject *self, PyObject *arguments)
@@ -90,6 +102,68 @@ static PyObject *mechanism_marched(PyObject *self, PyObject *arguments)
     }
     if (held.views) release(&held);
     PyMem_Free(held.views), PyMem_Free(body), PyMem_Free(all.work);
+    return result;
+}
+
+#define MATRICES                                                                                                       \
+    "step_matrices((T, n, n_a), starts, bodies, (c1, c2, M, D, K, turns), A)\n\nfactors_of of "                        \
+    "mechanism_errors/factors.py: write A (T, n_a, n_a), and up, down, soft of bodies."
+
+static PyObject *matrices_made(PyObject *self, PyObject *arguments)
+{
+    Mechanism all = {0};
+    PyObject *starts, *bodies, *given[6], *A, *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "(nnn)OO!(OOOOOO)O", &all.T, &all.n, &all.n_a, &starts, &PyList_Type, &bodies, given,
+                          given + 1, given + 2, given + 3, given + 4, given + 5, &A))
+        return NULL;
+    const Size nodes = PyObject_Length(starts);
+    if (nodes < 0 || !are_sizes(4, all.T, all.n, all.n, 70 * (nodes + 1)) || !are_sizes(2, all.n_a, all.n - all.n_a))
+        return NULL;
+    all.nodes = nodes, all.bodies = PyList_GET_SIZE(bodies);
+    const Size square = all.T * all.n_a * all.n_a, many[6] = {all.T, all.T, square, square, square, all.T * nodes * 70};
+    const double *x[6];
+    Held held = {PyMem_Calloc(8 + BODY_ARRAYS * all.bodies, sizeof(Py_buffer)), 0};
+    Oscillating *body = PyMem_Calloc(all.bodies + 1, sizeof(Oscillating));
+    StepMatrices made = {&all, NULL, NULL};
+    all.body = body;
+    int is_ready = held.views && body;
+    if (!is_ready) PyErr_NoMemory();
+    for (int i = 0; i < 6 && is_ready; i++) is_ready = (x[i] = numbers(given[i], &held, many[i], 'd', 0)) != NULL;
+    is_ready = is_ready && (made.A = numbers(A, &held, square, 'd', PyBUF_WRITABLE)) &&
+               parts_of(starts, bodies, &all, body, &held) == 0;
+    if (is_ready && !(made.work = PyMem_Calloc(matrices_work(&all) + 1, sizeof(double)))) PyErr_NoMemory();
+    else if (is_ready) {
+        all.c1 = x[0], all.c2 = x[1], all.M = x[2], all.D = x[3], all.K = x[4], all.turns = (const Turn *)x[5];
+        make_matrices_here(&made);
+        result = Py_NewRef(Py_None);
+    }
+    if (held.views) release(&held);
+    PyMem_Free(held.views), PyMem_Free(body), PyMem_Free(made.work);
+    return result;
+}
+
+#define TURNED                                                                                                         \
+    "turn_frames(T, n, m, row, column, A, X)\n\nTurn a frame's six rows and columns of X (T, n, m), two vectors from "  \
+    "`row` and `column` on, by A (T, 3, 3);\n-1: none."
+
+static PyObject *frames_turned(PyObject *self, PyObject *arguments)
+{
+    Turned all = {0};
+    PyObject *A, *X, *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnnnOO", &all.T, &all.n, &all.m, &all.row, &all.column, &A, &X) ||
+        !are_sizes(4, all.T, all.n, all.m, (Size)9))
+        return NULL;
+    if (all.row < -1 || all.column < -1 || (all.row >= 0 && all.row + 6 > all.n) ||
+        (all.column >= 0 && all.column + 6 > all.m))
+        return PyErr_Format(PyExc_ValueError, "a frame has rows or columns that there are not");
+    Py_buffer views[2];
+    Held held = {views, 0};
+    if ((all.A = numbers(A, &held, 9 * all.T, 'd', 0)) &&
+        (all.X = numbers(X, &held, all.T * all.n * all.m, 'd', PyBUF_WRITABLE))) {
+        turn_frames(&all);
+        result = Py_NewRef(Py_None);
+    }
+    release(&held);
     return result;
 }
 
@@ -129,18 +203,27 @@ static PyObject *flowed(PyObject *self, PyObject *arguments)
     return result;
 }
 
-#define INVERSES "inverses(T, n, A)\n\nReplace matrices A (T, n, n) by their inverses; return how many have one: T, or the first without."
+#define BORDERED                                                                                                       \
+    "bordered_inverses(T, n, c, least, A, G, C, out)\n\nWrite inverses (T, n + c, n + c) of [[A, G^T], [C, 0]]; "       \
+    "return how many have one: T, or the first without."
 
-static PyObject *inverted(PyObject *self, PyObject *arguments)
+static PyObject *bordered_inverted(PyObject *self, PyObject *arguments)
 {
-    Inverses all = {0};
-    PyObject *A, *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "nnO", &all.T, &all.n, &A) || !are_sizes(3, all.T, all.n, all.n)) return NULL;
-    Py_buffer views[1];
+    Bordered all = {0};
+    PyObject *given[4], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnndOOOO", &all.T, &all.n, &all.c, &all.least, given, given + 1, given + 2,
+                          given + 3) ||
+        !are_sizes(3, all.T, all.n + all.c, all.n + all.c) || !are_sizes(2, all.n, all.c))
+        return NULL;
+    const Size w = all.n + all.c, square = all.T * all.n * all.n, border = all.T * all.c * all.n;
+    Py_buffer views[4];
     Held held = {views, 0};
-    if (!(all.order = PyMem_Calloc(all.n + 1, sizeof(Size)))) return PyErr_NoMemory();
-    if ((all.A = numbers(A, &held, all.T * all.n * all.n, 'd', PyBUF_WRITABLE)))
-        result = PyLong_FromSsize_t(invert_all_here(&all));
-    release(&held), PyMem_Free(all.order);
+    all.scale = PyMem_Calloc(w + 1, sizeof(double)), all.order = PyMem_Calloc(w + 1, sizeof(Size));
+    if (!all.scale || !all.order) PyErr_NoMemory();
+    else if ((all.A = numbers(given[0], &held, square, 'd', 0)) && (all.G = numbers(given[1], &held, border, 'd', 0)) &&
+             (all.C = numbers(given[2], &held, border, 'd', 0)) &&
+             (all.out = numbers(given[3], &held, all.T * w * w, 'd', PyBUF_WRITABLE)))
+        result = PyLong_FromSsize_t(invert_bordered_here(&all));
+    release(&held), PyMem_Free(all.scale), PyMem_Free(all.order);
     return result;
 }

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..compiled.loops import loops
 from .body import Coupling, Motion
 from .readings import Splined
 from .rotations import rotation_matrix, times
@@ -39,18 +40,24 @@ def block_of(rows: Rows, unknowns: Unknowns, rest: Splined) -> Block:
     """Return the tangents of these rows."""
     own = [rest("M", rows.t), rest("D", rows.t), rest.stiffness(rows.t, rows.multipliers)]
     constraints = [rest("G", rows.t), rest("C", rows.t)]
-    for X in own:
-        _turn_rows(X, unknowns, rows)
-    for X in (*own, *constraints):
-        _turn_columns(X, unknowns, rows)
+    for node in unknowns.nodes:
+        if node.is_frame:
+            A = rotation_matrix(node.parameters(rows.q))
+            for X in own:
+                _turn(X, A, node.at, node.at)
+            for X in constraints:
+                _turn(X, A, None, node.at)
     whole, couplings, motions = [x.copy() for x in own], [], []
     forces = np.zeros((len(rows), unknowns.n))
     for body, at, wave in zip(unknowns.bodies, unknowns.blocks, unknowns.waves, strict=True):
         motion = body.motion(rows)
         blocks, coupling = body.tangent(motion)
         for sums, block in zip(whole, blocks, strict=True):
-            sums[:, at, at] += _with_turned_frame(block, motion.A)
-        couplings.append(Coupling(*(_turned_rows(x, motion.A) for x in vars(coupling).values())))
+            _turn(block, motion.A, 0, 0)
+            sums[:, at, at] += block
+        for x in vars(coupling).values():
+            _turn(x, motion.A, 0, None)
+        couplings.append(coupling)
         F = body.residual(motion)
         for part in (slice(0, 3), slice(3, 6)):
             F[:, part] = times(motion.A, F[:, part])
@@ -59,32 +66,14 @@ def block_of(rows: Rows, unknowns: Unknowns, rest: Splined) -> Block:
     return Block(rows, *whole, *constraints, couplings, motions, own, forces)
 
 
-def _turn_rows(X: np.ndarray, unknowns: Unknowns, rows: Rows) -> None:
-    """Turn rows of matrices (T, n_a, n_a) from axes of bodies to global ones, in place."""
-    for node in unknowns.nodes:
-        if node.is_frame:
-            A = rotation_matrix(node.parameters(rows.q))
-            for part in node.shifts_and_turns:
-                X[:, part] = A @ X[:, part]
-
-
-def _turn_columns(X: np.ndarray, unknowns: Unknowns, rows: Rows) -> None:
-    for node in unknowns.nodes:
-        if node.is_frame:
-            A_t = rotation_matrix(node.parameters(rows.q)).swapaxes(1, 2)
-            for part in node.shifts_and_turns:
-                X[:, :, part] = X[:, :, part] @ A_t
-
-
-def _turned_rows(x: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Rows of the frame, dr and dphi, turned into global axes; a copy that lies in one piece."""
-    x = np.ascontiguousarray(x)
-    x[:, :3], x[:, 3:6] = A @ x[:, :3], A @ x[:, 3:6]
-    return x
-
-
-def _with_turned_frame(x: np.ndarray, A: np.ndarray) -> np.ndarray:
-    x = _turned_rows(x.copy(), A)
-    A_t = A.swapaxes(1, 2)
-    x[:, :, :3], x[:, :, 3:6] = x[:, :, :3] @ A_t, x[:, :, 3:6] @ A_t
-    return x
+def _turn(X: np.ndarray, A: np.ndarray, row: int | None, column: int | None) -> None:
+    """Turn a frame's six rows and columns of X (T, n, m) from its axes to global ones by A (T, 3, 3), in place."""
+    if loops is not None:
+        places = (-1 if place is None else place for place in (row, column))
+        loops.turn_frames(*X.shape, *places, np.ascontiguousarray(A), X)
+        return
+    for i in (0, 3):
+        if row is not None:
+            X[:, row + i : row + i + 3] = A @ X[:, row + i : row + i + 3]
+        if column is not None:
+            X[:, :, column + i : column + i + 3] = X[:, :, column + i : column + i + 3] @ A.swapaxes(1, 2)

@@ -17,14 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..compiled.loops import loops
-from ..mechanism.rotations import global_rates, parameter_rates
-from ..mechanism.samples import Rows, Samples
+from ..mechanism.samples import Rows
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 from ..trajectory.scheme import Scheme
+from .factors import Factors, Turns, bodies_given, bordered_inverses, starts_of_turns
 
-SMALL = 64  # rows of matrices that are inverted in C: a fourth of the time of LAPACK's
-LEAST = 1e-10  # of the largest diagonal entry: Euler parameters have no mass along themselves
 REST = 1e-4  # of the largest acceleration: a run that begins with less begins in an equilibrium
 
 
@@ -34,108 +32,6 @@ class State:
 
     x: np.ndarray
     p: np.ndarray
-
-
-@dataclass
-class Turns(Samples):
-    """Of nodes with Euler parameters at T rows.
-
-    p (T, nodes, 4), J (T, nodes, 4, 3), H, H1, H2 (T, nodes, 3, 4); B1 = H' J, B2 = 2 c2 H' J + H'' J, (3, 3) each.
-    """
-
-    p: np.ndarray
-    J: np.ndarray
-    H: np.ndarray
-    H1: np.ndarray
-    H2: np.ndarray
-    B1: np.ndarray
-    B2: np.ndarray
-
-    @classmethod
-    def of(cls, rows: Rows, unknowns: Unknowns, c2: np.ndarray) -> Turns:
-        """Read them off rows."""
-        none = np.zeros((len(rows), 0, 4))
-        p, p1, p2 = none, none, none
-        if unknowns.nodes:
-            p = np.stack([node.parameters(rows.q) for node in unknowns.nodes], axis=1)
-            p1, p2 = (np.stack([x[:, n.own[3:]] for n in unknowns.nodes], axis=1) for x in (rows.v, rows.a))
-        J, H, H1, H2 = parameter_rates(p), *(global_rates(x) for x in (p, p1, p2))
-        B1 = H1 @ J
-        return cls(p, J, H, H1, H2, B1, 2 * c2[:, None, None, None] * B1 + H2 @ J)
-
-    def packed(self) -> np.ndarray:
-        """All of a node one behind the other, (T, nodes, 70), as mechanism_march.h has it."""
-        parts = (x.reshape(*x.shape[:2], int(np.prod(x.shape[2:]))) for x in vars(self).values())
-        return np.concatenate([*parts], axis=2)
-
-
-@dataclass
-class Factors(Samples):
-    """Of every row of a block: what a step needs, made for all at once.
-
-    inverse (T, n_a + c, n_a + c) : of the small system. up (T, s, m) : coupling of rows / Lambda, down (T, s, m) : of
-    columns, soft (T, m) = 1 / Lambda, of each body. turns : of nodes. c1, c2, h (T,).
-    """
-
-    inverse: np.ndarray
-    up: list[np.ndarray]
-    down: list[np.ndarray]
-    soft: list[np.ndarray]
-    turns: Turns
-    c1: np.ndarray
-    c2: np.ndarray
-    h: np.ndarray
-
-
-def factors_of(block: Block, h: np.ndarray, unknowns: Unknowns, scheme: Scheme) -> Factors:
-    """Return factors of steps of lengths h (T,) that end at the rows of a block."""
-    c1, c2 = scheme.mass_and_damping(h)
-    one, two = c1[:, None, None], c2[:, None, None]
-    A, turns = one * block.M + two * block.D + block.K, Turns.of(block.rows, unknowns, c2)
-    for k, node in enumerate(unknowns.nodes):
-        at = node.shifts_and_turns[1]
-        A[:, :, at] += block.M[:, :, at] @ turns.B2[:, k] + block.D[:, :, at] @ turns.B1[:, k]
-    up, down, soft = [], [], []
-    for b, (body, at, wave) in enumerate(zip(unknowns.bodies, unknowns.blocks, block.couplings, strict=True)):
-        soft.append(1 / (c1[:, None] + c2[:, None] * body.dampers + body.springs))
-        up.append((one * wave.M + two * wave.D + wave.K) * soft[-1][:, None])
-        back = one * wave.M + two * wave.D_back + wave.K_back
-        B1, B2 = (x[:, b].swapaxes(1, 2) for x in (turns.B1, turns.B2))  # frames of bodies are the first nodes
-        back[:, 3:6] += B2 @ wave.M[:, 3:6] + B1 @ wave.D_back[:, 3:6]
-        down.append(back)
-        A[:, at, at] -= up[-1] @ back.swapaxes(1, 2)
-    return Factors(bordered_inverses(A, block.G, block.C), up, down, soft, turns, c1, c2, h)
-
-
-def bordered_inverses(A: np.ndarray, G: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return inverses of [[A, G^T], [C, 0]] (T, n + c, n + c), rows and columns scaled first."""
-    T, c, n = C.shape
-    diagonal = np.abs(np.diagonal(A, axis1=1, axis2=2))
-    largest = diagonal.max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
-    size = np.sqrt(np.maximum(diagonal, LEAST * largest))
-    whole, scale = np.zeros((T, n + c, n + c)), np.ones((T, n + c))
-    scale[:, :n] = 1 / size
-    if c:
-        lengths = np.linalg.norm(C / size[:, None], axis=2)
-        scale[:, n:] = 1 / np.where(lengths > 0, lengths, 1.0)
-    whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n] = A, G.swapaxes(1, 2), C
-    both = scale[:, :, None] * scale[:, None]
-    return both * inverses(both * whole)
-
-
-def inverses(A: np.ndarray) -> np.ndarray:
-    """Return inverses of matrices (T, n, n), which may take their place.
-
-    Raises
-    ------
-    LinAlgError
-        One has none.
-    """
-    if loops is None or A.shape[1] > SMALL:
-        return np.linalg.inv(A)
-    if loops.inverses(len(A), A.shape[1], A) < len(A):
-        raise np.linalg.LinAlgError("Singular matrix")
-    return A
 
 
 def is_at_rest(rows: Rows) -> bool:
@@ -252,22 +148,18 @@ class March:
 
     def _march_compiled(self, block: Block, factors: Factors, f: np.ndarray, e: np.ndarray, lam: np.ndarray) -> None:
         """The same in C, into e and lam."""
-        u, s, bodies = self._unknowns, self._scheme, []
+        u, s = self._unknowns, self._scheme
         x, p = self.state.x.copy(), self.state.p.copy()
-        for b, (body, at, own, wave) in enumerate(zip(u.bodies, u.blocks, u.waves, block.couplings, strict=True)):
-            parts = *vars(wave).values(), factors.up[b], factors.down[b], factors.soft[b], body.springs, body.dampers
-            bodies.append((at.start, at.stop - at.start, own.start, body.m, *map(np.ascontiguousarray, parts)))
         arrays = (
             *(factors.h, factors.c1, factors.c2, block.M, block.D, block.K, block.C),
             *(factors.inverse, factors.turns.packed(), f),
         )
-        starts = np.array([node.at + 3 for node in u.nodes], np.int64)
         T, n, columns = f.shape
         loops.march_mechanism(
             (T, n, u.n_a, block.C.shape[1], columns),
             np.array([s.alpha_m, s.alpha_f, s.beta, s.gamma]),
-            starts,
-            bodies,
+            starts_of_turns(u),
+            bodies_given(block, u, factors.up, factors.down, factors.soft),
             tuple(map(np.ascontiguousarray, arrays)),
             (x, p, e, lam),
         )

@@ -9,8 +9,9 @@ import numpy as np
 
 from ..mechanism.tangents import Block
 from ..trajectory.estimate import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
+from .factors import Factors, factors_of
 from .half_widths import CauseEstimate, Largest, tail, unchecked
-from .march import Factors, March, State, factors_of, is_at_rest
+from .march import March, State, is_at_rest
 from .unbalanced import unbalanced
 
 if TYPE_CHECKING:

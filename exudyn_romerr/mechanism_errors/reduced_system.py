@@ -10,7 +10,7 @@ import numpy as np
 from ..mechanism.samples import Samples
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
-from .march import bordered_inverses
+from .factors import bordered_inverses
 
 ORDER = 4  # samples of a cubic
 

@@ -70,7 +70,7 @@ class Equations:
         return self._solver.GetSystemResidual()[: self.size].copy()
 
     def static_balance(self, mbs: Any) -> np.ndarray:
-        """Return f + G^T l of the multipliers that are set, (n,), and g (all,), in one call of a third of the time."""
+        """Return f + G^T l of the multipliers that are set, (n,), and g (all,): one call, a third of the time."""
         self._solver.ComputeNewtonResidual(mbs, self._settings)
         found = self._solver.GetSystemResidual()
         return np.concatenate([found[: self.size], found[self._first_constraint :]])
