@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from tempfile import TemporaryFile
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
+from ...errors import RunError
 from ...mechanism.samples import Rows
+from ..access.state_guard import state_in_place
+
+BLOCK = 1024  # rows for which memory is taken at once
+LOST = "rows of the run could not be kept: {}"
+MOST = 500_000_000  # bytes of rows in memory: more go to a temporary file
 
 
 class Recorder:
@@ -17,28 +25,85 @@ class Recorder:
     """
 
     def __init__(self, mbs: Any, user: Callable | None):
-        self.user, self._kept = user, []
-        of = mbs.systemData
-        self._readers = of.GetODE2Coordinates, of.GetODE2Coordinates_t, of.GetODE2Coordinates_tt, of.GetAECoordinates
+        self.user, self._system = user, mbs.systemData
+        self._borders = self._rows = self._lost = None
 
     def __call__(self, mbs: Any, t: float) -> Any:
         """Keep a row; return what the user's function returns."""
-        q, v, a, lam = self._readers
-        self._kept.append((t, q(), v(), a(), lam()))
+        row = (t,), *state_in_place(self._system)
+        if self._rows is None:
+            self._borders = np.cumsum([*map(len, row)])
+            self._rows = StoredRows(int(self._borders[-1]))
+        try:
+            np.concatenate(row, out=self._rows.next())
+        except (OSError, MemoryError, ValueError) as error:  # the run of the user goes on
+            self._lost = error
         return True if self.user is None else self.user(mbs, t)
 
     def runs(self) -> list[Rows]:
         """Return the rows of each run that was made: a solver that begins again at an earlier time begins a new one.
 
         One that goes on where it has ended goes on with the accelerations that it finds then.
+
+        Raises
+        ------
+        RunError
+            Rows could not be kept: no memory, no room for a file, or the mbs has other coordinates than at first.
         """
-        found: list[list[tuple]] = []
-        for row in self._kept:
-            if not found or row[0] <= found[-1][-1][0]:
-                before = found[-1][-1] if found else None
-                if before is not None and row[0] == before[0] and np.array_equal(row[1], before[1]):
-                    found[-1].pop()
-                else:
-                    found.append([])
-            found[-1].append(row)
-        return [Rows(*(np.array(x) for x in zip(*run, strict=True))) for run in found]
+        if self._lost is not None:
+            raise RunError(LOST.format(self._lost))
+        if self._rows is None:
+            return []
+        rows = self._rows.all()
+        t, q = rows[:, 0], rows[:, self._borders[0] : self._borders[1]]
+        begins, is_kept = [0], np.ones(len(rows), bool)
+        for i in 1 + np.flatnonzero(np.diff(t) <= 0):
+            if t[i] == t[i - 1] and np.array_equal(q[i], q[i - 1]):
+                is_kept[i - 1] = False
+            else:
+                begins.append(int(i))
+        parts = [slice(a, b) for a, b in zip(begins, [*begins[1:], len(rows)], strict=True)]
+        runs = (rows[part] if is_kept[part].all() else rows[part][is_kept[part]] for part in parts)
+        return [Rows(run[:, 0], *np.split(run[:, 1:], self._borders[1:-1] - 1, axis=1)) for run in runs]
+
+
+class StoredRows:
+    """Rows (S, width) of numbers, one after the other: in memory, in a temporary file where they are many."""
+
+    def __init__(self, width: int):
+        self._blocks: list[np.ndarray] = []
+        self._width, self._free, self._filed, self._file = width, 0, 0, None
+
+    def next(self) -> np.ndarray:
+        """Return the next row (width,), to be written."""
+        if not self._free:
+            if self._file is not None or 8 * self._width * BLOCK * len(self._blocks) > MOST:
+                self._to_file()
+            self._blocks.append(np.empty((BLOCK, self._width)))
+            self._free = BLOCK
+        self._free -= 1
+        return self._blocks[-1][BLOCK - 1 - self._free]
+
+    def _to_file(self) -> None:
+        if self._file is None:
+            self._file = TemporaryFile()
+            finalize(self, self._file.close)
+        for block in self._blocks:
+            block.tofile(self._file)
+            self._filed += len(block)
+        self._blocks = []
+
+    def all(self) -> np.ndarray:
+        """Return all rows (S, width); more of them may be written behind."""
+        own = [np.zeros((0, self._width)), *self._blocks]
+        own[-1] = own[-1][: len(own[-1]) - self._free]
+        if self._file is None:
+            return np.concatenate(own)
+        place = self._file.tell()
+        for block in own:
+            block.tofile(self._file)
+        self._file.flush()
+        shape = self._filed + sum(map(len, own)), self._width
+        found = np.memmap(self._file, float, "r", shape=shape)
+        self._file.seek(place)
+        return found
