@@ -104,18 +104,29 @@ class SuperLUFactor:
     """
 
     def __init__(self, matrix: sp.csc_matrix, order: np.ndarray | None = None):
-        self._given = order
-        self.pivots, self.complete = np.zeros(matrix.shape[0]), False
+        self._given, self._lu = order, None
         try:
             ordered = matrix if order is None else matrix[order][:, order]
             self._lu = _eliminated(ordered, "MMD_AT_PLUS_A" if order is None else "NATURAL")
-            if np.array_equal(self._lu.perm_r, self._lu.perm_c):
-                self.pivots = self._lu.U.diagonal()
-                self.complete = bool(np.all(self.pivots != 0))
         except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
-            return
+            self.pivots = np.zeros(matrix.shape[0])
         except (MemoryError, SystemError) as error:  # SuperLU, out of memory or of 32-bit indices
             raise too_large(matrix, error) from error
+
+    @cached_property
+    def pivots(self) -> np.ndarray:
+        """Pivots (n,), which only those ask for who do not know that the matrix is definite: SciPy copies L and U."""
+        if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
+            return np.zeros(self._lu.shape[0])
+        try:
+            return self._lu.U.diagonal()
+        except (MemoryError, SystemError) as error:
+            raise too_large(self._lu, error) from error
+
+    @property
+    def complete(self) -> bool:
+        """Whether it has not broken down."""
+        return bool(np.all(self.pivots != 0))
 
     @property
     def negative_pivots(self) -> int:

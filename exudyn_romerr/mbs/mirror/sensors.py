@@ -29,6 +29,7 @@ KINDS = {  # closed form of what a sensor on mesh nodes measures, by quantity an
 }
 TURNED = ("Displacement", "Position", "Velocity", "Acceleration", "AngularVelocity", "AngularAcceleration")
 # vectors whose gradients are looked at in axes of the body they are on, where they hardly change
+TOGETHER = 1024  # rows whose states are made at once
 FASTER = 1e3  # times steps of coordinates: of rates and accelerations, to differentiate by
 STILL = "it does not depend on the motion"
 NOT_FINITE = "it is not finite"
@@ -142,9 +143,11 @@ class Sensors:
         found = np.zeros((len(rows), self.count))
         for node in self.nodes:
             found[:, node.rows] = node.values(self._unknowns.bodies[node.body], rows)
-        for i in range(len(rows)) if self._asked else ():
-            t, q, v, a, lam = rows.row(i)
-            found[i] += self.shown_by(t, *(self._copy.wide(x) for x in (q, v, a)), lam)
+        for first in range(0, len(rows), TOGETHER) if self._asked else ():
+            part = rows[first : first + TOGETHER]
+            wide = (self._copy.wide(x) for x in (part.q, part.v, part.a))
+            for i, state in enumerate(zip(part.t, *wide, part.multipliers, strict=True)):
+                found[first + i] += self.shown_by(*state)
         return found
 
     def shown_by(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:

@@ -11,10 +11,10 @@ from exudyn_romerr.mbs.mirror.recorder import Recorder, StoredRows
 
 
 class System:
-    """What a recorder reads: q, q_t, q_tt of two coordinates, one multiplier."""
+    """What a recorder reads: q, q_t, q_tt of two coordinates, one multiplier; accelerations are numbers of rows."""
 
     def __init__(self):
-        self.q = np.zeros(2)
+        self.q, self.number = np.zeros(2), 0
 
     def GetODE2Coordinates(self, *_):
         return self.q
@@ -23,7 +23,7 @@ class System:
         return 10 * self.q
 
     def GetODE2Coordinates_tt(self, *_):
-        return 100 * self.q
+        return np.full(2, self.number)
 
     def GetAECoordinates(self, *_):
         return self.q[:1] - 1
@@ -33,8 +33,8 @@ def recorded(times):
     """A recorder of rows whose coordinates are t, 2 t."""
     mbs = SimpleNamespace(systemData=System())
     found = Recorder(mbs, None)
-    for t in times:
-        mbs.systemData.q = np.array([t, 2 * t])
+    for number, t in enumerate(times):
+        mbs.systemData.q, mbs.systemData.number = np.array([t, 2 * t]), number
         assert found(mbs, t) is True
     return found, mbs
 
@@ -49,7 +49,7 @@ def test_rows_in_a_file_are_the_same(count, monkeypatch):
     assert isinstance(rows.q, np.memmap) == (count > 12)
     for one, other in zip(vars(rows).values(), vars(wanted).values(), strict=True):
         np.testing.assert_array_equal(one, other)
-    np.testing.assert_array_equal(wanted.a, 100 * np.outer(np.arange(count), [1, 2]))
+    np.testing.assert_array_equal(wanted.v, 10 * np.outer(np.arange(count), [1, 2]))
     np.testing.assert_array_equal(wanted.multipliers[:, 0], np.arange(count) - 1)
     mbs.systemData.q = np.array([99.0, 198.0])
     found(mbs, 99.0)  # it goes on where it was
@@ -59,6 +59,7 @@ def test_rows_in_a_file_are_the_same(count, monkeypatch):
 def test_a_solver_that_begins_again_begins_a_run_or_goes_on():
     runs = recorded([0, 1, 2, 2, 3, 0, 1, 0.5, 1.5])[0].runs()
     assert [rows.t.tolist() for rows in runs] == [[0, 1, 2, 3], [0, 1], [0.5, 1.5]]
+    assert runs[0].a[:, 0].tolist() == [0, 1, 3, 4]  # accelerations that a solver finds anew
     assert recorded([])[0].runs() == []
 
 

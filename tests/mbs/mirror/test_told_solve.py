@@ -139,17 +139,6 @@ def test_nothing_is_told_without_a_step():
         told_solve(scene.mbs, asked, recorder.runs()[0])
 
 
-def test_rows_of_a_solver_that_goes_on_are_one_run():
-    scene = scene_of(1)
-    recorder, system = Recorder(scene.mbs, None), scene.mbs.systemData
-    for t in (0.0, 0.1, 0.2, 0.2, 0.3, 0.1, 0.2):
-        system.SetODE2Coordinates_tt(np.full(system.ODE2Size(), len(recorder._kept)))
-        recorder(scene.mbs, t)
-    runs = recorder.runs()
-    assert [run.t.tolist() for run in runs] == [[0.0, 0.1, 0.2, 0.3], [0.1, 0.2]]
-    assert runs[0].a[2, 0] == 3  # accelerations that it finds anew
-
-
 def static(scene, steps=1):
     settings = exu.SimulationSettings()
     settings.staticSolver.verboseMode, settings.staticSolver.numberOfLoadSteps = 0, steps
