@@ -8,9 +8,9 @@ import numpy as np
 
 from ..compiled.loops import loops
 from .body import Coupling, Motion
-from .readings import Splined
 from .rotations import rotation_matrix, times
 from .samples import Rows, Samples
+from .splined import Splined
 from .unknowns import Unknowns
 
 
@@ -38,8 +38,8 @@ class Block(Samples):
 
 def block_of(rows: Rows, unknowns: Unknowns, rest: Splined) -> Block:
     """Return the tangents of these rows."""
-    own = [rest("M", rows.t), rest("D", rows.t), rest.stiffness(rows.t, rows.multipliers)]
-    constraints = [rest("G", rows.t), rest("C", rows.t)]
+    own = [rest("M", rows), rest("D", rows), rest.stiffness(rows)]
+    constraints = [rest("G", rows), rest("C", rows)]
     for node in unknowns.nodes:
         if node.is_frame:
             A = rotation_matrix(node.parameters(rows.q))

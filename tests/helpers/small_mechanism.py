@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from exudyn_romerr.mechanism.readings import Reading, Splined
+from exudyn_romerr.mechanism.reading import Reading
 from exudyn_romerr.mechanism.rotations import turned_parameters
 from exudyn_romerr.mechanism.samples import Rows
+from exudyn_romerr.mechanism.splined import Splined
 from exudyn_romerr.mechanism.unknowns import Unknowns
 from tests.helpers.small_body import SmallBody
 
@@ -26,7 +27,7 @@ class SmallMechanism:
         self.rows = self._motion(T, turns, n_q, rng)
         readings = [self._reading(rng) for _ in range(2)]
         self.rest = Splined(
-            self.rows.t[[0, -1]], readings, np.ones(self.unknowns.n_a), np.ones(readings[0].H.shape[-1])
+            self.rows[[0, -1]], readings, np.ones(self.unknowns.n_a), np.ones(readings[0].H.shape[-1])
         )
 
     def _motion(self, T, turns, n_q, rng):

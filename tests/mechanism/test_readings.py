@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from exudyn_romerr.mechanism.readings import FIRST, MOST, Reading, Readings
+from exudyn_romerr.mechanism.reading import Reading
+from exudyn_romerr.mechanism.readings import FIRST, MOST, Readings
+from exudyn_romerr.mechanism.rotations import rotation_matrix, skew
 from exudyn_romerr.mechanism.samples import Rows
+from exudyn_romerr.mechanism.unknowns import TurningNode
 
 S, T_END = 400, 0.4
 
@@ -18,6 +21,7 @@ class Source:
     def __init__(self, stiffness, unit=1.0):
         self._stiffness, self.asked, self.unit = stiffness, 0, unit
         self.scales, self.inertia, self.noted = 1e-5 * unit * np.ones(2), 1e-10, 0
+        self.frames, self.independent = (), np.array([0])
 
     def read(self, t, q, v, a, multipliers):
         self.asked += 1
@@ -47,15 +51,15 @@ def test_what_is_smooth_is_read_seldom_and_told_well():
     assert source.asked == len(readings.at) <= 5 * FIRST
     assert source.noted <= FIRST + 3
     assert readings.doubtful == set()
-    K = readings.splined("K", rows.t)
+    K = readings.splined("K", rows)
     np.testing.assert_allclose(K[:, 0, 0], smooth(rows.t), rtol=5e-3)
-    np.testing.assert_allclose(readings.splined("M", rows.t), np.tile(np.eye(2), (S, 1, 1)))
+    np.testing.assert_allclose(readings.splined("M", rows), np.tile(np.eye(2), (S, 1, 1)))
 
 
 def test_forces_of_constraints_follow_multipliers_at_every_row():
     """They ring faster than anything is read: what they add is linear in them."""
     readings, rows = Readings(Source(smooth), rows_of()), rows_of()
-    added = readings.splined.stiffness(rows.t, rows.multipliers) - readings.splined("K", rows.t)
+    added = readings.splined.stiffness(rows) - readings.splined("K", rows)
     np.testing.assert_allclose(added[:, 0, 0], 3.0 * rows.multipliers[:, 0], atol=1e-9)
 
 
@@ -80,7 +84,7 @@ def test_what_rings_faster_than_it_is_read_is_doubtful():
 def test_a_turn_is_not_read_at_halves_alone():
     """Halves of a turn look like the whole."""
     readings, rows = Readings(Source(lambda t: 1e6 * (2 + np.cos(2 * np.pi * 8 * t / T_END))), rows_of()), rows_of()
-    K = readings.splined("K", rows.t)[:, 0, 0]
+    K = readings.splined("K", rows)[:, 0, 0]
     np.testing.assert_allclose(K, 1e6 * (2 + np.cos(2 * np.pi * 8 * rows.t / T_END)), rtol=0, atol=3e4)
 
 
@@ -88,7 +92,44 @@ def test_a_turn_is_not_read_at_halves_alone():
 def test_runs_of_few_rows_are_read(count):
     readings = Readings(Source(smooth), rows_of(count))
     assert len(readings.at) == min(count, len(readings.at))
-    assert readings.splined("K", rows_of(count).t).shape == (count, 2, 2)
+    assert readings.splined("K", rows_of(count)).shape == (count, 2, 2)
+
+
+class Hinge(Source):
+    """A body on a joint whose three rows stand in axes of the ground, and a fourth one that stands in the body's."""
+
+    def __init__(self):
+        super().__init__(smooth)
+        self.node = TurningNode(np.arange(7), np.array([0, 0, 0, 1.0, 0, 0, 0]), 0, True)
+        self.frames, self.independent, self.scales = [self.node], np.array([1, 2, 3, 5]), 1e-5 * np.ones(6)
+
+    def read(self, t, q, v, a, multipliers):
+        self.asked += 1
+        A, arm = rotation_matrix(self.node.parameters(q)), skew(np.array([0.3, -0.2, 0.1]))
+        of_body = np.hstack([np.eye(3), -arm])
+        C = np.vstack([A @ of_body, [0, 0, 0, 0, 0, 1.0]])
+        H = np.zeros((6, 6, 6))
+        for j in range(3):  # of G^T lam = of_body^T A^T lam, by a turn in axes of the body
+            H[:, 3:, 1 + j] = of_body.T @ skew(A[j])
+        return Reading(np.eye(6), np.zeros((6, 6)), np.zeros((6, 6)), C, C, H)
+
+
+def test_rows_that_turn_with_a_body_are_read_in_its_axes():
+    count, turns = 400, 12
+    t = np.linspace(0, 1, count)
+    angle, axis = np.pi * turns * t, np.array([0.6, 0.0, 0.8])
+    q = np.zeros((count, 7))
+    q[:, 3:] = np.column_stack([np.cos(angle), np.sin(angle)[:, None] * axis]) - np.eye(4)[0]
+    multipliers = np.column_stack([np.zeros(count), np.cos(9 * t), np.sin(50 * t), t, t, t])
+    rows, source = Rows(t, q, 0 * q, 0 * q, multipliers), Hinge()
+    readings = Readings(source, rows)
+    assert source.asked <= 2 * FIRST + 3  # else some hundred
+    for i in (0, 57, 201, 399):
+        now = source.read(*rows.row(i))
+        part = rows[i : i + 1]
+        np.testing.assert_allclose(readings.splined("C", part)[0], now.C, atol=1e-10)
+        np.testing.assert_allclose(readings.splined("G", part)[0], now.G, atol=1e-10)
+        np.testing.assert_allclose(readings.splined.stiffness(part)[0], now.stiffness(multipliers[i]), atol=1e-10)
 
 
 def test_forces_that_move_no_body_are_not_read_for():

@@ -14,7 +14,7 @@ import exudyn as exu
 import numpy as np
 import scipy.linalg as la
 
-from ...mechanism.readings import Reading
+from ...mechanism.reading import Reading
 from ...mechanism.rotations import times_transposed
 from ...mechanism.samples import Rows
 from ...mechanism.unknowns import Unknowns
@@ -39,13 +39,15 @@ class HollowCopy:
     Attributes
     ----------
     independent (c,) : numbers of constraints that no others imply. felt, seen : unknowns that forces act on, and that
-    forces know. scales (n_a,) : finite motions that are alike; inertia : of the lightest body moved so.
+    forces know. scales (n_a,) : finite motions that are alike; inertia : of the lightest body moved so. frames :
+    nodes in whose axes readings are.
     """
 
     def __init__(self, mbs: Any, enriched: Sequence[Enriched], unknowns: Unknowns, shows: bool = False):
         """Copy; shows: whether with all vectors, and the sensors."""
         self._unknowns, self._shows = unknowns, shows
         self.independent: np.ndarray | None = None
+        self.frames = [node for node in unknowns.nodes if node.is_frame]
         self.seen = self.felt = np.arange(unknowns.n_a)
         self.scales = unknowns.steps(STEP)[: unknowns.n_a]
         self.inertia = min(one.body.mass for one in enriched) * (STEP * unknowns.largest_size) ** 2

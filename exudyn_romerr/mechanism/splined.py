@@ -1,0 +1,148 @@
+"""Tangents of all but the floating bodies over time, splined through readings.
+
+Rows of constraints that turn with a body, as those of a joint to the ground do in the body's axes, are splined in
+axes in which they do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.interpolate import CubicSpline
+
+from .reading import Reading
+from .rotations import rotation_matrix, times_transposed
+from .samples import Rows
+from .unknowns import TurningNode
+
+CONSTANT = 1e-11  # of the largest of alike entries: one that varies by less does not
+STEADIER = 0.1  # times what rows vary in other axes: those in which they vary less are taken
+PARTS = ("M", "D", "K", "G", "C")
+OF_CONSTRAINTS = ("G", "C")
+
+
+@dataclass(frozen=True)
+class TurningRows:
+    """Three rows of constraints that are those of a vector: A^T of them varies less, A of a frame's node.
+
+    own : slice of the independent ones. all : of all.
+    """
+
+    own: slice
+    all: slice
+    node: TurningNode
+
+    def axes(self, rows: Rows) -> np.ndarray:
+        """Return A (T, 3, 3)."""
+        return rotation_matrix(self.node.parameters(rows.q))
+
+
+def turning_rows(
+    frames: Sequence[TurningNode],
+    independent: np.ndarray,
+    rows: Rows,
+    readings: Sequence[Reading],
+    scales: np.ndarray,
+) -> list[TurningRows]:
+    """Return the rows of constraints that vary less in axes that turn back with a frame.
+
+    rows : of the readings. scales (n_a,) : finite motions that are alike.
+    """
+    found, i = [], 0
+    both = np.array([np.stack([one.G, one.C]) for one in readings]) * scales
+    while i + 2 < len(independent):
+        three, first = both[:, :, i : i + 3], independent[i]
+        steady = {}
+        if independent[i + 2] == first + 2:
+            for node in frames:
+                of = TurningRows(slice(i, i + 3), slice(first, first + 3), node)
+                steady[_varies(of.axes(rows).swapaxes(1, 2)[:, None] @ three)] = of
+        if steady and min(steady) < STEADIER * _varies(three):
+            found.append(steady[min(steady)])
+        i += 3 if found and found[-1].own.start == i else 1
+    return found
+
+
+def _varies(x: np.ndarray) -> float:
+    return float(np.ptp(x, axis=0).max())
+
+
+class Splined:
+    """Readings over time: entries that are always the same once, others by a cubic spline.
+
+    rows : of the readings. scales (n_a,) : finite motions that are alike. forces (all,) : the largest of each
+    multiplier. Forces and moments, lengths and angles are told from rounding only beside their like. turning : rows
+    that are splined in axes of a body.
+    """
+
+    def __init__(
+        self,
+        rows: Rows,
+        readings: Sequence[Reading],
+        scales: np.ndarray,
+        forces: np.ndarray,
+        turning: Sequence[TurningRows] = (),
+    ):
+        self._fixed, self._varying, both, t = {}, {}, scales * scales[:, None], rows.t
+        self._turning, forces, H = turning, forces.copy(), np.array([one.H for one in readings])
+        for of in turning:
+            H[..., of.all] = np.einsum("tabi,tij->tabj", H[..., of.all], of.axes(rows))
+            forces[of.all] = forces[of.all].max()
+        for name in PARTS:
+            values = np.array([getattr(one, name) for one in readings])
+            for of in turning if name in OF_CONSTRAINTS else ():
+                values[:, of.own] = of.axes(rows).swapaxes(1, 2) @ values[:, of.own]
+            alike, axes = (scales, (0, 2)) if name in OF_CONSTRAINTS else (both, None)
+            least = CONSTANT * np.abs(values * alike).max(axis=axes, initial=0.0, keepdims=True)
+            moves = np.flatnonzero(np.ptp(values * alike, axis=0) > least[0])
+            self._fixed[name] = values[0]
+            self._varying[name] = (
+                moves,
+                _over_time(t, values.reshape(len(values), -1)[:, moves]) if len(moves) else None,
+            )
+        self._by_multiplier = _sparse(H, t, both[..., None] * forces)
+
+    def __call__(self, name: str, rows: Rows) -> np.ndarray:
+        """Return a part of PARTS at rows of the run, (T, ...)."""
+        fixed, (moves, spline) = self._fixed[name], self._varying[name]
+        found = np.tile(fixed.ravel(), (len(rows), 1))
+        if spline is not None:
+            found[:, moves] = spline(rows.t)
+        found = found.reshape(len(rows), *fixed.shape)
+        for of in self._turning if name in OF_CONSTRAINTS else ():
+            found[:, of.own] = of.axes(rows) @ found[:, of.own]
+        return found
+
+    def stiffness(self, rows: Rows) -> np.ndarray:
+        """Return K (T, n_a, n_a) with what multipliers make of turning constraints."""
+        K, (number, values, gathers) = self("K", rows), self._by_multiplier
+        if len(number):
+            multipliers = rows.multipliers.copy()
+            for of in self._turning:
+                multipliers[:, of.all] = times_transposed(of.axes(rows), multipliers[:, of.all])
+            K += ((values(rows.t) * multipliers[:, number]) @ gathers).reshape(K.shape)
+        return K
+
+
+def _sparse(H: np.ndarray, t: np.ndarray, alike: np.ndarray) -> tuple[np.ndarray, Callable, sp.csr_matrix]:
+    """Entries of H (readings, n_a, n_a, all) that are not zero: multipliers, values over time, where they go.
+
+    alike (n_a, n_a, all) : times these entries are works.
+    """
+    R, n, _, count = H.shape
+    flat = H.reshape(R, -1)
+    size = (np.abs(H).max(axis=0, initial=0.0) * alike).ravel()
+    used = np.flatnonzero(size > CONSTANT * size.max(initial=0.0))
+    place, number = np.divmod(used, max(count, 1))
+    gathers = sp.csr_matrix((np.ones(len(used)), (np.arange(len(used)), place)), shape=(len(used), n * n))
+    return number, _over_time(t, flat[:, used]), gathers
+
+
+def _over_time(t: np.ndarray, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Values (R, k) of readings as a function of times (T,): cubic, linear where there are few."""
+    if len(t) > 3:
+        return CubicSpline(t, values)
+    return lambda at: np.array([np.interp(at, t, column) for column in values.T]).T.reshape(len(at), -1)
