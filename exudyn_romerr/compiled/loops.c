@@ -233,7 +233,7 @@ PyMODINIT_FUNC PyInit__loops(void)
 #endif
     PyObject *made = PyType_Ready(&RecorderType) < 0 ? NULL : PyModule_Create(&module);
     if (made && (PyModule_AddObjectRef(made, "Recorder", (PyObject *)&RecorderType) < 0 ||
-                 PyModule_AddIntConstant(made, "VERSION", 9) < 0)) /* as in loops.py */
+                 PyModule_AddIntConstant(made, "VERSION", 10) < 0)) /* as in loops.py */
         Py_CLEAR(made);
     return made;
 }

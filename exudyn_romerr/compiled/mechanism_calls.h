@@ -1,17 +1,17 @@
 /* Calls from Python of mechanism_march.h, mechanism_factors.h, flow.h and inverses.h. */
 
 static void march_mechanism_anywhere(const Mechanism *all) { march_mechanism(all); }
-static void flow_anywhere(const Flow *all) { flow(all); }
+static Size flow_anywhere(const Flow *all) { return flow(all); }
 static Size invert_bordered_anywhere(const Bordered *all) { return invert_bordered(all); }
 static void make_matrices_anywhere(const StepMatrices *all) { make_matrices(all); }
 static void (*march_mechanism_here)(const Mechanism *) = march_mechanism_anywhere;
-static void (*flow_here)(const Flow *) = flow_anywhere;
+static Size (*flow_here)(const Flow *) = flow_anywhere;
 static Size (*invert_bordered_here)(const Bordered *) = invert_bordered_anywhere;
 static void (*make_matrices_here)(const StepMatrices *) = make_matrices_anywhere;
 
 #ifdef WIDE
 WIDE static void march_mechanism_wide(const Mechanism *all) { march_mechanism(all); }
-WIDE static void flow_wide(const Flow *all) { flow(all); }
+WIDE static Size flow_wide(const Flow *all) { return flow(all); }
 WIDE static Size invert_bordered_wide(const Bordered *all) { return invert_bordered(all); }
 WIDE static void make_matrices_wide(const StepMatrices *all) { make_matrices(all); }
 #endif
@@ -167,26 +167,28 @@ static PyObject *frames_turned(PyObject *self, PyObject *arguments)
     return result;
 }
 
-#define FLOW_ARRAYS 9
+#define FLOW_ARRAYS 10
 #define FLOW                                                                                                           \
-    "flow((T, n, c, columns, m, pieces, terms), arrays, e, ends)\n\nby_series of mechanism/flow.py: write ends (T, "    \
-    "columns, 2 n), go on with e (columns, 2 n)."
+    "flow((T, n, c, columns, m, terms), (centre, scale, back), arrays, e, ends)\n\nby_series of mechanism_errors/flow.py: write "  \
+    "ends (T, columns, 2 n), go on with e (columns, 2 n); return of how many steps."
 
 static PyObject *flowed(PyObject *self, PyObject *arguments)
 {
     Flow all = {0};
     PyObject *given[FLOW_ARRAYS], *e, *ends, *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "(nnnnnnn)(OOOOOOOOO)OO", &all.T, &all.n, &all.k, &all.c, &all.m, &all.pieces,
-                          &all.terms, given, given + 1, given + 2, given + 3, given + 4, given + 5, given + 6, given + 7,
-                          given + 8, &e, &ends) ||
+    if (!PyArg_ParseTuple(arguments, "(nnnnnn)(ddd)(OOOOOOOOOO)OO", &all.T, &all.n, &all.k, &all.c, &all.m, &all.terms,
+                          &all.centre, &all.scale, &all.back, given, given + 1, given + 2, given + 3, given + 4, given + 5, given + 6,
+                          given + 7, given + 8, given + 9, &e, &ends) ||
         !are_sizes(5, all.T, 2 * all.n + all.k, 2 * all.n + all.k, all.c + 1, 8 * (all.m + 1)) ||
-        !are_sizes(5, all.n, all.k, all.m, all.pieces, all.terms))
+        !are_sizes(4, all.n, all.k, all.m, all.terms))
         return NULL;
-    if (all.m > LOAD_TERMS || all.pieces < 1) return PyErr_Format(PyExc_ValueError, "too many terms of loads, or no piece");
+    if (all.m > LOAD_TERMS || all.terms < 2)
+        return PyErr_Format(PyExc_ValueError, "too many terms of loads, or no series");
     const Size T = all.T, n = all.n, k = all.k, square = T * n * n;
     const Size many[FLOW_ARRAYS] = {T, square, square, T * 2 * n, T * 2 * n, all.c * T * all.m * n, T * k * n, T * k * n,
-                                    T * n * k};
-    const double **into[FLOW_ARRAYS] = {&all.h, &all.A, &all.B, &all.y, &all.z, &all.loads, &all.C, &all.C1, &all.W};
+                                    T * n * k, all.terms};
+    const double **into[FLOW_ARRAYS] = {&all.h, &all.A, &all.B, &all.y, &all.z, &all.loads, &all.C, &all.C1, &all.W,
+                                        &all.factors};
     Py_buffer views[FLOW_ARRAYS + 2];
     Held held = {views, 0};
     int is_ready = 1;
@@ -195,10 +197,7 @@ static PyObject *flowed(PyObject *self, PyObject *arguments)
     is_ready = is_ready && (all.e = numbers(e, &held, all.c * 2 * n, 'd', PyBUF_WRITABLE)) &&
                (all.ends = numbers(ends, &held, T * all.c * 2 * n, 'd', PyBUF_WRITABLE));
     if (is_ready && !(all.work = PyMem_Calloc(flow_work(&all) + 1, sizeof(double)))) PyErr_NoMemory();
-    else if (is_ready) {
-        flow_here(&all);
-        result = Py_NewRef(Py_None);
-    }
+    else if (is_ready) result = PyLong_FromSsize_t(flow_here(&all));
     release(&held), PyMem_Free(all.work);
     return result;
 }

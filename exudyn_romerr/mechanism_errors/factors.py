@@ -14,7 +14,7 @@ from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 from ..trajectory.scheme import Scheme
 
-SMALL = 64  # rows of matrices that are inverted in C: a fifth of the time of LAPACK's
+SMALL = 150  # rows of matrices that are inverted in C: half to two thirds of the time of LAPACK's
 LEAST = 1e-10  # of the largest diagonal entry: Euler parameters have no mass along themselves
 
 

@@ -1,12 +1,13 @@
 """The step error: what the time integration got wrong in every step, by the exact flow of the reduced mechanism.
 
 A step's error is the computed end less where the equations, frozen in the middle of the step, go from the computed
-begin: their flow is a power series. e = computed - exact, so that y_full - y_reduced is -e. docs/theory.md.
+begin: their flow is a series of Faber polynomials. e = computed - exact, so that y_full - y_reduced is -e.
+docs/theory.md.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg as la
@@ -18,9 +19,11 @@ from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 from .reduced_system import FrozenSteps, ReducedSystem, consistent_rates, cubics, saddle_inverses
 
-PIECE = 6.0  # |lambda| h of one piece of the series, whose terms grow to e^6 of rounding; more pieces above
-TERMS = 40  # at most: it ends where terms are rounding
-STIFF = 60.0  # |lambda| h above which a matrix exponential is cheaper than pieces of the series
+ABOVE = 1.1  # times lambda h of a few steps of a block: what the series are made for
+BEYOND = (1.0, 2.0, 4.0)  # how far the ellipse goes beyond lambda = 0: terms are e to that at most, and cancel
+POINTS = 4096  # of the ellipse
+EPSILON = np.finfo(float).eps
+MOST_TERMS = 600  # with more a matrix exponential is cheaper
 FAST = 3.0  # |lambda| h above which loads between samples are asked for
 
 
@@ -81,11 +84,12 @@ class Flow:
         steps = np.arange(max(first - 1, 0), first + count - 1)
         if len(steps):
             frozen = FrozenSteps.of(system, inverses, rows.t, steps)
-            pace = frozen.fastest(h[steps])
+            values = frozen.eigenvalues(h[steps])
+            pace = float(np.abs(values).max())
             self.fastest = max(self.fastest, pace)
             self._looks_inside |= pace > FAST
             loads = self._loads(rows, v, a, frozen, steps)
-            ends = self._ends(rows, v, frozen, loads, steps, h, pace)
+            ends = self._ends(rows, v, frozen, loads, steps, h, Series.of(values))
             x, w, where = ends[..., :n].swapaxes(1, 2), ends[..., n:].swapaxes(1, 2), steps + 1 - first
             found[where, 0], found[where, 1] = x, w
             found[where, 2] = frozen.a21 @ x + frozen.a22 @ w
@@ -142,34 +146,69 @@ class Flow:
         loads: np.ndarray,
         at: np.ndarray,
         h: np.ndarray,
-        pace: float,
+        series: Series,
     ) -> np.ndarray:
         """Errors and their rates (T, columns, 2 n) after each step."""
         y = np.concatenate([np.zeros_like(v[at]), v[at] * h[at, None]], axis=1)
         z = np.concatenate([rows.q[at + 1] - rows.q[at], v[at + 1] * h[at, None]], axis=1)
-        is_series = pace <= STIFF and loops is not None
-        ends = (by_series if is_series else by_exponentials)(self.e, y, z, h[at], frozen, loads, pace)
+        given, ends = (self.e, y, z, h[at], frozen, loads), None
+        if loops is not None and len(series.factors) <= MOST_TERMS:
+            ends = by_series(*given, series)
+        if ends is None:
+            ends = by_exponentials(*given)
         self.e = ends[-1].copy()
         return ends
 
 
+class Series(NamedTuple):
+    """exp(x) as a sum of Faber polynomials, which are small in an ellipse of x: of terms the fewest that do.
+
+    The ellipse is centre + gamma w + r / w, |w| = 1. Factors (terms,) of f_k: f_0 = 1, f_1 = z, f_2 = z f_1 - 2 r /
+    gamma, f_k+1 = z f_k - r / gamma f_k-1 at z = (x - centre) / gamma; for r = 0 the series is Taylor's.
+    """
+
+    centre: float
+    gamma: float
+    r: float
+    factors: np.ndarray
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> Series:
+        """Return the series for eigenvalues lambda h, of which none is far right of zero."""
+        values = ABOVE * values
+        return min((cls._right_of_zero(values, beyond) for beyond in BEYOND), key=lambda one: len(one.factors))
+
+    @classmethod
+    def _right_of_zero(cls, values: np.ndarray, beyond: float) -> Series:
+        left, right = values.real.min() - beyond, max(values.real.max(), 0.0) + beyond
+        centre, a = (left + right) / 2, (right - left) / 2
+        b = np.max(np.abs(values.imag) / np.sqrt(1 - ((values.real - centre) / a) ** 2))
+        gamma, r = (a + b) / 2, (a - b) / 2
+        w = np.exp(2j * np.pi * np.arange(POINTS) / POINTS)
+        factors = np.fft.fft(np.exp(centre + gamma * w + r / w)).real / POINTS
+        rounding = EPSILON * np.exp(right) * (2 + abs(centre) + gamma + abs(r)) / POINTS**0.5
+        last = np.flatnonzero(np.abs(factors[: POINTS // 2]) > 4 * rounding)[-1]
+        return cls(centre, gamma, r, factors[: max(last + 1, 2)])
+
+
 def by_series(
-    e: np.ndarray, y: np.ndarray, z: np.ndarray, h: np.ndarray, frozen: FrozenSteps, loads: np.ndarray, pace: float
-) -> np.ndarray:
+    e: np.ndarray, y: np.ndarray, z: np.ndarray, h: np.ndarray, frozen: FrozenSteps, loads: np.ndarray, series: Series
+) -> np.ndarray | None:
     """Return ends (T, columns, 2 n) of errors: z - flow(y - e); y, z (T, 2 n) : begin and end, rates times h.
 
-    e (columns, 2 n) : before. pace : |lambda| h. By power series, in C.
+    e (columns, 2 n) : before. None: something is faster than what the series is made for. In C.
     """
     T, n, m = len(h), y.shape[1] // 2, loads.shape[2]
-    e, ends, pieces = e.copy(), np.empty((T, len(e), 2 * n)), max(1, int(np.ceil(pace / PIECE)))
-    arrays = h, frozen.a21, frozen.a22, y, z, loads, frozen.C, frozen.C1, frozen.W
-    sizes = T, n, frozen.C.shape[1], len(e), m, pieces, TERMS
-    loops.flow(sizes, tuple(map(np.ascontiguousarray, arrays)), e, ends)
-    return ends
+    e, ends = e.copy(), np.empty((T, len(e), 2 * n))
+    arrays = h, frozen.a21, frozen.a22, y, z, loads, frozen.C, frozen.C1, frozen.W, series.factors
+    sizes = T, n, frozen.C.shape[1], len(e), m, len(series.factors)
+    ellipse = series.centre, 1 / series.gamma, -series.r / series.gamma
+    done = loops.flow(sizes, ellipse, tuple(map(np.ascontiguousarray, arrays)), e, ends)
+    return ends if done == T else None
 
 
 def by_exponentials(
-    e: np.ndarray, y: np.ndarray, z: np.ndarray, h: np.ndarray, frozen: FrozenSteps, loads: np.ndarray, pace: float
+    e: np.ndarray, y: np.ndarray, z: np.ndarray, h: np.ndarray, frozen: FrozenSteps, loads: np.ndarray
 ) -> np.ndarray:
     """Return the same by one matrix exponential a step, where steps are stiff, or without the compiled loops."""
     T, n, m = len(h), y.shape[1] // 2, loads.shape[2]

@@ -106,13 +106,13 @@ class FrozenSteps(Samples):
         x = x - self.W[i] @ (self.C[i] @ x)
         return x, w - self.W[i] @ (self.C[i] @ w + self.C1[i] @ x)
 
-    def fastest(self, h: np.ndarray) -> float:
-        """Return the largest |lambda| h of first, middle, last step: of what rings, and what is damped."""
-        n, most = self.a21.shape[1], 0.0
-        for i in {0, len(h) // 2, len(h) - 1}:
+    def eigenvalues(self, h: np.ndarray) -> np.ndarray:
+        """Return lambda h of first, middle, last step."""
+        n, found = self.a21.shape[1], []
+        for i in sorted({0, len(h) // 2, len(h) - 1}):
             whole = np.block([[np.zeros((n, n)), np.eye(n)], [h[i] ** 2 * self.a21[i], h[i] * self.a22[i]]])
-            most = max(most, float(np.abs(np.linalg.eigvals(whole)).max()))
-        return most
+            found.append(np.linalg.eigvals(whole))
+        return np.concatenate(found)
 
 
 def _derivative(powers: np.ndarray, s: float, order: int) -> np.ndarray:

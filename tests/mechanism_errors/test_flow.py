@@ -8,7 +8,7 @@ from exudyn_romerr.compiled.loops import loops
 from exudyn_romerr.mechanism.samples import Rows
 from exudyn_romerr.mechanism.unknowns import Unknowns
 from exudyn_romerr.mechanism_errors import flow as module
-from exudyn_romerr.mechanism_errors.flow import Flow
+from exudyn_romerr.mechanism_errors.flow import Flow, Series
 from exudyn_romerr.mechanism_errors.reduced_system import ReducedSystem
 
 M, D, K = np.diag([1.0, 2.0]), np.diag([0.2, 0.1]), np.array([[30.0, -10.0], [-10.0, 20.0]])
@@ -87,6 +87,44 @@ def test_series_and_exponentials_are_one(monkeypatch):
     np.testing.assert_allclose(fast, slow, rtol=0, atol=1e-12 * np.abs(slow).max())
     omega = np.sqrt(la.eigh(K, M)[0].max())
     assert one.fastest == pytest.approx(H * omega, rel=0.05)  # to what the dampers change
+
+
+SPECTRA = {
+    "nothing": [0.0],
+    "rings": [8.0j, 0.3j],
+    "rings fast": [150.0j, -0.1 + 20.0j],
+    "damped by its stiffness": [-53.0, -42.0, -15.0 + 8.4j, -3.0 + 7.1j, -0.2 + 2.0j],
+    "far overdamped": [-400.0, 50.0j],
+    "grows a little": [0.3 + 1.0j, -20.0],
+}
+
+
+@pytest.mark.parametrize("name", SPECTRA)
+def test_the_series_is_the_exponential_for_all_that_is_in_its_ellipse(name):
+    values = np.array(SPECTRA[name], complex)
+    values = np.concatenate([values, values.conj()])
+    series = Series.of(values)
+    assert len(series.factors) < 30 + 1.7 * np.abs(values).max()
+    x = np.concatenate([values, 0.5 * values, [0.0]])
+    z = (x - series.centre) / series.gamma
+    f, now = [np.ones_like(x), z], z * z - 2 * series.r / series.gamma
+    while len(f) < len(series.factors):
+        f.append(now)
+        now = z * now - series.r / series.gamma * f[-2]
+    np.testing.assert_allclose(
+        np.tensordot(series.factors, f[: len(series.factors)], 1), np.exp(x), rtol=0, atol=1e-12
+    )
+
+
+@pytest.mark.skipif(loops is None, reason="no compiler")
+def test_what_is_faster_than_the_series_is_found(monkeypatch):
+    """Eigenvalues are those of a few steps of a block: others are told by matrix exponentials."""
+    rows, of = trapezoidal(), Series.of
+    _, wanted = flowed(rows)
+    monkeypatch.setattr(Series, "of", lambda values: of(0.01 * values))
+    monkeypatch.setattr(module, "ABOVE", 1.0)
+    _, found = flowed(rows)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
 
 
 def test_what_a_run_begins_with_is_carried_on():
