@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.compiled.loops import loops
+from exudyn_romerr.mechanism import tangents
 from exudyn_romerr.mechanism.tangents import block_of
+from exudyn_romerr.mechanism_errors import factors as of_factors
 from exudyn_romerr.mechanism_errors import march as module
 from exudyn_romerr.mechanism_errors.factors import factors_of
 from exudyn_romerr.mechanism_errors.march import March
@@ -98,7 +100,8 @@ def test_compiled_and_numpy_are_one(columns, monkeypatch):
     f = kicks(mechanism, columns)
     f[:, :, 0] *= 1e-305
     fast = marched(mechanism, f)
-    monkeypatch.setattr(module, "loops", None)
+    for each in (module, of_factors, tangents):
+        monkeypatch.setattr(each, "loops", None)
     slow = marched(mechanism, f)
     for one, two in zip(fast, slow, strict=True):
         for column in range(columns):
@@ -134,5 +137,35 @@ def test_wrong_sizes_are_refused():
             (1, 2, 3, 4, 5), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 10, (np.zeros(1),) * 4
         )
     with pytest.raises((ValueError, TypeError)):
-        loops.flow((1, 2, 0, 1, 9, 1, 40), (np.zeros(1),) * 9, np.zeros(4), np.zeros(4))
+        loops.flow((1, 2, 0, 1, 9, 40), (0.0, 1.0, 0.0), (np.zeros(1),) * 10, np.zeros(4), np.zeros(4))
+    with pytest.raises(ValueError, match="rotations that there are not"):
+        loops.step_matrices(
+            (1, 2, 2), np.array([0]), [], (*[np.zeros(1)] * 2, *[np.zeros(4)] * 3, np.zeros(70)), np.zeros(4)
+        )
+    for row, column in ((-1, 1), (3, -1), (-2, 0)):
+        with pytest.raises(ValueError, match="rows or columns"):
+            loops.turn_frames(1, 6, 6, row, column, np.eye(3), np.zeros((6, 6)))
+    with pytest.raises(ValueError, match="in place of"):
+        loops.bordered_inverses(1, 2, 1, 0.0, np.eye(2), np.zeros(2), np.zeros(3), np.zeros((3, 3)))
     assert mechanism.unknowns.n == 6 + 7 + 3
+
+
+@pytest.mark.skipif(loops is None, reason="no compiler")
+@pytest.mark.parametrize("n", [1, 4, 7, 30, 149])
+def test_bordered_inverses_are_lapacks(n):
+    """Whatever units rows have; of panels of four rows, and what is left of these."""
+    rng = np.random.default_rng(n)
+    units = 10.0 ** rng.integers(-4, 4, n)
+    A = rng.normal(size=(3, n, n)) * units * units[:, None]
+    for c in {0, min(3, n)}:
+        G, C = rng.normal(size=(2, 3, c, n)) * units
+        found, wanted = of_factors.bordered_inverses(A, G, C), of_factors._bordered_inverses(A, G, C)
+        scale = np.concatenate([units, np.ones(c)])
+        off = np.abs(found - wanted) * scale * scale[:, None]
+        assert off.max() <= 1e-10 * np.abs(wanted * scale * scale[:, None]).max()
+
+
+@pytest.mark.skipif(loops is None, reason="no compiler")
+def test_what_has_no_inverse_is_said():
+    with pytest.raises(np.linalg.LinAlgError, match="Singular"):
+        of_factors.bordered_inverses(np.ones((2, 3, 3)), np.zeros((2, 0, 3)), np.zeros((2, 0, 3)))
