@@ -20,8 +20,8 @@ from ..mechanism.unknowns import Unknowns
 from .reduced_system import FrozenSteps, ReducedSystem, consistent_rates, cubics, saddle_inverses
 
 ABOVE = 1.1  # times lambda h of a few steps of a block: what the series are made for
-BEYOND = (1.0, 2.0, 4.0)  # how far the ellipse goes beyond lambda = 0: terms are e to that at most, and cancel
-POINTS = 4096  # of the ellipse
+BEYOND = (1.0, 3.0)  # how far the ellipse goes beyond lambda = 0: terms are e to that at most, and cancel
+POINTS = 2048  # of the ellipse
 EPSILON = np.finfo(float).eps
 MOST_TERMS = 600  # with more a matrix exponential is cheaper
 FAST = 3.0  # |lambda| h above which loads between samples are asked for
