@@ -146,13 +146,13 @@ class Flow:
         loads: np.ndarray,
         at: np.ndarray,
         h: np.ndarray,
-        series: Series,
+        series: Series | None,
     ) -> np.ndarray:
         """Errors and their rates (T, columns, 2 n) after each step."""
         y = np.concatenate([np.zeros_like(v[at]), v[at] * h[at, None]], axis=1)
         z = np.concatenate([rows.q[at + 1] - rows.q[at], v[at + 1] * h[at, None]], axis=1)
         given, ends = (self.e, y, z, h[at], frozen, loads), None
-        if loops is not None and len(series.factors) <= MOST_TERMS:
+        if loops is not None and series is not None:
             ends = by_series(*given, series)
         if ends is None:
             ends = by_exponentials(*given)
@@ -173,16 +173,22 @@ class Series(NamedTuple):
     factors: np.ndarray
 
     @classmethod
-    def of(cls, values: np.ndarray) -> Series:
-        """Return the series for eigenvalues lambda h, of which none is far right of zero."""
-        values = ABOVE * values
-        return min((cls._right_of_zero(values, beyond) for beyond in BEYOND), key=lambda one: len(one.factors))
+    def of(cls, values: np.ndarray) -> Series | None:
+        """Return the series for eigenvalues lambda h, of which none is far right of zero; None: too many terms.
+
+        So where some are damped most of all, others ring as fast, and a narrow ellipse holds not both.
+        """
+        all_of_them = (cls._right_of_zero(ABOVE * values, beyond) for beyond in BEYOND)
+        short = [one for one in all_of_them if one is not None and len(one.factors) <= MOST_TERMS]
+        return min(short, key=lambda one: len(one.factors), default=None)
 
     @classmethod
-    def _right_of_zero(cls, values: np.ndarray, beyond: float) -> Series:
+    def _right_of_zero(cls, values: np.ndarray, beyond: float) -> Series | None:
         left, right = values.real.min() - beyond, max(values.real.max(), 0.0) + beyond
         centre, a = (left + right) / 2, (right - left) / 2
         b = np.max(np.abs(values.imag) / np.sqrt(1 - ((values.real - centre) / a) ** 2))
+        if not max(a, b) < POINTS / 4:  # more terms than the points tell
+            return None
         gamma, r = (a + b) / 2, (a - b) / 2
         w = np.exp(2j * np.pi * np.arange(POINTS) / POINTS)
         factors = np.fft.fft(np.exp(centre + gamma * w + r / w)).real / POINTS

@@ -116,6 +116,12 @@ def test_the_series_is_the_exponential_for_all_that_is_in_its_ellipse(name):
     )
 
 
+def test_what_no_narrow_ellipse_holds_has_no_series():
+    """Seed 40 of the random mechanisms: some modes are damped to nothing in a step, others ring as fast undamped."""
+    assert Series.of(np.array([-296.0, 0.01, 210.0j, -210.0j])) is None
+    assert Series.of(np.array([1e9j, -1e9j])) is None
+
+
 @pytest.mark.skipif(loops is None, reason="no compiler")
 def test_what_is_faster_than_the_series_is_found(monkeypatch):
     """Eigenvalues are those of a few steps of a block: others are told by matrix exponentials."""
