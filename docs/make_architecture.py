@@ -87,11 +87,11 @@ def draw() -> Any:
         colour = ORANGE if folder.startswith("mbs") else BLUE
         text.text(0, row - 0.18, folder.replace(".", "/") + "/", color=colour, weight="bold", fontsize=11)
         about = ast.get_docstring(ast.parse(PATHS[f"{folder}.__init__"].read_text(encoding="utf-8")))
-        text.text(0.24, row - 0.18, about.split(" (contract")[0], fontsize=8.5)
+        text.text(0.26, row - 0.18, about.split(" (contract")[0], fontsize=8.5)
         files = [name.removeprefix(f"{folder}.") for name in sorted(PATHS) if room(name) == folder]
         inner = (file.partition(".") for file in files if not file.endswith("__init__"))
         names = ", ".join(dict.fromkeys(f"{name}/" if more else name for name, more, _ in inner))
-        text.text(0.24, row + 0.22, _folded(names), fontsize=7.5, color="#444444", va="center")
+        text.text(0.26, row + 0.22, _folded(names), fontsize=7.5, color="#444444", va="center")
         matrix.axhline(row - 0.5, color="#dddddd", linewidth=0.6)
         text.axhline(row - 0.5, color="#dddddd", linewidth=0.6)
         for column, other in enumerate(FOLDERS[: row + 1]):

@@ -1,4 +1,1 @@
-"""The linearised mechanism: all bodies and what joins them, from rows of a run to the error of its modes and steps.
-
-Arrays only; exudyn_romerr.mbs reads them of Exudyn. docs/theory.md has the equations.
-"""
+"""The linearised mechanism, in arrays only: bodies and what joins them, along a run. mbs/mirror reads it of Exudyn."""
