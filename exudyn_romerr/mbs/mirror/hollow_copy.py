@@ -109,13 +109,14 @@ class HollowCopy:
         self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return M a - f (T, n_a), G^T (T, n_a, all), g (T, all) in states (T, size), in axes of their bodies."""
-        J_t = self.jacobians(q, v, a)[0].swapaxes(1, 2)
-        R, G, g = [], [], []
-        for state in zip(q, v, a, strict=True):
-            R.append(self._forces(t, *state))
-            G.append(self._equations.constraints(self.mbs))
-            g.append(self._equations.drift(self.mbs))
-        return (J_t @ np.array(R)[..., None])[..., 0], J_t @ np.array(G).swapaxes(1, 2), np.array(g)
+        T, count = len(q), len(state_in_place(self.mbs.systemData)[3])  # T is 0 where forces know no unknown
+        R, G, g = (np.zeros((T, *shape)) for shape in ((self.size,), (count, self.size), (count,)))
+        for i, state in enumerate(zip(q, v, a, strict=True)):
+            R[i] = self._forces(t, *state)
+            G[i] = self._equations.constraints(self.mbs)
+            g[i] = self._equations.drift(self.mbs)
+        J = self.jacobians(q, v, a)[0]
+        return times_transposed(J, R), J.swapaxes(1, 2) @ G.swapaxes(1, 2), g
 
     def _unbalanced(
         self, t: np.ndarray, states: Sequence[np.ndarray], multipliers: np.ndarray
@@ -160,7 +161,8 @@ class HollowCopy:
         h = np.concatenate([self.scales[use], -self.scales[use]])
         states = [x + h[:, None] * part[:, [*use, *use]].T for x, part in zip(state, J, strict=True)]
         R, G_t, g = self.residuals(t, *states)
-        self._acting = np.maximum(self._acting, np.abs(R).max(axis=0) + (np.abs(G_t) @ np.abs(lam)).max(axis=0))
+        most = (x.max(axis=0, initial=0.0) for x in (np.abs(R), np.abs(G_t) @ np.abs(lam)))
+        self._acting = np.maximum(self._acting, sum(most))
         found = [x.reshape(2, len(use), *x.shape[1:]) for x in (R, G_t, g)]
         K, H, C = (np.zeros((n, *x.shape[2:])) for x in found)
         for whole, x in zip((K, H, C), found, strict=True):

@@ -305,6 +305,19 @@ def test_a_body_that_flies_has_no_constraint():
         assert np.abs(out.estimate).max() > 0
 
 
+def test_what_no_force_knows_is_read_as_nothing():
+    """As of a body that nothing acts on, in one of Exudyn's examples."""
+    scene = scene_of(1)
+    one = enriched(scene.mbs, romerr.floating_body(scene.fem, scene.items), 10, 0.0)
+    copy = HollowCopy(scene.mbs, [one], unknowns_of(scene.mbs, [one.body]))
+    copy.seen = np.zeros(0, int)
+    q, lam = np.zeros(copy.own.size), scene.mbs.systemData.GetAECoordinates()
+    reading = copy.read(0.0, q, q, q, lam)
+    assert not reading.K.any()
+    assert not reading.H.any()
+    assert reading.G.shape == (0, len(copy.scales))
+
+
 @pytest.mark.parametrize("seed", [112, 30])
 def test_units_do_not_matter(seed, monkeypatch):
     """Millimetres and tonnes: every number to 1e-6, half widths to what rounding leaves of small differences.
