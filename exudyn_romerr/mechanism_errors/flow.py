@@ -22,6 +22,7 @@ from .reduced_system import FrozenSteps, ReducedSystem, consistent_rates, cubics
 ABOVE = 1.1  # times lambda h of a few steps of a block: what the series are made for
 BEYOND = (1.0, 3.0)  # how far the ellipse goes beyond lambda = 0: terms are e to that at most, and cancel
 POINTS = 2048  # of the ellipse
+GROWS = 20.0  # Re lambda h: what grows by e to that in a step leaves nothing of terms but rounding
 EPSILON = np.finfo(float).eps
 MOST_TERMS = 600  # with more a matrix exponential is cheaper
 FAST = 3.0  # |lambda| h above which loads between samples are asked for
@@ -187,7 +188,7 @@ class Series(NamedTuple):
         left, right = values.real.min() - beyond, max(values.real.max(), 0.0) + beyond
         centre, a = (left + right) / 2, (right - left) / 2
         b = np.max(np.abs(values.imag) / np.sqrt(1 - ((values.real - centre) / a) ** 2))
-        if not max(a, b) < POINTS / 4:  # more terms than the points tell
+        if not max(a, b) < POINTS / 4 or right > GROWS:  # more terms than the points tell
             return None
         gamma, r = (a + b) / 2, (a - b) / 2
         w = np.exp(2j * np.pi * np.arange(POINTS) / POINTS)

@@ -120,6 +120,7 @@ def test_what_no_narrow_ellipse_holds_has_no_series():
     """Seed 40 of the random mechanisms: some modes are damped to nothing in a step, others ring as fast undamped."""
     assert Series.of(np.array([-296.0, 0.01, 210.0j, -210.0j])) is None
     assert Series.of(np.array([1e9j, -1e9j])) is None
+    assert Series.of(np.array([800.0, -800.0])) is None
 
 
 @pytest.mark.skipif(loops is None, reason="no compiler")
