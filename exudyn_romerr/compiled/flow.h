@@ -35,10 +35,12 @@ INLINE void go_up(const Flow *a, Size i, Size c, const double *f, double scale, 
     }
 }
 
+/* nan, if one is nan */
 INLINE double largest_of(Size count, const double *x)
 {
     double most = 0;
-    for (Size j = 0; j < count; j++) most = fabs(x[j]) > most ? fabs(x[j]) : most;
+    for (Size j = 0; j < count; j++)
+        if (most == most && !(fabs(x[j]) <= most)) most = fabs(x[j]);
     return most;
 }
 
@@ -58,7 +60,8 @@ INLINE int flow_step(const Flow *a, Size i, Size c, const double *f, double *sum
         double *swap = now;
         now = next, next = swap;
     }
-    return fabs(a->factors[a->terms - 1]) * largest_of(N, next) <= CONVERGED * largest_of(N, sums);
+    const double last = fabs(a->factors[a->terms - 1]) * largest_of(N, next);
+    return last < HUGE_VAL && last <= CONVERGED * largest_of(N, sums);
 }
 
 INLINE Size flow_columns(const Flow *a, Size c)

@@ -1,5 +1,7 @@
 """The step error by the exact flow: exact where loads are cubic in time; series and matrix exponentials are one."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -132,6 +134,17 @@ def test_what_is_faster_than_the_series_is_found(monkeypatch):
     monkeypatch.setattr(module, "ABOVE", 1.0)
     _, found = flowed(rows)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.skipif(loops is None, reason="no compiler")
+def test_terms_that_overflow_have_not_converged():
+    """Of a step a hundred times as fast as the ellipse of 160 terms: 1e320."""
+    none, one = np.zeros((1, 0, 1)), np.ones((1, 2))
+    frozen = SimpleNamespace(
+        a21=-1e8 * np.ones((1, 1, 1)), a22=np.zeros((1, 1, 1)), C=none, C1=none, W=np.zeros((1, 1, 0))
+    )
+    series = Series.of(np.array([100.0j, -100.0j]))
+    assert module.by_series(np.zeros((1, 2)), one, one, np.ones(1), frozen, np.zeros((1, 1, 0, 1)), series) is None
 
 
 def test_what_a_run_begins_with_is_carried_on():
