@@ -32,17 +32,9 @@ INLINE void add(Size n, Size m, Size c, double a, const double *A, const double 
 }
 
 /* y += a A^T x, A (n, m), x (n, c), y (m, c) */
-INLINE void add_transposed(Size n, Size m, Size c, double a, const double *A, const double *RESTRICT x,
-                           double *RESTRICT y)
+INLINE void add_transposed(Size n, Size m, Size c, double a, const double *A, const double *x, double *RESTRICT y)
 {
-    Size i = 0;
-    for (; i + ROWS <= n; i += ROWS)
-        for (Size j = 0; j < m; j++)
-            for (Size r = 0; r < ROWS; r++) {
-                const double f = a * A[(i + r) * m + j];
-                for (Size o = 0; o < c; o++) y[j * c + o] += f * x[(i + r) * c + o];
-            }
-    for (; i < n; i++) {
+    for (Size i = 0; i < n; i++) {
         const double *xi = x + i * c;
         for (Size j = 0; j < m; j++) {
             const double f = a * A[i * m + j];

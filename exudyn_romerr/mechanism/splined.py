@@ -54,15 +54,14 @@ def turning_rows(
     found, i = [], 0
     both = np.array([np.stack([one.G, one.C]) for one in readings]) * scales
     while i + 2 < len(independent):
-        three, first = both[:, :, i : i + 3], independent[i]
-        steady = {}
+        three, first, best = both[:, :, i : i + 3], independent[i], None
         if independent[i + 2] == first + 2:
-            for node in frames:
-                of = TurningRows(slice(i, i + 3), slice(first, first + 3), node)
-                steady[_varies(of.axes(rows).swapaxes(1, 2)[:, None] @ three)] = of
-        if steady and min(steady) < STEADIER * _varies(three):
-            found.append(steady[min(steady)])
-        i += 3 if found and found[-1].own.start == i else 1
+            for of in (TurningRows(slice(i, i + 3), slice(first, first + 3), node) for node in frames):
+                left = _varies(of.axes(rows).swapaxes(1, 2)[:, None] @ three)
+                if left < (STEADIER * _varies(three) if best is None else best[0]):
+                    best = left, of
+        found += [] if best is None else [best[1]]
+        i += 1 if best is None else 3
     return found
 
 
@@ -89,7 +88,7 @@ class Splined:
         self._fixed, self._varying, both, t = {}, {}, scales * scales[:, None], rows.t
         self._turning, forces, H = turning, forces.copy(), np.array([one.H for one in readings])
         for of in turning:
-            H[..., of.all] = np.einsum("tabi,tij->tabj", H[..., of.all], of.axes(rows))
+            H[..., of.all] = H[..., of.all] @ of.axes(rows)[:, None]
             forces[of.all] = forces[of.all].max()
         for name in PARTS:
             values = np.array([getattr(one, name) for one in readings])

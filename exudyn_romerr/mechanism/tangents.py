@@ -8,7 +8,7 @@ import numpy as np
 
 from ..compiled.loops import loops
 from .body import Coupling, Motion
-from .rotations import rotation_matrix, times
+from .rotations import times
 from .samples import Rows, Samples
 from .splined import Splined
 from .unknowns import Unknowns
@@ -40,17 +40,16 @@ def block_of(rows: Rows, unknowns: Unknowns, rest: Splined) -> Block:
     """Return the tangents of these rows."""
     own = [rest("M", rows), rest("D", rows), rest.stiffness(rows)]
     constraints = [rest("G", rows), rest("C", rows)]
-    for node in unknowns.nodes:
-        if node.is_frame:
-            A = rotation_matrix(node.parameters(rows.q))
-            for X in own:
-                _turn(X, A, node.at, node.at)
-            for X in constraints:
-                _turn(X, A, None, node.at)
-    whole, couplings, motions = [x.copy() for x in own], [], []
+    motions = [body.motion(rows) for body in unknowns.bodies]
+    for node, motion in zip(unknowns.nodes, motions, strict=False):  # frames of bodies are the first nodes
+        for X in own:
+            _turn(X, motion.A, node.at, node.at)
+        for X in constraints:
+            _turn(X, motion.A, None, node.at)
+    whole, couplings = [x.copy() for x in own], []
     forces = np.zeros((len(rows), unknowns.n))
-    for body, at, wave in zip(unknowns.bodies, unknowns.blocks, unknowns.waves, strict=True):
-        motion = body.motion(rows)
+    of_bodies = unknowns.bodies, motions, unknowns.blocks, unknowns.waves
+    for body, motion, at, wave in zip(*of_bodies, strict=True):
         blocks, coupling = body.tangent(motion)
         for sums, block in zip(whole, blocks, strict=True):
             _turn(block, motion.A, 0, 0)
@@ -62,7 +61,6 @@ def block_of(rows: Rows, unknowns: Unknowns, rest: Splined) -> Block:
         for part in (slice(0, 3), slice(3, 6)):
             F[:, part] = times(motion.A, F[:, part])
         forces[:, at], forces[:, wave] = np.split(F, [6 + body.na], axis=1)
-        motions.append(motion)
     return Block(rows, *whole, *constraints, couplings, motions, own, forces)
 
 

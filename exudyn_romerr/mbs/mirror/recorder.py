@@ -11,9 +11,9 @@ import numpy as np
 
 from ...errors import RunError
 from ...mechanism.samples import Rows
+from ...trajectory.growing_array import GrowingArray
 from ..access.state_guard import state_in_place
 
-BLOCK = 1024  # rows for which memory is taken at once
 LOST = "rows of the run could not be kept: {}"
 MOST = 500_000_000  # bytes of rows in memory: more go to a temporary file
 
@@ -26,16 +26,15 @@ class Recorder:
 
     def __init__(self, mbs: Any, user: Callable | None):
         self.user, self._system = user, mbs.systemData
-        self._borders = self._rows = self._lost = None
+        self._rows, self._borders, self._lost = StoredRows(), None, None
 
     def __call__(self, mbs: Any, t: float) -> Any:
         """Keep a row; return what the user's function returns."""
         row = (t,), *state_in_place(self._system)
-        if self._rows is None:
+        if self._borders is None:
             self._borders = np.cumsum([*map(len, row)])
-            self._rows = StoredRows(int(self._borders[-1]))
         try:
-            np.concatenate(row, out=self._rows.next())
+            self._rows.append(np.concatenate(row, dtype=float))
         except (OSError, MemoryError, ValueError) as error:  # the run of the user goes on
             self._lost = error
         return True if self.user is None else self.user(mbs, t)
@@ -52,7 +51,7 @@ class Recorder:
         """
         if self._lost is not None:
             raise RunError(LOST.format(self._lost))
-        if self._rows is None:
+        if self._borders is None:
             return []
         rows = self._rows.all()
         t, q = rows[:, 0], rows[:, self._borders[0] : self._borders[1]]
@@ -70,40 +69,31 @@ class Recorder:
 class StoredRows:
     """Rows (S, width) of numbers, one after the other: in memory, in a temporary file where they are many."""
 
-    def __init__(self, width: int):
-        self._blocks: list[np.ndarray] = []
-        self._width, self._free, self._filed, self._file = width, 0, 0, None
+    def __init__(self) -> None:
+        self._held, self._filed, self._file = GrowingArray(), 0, None
 
-    def next(self) -> np.ndarray:
-        """Return the next row (width,), to be written."""
-        if not self._free:
-            if self._file is not None or 8 * self._width * BLOCK * len(self._blocks) > MOST:
-                self._to_file()
-            self._blocks.append(np.empty((BLOCK, self._width)))
-            self._free = BLOCK
-        self._free -= 1
-        return self._blocks[-1][BLOCK - 1 - self._free]
+    def append(self, row: np.ndarray) -> None:
+        """Add a row (width,)."""
+        if row.nbytes * len(self._held) > MOST:
+            self._to_file()
+            self._filed += len(self._held)
+            self._held.cut(0)
+        self._held.append(row[None])
 
     def _to_file(self) -> None:
         if self._file is None:
             self._file = TemporaryFile()
             finalize(self, self._file.close)
-        for block in self._blocks:
-            block.tofile(self._file)
-            self._filed += len(block)
-        self._blocks = []
+        self._held.read().tofile(self._file)
 
     def all(self) -> np.ndarray:
         """Return all rows (S, width); more of them may be written behind."""
-        own = [np.zeros((0, self._width)), *self._blocks]
-        own[-1] = own[-1][: len(own[-1]) - self._free]
+        held = self._held.read()
         if self._file is None:
-            return np.concatenate(own)
+            return held
         place = self._file.tell()
-        for block in own:
-            block.tofile(self._file)
+        self._to_file()
         self._file.flush()
-        shape = self._filed + sum(map(len, own)), self._width
-        found = np.memmap(self._file, float, "r", shape=shape)
+        found = np.memmap(self._file, float, "r", shape=(self._filed + len(held), held.shape[1]))
         self._file.seek(place)
         return found

@@ -41,9 +41,8 @@ def recorded(times):
 
 @pytest.mark.parametrize("count", [1, 3, 4, 5, 23])
 def test_rows_in_a_file_are_the_same(count, monkeypatch):
-    monkeypatch.setattr(module, "BLOCK", 4)
     (wanted,) = recorded(np.arange(count))[0].runs()
-    monkeypatch.setattr(module, "MOST", 2 * 8 * 8 * 4)
+    monkeypatch.setattr(module, "MOST", 8 * 8 * 11)  # eleven rows
     found, mbs = recorded(np.arange(count))
     (rows,) = found.runs()
     assert isinstance(rows.q, np.memmap) == (count > 12)
@@ -67,7 +66,7 @@ def test_what_cannot_be_kept_is_told_and_stops_nothing(monkeypatch):
     def full(*_):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr(StoredRows, "next", full)
+    monkeypatch.setattr(StoredRows, "append", full)
     with pytest.raises(RunError, match="could not be kept: No space left"):
         recorded([0.0, 1.0])[0].runs()
     monkeypatch.undo()
