@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ..mechanism.tangents import block_of
 from ..trajectory.estimate import LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
 from .end_state import EndState
 from .linearity import Linearity
-from .modes import Modes
+from .modes import Marched, Modes
 from .steps import Steps
 
 if TYPE_CHECKING:
@@ -21,14 +21,26 @@ LINEARISED = {"modes": LINEAR_MODES, "interfaces": LINEAR_INTERFACES, "step": LI
 BLOCK, NEIGHBOURS = 128, 2  # rows that are worked at once, and beside them
 
 
+class TakesErrors(Protocol):
+    """What is given every block of the modes' errors."""
+
+    def take(self, now: Marched, of_constraints: float) -> None:
+        """Go on through a block; of_constraints : see MissedForces."""
+
+
 def estimates(
-    of: Mechanism, is_static: bool, before: EndState | None = None
+    of: Mechanism,
+    is_static: bool,
+    before: EndState | None = None,
+    bounds: TakesErrors | None = None,
 ) -> tuple[dict[str, CauseEstimate], EndState]:
     """Return the errors by "modes", "interfaces" where these are rigid, and "step", and what the run leaves wrong.
 
-    is_static : whether rows are load steps, in which nothing moves. before : what the run begins with.
+    is_static : whether rows are load steps, in which nothing moves. before : what the run begins with. bounds : is
+    given every block of the modes' errors.
     """
-    modes, steps, linearity, S = Modes(of, before), Steps(of, before), Linearity(of), len(of.rows)
+    modes, S = Modes(of, before, bounds is not None), len(of.rows)
+    steps, linearity = Steps(of, before), Linearity(of)
     for a in range(0, S, BLOCK):
         own = slice(a, min(a + BLOCK, S))
         near = slice(max(a - NEIGHBOURS, 0), min(a + BLOCK + NEIGHBOURS, S))
@@ -37,6 +49,8 @@ def estimates(
             slice(own.start - near.start, own.stop - near.start),
         )
         modes.take(wide[inner], a)
+        if bounds is not None:
+            bounds.take(modes.now, modes.missed.of_constraints)
         e, lam = modes.now.e, modes.now.lam
         if not is_static:
             of_steps, forces = steps.take(wide, inner, a)

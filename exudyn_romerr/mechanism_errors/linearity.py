@@ -60,26 +60,41 @@ class Linearity:
 
     def _look(self, block: Block, i: int, x: np.ndarray, lam: np.ndarray, masses: np.ndarray) -> tuple:
         """Forces and constraints that are off (2,); forces and motion that the errors make (2,)."""
-        u, rows, others = self._of.unknowns, block.rows, self._of.equations
-        t, q, v, a, forces = rows.row(i)
-        J, z = u.jacobians(q, v, a), u.in_body_axes(x, q)
-        moved = (
-            u.moved(q, x[0]),
-            v + J[0] @ z[1] + J[1] @ z[0],
-            a + J[0] @ z[2] + 2 * J[1] @ z[1] + J[2] @ z[0],
-        )
-        more = np.zeros_like(forces)
-        more[others.independent] = lam
-        here, g = others.moved_forces(t, (q, v, a), 0 * z[:, u.kept], forces)
-        there, moved_g = others.moved_forces(t, moved, z[:, u.kept], forces + more)
-        terms = [X[i] @ y for X, y in zip(block.rest, x[::-1], strict=True)]
-        left = u.in_global_axes(there - here, q) - sum(terms) - lam @ block.G[i]
+        left, bent = nonlinear_forces(self._of, block, i, x, lam)
         whole = [X[i] @ y for X, y in zip((block.M, block.D, block.K), x[::-1], strict=True)]
-        reach = np.linalg.norm(block.C[i] / np.sqrt(masses), axis=1)
-        reach = np.where(reach > 0, reach, 1.0)
-        bent = np.abs((moved_g - g)[others.independent] - block.C[i] @ x[0]) / reach
+        bent = in_motion(block.C[i], masses, bent)
         motion = np.sqrt((x[0] ** 2 * masses).sum())
-        return (_size(left, masses), bent.max(initial=0.0)), (max(_size(y, masses) for y in whole), motion)
+        return (_size(left, masses), bent), (max(_size(y, masses) for y in whole), motion)
+
+
+def nonlinear_forces(
+    of: Mechanism, block: Block, i: int, x: np.ndarray, lam: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what linear equations miss in row i of forces (n_a,), in global axes, and of constraints (c,).
+
+    x (3, n_a), lam (c,) : errors there.
+    """
+    u, others = of.unknowns, of.equations
+    t, q, v, a, forces = block.rows.row(i)
+    J, z = u.jacobians(q, v, a), u.in_body_axes(x, q)
+    moved = (
+        u.moved(q, x[0]),
+        v + J[0] @ z[1] + J[1] @ z[0],
+        a + J[0] @ z[2] + 2 * J[1] @ z[1] + J[2] @ z[0],
+    )
+    more = np.zeros_like(forces)
+    more[others.independent] = lam
+    here, g = others.moved_forces(t, (q, v, a), 0 * z[:, u.kept], forces)
+    there, moved_g = others.moved_forces(t, moved, z[:, u.kept], forces + more)
+    terms = [X[i] @ y for X, y in zip(block.rest, x[::-1], strict=True)]
+    left = u.in_global_axes(there - here, q) - sum(terms) - lam @ block.G[i]
+    return left, (moved_g - g)[others.independent] - block.C[i] @ x[0]
+
+
+def in_motion(C: np.ndarray, masses: np.ndarray, g: np.ndarray) -> float:
+    """Return the largest of constraints g (c,) as the least motion, by masses (n_a,), that C (c, n_a) sees so."""
+    reach = np.linalg.norm(C / np.sqrt(masses), axis=1)
+    return float(np.abs(g / np.where(reach > 0, reach, 1.0)).max(initial=0.0))
 
 
 def _size(forces: np.ndarray, masses: np.ndarray) -> float:

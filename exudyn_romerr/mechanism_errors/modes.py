@@ -12,6 +12,7 @@ from ..trajectory.estimate import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES
 from .factors import Factors, factors_of
 from .half_widths import CauseEstimate, Largest, tail, unchecked
 from .march import March, State, is_at_rest
+from .missed import MissedForces
 from .unbalanced import unbalanced
 
 if TYPE_CHECKING:
@@ -28,18 +29,22 @@ TWICE_THE_STEP = 1.5
 
 @dataclass
 class Marched:
-    """A block that was marched: kicks f (T, n), errors e (T, 3, n), lam (T, c) of all parts, corrected."""
+    """A block that was marched: kicks f (T, n), errors e (T, 3, n), lam (T, c) of all parts, corrected.
+
+    missed (T, R) : what comes of forces that linear equations miss, in outputs; None: that was not asked.
+    """
 
     block: Block
     f: np.ndarray
     e: np.ndarray
     lam: np.ndarray
+    missed: np.ndarray | None = None
 
 
 class Modes:
-    """Marches block after block. now : the last block."""
+    """Marches block after block. now : the last block. missed : what linear equations miss, if that is asked."""
 
-    def __init__(self, of: Mechanism, before: EndState | None):
+    def __init__(self, of: Mechanism, before: EndState | None, asks_missed: bool = False):
         self._of, self._before, self._goes_on = of, None, before
         self.is_rigid = of.is_rigid
         self._parts = len(PARTS) if self.is_rigid else OF_MODES
@@ -48,6 +53,7 @@ class Modes:
         self._before_coarse: float | None = None
         self._largest, self._kept = Largest(), []
         self.now: Marched | None = None
+        self.missed = MissedForces(of) if asks_missed else None
 
     def take(self, block: Block, first: int) -> None:
         """Go on through a block of rows of the run that begins at number `first`."""
@@ -60,20 +66,29 @@ class Modes:
         e, lam = _marched(self._first, block, factors, f, before[0])
         sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
         left = [unbalanced(block, u, *(x[..., k] for x in sums))[0] for k in range(len(self._wanted))]
+        if self.missed:
+            left.append(self.missed.take(block, first, *(x[..., -1] for x in sums[1:])))
         d, dlam = _marched(self._second, block, factors, np.stack(left, -1), before[1])
+        (d, beside), (dlam, forces_beside) = (np.split(x, [len(self._wanted)], axis=-1) for x in (d, dlam))
         whole, forces = sums[1] + d, sums[2] + dlam
         self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1])
         of_modes = np.abs(whole[:, 0]).max()
         changed = min(1.0, np.abs(d[:, 0]).max() / of_modes) if of_modes else 0.0
         off, off_lam = self._marched_coarsely(block, first, *(x[..., -1:] for x in sums))
         columns = [
-            np.concatenate(x, axis=-1) for x in ((e, whole, d[..., :1], off), (lam, forces, dlam[..., :1], off_lam))
+            np.concatenate(x, axis=-1)
+            for x in (
+                (e, whole, d[..., :1], off, beside),
+                (lam, forces, dlam[..., :1], off_lam, forces_beside),
+            )
         ]
         self._look(first, columns[0], self._of.all_multipliers(columns[1]), changed)
 
     def _look(self, first: int, e: np.ndarray, lam: np.ndarray, changed: float) -> None:
         """What sensors show of parts, of corrected sums, of the correction: columns of e, lam."""
         y = self._of.outputs(first, e, lam)
+        if self.missed:
+            self.now.missed, y = y[..., -1], y[..., :-1]
         z = y[..., self._parts : self._parts + len(self._wanted)]
         self._largest.add(modes=z[..., 0], last=y[..., 2], second=y[..., 1], change=y[..., -2] * changed)
         self._largest.add(steps=y[..., -1] / TWICE_THE_STEP)
@@ -103,7 +118,8 @@ class Modes:
     @property
     def end(self) -> tuple[State, State]:
         """The states of parts and corrections after the last row."""
-        return self._first.state, self._second.state
+        corrections, count = self._second.state, len(self._wanted)
+        return self._first.state, State(corrections.x[..., :count], corrections.p[..., :count])
 
     def _kicks(self, block: Block) -> np.ndarray:
         """Forces (T, n) on vectors that the reduced run does not answer: what M a - f + G^T lam leaves there."""

@@ -70,8 +70,10 @@ def test_rows_are_the_parts_of_the_estimate(pendulum):
         assert row["sum"]["size"] == np.max(np.abs(out.estimate[:, i]))
         most = np.max(np.abs(out.estimate[:, i]) + out.uncertainty[:, i])
         assert row["sum"]["size"] + row["sum"]["half_width"] >= most * (1 - 1e-12)  # rounding of a sum
-        assert row["bound"] is None  # issue 49
+        most = np.max(out.bound["best"][:, i] + out.round_off[:, i])
+        assert row["bound"] == (most if np.isfinite(most) else None)
         assert set(row) >= {*CAUSES, "sum", "solve", "unit", "largest", "order", "noise"}
+    assert {name for (name, _), row in rows.items() if row["bound"]} == {"sensor1"}  # the one in the frame
 
 
 def test_numbers_stand_in_the_text(pendulum):

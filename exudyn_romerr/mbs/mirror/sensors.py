@@ -13,6 +13,7 @@ from ...mechanism.outputs import NodeSensor, Outputs
 from ...mechanism.rotations import rotation_matrix, times_transposed
 from ...mechanism.samples import Rows
 from ...mechanism.unknowns import Unknowns
+from ...mechanism_bounds.bounds import MeshRows
 from ...report.data import UNITS
 from ..access.mbs_items import sensor_name
 from ..floating.sensor_outputs import measured_of
@@ -63,7 +64,8 @@ class ShownSensor:
 class Sensors:
     """All sensors of an mbs that show its state.
 
-    shown : in their order. left_out : (name, why) of others. count : of all rows.
+    shown : in their order. left_out : (name, why) of others. count : of all rows. in_frames : rows of those that show
+    mesh nodes in frames of their bodies.
     """
 
     def __init__(self, mbs: Any, enriched: Sequence[Enriched], unknowns: Unknowns):
@@ -71,6 +73,7 @@ class Sensors:
         self.shown: list[ShownSensor] = []
         self.left_out: list[tuple[str, str]] = []
         self.nodes: list[NodeSensor] = []
+        self.in_frames: list[MeshRows] = []
         self._axes: list[int] = []
         self.count = 0
         for number in range(mbs.systemData.NumberOfSensors()):
@@ -130,6 +133,11 @@ class Sensors:
         shapes = np.tensordot(share, one.shapes.reshape(-1, 3, one.body.k)[list(nodes)], 1)
         position = share @ one.known.flex.positions[list(nodes)]
         self.nodes.append(NodeSensor(self.count, b, kind, shapes, position))
+        if kind.endswith("Local"):
+            C = np.zeros((3, one.known.held.N))
+            for axis in range(3):
+                C[axis, 3 * np.asarray(nodes) + axis] = share
+            self.in_frames.append(MeshRows(self.count, b, C, kind.startswith("Velocity")))
         self._note(name, kind, number, 3, -1 if kind.endswith("Local") else b)
 
     def outputs(self, rows: Rows) -> Outputs:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ from ...errors import AssumptionError, RunError
 from ...mechanism.mechanism import Mechanism, unbalanced_share
 from ...mechanism.readings import Readings
 from ...mechanism.samples import Rows
+from ...mechanism_bounds.bounds import Bounds
+from ...mechanism_bounds.proved_widths import with_proved
 from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.modes import OF_MODES, PARTS
@@ -44,6 +47,10 @@ UNKNOWN_ACTS = (
 )
 REMEMBERS = "a user function keeps something from call to call"
 HOLDS = "a user function can reach what no call away from the run could put back: {}"
+BOUNDS = "bounds of what sensors show in frames of bodies"
+GOES_ON = "a static solve, or a run that goes on from another"
+NOT_RESOLVED = "modes and vectors leave as much of the equations as the error itself is worth"
+BY_RATIOS = "damping by ratios of modes"
 ESTIMATOR = "auxiliary"  # of the report: vectors beside the modes that react with the mechanism
 OF_ESTIMATE = "linearised mechanism: all bodies, joints, springs and loads of this run, to first order"
 
@@ -119,12 +126,31 @@ def told_solve(
             sensors=[one.rows for one in sensors.shown],
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
-        by_cause, end = estimates(of, asked.is_static, errors)
-        report = _report(sensors, shown, by_cause, doubts)
+        bounds, why_not = _bounds(of, sensors, bodies, asked.is_static or errors is not None or bool(doubts))
+        by_cause, end = estimates(of, asked.is_static, errors, bounds)
+        proved = bounds and bounds.proved()
+        bound = None if proved is None else with_proved(by_cause, proved)
+        report = _report(sensors, shown, by_cause, bound, doubts)
+        if bounds and bound is None:
+            why_not = bounds.why_not or NOT_RESOLVED
+        if why_not:
+            report.plan = replace(report.plan, left_out=(*report.plan.left_out, (BOUNDS, why_not)))
         report.planned_end = planned_end
         if asked.is_static:
             report.time = "static"
         return report, Ended(rows.q[-1], rows.v[-1], bodies, end)
+
+
+def _bounds(of: Mechanism, sensors: Sensors, bodies: Sequence[Enriched], goes_on: bool) -> tuple[Bounds | None, str]:
+    """Bounds of what sensors show in frames, or why there are none; empty where no sensor shows such a thing."""
+    if not sensors.in_frames:
+        return None, ""
+    if goes_on:
+        return None, GOES_ON
+    if any(one.known.flex.modal_damping is not None for one in bodies):
+        return None, BY_RATIOS
+    bounds = Bounds(of, (one.residual_norm() for one in bodies), sensors.in_frames)
+    return (None, bounds.why_not) if bounds.why_not else (bounds, "")
 
 
 def _as_equations_have_it(rows: Rows, is_static: bool) -> Rows:
@@ -165,10 +191,15 @@ def _speeds(mbs: Any, flexes: Sequence[FloatingBody], rows: Rows) -> list[float]
 
 
 def _report(
-    sensors: Sensors, rows: Rows, by_cause: dict[str, CauseEstimate], doubts: tuple[Doubt, ...]
+    sensors: Sensors,
+    rows: Rows,
+    by_cause: dict[str, CauseEstimate],
+    bound: np.ndarray | None,
+    doubts: tuple[Doubt, ...],
 ) -> MechanismReport:
     values = sensors.values(rows)
-    outputs = [_output(one, values[:, one.rows], by_cause, doubts) for one in sensors.shown]
+    bound = np.full(values.shape, np.inf) if bound is None else bound
+    outputs = [_output(one, values[:, one.rows], by_cause, bound[:, one.rows], doubts) for one in sensors.shown]
     computed = tuple(f"output {x.name!r}: {x.of}{x.unit and f' in {x.unit}'}, estimated" for x in sensors.shown)
     return MechanismReport(
         t=rows.t,
@@ -188,9 +219,12 @@ def _report(
 
 
 def _output(
-    sensor: ShownSensor, value: np.ndarray, by_cause: dict[str, CauseEstimate], doubts: tuple[Doubt, ...]
+    sensor: ShownSensor,
+    value: np.ndarray,
+    by_cause: dict[str, CauseEstimate],
+    bound: np.ndarray,
+    doubts: tuple[Doubt, ...],
 ) -> OutputReport:
-    none = np.full(value.shape, np.inf)
     parts = {PART_OF[cause]: x.over_time[:, sensor.rows] for cause, x in by_cause.items()}
     checks: dict[str, np.ndarray] = {}
     shown = extents(value, sensor.of == "position").max(initial=0.0)
@@ -207,7 +241,7 @@ def _output(
         of=sensor.of,
         value=value,
         round_off=np.finfo(float).eps * np.abs(value),
-        bound={ESTIMATOR: none, "best": none},
+        bound={ESTIMATOR: bound, "best": bound},
         reduction_bound={},
         corrected=None,
         corrected_bound=None,

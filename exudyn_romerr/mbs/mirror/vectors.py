@@ -15,6 +15,7 @@ import scipy.linalg as la
 
 from ...basis.enrichment import Enrichment
 from ...mechanism.body import Body, Place
+from ...mechanism_bounds.residual_norm import ResidualNorm
 from ...mechanism_errors.modes import PARTS
 from ...model.floating_frame import unit_inertia
 from ...residual.free_mass import FreeMass
@@ -81,6 +82,12 @@ class Enriched:
     def kept_shapes(self) -> np.ndarray:
         """Those that all but the body know: modes and kept vectors."""
         return self.shapes[:, : self.body.na]
+
+    def residual_norm(self) -> ResidualNorm:
+        """Return what a residual of its mesh is worth."""
+        model, n = self.known.model, self.body.n
+        held = np.hstack([model.held, self.shapes[:, n:]])
+        return ResidualNorm(self.body, self.shapes, held, self.known.held, *self.known.forces())
 
 
 def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float) -> Enriched:

@@ -1,0 +1,58 @@
+"""What bounds make of estimates: the static rest of the mesh is added, and half widths that are wider go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..mechanism_errors.half_widths import CauseEstimate
+from ..trajectory.estimate import STEPS_OF_MODES
+from .bounds import Proved
+
+RESOLVED = 0.5  # of estimates: what they miss may be so much in half of all rows
+MOVES = 1e-3  # of the largest estimate: what is less tells no share
+MISSED = 32.0  # times what comes of forces that a few rows show to be missed: not where most is missed
+OF_CONSTRAINTS = 256.0  # times what these rows show to be missed of constraints, whose errors add up
+ROUNDING = 1e-6  # of estimates: what differences and Newton leave
+PROVED = "proved"
+
+
+def with_proved(by_cause: dict[str, CauseEstimate], proved: Proved) -> np.ndarray | None:
+    """Make estimates of the modes what is proved; return bounds (T, R) of errors by modes and interfaces.
+
+    None: what estimates miss may be as large as they are, and then linear equations tell nothing of it.
+    """
+    modes, rows = by_cause["modes"], proved.rows
+    whole = sum(by_cause[x].over_time[:, rows] for x in ("modes", "interfaces") if x in by_cause) + proved.static
+    largest = np.abs(whole).max(axis=0)
+    share = ROUNDING + MISSED * _share(proved.missed, largest) + OF_CONSTRAINTS * proved.of_constraints
+    miss = proved.miss + share * np.outer(_begun(whole, largest), largest)
+    if np.median(miss.max(axis=0) - RESOLVED * largest) > 0:
+        return None
+    modes.over_time[:, rows] += proved.static
+    bound = np.full(modes.over_time.shape, np.inf)
+    bound[:, rows] = np.abs(whole) + miss
+    if "interfaces" not in by_cause:
+        _narrow(modes, rows, miss.max(axis=0))
+    return bound
+
+
+def _share(missed: np.ndarray, largest: np.ndarray) -> float:
+    """Largest |missed| (T, n) of a row over the row's largest estimate, of rows that move at all."""
+    moves = largest > MOVES * largest.max(initial=0.0)
+    return float((np.abs(missed[:, moves]).max(axis=0) / largest[moves]).max(initial=0.0))
+
+
+def _begun(whole: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    """Share (T,) of its largest that the estimate of any row has had: what one body lacks moves all others."""
+    had = np.maximum.accumulate(np.abs(whole), axis=0) / np.where(largest > 0, largest, 1.0)
+    return had.max(axis=1, initial=0.0)
+
+
+def _narrow(modes: CauseEstimate, rows: np.ndarray, most: np.ndarray) -> None:
+    """The bound in place of checks where it is less than all of them; the steps' part of what modes miss stays."""
+    checks = [name for name in modes.half_widths if name != STEPS_OF_MODES]
+    is_less = most < sum(modes.half_widths[name][rows] for name in checks)
+    for name in checks:
+        modes.half_widths[name][rows[is_less]] = 0.0
+    modes.half_widths[PROVED] = np.zeros(modes.over_time.shape[1])
+    modes.half_widths[PROVED][rows[is_less]] = most[is_less]

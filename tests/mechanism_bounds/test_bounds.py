@@ -1,0 +1,152 @@
+"""Bounds of what estimates miss in frames of bodies, beside runs of Exudyn with all modes and the same steps."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from benchmarks import bounds as table
+from benchmarks import told_and_true
+from exudyn_romerr.mbs.mirror import told_solve as told_solve_module
+from exudyn_romerr.mbs.mirror.recorder import Recorder
+from exudyn_romerr.mbs.mirror.told_solve import BOUNDS, Asked, told_solve
+from exudyn_romerr.mechanism_bounds import bounds, proved_widths
+from exudyn_romerr.mechanism_bounds.residual_norm import ResidualNorm
+from exudyn_romerr.trajectory.scheme import Scheme
+from models import floating
+
+NODES = range(0, 65, 4)
+NEWTON = 3e-15  # m: what its tolerance leaves in both runs
+WORTH = 1e-6  # of a node's peak: below, too
+
+
+def rows_of(n, kind="RBE3", h=2e-4, t_end=0.03, **options):
+    """A bar on a hinge that falls from rest, and its rows."""
+    scene = floating.pendulum(n, kind, h=h, t_end=t_end, **options)
+    newton = scene.settings.timeIntegration.newton
+    newton.relativeTolerance, newton.absoluteTolerance = 1e-10, 1e-12
+    recorder = Recorder(scene.mbs, None)
+    scene.mbs.SetPostStepUserFunction(recorder)
+    scene.solve()
+    return scene, recorder.runs()[-1]
+
+
+def in_frame(scene, rows):
+    """Displacements (T, N) of all nodes in the frame."""
+    node = int(scene.mbs.GetObject(scene.items["oFFRFreducedOrder"])["nodeNumbers"][1])
+    return rows.q[:, scene.mbs.systemData.GetNodeLTGODE2(node)] @ scene.fem.modeBasis["matrix"].T
+
+
+def told(scene, rows, radius=0.8):
+    """Report, and of all NODES estimates of the modes and bounds, (T, nodes, 3)."""
+    flex = romerr.floating_body(scene.fem, scene.items)
+    chosen = [[(f"node {k}", [k], None) for k in NODES]]
+    report, _ = told_solve(scene.mbs, Asked([flex], chosen, Scheme.of_radius(radius), False), rows)
+    outputs = [report.outputs[f"node {k}"] for k in NODES]
+    return (
+        report,
+        *(np.array(x).swapaxes(0, 1) for x in ([o.estimate_parts["basis"] for o in outputs],)),
+        np.array([o.bound["best"] for o in outputs]).swapaxes(0, 1),
+    )
+
+
+def least(estimate, bound, error):
+    """The least bound of what an estimate misses, over what it misses, where that is more than Newton's tolerance."""
+    miss = np.abs(error - estimate)
+    is_felt = miss > np.maximum(WORTH * np.abs(error).max(axis=0), NEWTON)
+    assert is_felt.any()
+    return ((bound - np.abs(estimate))[is_felt] / miss[is_felt]).min()
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    scene, rows = rows_of(8)
+    full = in_frame(*rows_of(8, "complete"))
+    error = (full - in_frame(scene, rows)).reshape(len(rows), -1, 3)[:, list(NODES)]
+    return scene, rows, error
+
+
+def test_no_node_misses_more_than_its_bound(pendulum):
+    """And at most is close to the error: 1.1 times in the median, as BOUNDS of the prototype had it."""
+    scene, rows, error = pendulum
+    report, estimate, bound = told(scene, rows)
+    assert np.all(np.abs(error) <= bound + NEWTON)
+    assert least(estimate, bound, error) > 1
+    peak = np.abs(error).max(axis=0)
+    moves = peak > 1e-3 * peak.max()
+    assert np.median((bound.max(axis=0) / peak)[moves]) < 1.2
+    assert BOUNDS not in dict(report.plan.left_out)
+
+
+def complement_left_out(monkeypatch):
+    made = ResidualNorm.coordinates
+
+    def coordinates(self, m, shift, on_U):
+        y = made(self, m, shift, on_U)
+        y[:, : -self.body.k] = 0.0
+        return y
+
+    monkeypatch.setattr(ResidualNorm, "coordinates", coordinates)
+
+
+def accelerations_left_out(monkeypatch):
+    """M U c'' on the complement, without what an estimate lacks of inertia."""
+    made = ResidualNorm.coordinates
+
+    def coordinates(self, m, shift, on_U):
+        return made(self, replace(m, c2=0 * m.c2), shift, on_U)
+
+    monkeypatch.setattr(ResidualNorm, "coordinates", coordinates)
+
+
+@pytest.mark.parametrize("mutation", [complement_left_out, accelerations_left_out])
+def test_a_bound_that_lacks_a_part_of_the_residual_is_none(pendulum, monkeypatch, mutation):
+    """The tests above see it: what is missed is more."""
+    scene, rows, error = pendulum
+    mutation(monkeypatch)
+    _, estimate, bound = told(scene, rows)
+    assert least(estimate, bound, error) < 1
+
+
+@pytest.mark.parametrize("seed", [10, 18, 28, 65, 102, 108])
+def test_what_splines_miss_is_in_the_bound(seed):
+    """Tangents are read in few rows: alone the residual of the mesh is 1e-5 to 0.05 of the error too small here."""
+    one = told_and_true.of_seed(seed)
+    assert sum(np.isfinite(value["bound"]) for value in one["bounds"]) >= 9
+    assert not list(table.below([one]))
+
+
+def test_without_what_is_missed_there_are_errors_above(monkeypatch):
+    """The case above is one: seed 102, mutated."""
+    monkeypatch.setattr(proved_widths, "MISSED", 0.0)
+    monkeypatch.setattr(proved_widths, "OF_CONSTRAINTS", 0.0)
+    assert list(table.below([told_and_true.of_seed(102)]))
+
+
+@pytest.mark.parametrize("seed", [46, 77])
+def test_where_estimates_miss_as_much_as_they_are_nothing_is_bounded(seed):
+    """Both have errors up to 5 % above sums that are 0.8 and 1e3 times the error; why was not found."""
+    one = told_and_true.of_seed(seed)
+    assert not any(np.isfinite(value["bound"]) for value in one["bounds"])
+
+
+def test_what_is_not_bounded_says_why(pendulum):
+    scene, rows, _ = pendulum
+    report, *_ = told(scene, rows, radius=0.7)
+    assert BOUNDS not in dict(report.plan.left_out)
+    flex = romerr.floating_body(scene.fem, scene.items)
+    chosen = [[("node", [60], None)]]
+    euler = Scheme(0.0, 0.0, 0.3, 0.6)
+    report, _ = told_solve(scene.mbs, Asked([flex], chosen, euler, False), rows)
+    assert dict(report.plan.left_out)[BOUNDS] == bounds.OTHER_STEPS
+    few = rows[np.r_[0:20, 21:40]]
+    report, _ = told_solve(scene.mbs, Asked([flex], chosen, Scheme.of_radius(0.8), False), few)
+    assert dict(report.plan.left_out)[BOUNDS] == bounds.UNEQUAL_STEPS
+    assert not np.isfinite(report.outputs["node"].bound["best"]).any()
+
+
+def test_nothing_is_computed_where_no_sensor_shows_a_frame():
+    """No norms, and no line that says why."""
+    assert told_solve_module._bounds(None, SimpleNamespace(in_frames=[]), (), False) == (None, "")
