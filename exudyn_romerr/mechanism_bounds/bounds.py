@@ -17,11 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..decay.passive_steps import Means, PassiveSteps
+from ..linalg.blocked_products import row_norms
 from ..mechanism.mechanism import Mechanism
 from ..mechanism_errors.march import is_at_rest
 from ..mechanism_errors.modes import Marched
 from ..residual.free_mass import FreeMass, free_velocity_norms
-from .residual_norm import ResidualNorm, lengths
+from .residual_norm import ResidualNorm
 from .residuals import Residual, Residuals
 from .sums import Sums
 
@@ -47,7 +48,7 @@ class MeshRows:
 class Proved:
     """Of output rows (n,): what is to be added to estimates, and what these then miss at most, as (T, n).
 
-    missed (T, n) : what comes of forces that linear equations miss. of_constraints : share that they miss of those.
+    missed (T, n) : what comes of forces that linear equations miss. of_constraints : share of constraints they miss.
     """
 
     rows: np.ndarray
@@ -84,7 +85,7 @@ class Bounds:
         self._start, self._static, self._miss, self._missed = 0.0, [], [], []
         self._of_constraints = 0.0
 
-    def take(self, now: Marched, of_constraints: float) -> None:
+    def take(self, now: Marched) -> None:
         """Go on through what has been marched."""
         if self.why_not:
             return
@@ -104,11 +105,11 @@ class Bounds:
                 self._start = self._steps.start(self._h, *self._residuals.start)
                 self._sums.begin(self._start)
         f, g = self._grown(R, turn, h, begins, rests)
-        static, miss = self._shown(f, g + R.fast, R.sizes)
+        static, miss = self._shown(f, g + R.fast)
         if begins and not rests:
             static[0] = miss[0] = 0.0
         self._missed.append(now.missed)
-        self._of_constraints = of_constraints
+        self._of_constraints = now.of_constraints
         self._static.append(static)
         self._miss.append(miss)
 
@@ -122,7 +123,7 @@ class Bounds:
 
     def _speeds(self, now: Marched) -> np.ndarray:
         """Angular velocity (T,) of the node that turns fastest, rad/s."""
-        return np.max([2 * lengths(now.block.rows.v[:, node.own[3:]]) for node in self._nodes], axis=0)
+        return np.max([2 * row_norms(now.block.rows.v[:, node.own[3:]]) for node in self._nodes], axis=0)
 
     def _grown(
         self, R: Residual, turn: np.ndarray, h: np.ndarray, begins: bool, rests: bool
@@ -138,21 +139,21 @@ class Bounds:
             if rests:  # in an equilibrium C K^-1 f is there at once, but for what shapes would answer
                 before[0, ~self._residuals.on_shapes] = f[0, ~self._residuals.on_shapes]
                 before[1:2] = f[:1]
-        d, turned = lengths(np.diff(y, axis=0)), np.abs(np.diff(turn, prepend=self._turn)) * lengths(y[3:])
+        d, turned = row_norms(np.diff(y, axis=0)), np.abs(np.diff(turn, prepend=self._turn)) * row_norms(y[3:])
         turning = use * (turn * (d[2:] + d[1:-1]) + turned)
         extra = R.fast_change + turning + self._steps.impulse * h * R.push
-        parts = np.split(f, np.cumsum(R.sizes)[:-1], axis=1)
-        work = h / 2 * sum(lengths(x) ** 2 / beta for x, beta in zip(parts, self._beta, strict=True))
-        steps = np.stack([lengths(f - before), extra, work, lengths(f)], axis=1)
+        parts = np.split(f, self._residuals.cuts[1:-1], axis=1)
+        work = h / 2 * sum(row_norms(x) ** 2 / beta for x, beta in zip(parts, self._beta, strict=True))
+        steps = np.stack([row_norms(f - before), extra, work, row_norms(f)], axis=1)
         if begins:
             steps[0, 1:3] = 0.0
             steps[0] *= rests
         self._y, self._turn = y[-3:], turn[-1:]
         return f, self._sums.take(*steps.T)
 
-    def _shown(self, f: np.ndarray, g: np.ndarray, sizes: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    def _shown(self, f: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """C K^-1 f (T, R), and what is missed beside it, at most."""
-        cuts, static, miss = np.cumsum([0, *sizes]), [], []
+        cuts, static, miss = self._residuals.cuts, [], []
         at_once, later = np.minimum(g, self._start), np.maximum(g - self._start, 0.0)
         for out, seen in zip(self._outputs, self._seen, strict=True):
             if out.is_rate:
@@ -171,4 +172,4 @@ def _seen(norm: ResidualNorm, out: MeshRows) -> _Seen:
     if out.is_rate:
         return _Seen(free_velocity_norms(norm.held, C), None, None)
     mass = FreeMass.of(norm.held)
-    return _Seen(*norm.rows(out.C), mass.means(C.T, mass.norms(C.T)))
+    return _Seen(*norm.rows(C), mass.means(C.T, mass.norms(C.T)))

@@ -6,16 +6,18 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse.linalg as sla
 
+from ..linalg.blocked_products import row_norms
+from ..linalg.orthogonalise import without
 from ..mechanism.body import Body, Motion
 from ..mechanism.rotations import skew
 from ..model.body import ElasticBody
+from ..model.floating_frame import unit_products
 from ..residual.free_mass import FreeInterfaces, FreeMass
 
 RANK = 1e-9  # of a column: what rounding leaves of it on the complement
 OSCILLATORS = 12  # the lowest, whose turning terms are columns; the others' are bounded together
 LANCZOS = 1e-3  # of an eigenvalue
 BELOW = 1.01  # on the largest one, which Lanczos finds from below
-PAIRS = [(i, j) for i in range(3) for j in range(3)]
 
 
 class ResidualNorm:
@@ -55,17 +57,24 @@ class ResidualNorm:
         self._slowest = self._slowest_outside()
         self._mass = np.linalg.cholesky(body.M[self._own :, self._own :])
 
+    @property
+    def size(self) -> int:
+        """Number of coordinates y: the last k are on modes and vectors."""
+        return self._basis.shape[1] + self.body.k
+
     def _outside(self, half: np.ndarray) -> float:
         size = np.maximum(np.linalg.norm(half, axis=0), np.finfo(float).tiny)
-        return float((np.linalg.norm(_without(self._Q, half), axis=0) / size).max())
+        return float((np.linalg.norm(without(self._Q, half), axis=0) / size).max())
 
     def _complement(self) -> tuple[np.ndarray, np.ndarray]:
         """Basis (n_free, r) of what inertia does on the complement, and what each input is there, (inputs, r)."""
-        ones, x = np.tile(np.eye(3), (len(self._positions), 1)), self._positions.reshape(-1, 1)
-        inputs = np.hstack([ones, _moved(x), self._shapes, _moved(self._shapes[:, : self._own])])
+        ones = np.tile(np.eye(3), (len(self._positions), 1))
+        of_places, of_shapes = self._positions.reshape(-1, 1), self._shapes[:, : self._own]
+        of_places, of_shapes = (unit_products(X).toarray() for X in (of_places, of_shapes))
+        inputs = np.hstack([ones, of_places, self._shapes, of_shapes])
         half = self.held.stiffness_factor.half_solve(self.held.space.loads(self.held.mass @ inputs))
         size = np.maximum(np.linalg.norm(half, axis=0), np.finfo(float).tiny)
-        basis, values, turn = la.svd(_without(self._Q, half) / size, full_matrices=False)
+        basis, values, turn = la.svd(without(self._Q, half) / size, full_matrices=False)
         r = int(np.sum(values > RANK))
         return basis[:, :r], (values[:r, None] * turn[:r] * size).T
 
@@ -107,19 +116,19 @@ class ResidualNorm:
 
     def turning(self, parts: list[np.ndarray]) -> np.ndarray:
         """Return a bound (T,) of |R|_{K^-1} of turning terms of fast oscillators."""
-        S, w, p, v = (lengths(x) for x in parts)
+        S, w, p, v = (row_norms(x) for x in parts)
         return (S * p + 2 * w * v) / self._slowest
 
     def turning_change(self, parts: list[np.ndarray], before: list[np.ndarray]) -> np.ndarray:
         """Return a bound (T,) of how much they change from those before."""
-        S, w, p, v = (lengths(x + y) / 2 for x, y in zip(parts, before, strict=True))
-        dS, dw, dp, dv = (lengths(x - y) for x, y in zip(parts, before, strict=True))
+        S, w, p, v = (row_norms(x + y) / 2 for x, y in zip(parts, before, strict=True))
+        dS, dw, dp, dv = (row_norms(x - y) for x, y in zip(parts, before, strict=True))
         return (dS * p + S * dp + 2 * (dw * v + w * dv)) / self._slowest
 
     def rows(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return of rows C (R, N) |C|_{K^-1} (R,), and C K^-1 as (r + k, R) to multiply y by."""
-        half = self.held.stiffness_factor.half_solve(self.held.space.rows(C).T)
-        return np.linalg.norm(half, axis=0), np.hstack([self._basis, self._Q]).T @ half
+        """Return of rows C (R, n_free) |C|_{K^-1} (R,), and C K^-1 as (r + k, R) to multiply y by."""
+        half = self.held.stiffness_factor.half_solve(C.T)
+        return np.linalg.norm(half, axis=0), np.vstack([self._basis.T @ half, self._Q.T @ half])
 
     def start(self, m: Motion, shift: np.ndarray) -> tuple[float, float]:
         """Return |a|_M, |a|_K at most of what R on the complement accelerates in one row, whatever joints do."""
@@ -139,23 +148,3 @@ def _turning(m: Motion, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     W = skew(m.w)
     S = skew(m.alpha - shift[:, 3:]) + W @ W
     return S.reshape(-1, 9), W.reshape(-1, 9)
-
-
-def _without(Q: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Columns without what the orthonormal Q hold of them; twice, for what rounding leaves."""
-    for _ in range(2):
-        columns = columns - Q @ (Q.T @ columns)
-    return columns
-
-
-def _moved(U: np.ndarray) -> np.ndarray:
-    """E_ij U (N, 9 k) of U (N, k) for all i, j."""
-    found = np.zeros((len(U), 9, U.shape[1]))
-    for p, (i, j) in enumerate(PAIRS):
-        found[i::3, p] = U[j::3]
-    return found.reshape(len(U), -1)
-
-
-def lengths(x: np.ndarray) -> np.ndarray:
-    """Return 2-norms (T,) of rows (T, n)."""
-    return np.sqrt(np.einsum("ij,ij->i", x, x))

@@ -17,14 +17,13 @@ from .residual_norm import ResidualNorm
 
 @dataclass
 class Residual:
-    """R at T rows. y (T, sum of sizes) : of all bodies, |y| = |R|_{K^-1}; sizes : of each body.
+    """R at T rows. y (T, Y) : of all bodies, |y| = |R|_{K^-1}.
 
     fast, fast_change (T,) : bounds of turning terms of fast oscillators, which y lacks, and of their change from row
     to row. push (T,) : |force|_{M^-1} that no body balances.
     """
 
     y: np.ndarray
-    sizes: list[int]
     fast: np.ndarray
     fast_change: np.ndarray
     push: np.ndarray
@@ -33,8 +32,8 @@ class Residual:
 class Residuals:
     """Residuals of block after block.
 
-    on_shapes (Y,) : which of y are on modes and vectors. start : |a|_M and |a|_K of accelerations that the first row
-    sets off beside the estimate's own.
+    cuts : where y of each body begins, and where the last ends. on_shapes (Y,) : which of y are on modes and vectors.
+    start : |a|_M and |a|_K of accelerations that the first row sets off beside the estimate's own.
     """
 
     def __init__(self, unknowns: Unknowns, norms: Sequence[ResidualNorm]):
@@ -42,7 +41,10 @@ class Residuals:
         own = [np.arange(at.start, at.stop) for at in unknowns.blocks]
         self._others = np.setdiff1d(np.arange(unknowns.n_a), np.concatenate(own))
         self.start = 0.0, 0.0
-        self.on_shapes = np.zeros(0, bool)
+        self.cuts = np.cumsum([0, *(norm.size for norm in norms)])
+        self.on_shapes = np.zeros(self.cuts[-1], bool)
+        for norm, end in zip(norms, self.cuts[1:], strict=True):
+            self.on_shapes[end - norm.body.k : end] = True
 
     def take(self, block: Block, f: np.ndarray, e: np.ndarray, lam: np.ndarray) -> Residual:
         """Return R under errors e (T, 3, n), lam (T, c) that kicks f (T, n) make."""
@@ -66,8 +68,8 @@ class Residuals:
         if self._before is None:
             self._begin(block, starts, ys)
         self._before = kept
-        y = np.concatenate(ys, axis=1)
-        return Residual(y, [x.shape[1] for x in ys], fast, fast_change, np.sqrt(np.maximum(push, 0.0)))
+        push = np.sqrt(np.maximum(push, 0.0))
+        return Residual(np.concatenate(ys, axis=1), fast, fast_change, push)
 
     def _of_others(self, block: Block, r: np.ndarray) -> np.ndarray:
         """|r|_{M^-1}^2 (T,) of all that is no body."""
@@ -80,10 +82,7 @@ class Residuals:
         return np.einsum("ti,tij,tj->t", x, np.linalg.pinv(M / size[:, None] / size[:, :, None]), x)
 
     def _begin(self, block: Block, starts: list, ys: list[np.ndarray]) -> None:
-        """What the first row accelerates, of bodies and springs; which of y are on modes and vectors."""
-        self.on_shapes = np.concatenate(
-            [np.arange(y.shape[1]) >= y.shape[1] - norm.body.k for norm, y in zip(self._norms, ys, strict=True)]
-        )
+        """What the first row accelerates, of bodies and springs."""
         if not any(y[0].any() for y in ys):
             return
         mass, stiff = np.array([norm.start(motion, shift) for norm, motion, shift in starts]).T

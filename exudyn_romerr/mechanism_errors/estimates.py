@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,18 +22,11 @@ LINEARISED = {"modes": LINEAR_MODES, "interfaces": LINEAR_INTERFACES, "step": LI
 BLOCK, NEIGHBOURS = 128, 2  # rows that are worked at once, and beside them
 
 
-class TakesErrors(Protocol):
-    """What is given every block of the modes' errors."""
-
-    def take(self, now: Marched, of_constraints: float) -> None:
-        """Go on through a block; of_constraints : see MissedForces."""
-
-
 def estimates(
     of: Mechanism,
     is_static: bool,
     before: EndState | None = None,
-    bounds: TakesErrors | None = None,
+    bounds: Callable[[Marched], None] | None = None,
 ) -> tuple[dict[str, CauseEstimate], EndState]:
     """Return the errors by "modes", "interfaces" where these are rigid, and "step", and what the run leaves wrong.
 
@@ -50,7 +44,7 @@ def estimates(
         )
         modes.take(wide[inner], a)
         if bounds is not None:
-            bounds.take(modes.now, modes.missed.of_constraints)
+            bounds(modes.now)
         e, lam = modes.now.e, modes.now.lam
         if not is_static:
             of_steps, forces = steps.take(wide, inner, a)

@@ -32,6 +32,7 @@ class Marched:
     """A block that was marched: kicks f (T, n), errors e (T, 3, n), lam (T, c) of all parts, corrected.
 
     missed (T, R) : what comes of forces that linear equations miss, in outputs; None: that was not asked.
+    of_constraints : see MissedForces.
     """
 
     block: Block
@@ -39,6 +40,7 @@ class Marched:
     e: np.ndarray
     lam: np.ndarray
     missed: np.ndarray | None = None
+    of_constraints: float = 0.0
 
 
 class Modes:
@@ -89,6 +91,7 @@ class Modes:
         y = self._of.outputs(first, e, lam)
         if self.missed:
             self.now.missed, y = y[..., -1], y[..., :-1]
+            self.now.of_constraints = self.missed.of_constraints
         z = y[..., self._parts : self._parts + len(self._wanted)]
         self._largest.add(modes=z[..., 0], last=y[..., 2], second=y[..., 1], change=y[..., -2] * changed)
         self._largest.add(steps=y[..., -1] / TWICE_THE_STEP)

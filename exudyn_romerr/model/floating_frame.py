@@ -203,7 +203,7 @@ def inertia_columns(mass: sp.csc_matrix, positions: np.ndarray, V: np.ndarray) -
 
     M E_ij = E_ij M, for M is the same in all directions (require_isotropic_mass).
     """
-    products = (_unit_products(mass @ X) for X in (positions.reshape(-1, 1), V))
+    products = (unit_products(mass @ X) for X in (positions.reshape(-1, 1), V))
     return sp.hstack([translations(mass), *products], format="csc")
 
 
@@ -219,8 +219,8 @@ def inertia_coordinates(
     return out
 
 
-def _unit_products(X: np.ndarray) -> sp.csc_matrix:
-    """E_ij X for i, j = 1..3, side by side: component j of every node put in the place of component i."""
+def unit_products(X: np.ndarray) -> sp.csc_matrix:
+    """Return E_ij X for i, j = 1..3, side by side: component j of every node put in the place of component i."""
     nodes, k = len(X) // 3, X.shape[1]
     values = np.tile(X.reshape(nodes, 3, k).transpose(1, 2, 0), (3, 1, 1, 1))  # of i, j, column, node
     rows = np.broadcast_to(np.int32(np.arange(3)[:, None, None, None] + 3 * np.arange(nodes)), values.shape)
@@ -242,7 +242,7 @@ def require_isotropic_mass(mass: sp.csc_matrix) -> None:
 
 def unit_inertia(mass: sp.csc_matrix, positions: np.ndarray) -> np.ndarray:
     """Return M e_j (3) and M E_ij x (9), of unit mass norm each (N, 12)."""
-    turns = _unit_products(positions.reshape(-1, 1)).toarray()
+    turns = unit_products(positions.reshape(-1, 1)).toarray()
     motions = np.hstack([np.tile(np.eye(3), (len(positions), 1)), turns])
     columns = mass @ motions
     size = np.sqrt(np.einsum("ij,ij->j", motions, columns))

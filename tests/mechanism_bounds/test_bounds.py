@@ -45,11 +45,8 @@ def told(scene, rows, radius=0.8):
     chosen = [[(f"node {k}", [k], None) for k in NODES]]
     report, _ = told_solve(scene.mbs, Asked([flex], chosen, Scheme.of_radius(radius), False), rows)
     outputs = [report.outputs[f"node {k}"] for k in NODES]
-    return (
-        report,
-        *(np.array(x).swapaxes(0, 1) for x in ([o.estimate_parts["basis"] for o in outputs],)),
-        np.array([o.bound["best"] for o in outputs]).swapaxes(0, 1),
-    )
+    found = [o.estimate_parts["basis"] for o in outputs], [o.bound["best"] for o in outputs]
+    return report, *(np.stack(x, axis=1) for x in found)
 
 
 def least(estimate, bound, error):

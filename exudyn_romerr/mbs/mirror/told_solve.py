@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -127,14 +126,11 @@ def told_solve(
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
         bounds, why_not = _bounds(of, sensors, bodies, asked.is_static or errors is not None or bool(doubts))
-        by_cause, end = estimates(of, asked.is_static, errors, bounds)
-        proved = bounds and bounds.proved()
-        bound = None if proved is None else with_proved(by_cause, proved)
-        report = _report(sensors, shown, by_cause, bound, doubts)
-        if bounds and bound is None:
-            why_not = bounds.why_not or NOT_RESOLVED
-        if why_not:
-            report.plan = replace(report.plan, left_out=(*report.plan.left_out, (BOUNDS, why_not)))
+        by_cause, end = estimates(of, asked.is_static, errors, bounds and bounds.take)
+        bound = None
+        if bounds:
+            bound, why_not = _bounded(bounds, by_cause)
+        report = _report(sensors, shown, by_cause, bound, why_not, doubts)
         report.planned_end = planned_end
         if asked.is_static:
             report.time = "static"
@@ -151,6 +147,15 @@ def _bounds(of: Mechanism, sensors: Sensors, bodies: Sequence[Enriched], goes_on
         return None, BY_RATIOS
     bounds = Bounds(of, (one.residual_norm() for one in bodies), sensors.in_frames)
     return (None, bounds.why_not) if bounds.why_not else (bounds, "")
+
+
+def _bounded(bounds: Bounds, by_cause: dict[str, CauseEstimate]) -> tuple[np.ndarray | None, str]:
+    """Bounds (T, R) of errors by modes and interfaces, which are made what is proved of them; or None, and why."""
+    proved = bounds.proved()
+    if proved is None:
+        return None, bounds.why_not
+    bound = with_proved(by_cause, proved)
+    return bound, NOT_RESOLVED if bound is None else ""
 
 
 def _as_equations_have_it(rows: Rows, is_static: bool) -> Rows:
@@ -195,6 +200,7 @@ def _report(
     rows: Rows,
     by_cause: dict[str, CauseEstimate],
     bound: np.ndarray | None,
+    why_not: str,
     doubts: tuple[Doubt, ...],
 ) -> MechanismReport:
     values = sensors.values(rows)
@@ -209,7 +215,7 @@ def _report(
         scope={ESTIMATOR: COUPLED},
         scope_reason="",
         reasons={ESTIMATOR: OF_ESTIMATE},
-        plan=Plan(computed, tuple(sensors.left_out)),
+        plan=Plan(computed, (*sensors.left_out, *([(BOUNDS, why_not)] if why_not else []))),
         messages=[],
         time="reconstructed",
         total_mass=None,

@@ -14,6 +14,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ...basis.enrichment import Enrichment
+from ...linalg.orthogonalise import without
 from ...mechanism.body import Body, Place
 from ...mechanism_bounds.residual_norm import ResidualNorm
 from ...mechanism_errors.modes import PARTS
@@ -184,16 +185,9 @@ def _accelerations(known: KnownBody, U: np.ndarray, n: int) -> np.ndarray:
     basis, _ = la.qr(held.mass_factor.half_multiply(U), mode="economic")
     half = held.mass_factor.half_multiply(X)
     size = np.maximum(np.linalg.norm(half, axis=0), np.finfo(float).tiny)
-    _, values, turn = la.svd(_without(basis, half / size), full_matrices=False)
+    _, values, turn = la.svd(without(basis, half / size), full_matrices=False)
     use = values > NEW
     return (X / size) @ (turn[use].T / values[use])
-
-
-def _without(Q: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Columns without what the orthonormal Q hold of them; twice, for what rounding leaves."""
-    for _ in range(2):
-        columns = columns - Q @ (Q.T @ columns)
-    return columns
 
 
 def _kept_first(
