@@ -40,7 +40,7 @@ HOW = ("bare", "all in", "rival")
 MARK = "against rival"
 PAGE = page.ROOT / "docs" / "speed.md"
 IMPORTS = ("exudyn", "exudyn.FEM", "exudyn.utilities", "scipy.sparse.linalg", "ngsolve")
-PACKAGE = ("__main__", "mbs", "mbs.monitoring.coupled_core", "mbs.scenes.recorded_solve", "scripts.run")
+PACKAGE = ("__main__", "mbs", "mbs.monitoring.mechanism_run", "mbs.scenes.recorded_solve", "scripts.run")
 PACKAGE = tuple(f"exudyn_romerr.{name}" for name in PACKAGE)
 EXUDYNS = (
     "NGsolveCraigBampton",

@@ -25,4 +25,5 @@ def told_by_run(mbs: Any, flexes: Sequence[Any], solve: Callable[[], Any]) -> tu
     solver = mbs.sys["dynamicSolver"]
     scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
     asked = Asked(flexes, [()] * len(flexes), scheme, False)
-    return result, told_solve(mbs, asked, recorder.runs()[-1])[0]
+    told, _ = told_solve(mbs, asked, recorder.runs()[-1])
+    return result, told.report(told.sensors)

@@ -30,7 +30,6 @@ from scipy import signal
 
 import exudyn_romerr as romerr
 from benchmarks import page
-from benchmarks.rigid_estimates import Recorder
 from exudyn_romerr.report.scope import COMPLETE
 from models import estimate_truths
 from models.estimate_scenes import SCENES, EstimateScene, LinearScene
@@ -89,8 +88,6 @@ def bar_of(row: Row) -> float:
     """Return what the estimate may be off by."""
     if row.axes == "joint":
         return 0.1
-    if row.scene == "rigid_pendulum":
-        return 5e-3
     return 0.03 if row.axes != "frame" and row.scene in ("slider_crank", "sprung_body", "double_pendulum") else 0.05
 
 
@@ -126,10 +123,10 @@ def bodies_of(scene: EstimateScene, n: int, kind: str) -> tuple[Any, list[Any]]:
 
 
 def attached(made: Any, flexes: list[Any]) -> list[Any]:
-    """Return the monitor of a scene, none without flexible bodies."""
+    """Return the monitor of a scene."""
     if isinstance(made, LinearScene):
         return [romerr.attach(made.mbs, *flexes, outputs=list(made.outputs))]
-    return [romerr.attach(made.mbs, flexes)] if flexes else []
+    return [romerr.attach(made.mbs, flexes)]
 
 
 def monitored(scene: EstimateScene, n: int) -> tuple:
@@ -138,14 +135,11 @@ def monitored(scene: EstimateScene, n: int) -> tuple:
     """
     made, flexes = bodies_of(scene, n, "RBE3")
     monitors = attached(made, flexes)
-    recorder = None if monitors else Recorder(made.mbs)
     made.mbs.Assemble()
     slowest = slowest_unresolved(made, scene.h, scene.t_end)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         shown = estimate_truths.motion(made, scene.h)
-    if recorder is not None:
-        return recorder.outputs(made.sensors), False, shown, slowest
     reports = [monitor.report() for monitor in monitors]
     complete = all(COMPLETE in report.scope.values() for report in reports)
     return {key: out for report in reports for key, out in report.outputs.items()}, complete, shown, slowest

@@ -1,7 +1,7 @@
 """What bounds of a floating body cost beside a simulation, and whether that depends on the size of the mesh.
 
 The pendulum of models/floating.py with 14 modes, one output, estimators "energy" and "auxiliary" with 20 modes, scope
-"inputs frozen", or the clamped bar, scope "complete"; mechanism_cost.py does the same for coupled bounds.
+"inputs frozen", or the clamped bar, scope "complete".
 Paired runs, CPU time: see pairs.py.
 
     python benchmarks/floating_cost.py [--steps 5000] [--pairs 15] [--step 1e-3] [--scene complete]

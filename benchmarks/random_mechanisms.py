@@ -215,3 +215,31 @@ def _bending(bar: Bar) -> float:
     """E I of the softer direction in N m^2."""
     width, height = sorted(bar.size[1:])
     return bar.material[0] * height * width**3 / 12
+
+
+def damped(mechanism, is_damped):
+    """With a damper at least, or without any beside those of the bars."""
+    if is_damped:
+        links = tuple(tuple(replace(link, damped=True) for link in of) for of in mechanism.links)
+        kinds = [link.kind for of in links for link in of]
+        has_one = "hinge" in kinds or "bushing" in kinds or mechanism.end in ("springs", "rope")
+        return replace(mechanism, links=links, end=mechanism.end if has_one else "springs")
+    links = tuple(
+        tuple(replace(link, damped=False, kind="spherical" if link.kind == "bushing" else link.kind) for link in of)
+        for of in mechanism.links
+    )
+    return replace(mechanism, links=links, end="guide" if mechanism.end in ("springs", "rope") else mechanism.end)
+
+
+def started(mechanism, is_sudden):
+    """With a load that is there at once, or without any."""
+    first, *others = mechanism.loads
+    if is_sudden:
+        return replace(mechanism, loads=(replace(first, shape=replace(first.shape, kind="at once")), *others))
+    loads = tuple(
+        replace(load, shape=replace(load.shape, kind="smooth")) if load.shape.kind in ("at once", "off") else load
+        for load in mechanism.loads
+    )
+    vector, shape = mechanism.gravity
+    shape = replace(shape, kind="ramp") if shape.kind in ("at once", "off") else shape
+    return replace(mechanism, loads=loads, gravity=(vector, shape))

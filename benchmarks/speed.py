@@ -7,9 +7,9 @@
     python benchmarks/speed.py --only ratios offline          some parts
     python benchmarks/speed.py --docs      writes the tables into docs/speed.md and docs/figures/speed.png, too
 
-Parts are the scripts online_linkage.py, floating_cost.py, mechanism_cost.py, wishbone_cost.py, short_runs.py,
-growth.py, offline.py and kernel_offline.py, which run alone as well. Ratios are of CPU time, paired runs in turn: see
-pairs.py. In runs of --quick what begins a solve weighs more: their verdicts mean nothing.
+Parts are the scripts online_linkage.py, floating_cost.py, short_runs.py, growth.py, offline.py and kernel_offline.py,
+which run alone as well. Ratios are of CPU time, paired runs in turn: see pairs.py. In runs of --quick what begins a
+solve weighs more: their verdicts mean nothing.
 """
 
 import argparse
@@ -29,13 +29,11 @@ from benchmarks import (
     floating_cost,
     growth,
     kernel_offline,
-    mechanism_cost,
     offline,
     online_linkage,
     page,
     pairs,
     short_runs,
-    wishbone_cost,
 )
 from benchmarks.speed_figure import draw
 from examples.fundamental_matrix_norms import build_times, exponential_seconds
@@ -62,24 +60,11 @@ def _floating(complete: bool, h: float) -> Callable[[int], list[pairs.Variant]]:
     return lambda steps: [kind(steps, h, complete) for kind in floating_cost.VARIANTS]
 
 
-def _mechanism(name: str) -> Callable[[int], list[pairs.Variant]]:
-    return lambda steps: mechanism_cost.variants_of(mechanism_cost.CASES[name], steps)
-
-
-def _wishbone(steps: int) -> list[pairs.Variant]:
-    return wishbone_cost.variants_of(steps * 5e-4)
-
-
 SCENES = (
     Scene("linkage, 12 modes", _linkage, (4000, 200), (11, 1)),
     Scene("floating body, 14 modes, complete", _floating(True, 1e-4), (3000, 50), (7, 1)),
     Scene("floating body, 14 modes, inputs frozen", _floating(False, 1e-3), (3000, 50), (7, 1)),
-    Scene("pendulum, 14 modes, coupled", _mechanism("pendulum"), (2000, 20), (7, 1)),
-    Scene("double pendulum, 2 x 30 modes, coupled", _mechanism("double"), (400, 5), (7, 1)),
-    Scene("wishbone, 14 modes, coupled", _wishbone, (400, 10), (7, 1)),
 )
-# of bound and estimate together; bounds alone have none of their own
-COUPLED = {"coupled auxiliary 20, estimate": 1.15, "coupled auxiliary 20, estimate, midpoint residuals": 1.25}
 
 
 class Promise(NamedTuple):
@@ -104,8 +89,6 @@ def ratios(quick: bool, checkout: Path | None = None) -> dict[str, list[pairs.Ra
     found = {}
     for scene in SCENES:
         variants = scene.make(scene.steps[quick])
-        for variant in variants if "coupled" in scene.title else ():
-            variant.limit = COUPLED.get(variant.label)
         found[scene.title] = pairs.ratios(variants, pairs.measure(variants, scene.rounds[quick]))
     return found | short_runs.table(checkout, 1 if quick else 7)
 

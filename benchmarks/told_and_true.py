@@ -2,7 +2,7 @@
 
 Random mechanisms (random_mechanisms.py), made smooth, sudden and undamped, or sudden with dampers. True of the modes
 is what all modes at the same steps show less what the run shows, which includes interfaces that modes make rigid; how
-far that is uncertain is sweep_mechanisms.py's floor. True of the steps is what shorter steps of the reduced mechanism
+far that is uncertain is converged.py's. True of the steps is what shorter steps of the reduced mechanism
 tend to: they are halved until two halvings differ by a quarter (order 2), Richardson's value counts, and the
 difference to the one before is its uncertainty. Where no order shows, as far as LAST halvings go, the last difference
 is.
@@ -36,12 +36,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from benchmarks.by_run import told_by_run
-from benchmarks.certified import damped, started
+from benchmarks.converged import truths
 from benchmarks.estimates import attached, bodies_of
 from benchmarks.mechanism_builder import all_modes, built
-from benchmarks.random_mechanisms import Mechanism, Shape, drawn
+from benchmarks.random_mechanisms import Mechanism, Shape, damped, drawn, started
 from benchmarks.sweep import PENCIL
-from benchmarks.sweep_mechanisms import truths
 from exudyn_romerr.report.report_rows import CHECKS, OF_INTERFACES, PARTS
 from exudyn_romerr.report.scope import COMPLETE, FROZEN
 from exudyn_romerr.report.wording import estimate_scope
@@ -300,7 +299,7 @@ def _finer(scene: EstimateScene, n: int, kind: str, k: int) -> dict[str, np.ndar
 
 def scenes() -> list[tuple[str, int, str]]:
     """Return all scenes of models/ with a flexible body: name, n, kind of the interfaces."""
-    names = [name for name in SCENES if name != "rigid_pendulum"]
+    names = [*SCENES]
     return [(name, n, kind) for name in names for n in SCENES[name].n for kind in ("RBE3", "RBE2")]
 
 

@@ -19,9 +19,9 @@ PICTURE = ROOT / "docs" / "figures" / "architecture.png"
 # A folder imports from itself and from what stands above it, annotations and imports inside functions included.
 ORDER = (
     "_version errors checks progress process compiled linalg model decay basis residual trajectory estimators "
-    "estimates mechanism mechanism_errors mechanism_bounds report judgement offline online mode_selection sweeps "
-    "mbs.memory mbs.access mbs.control mbs.derivatives mbs.floating mbs.mechanism mbs.sensors mbs.mirror "
-    "mbs.shadow mbs.coupled mbs.monitoring mbs.studies mbs.scenes fe_files mbs scripts __init__ __main__"
+    "mechanism mechanism_errors mechanism_bounds report judgement offline online mode_selection sweeps "
+    "mbs.memory mbs.access mbs.floating mbs.sensors mbs.mirror mbs.monitoring mbs.studies mbs.scenes fe_files mbs "
+    "scripts __init__ __main__"
 ).split()
 FOLDERS = [name for name in ORDER if (PACKAGE / name.replace(".", "/")).is_dir() and name != "mbs"]
 PATHS = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in PACKAGE.rglob("*.py")}

@@ -3,7 +3,7 @@
 The bars are those of hex_bar, 60 coordinates each, so that a run with all modes takes a second. kind="complete" of
 `chain` is the full model. Loads act on the joint between the
 bars, and as a torque on the right end of the first one; `after`: how long everything rests before they begin. SCENES
-are those that tests/mbs/mechanism/test_late_loads.py compares with.
+are those of which make_chain_truth.py stores what all modes make.
 """
 
 from __future__ import annotations

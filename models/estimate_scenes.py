@@ -14,7 +14,6 @@ import exudyn as exu
 import numpy as np
 from exudyn import itemInterface
 from exudyn.FEM import ObjectFFRFreducedOrderInterface
-from exudyn.utilities import InertiaCuboid
 
 import exudyn_romerr as romerr
 from models import driven_bar, driven_truth, floating, mechanisms, wishbone
@@ -78,27 +77,6 @@ class EstimateScene:
     def sensors(self) -> tuple[str, ...]:
         """All of them."""
         return self.local + self.turned + self.rigid + self.forces
-
-
-def rigid_pendulum(h: float, t_end: float) -> RigidScene:
-    """Two rigid bars in a row along x that fall from rest, hinged (axis y) to the ground and to each other."""
-    SC = exu.SystemContainer()
-    scene = RigidScene(SC, SC.AddSystem(), mechanisms.settings_to_compare(h, t_end))
-    mbs, length = scene.mbs, RIGID_BAR[0]
-    inertia = InertiaCuboid(7850.0, RIGID_BAR)
-    before = mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=mbs.CreateGround()))
-    for number in (1, 2):
-        place = [(number - 0.5) * length, 0, 0]
-        body = mbs.CreateRigidBody(referencePosition=place, inertia=inertia, gravity=GRAVITY)
-        left, right = (
-            mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=body, localPosition=[x, 0, 0]))
-            for x in (-length / 2, length / 2)
-        )
-        joint = itemInterface.GenericJoint(markerNumbers=[before, left], constrainedAxes=mechanisms.HINGE)
-        _show_joint(scene, mbs.AddObject(joint), f"hinge {number} ForceLocal")
-        before = right
-        _show_rigid(scene, body, f"end {number}", [length / 2, 0, 0])
-    return scene
 
 
 def slider_crank(n: int, kind: str, h: float, t_end: float, speed: float = 200.0) -> mechanisms.MechanismScene:
@@ -234,15 +212,6 @@ def _timed(make: Callable, t_end: float) -> Callable[[int, str, float], Any]:
 WISHBONE = ("ball node local",), ("ball joint",), (MANY, "RBE3")
 BOTH = ("tip 1", "middle 1", "tip 2", "middle 2")
 SCENES = {
-    "rigid_pendulum": EstimateScene(
-        lambda n, kind, h: rigid_pendulum(h, 0.5),
-        5e-3,
-        0.5,
-        (0,),
-        (),
-        rigid=("end 1", "end 2"),
-        forces=("hinge 1 ForceLocal", "hinge 2 ForceLocal"),
-    ),
     "slider_crank": EstimateScene(
         _timed(slider_crank, 0.12),
         5e-4,

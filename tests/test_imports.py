@@ -9,47 +9,6 @@ FILES_AT_THE_TOP = 6
 FILES_IN_A_FOLDER = 14
 LINES_OF_A_FILE = 400
 ONLY_INSIDE_FUNCTIONS = {"matplotlib", "tqdm"}
-# what the core of issues 48 and 49 replaces: folders and files; mbs/memory, which linear bodies need, goes with them
-GOERS = (
-    "estimates mbs.control mbs.derivatives mbs.mechanism mbs.shadow mbs.coupled online.coupled_runs "
-    "estimators.coupled_energy estimators.rigid_motion residual.felt_residuals residual.slow_modes"
-).split()
-DOOR = "mbs.monitoring.coupled_core"
-# a linear body, from samples and in Exudyn, and a pendulum with inputs frozen; each has bounds in the end
-WITHOUT_GOERS = """
-import sys
-import numpy as np
-import exudyn as exu
-import exudyn_romerr as romerr
-from models import floating, linkage
-from tests.helpers import mbs_scenes
-
-body, B, out = linkage.build()
-basis = romerr.krylov_basis(body, B, 4)
-zeros = np.zeros((5, 4))
-report = romerr.evaluate(body, basis, romerr.Trajectory(1e-3 * np.arange(5), zeros, zeros, zeros), inputs=B,
-                         input_function=linkage.force, outputs=[out])
-assert np.isfinite(report.output(out.name).bound["best"]).all()
-
-mbs = mbs_scenes.new_mbs()
-flex = romerr.add_reduced_body(mbs, body, basis, inputs=B, input_function=linkage.force)
-monitor = romerr.attach(mbs, flex, outputs=[out])
-several = mbs_scenes.new_mbs()
-flexes = [romerr.add_reduced_body(several, body, basis, inputs=B, input_function=linkage.force) for _ in range(2)]
-both = romerr.attach(several, flexes, outputs=[(flexes[0], out)])
-for each in (mbs, several):
-    each.Assemble()
-    each.SolveDynamic(mbs_scenes.settings(20, 0.02))
-assert np.max(monitor.report().output(out.name).bound["best"]) > 0
-assert both.plan and np.max(both.report().output(out.name).bound["best"]) > 0
-
-scene = floating.pendulum(2, t_end=0.01)
-monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items), scope="inputs frozen")
-scene.solve()
-assert all(np.max(out.bound["best"]) > 0 for out in monitor.report().outputs.values())
-
-print(*sorted(name.removeprefix("exudyn_romerr.") for name in sys.modules if name.startswith("exudyn_romerr.")))
-"""
 
 
 def test_every_folder_has_its_place():
@@ -110,25 +69,6 @@ def test_the_reader_of_imports_sees_them():
     assert "report.plots.panels" in own_imports("report.report")  # inside a function
     assert "model.body" in own_imports("decay.kernels")  # an annotation
     assert "exudyn" in {full.split(".")[0] for full, _ in imported("mbs.monitoring.step_hook")}
-
-
-def goes(name):
-    return any(name == goer or name.startswith(f"{goer}.") for goer in GOERS)
-
-
-def test_one_door_leads_to_what_goes():
-    """Annotations and imports inside functions included: what stays will stand when the rest is taken away."""
-    assert {name for name in PATHS if not goes(name) and any(map(goes, own_imports(name)))} == {DOOR}
-    assert [goer for goer in GOERS if not any(name == goer or name.startswith(f"{goer}.") for name in PATHS)] == []
-
-
-def test_linear_bodies_and_frozen_inputs_do_without_what_goes():
-    run = subprocess.run(
-        [sys.executable, "-c", WITHOUT_GOERS], cwd=PACKAGE.parent, capture_output=True, text=True, check=True
-    )
-    loaded = run.stdout.split("\n")[-2].split()
-    assert "mbs.monitoring.evaluation" in loaded
-    assert [name for name in loaded if goes(name) or name == DOOR] == []
 
 
 def test_importing_the_package_loads_neither_exudyn_nor_matplotlib():

@@ -41,8 +41,3 @@ class ShapeSums(NamedTuple):
         pull, M = np.array([of_j.sum(axis=0) for of_j in by_axis]), np.einsum("iikl->kl", of_U)
         Mx, rigid = (mass @ positions.ravel()).reshape(-1, 3), rigid_modes(positions)
         return cls(of_U, of_x, pull, M, K, Mx.sum(axis=0), positions.T @ Mx, rigid.T @ (mass @ rigid))
-
-
-def contracted(turning: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Sum over i, j of turning_ij of_ij (T, k, m), of turning (T, 3, 3) and of (3, 3, k, m)."""
-    return np.tensordot(turning, of, axes=2)

@@ -1,33 +1,30 @@
 /* What calls the loops in curves.h. */
 
 #define CURVES                                                                                                         \
-    "curves(S, n, p, alpha, beta, h, q, q_t, q_tt, u, controls, T, ends, y)\n\nWrite y (S, 6, row), row = 2 n + p or, "  \
-    "with T (p, 2 n), p: control points between samples q, q_t, q_tt\n(S + 1, n), u (S + 1, p), ends (S + 1, row), h (S,) " \
-    "apart. controls (S, 6, p): of u, None: straight lines.\nhermite_rows tells the rest."
+    "curves(S, n, p, alpha, beta, h, q, q_t, q_tt, u, controls, ends, y)\n\nWrite y (S, 6, 2 n + p): control points "     \
+    "between samples q, q_t, q_tt (S + 1, n),\nu (S + 1, p), ends (S + 1, 2 n + p), h (S,) apart. controls (S, 6, p): "    \
+    "of u, None: straight lines.\nhermite_rows tells the rest."
 
 static PyObject *curved(PyObject *self, PyObject *arguments)
 {
     Curves all = {0};
-    PyObject *given[9], *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "nnnddOOOOOOOOO", &all.S, &all.n, &all.p, &all.alpha, &all.beta, given, given + 1,
-                          given + 2, given + 3, given + 4, given + 5, given + 6, given + 7, given + 8) ||
+    PyObject *given[8], *result = NULL;
+    if (!PyArg_ParseTuple(arguments, "nnnddOOOOOOOO", &all.S, &all.n, &all.p, &all.alpha, &all.beta, given, given + 1,
+                          given + 2, given + 3, given + 4, given + 5, given + 6, given + 7) ||
         !are_sizes(3, all.S, all.n, all.p))
         return NULL;
-    Py_buffer views[9];
+    Py_buffer views[8];
     Held held = {views, 0};
-    const Size S = all.S, n = all.n, p = all.p, size = sizeof(double), samples = (S + 1) * n;
-    const Size row = all.row = given[6] == Py_None ? 2 * n + p : p;
-    if (!(all.z = PyMem_Calloc(POINTS * (2 * n + p) + 1, size))) {
+    const Size S = all.S, n = all.n, p = all.p, samples = (S + 1) * n, row = 2 * n + p;
+    if (!(all.z = PyMem_Calloc(POINTS * 2 * n + 1, sizeof(double)))) {
         PyErr_NoMemory();
     } else if ((all.h = numbers(given[0], &held, S, 'd', 0)) && (all.q = numbers(given[1], &held, samples, 'd', 0)) &&
                (all.q_t = numbers(given[2], &held, samples, 'd', 0)) &&
                (all.q_tt = numbers(given[3], &held, samples, 'd', 0)) &&
                (all.u = numbers(given[4], &held, (S + 1) * p, 'd', 0)) &&
                (given[5] == Py_None || (all.controls = numbers(given[5], &held, S * POINTS * p, 'd', 0))) &&
-               (given[6] == Py_None || (all.T = numbers(given[6], &held, p * 2 * n, 'd', 0))) &&
-               (all.ends = numbers(given[7], &held, (S + 1) * row, 'd', 0)) &&
-               (all.y = numbers(given[8], &held, S * POINTS * row, 'd', PyBUF_WRITABLE))) {
-        all.product = all.z + POINTS * 2 * n;
+               (all.ends = numbers(given[6], &held, (S + 1) * row, 'd', 0)) &&
+               (all.y = numbers(given[7], &held, S * POINTS * row, 'd', PyBUF_WRITABLE))) {
         draw_here(&all);
         result = Py_NewRef(Py_None);
     }
@@ -36,35 +33,33 @@ static PyObject *curved(PyObject *self, PyObject *arguments)
     return result;
 }
 
-#define LENGTHS                                                                                                   \
-    "lengths(S, d, k, first, m, c, columns, y)\n\nWrite y (S,), lengths of polygons c (S, d + 1, k), of their numbers from " \
-    "`first` on, as columns (m, k - first) of a\nmatrix make them, None: as they are. Return whether no square lost " \
-    "digits."
+#define LENGTHS                                                                                                     \
+    "lengths(S, d, k, m, c, columns, y)\n\nWrite y (S,), lengths of polygons c (S, d + 1, k) as columns (m, k) of a " \
+    "matrix make them.\nReturn whether no square lost digits."
 
 static PyObject *measured(PyObject *self, PyObject *arguments)
 {
     Lengths all = {0};
     Size m;
-    const double *columns = NULL;
+    const double *columns;
     PyObject *given[3], *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "nnnnnOOO", &all.S, &all.d, &all.k, &all.first, &m, given, given + 1, given + 2))
+    if (!PyArg_ParseTuple(arguments, "nnnnOOO", &all.S, &all.d, &all.k, &m, given, given + 1, given + 2) ||
+        !are_sizes(4, all.S, all.d, all.k, m))
         return NULL;
-    if (!are_sizes(4, all.S, all.d, all.k, m) || !are_sizes(2, all.first, all.k - all.first)) return NULL;
     Py_buffer views[3];
     Held held = {views, 0};
     Squares *squares = &all.squares;
-    const Size size = sizeof(double), rows = STEPS * all.d, left = squares->k = all.k - all.first;
+    const Size rows = STEPS * all.d, k = squares->k = all.k;
     squares->blocks = (m + WIDTH * LANES - 1) / (WIDTH * LANES);
-    double *work = PyMem_Calloc(rows * (left + 1) + squares->blocks * left * WIDTH * LANES + 1, size);
+    double *work = PyMem_Calloc(rows * (k + 1) + squares->blocks * k * WIDTH * LANES + 1, sizeof(double));
     squares->begins = PyMem_Calloc(squares->blocks + 1, sizeof(Size));
     if (!work || !squares->begins) {
         PyErr_NoMemory();
-    } else if ((all.c = numbers(given[0], &held, all.S * (all.d + 1) * all.k, 'd', 0)) &&
-               (given[1] == Py_None || (columns = numbers(given[1], &held, m * left, 'd', 0))) &&
+    } else if ((all.c = numbers(given[0], &held, all.S * (all.d + 1) * k, 'd', 0)) &&
+               (columns = numbers(given[1], &held, m * k, 'd', 0)) &&
                (all.y = numbers(given[2], &held, all.S, 'd', PyBUF_WRITABLE))) {
-        squares->rows = all.rows = work, squares->y = work + rows * left;
-        squares->columns = columns ? squares->y + rows : NULL;
-        if (columns) arrange(squares, m, columns);
+        squares->rows = all.rows = work, squares->y = work + rows * k, squares->columns = squares->y + rows;
+        arrange(squares, m, columns);
         result = PyBool_FromLong(measure_here(&all));
     }
     release(&held);

@@ -6,11 +6,11 @@
 
 /* What the text of curves() in loops.c says. */
 typedef struct {
-    Size S, n, p, row;
+    Size S, n, p;
     double alpha, beta;
-    const double *h, *q, *q_t, *q_tt, *u, *controls, *T, *ends;
+    const double *h, *q, *q_t, *q_tt, *u, *controls, *ends;
     double *y;
-    double *z, *product; /* of the inner control points of a step: (4, 2 n) and (4, p) */
+    double *z; /* of the inner control points of a step: (4, 2 n) */
 } Curves;
 
 /* Write z of the inner control points of step s. */
@@ -42,19 +42,16 @@ INLINE void merged(const Curves *all, Size s)
 
 INLINE void draw(const Curves *all)
 {
-    const Size p = all->p, row = all->row, begin = row - p, wide = 2 * all->n;
+    const Size p = all->p, wide = 2 * all->n, row = wide + p;
     for (Size s = 0; s < all->S; s++) {
         double *y = all->y + s * POINTS * row;
         merged(all, s);
-        if (all->T) product(p, wide, POINTS - 2, all->T, all->z, wide, all->product, p);
         memcpy(y, all->ends + s * row, row * sizeof(double));
         for (Size j = 1; j < POINTS - 1; j++) {
             const double share = 0.2 * j, *u = all->u + s * p, *control = all->controls + (s * POINTS + j) * p;
-            const double *z = all->z + (j - 1) * wide, *add = all->product + (j - 1) * p;
             y += row;
-            memcpy(y, z, begin * sizeof(double));
-            for (Size i = 0; i < p; i++) y[begin + i] = all->controls ? control[i] : (1 - share) * u[i] + share * u[p + i];
-            for (Size i = 0; all->T && i < p; i++) y[i] += add[i];
+            memcpy(y, all->z + (j - 1) * wide, wide * sizeof(double));
+            for (Size i = 0; i < p; i++) y[wide + i] = all->controls ? control[i] : (1 - share) * u[i] + share * u[p + i];
         }
         memcpy(y + row, all->ends + (s + 1) * row, row * sizeof(double));
     }
@@ -62,45 +59,28 @@ INLINE void draw(const Curves *all)
 
 /* What the text of lengths() in loops.c says. */
 typedef struct {
-    Size S, d, k, first;
+    Size S, d, k;
     const double *c;
     double *y;
-    Squares squares; /* of STEPS d rows, without columns: of the rows themselves */
-    double *rows;    /* of what is left of differences from `first` on */
+    Squares squares; /* of STEPS d rows */
+    double *rows;    /* differences */
 } Lengths;
-
-INLINE double square_of(Size k, const double *x)
-{
-    Lanes sum, one;
-    double of[LANES];
-    Size l = 0;
-    memset(&sum, 0, sizeof(sum));
-    for (; l + LANES <= k; l += LANES) {
-        memcpy(&one, x + l, sizeof(one));
-        ADD_PRODUCT(sum, one, one);
-    }
-    memcpy(of, &sum, sizeof(of));
-    double square = (of[0] + of[2]) + (of[1] + of[3]);
-    for (; l < k; l++) square += x[l] * x[l];
-    return square;
-}
 
 /* Whether no square lost digits or overflowed. */
 INLINE int measure(Lengths *all)
 {
-    const Size d = all->d, k = all->k, left = k - all->first;
-    double *square = all->squares.y;
+    const Size d = all->d, k = all->k;
+    const double *square = all->squares.y;
     for (Size s = 0; s < all->S; s += STEPS) {
         const Size steps = all->S - s < STEPS ? all->S - s : STEPS;
         for (Size i = 0; i < steps; i++)
             for (Size j = 0; j < d; j++) {
-                const double *c = all->c + ((s + i) * (d + 1) + j) * k + all->first;
-                double *x = all->rows + (i * d + j) * left;
-                for (Size l = 0; l < left; l++) x[l] = c[k + l] - c[l];
+                const double *c = all->c + ((s + i) * (d + 1) + j) * k;
+                double *x = all->rows + (i * d + j) * k;
+                for (Size l = 0; l < k; l++) x[l] = c[k + l] - c[l];
             }
         all->squares.S = steps * d;
-        if (all->squares.columns) add_all_squares(&all->squares);
-        for (Size j = 0; !all->squares.columns && j < steps * d; j++) square[j] = square_of(left, all->rows + j * left);
+        add_all_squares(&all->squares);
         for (Size i = 0; i < steps; i++) {
             double sum = 0.0;
             for (Size j = i * d; j < (i + 1) * d; j++) {

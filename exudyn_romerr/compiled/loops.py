@@ -1,6 +1,6 @@
 """Loops in C, where the package was installed with a compiler: `loops`, else None; NumPy does the same elsewhere."""
 
-VERSION = 10  # as in loops.c; one more, in both, whenever functions there are added or take something else
+VERSION = 11  # as in loops.c; one more, in both, whenever functions there are added or take something else
 
 try:
     from . import _loops as loops

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..model.body import ElasticBody
 
 SHARES = (0.0, 0.5, 0.9)  # of the largest admissible rate: 0 is best for short runs, 0.9 for long ones
-OF_STEP = 0.25  # with 0.4 a start with spectral radius 0 makes 1.04 times what is left
 HALVINGS = 8  # tries to find an admissible rate of a general damping matrix
 
 
@@ -70,25 +69,6 @@ def body_rates(body: ElasticBody) -> list[DecayRate]:
     plain = DecayRate(0.0, 1.0, 1 / omega, 1.0)
     found = _general_rate(body)
     return [plain] if found is None else [plain, found]
-
-
-def stiffness_damping(body: ElasticBody) -> float:
-    """Return beta with D >= beta K: of Rayleigh damping, of ratios by mode; 0 of other matrices."""
-    if body.rayleigh is not None:
-        return float(body.rayleigh[1])
-    if body.modal is None:
-        return 0.0
-    modes = body.modal.modes
-    return float(min(np.min(2 * body.modal.ratios / modes.omega), body.modal.rayleigh[1]))
-
-
-def damping_in_steps(beta: float, h: np.ndarray) -> np.ndarray:
-    """Return what counts of beta in steps h, (S,), where work is done on rough residuals.
-
-    Motion within a step is the integrator's. To residuals that change from sample to sample it answers with up to 1.2
-    times what all of beta leaves of exact motion (spectral radius 0, Newmark's gamma 1), and more where steps grow.
-    """
-    return np.minimum(beta, OF_STEP * h)
 
 
 def _general_rate(body: ElasticBody) -> DecayRate | None:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import scipy.linalg as la
 
 SAME = 1e-9  # of a parameter of the scheme
 # c of |e + K^-1 f|_K and |e'|_M in steps of one size, of what began at rest without accelerations, where damping
@@ -99,22 +98,3 @@ class PassiveSteps:
     def impulse(self) -> float:
         """Return c: a force f beside all others adds c h |f|_{M^-1} to g at most, in a step."""
         return float(np.sqrt(1 + 2 * self.kappa**2 / (1 + 3 * self.kappa) ** 2))
-
-
-def step_change(ratio: float) -> float:
-    """Return the factor on g where a step is `ratio` times the one before.
-
-    Of the storage with kappa^4 h^4 |a|_K^2/4 more, which is one too, and bounds all of x, v and a.
-    """
-    if ratio == 1.0:
-        return 1.0
-    before, after = _forms(1.0), _forms(ratio)
-    largest = (la.eigh(new, old, eigvals_only=True)[-1] for old, new in zip(before, after, strict=True))
-    return float(np.sqrt(max(largest)))
-
-
-def _forms(h: float) -> tuple[np.ndarray, np.ndarray]:
-    """2 S of a single mode: quadratic forms of (v, a) in M, of (x, v, a) in K, kappa = 1 (others scale with it)."""
-    mass = [[1.0, h / 2], [0.0, h / np.sqrt(2)]]
-    stiffness = [[1.0, h / 2, -(h**2) / 4], [0.0, h / 2, -(h**2) / 4], [0.0, 0.0, h**2 / 2]]
-    return tuple(np.transpose(rows) @ np.array(rows) for rows in (mass, stiffness))

@@ -9,9 +9,9 @@ import numpy as np
 from ..linalg.blocked_products import largest_sizes, row_norms, rows_times
 from ..linalg.modal_oscillators import ModalOscillators
 from ..residual.modal_split import NormsAbove
-from ..trajectory.bounds import Bounds, times
+from ..trajectory.bounds import Bounds
 from ..trajectory.segments import Block, Start
-from .energy import Growth, Smooth, cut_size, jump_share, output_share, smallest
+from .energy import Growth, Smooth, jump_share, output_share, smallest
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem
@@ -42,15 +42,11 @@ class Auxiliary:
         self.norm_static = split.norm_static
         self.start_norms = split.start_norms
         self.forcing = -split.PL[:, : problem.map.coordinates.k]
-        own = np.diagonal(self.forcing)  # of a packed residual, which has the modes' entries first, that is all
-        self.own_forcing = own if np.count_nonzero(self.forcing) == np.count_nonzero(own) else None
         self.start_rows = split.PL
         above = NormsAbove(problem.rows, split.modes)
         self.CP, self.C_K, self.C_M = above.C @ split.modes.P, above.C_K, above.C_M
         self.static_rows = above.static_rows
         self.velocity_rows = problem.rows.velocity_rows
-        self.static_cut = np.where(self.velocity_rows, 0.0, self.C_K)
-        self.per_mass = self.rates[0].per_mass if self.rates else 0.0
         self.mode_residual, self.beta = split.modes.residual, problem.body.proportional[1]
 
     def start(self, start: Start) -> Bounds:
@@ -66,16 +62,12 @@ class Auxiliary:
             e, e_t = np.abs(rows) @ np.abs(start.y0) / omega**2, np.abs(rows) @ np.abs(start.y0_t)
             # modes are M-orthogonal to rounding: each eta sees that much of all the others
             self.rounding = 8 * EPS * (e + np.linalg.norm(e) + (e_t + np.linalg.norm(e_t)) / omega)
-        cut = np.array([start.cut])
         z = start.z[None]
-        return self._bounds(
-            z, self.norm_static(z), self.state[None], self.growth.at_start(), self.rounding[None], cut
-        )
+        return self._bounds(z, self.norm_static(z), self.state[None], self.growth.at_start(), self.rounding[None])
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
-        own = self.own_forcing
-        forces = rows_times(block.c, self.forcing.T) if own is None else block.c[..., : len(own)] * own
+        forces = rows_times(block.c, self.forcing.T)
         states = self.oscillators.advance(self.state, block.t, block.h, forces)
         before, missed = self.growth, self._unresolved(block)
         self.growth, g, g_jump = self.growth.advanced(block)
@@ -94,7 +86,7 @@ class Auxiliary:
         of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
         inexact = self.rounding + of_times + missed
         static = block.norms_at_ends(self.norm_static)
-        return self._bounds(block.c[:, -1], static, states, (g, g_jump), inexact, cut_size(block))
+        return self._bounds(block.c[:, -1], static, states, (g, g_jump), inexact)
 
     def _rounding_of(self, block: Block, eta: np.ndarray, eta_t: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.
@@ -114,26 +106,25 @@ class Auxiliary:
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        (z, static, states, growth, inexact, cut), self._given = self._given, None
+        (z, static, states, growth, inexact), self._given = self._given, None
         one = slice(i, i + 1)
         inexact = inexact[one if len(inexact) > 1 else slice(1)].copy()
-        z, static, states, cut = (x[one].copy() for x in (z, static, states, cut))
-        return z, static, states, tuple(g[:, one].copy() for g in growth), inexact, cut
+        z, static, states = (x[one].copy() for x in (z, static, states))
+        return z, static, states, tuple(g[:, one].copy() for g in growth), inexact
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z, static, states, growth, inexact, cut) -> Bounds:
-        self._given = z, static, states, growth, inexact, cut
+    def _bounds(self, z, static, states, growth, inexact) -> Bounds:
+        self._given = z, static, states, growth, inexact
         g, g_jump = growth
         _, d_M, v_M = rest = smallest(self.rates, g)
         eta, eta_t = states[:, 0], states[:, 1]
         known = np.where(self.velocity_rows, eta_t @ self.CP.T, eta @ self.CP.T - z @ self.static_rows.T)
         omega = np.where(self.velocity_rows[:, None], self.oscillators.omega, 1.0)
         share = output_share(rest, self.C_K, self.C_M, self.velocity_rows)
-        slack = share + inexact @ (np.abs(self.CP) * omega).T + times(cut, self.static_cut)
-        static = static + cut * self.per_mass
+        slack = share + inexact @ (np.abs(self.CP) * omega).T
         position = np.hypot(row_norms(eta), static + d_M) + row_norms(inexact)
         turned = row_norms(inexact * self.oscillators.omega)
         velocity = np.hypot(row_norms(eta_t), v_M) + turned

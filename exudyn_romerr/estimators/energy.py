@@ -40,14 +40,12 @@ class Energy:
         self.static_rows = problem.rows.static_rows
         self.C_K, self.C_M = problem.rows.C_K, problem.rows.C_M
         self.velocity_rows = problem.rows.velocity_rows
-        self.static_cut = np.where(self.velocity_rows, 0.0, self.C_K)
-        self.per_mass = self.rates[0].per_mass
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.growth = self.growth.started(start, self.start_norms)
         z = start.z[None]
-        return self._bounds(z, self.norm_static(z), *self.growth.at_start(), np.array([start.cut]))
+        return self._bounds(z, self.norm_static(z), *self.growth.at_start())
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
@@ -57,28 +55,25 @@ class Energy:
             d_M, v_M = before.inside(g, self.growth)
             self.inside = self.growth.static_inside(self.norm_static, before, block) + d_M, v_M
         static = block.norms_at_ends(self.norm_static)
-        return self._bounds(block.c[:, -1], static, g, g_jump, cut_size(block))
+        return self._bounds(block.c[:, -1], static, g, g_jump)
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        (z, static, g, g_jump, cut), self._given = self._given, None
+        (z, static, g, g_jump), self._given = self._given, None
         one = slice(i, i + 1)
-        return tuple(x.copy() for x in (z[one], static[one], g[:, one], g_jump[:, one], cut[one]))
+        return tuple(x.copy() for x in (z[one], static[one], g[:, one], g_jump[:, one]))
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(
-        self, z: np.ndarray, static: np.ndarray, g: np.ndarray, g_jump: np.ndarray, cut: np.ndarray
-    ) -> Bounds:
-        self._given = z, static, g, g_jump, cut
+    def _bounds(self, z: np.ndarray, static: np.ndarray, g: np.ndarray, g_jump: np.ndarray) -> Bounds:
+        self._given = z, static, g, g_jump
         _, d_M, v_M = rest = smallest(self.rates, g)
-        known = np.abs(z @ self.static_rows.T) + times(cut, self.static_cut)
+        known = np.abs(z @ self.static_rows.T)
         outputs = known + output_share(rest, self.C_K, self.C_M, self.velocity_rows)
         jumped = jump_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
-        position = static + cut * self.per_mass + d_M
-        return Bounds(position, v_M, outputs, jumped)
+        return Bounds(static + d_M, v_M, outputs, jumped)
 
 
 class Growth:
@@ -116,7 +111,7 @@ class Growth:
         with K d0 = L (y0 + z0). norms: of the initial error.
         """
         if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0)
-            g = [float(self.norm(start.z)) + start.cut] * len(self.bounds)
+            g = [float(self.norm(start.z))] * len(self.bounds)
         else:
             w = start.y0.copy()
             w[: len(start.z)] += start.z
@@ -128,7 +123,6 @@ class Growth:
     def advanced(self, block: Block) -> tuple[Growth, np.ndarray, np.ndarray]:
         """Return the growth after a block, and g and g_jump (rates, S) at the ends of its segments."""
         inside, jumps = block.variation(self.norm, self._before)
-        inside = inside if block.cut is None else inside + block.cut.variation
         decays, jumping = np.exp(-self._decay[:, None] * block.h), jumps.any()
         added = decays * jumps + inside if jumping else np.tile(inside, (len(decays), 1))
         g = decaying_sums(decays, added, self.g[: len(decays)])
@@ -155,7 +149,7 @@ class Growth:
         """Return the largest |K^-1 R|_M (S,) within the segments of the block that led here from `before`."""
         static = np.append(norm_static(before._before), block.norms_at_ends(norm_static))
         per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
-        return np.maximum(static[:-1], static[1:]) + per_mass * (self._varied + cut_size(block))
+        return np.maximum(static[:-1], static[1:]) + per_mass * self._varied
 
 
 class Smooth:
@@ -202,11 +196,6 @@ class Smooth:
 def _jumps(points: np.ndarray, before: np.ndarray | float) -> np.ndarray:
     """Jumps (S, k) at the begin of segments with control points (S, d, k)."""
     return points[:, 0] - np.vstack([np.broadcast_to(before, points[:1, 0].shape), points[:-1, -1]])
-
-
-def cut_size(block: Block) -> np.ndarray:
-    """Return bounds (S,) of what the control points leave out of R, in the K^-1 norm."""
-    return np.zeros(len(block.h)) if block.cut is None else block.cut.size
 
 
 def smallest(rates: Sequence[DecayRate], g: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ class Estimator(Protocol):
        hence replaced, not changed in place, or __copy__ says what else is to be copied.
     3. start comes first, then advance with blocks that follow one another without a gap, the first from Start.t on. A
        run that goes on from another takes a copy of its estimator, and no start.
-    4. Start and Block are complete when they come: turn, cut, joint and added are set where the scene has such. They
+    4. Start and Block are complete when they come: turn is set where the scene has such. They
        belong to all estimators and are not changed.
     5. Bounds hold at the ends of segments, and are never nan: inf where there is no bound. They are those of exact
        arithmetic; a run adds what rounding of its input may do. An estimator adds the rounding of its own sums.

@@ -36,8 +36,6 @@ def _elevation(degree: int) -> np.ndarray:
 RAISE = {degree: _elevation(degree) for degree in (3, 4)}
 FROM_NODES = np.linalg.inv(_bernstein(NODES))  # values at NODES -> control points
 AT_CHECKS = _bernstein(CHECKS)  # control points -> values at CHECKS
-INNER = np.sort(np.concatenate([NODES, CHECKS]))
-AT_INNER = _bernstein(INNER)  # control points -> values at NODES and, every second one, at CHECKS
 
 
 def hermite_controls(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -78,23 +76,21 @@ def hermite_bends(h: np.ndarray, q, q_t, q_tt) -> tuple[np.ndarray, np.ndarray]:
 def hermite_rows(
     layout: Callable,
     rayleigh: tuple | None,
-    T: np.ndarray | None,
     h: np.ndarray,
     samples: tuple,
     controls: np.ndarray | None,
 ) -> np.ndarray:
     """Return control points (S, 6, .) of layout(q, q', q'', u) between samples, each (S + 1, .).
 
-    controls : of u (S, 6, p); None: straight lines. rayleigh : alpha and beta where the layout is (z, u), or T z + u
-    if T (p, 2 n) is not None, with z = (q'' + alpha q', q + beta q'); None: it is another one. First and last control
-    points are the layout of samples, bit for bit.
+    controls : of u (S, 6, p); None: straight lines. rayleigh : alpha and beta where the layout is (q'' + alpha q',
+    q + beta q', u); None: it is another one. First and last control points are the layout of samples, bit for bit.
     """
     *states, u = samples
     if loops is None or rayleigh is None:
         return layout(*hermite_controls(h, *states), straight(u[:-1], u[1:]) if controls is None else controls)
     ends = layout(*samples)
     rows = np.empty((len(h), DEGREE + 1, ends.shape[1]))
-    given = [None if x is None else np.ascontiguousarray(x, dtype=float) for x in (h, *samples, controls, T, ends)]
+    given = [None if x is None else np.ascontiguousarray(x, dtype=float) for x in (h, *samples, controls, ends)]
     loops.curves(len(h), states[0].shape[1], u.shape[1], *rayleigh, *given, rows)
     return rows
 

@@ -76,20 +76,18 @@ def norms_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     return row_norms(rows_times(rows, matrix))
 
 
-def polygon_lengths(c: np.ndarray, matrix: np.ndarray | None = None, first: int = 0) -> np.ndarray:
+def polygon_lengths(c: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return the sums (S,) of the 2-norms of (c_j+1 - c_j) @ matrix for corners c (S, d + 1, k).
 
-    matrix : (k - first, m), None: the identity; numbers of c before `first` are left out.
+    matrix : (k, m).
     """
     if loops is not None:
-        columns = None if matrix is None else np.ascontiguousarray(matrix.T, dtype=float)
+        columns = np.ascontiguousarray(matrix.T, dtype=float)
         S, points, k = c.shape
         lengths = np.empty(S)
-        sizes = S, points - 1, k, first, 0 if columns is None else len(columns)
-        if loops.lengths(*sizes, np.ascontiguousarray(c, dtype=float), columns, lengths):
+        if loops.lengths(S, points - 1, k, len(columns), np.ascontiguousarray(c, dtype=float), columns, lengths):
             return lengths
-    pieces = np.diff(c[..., first:], axis=1)
-    return (row_norms(pieces) if matrix is None else norms_times(pieces, matrix)).sum(axis=1)
+    return norms_times(np.diff(c, axis=1), matrix).sum(axis=1)
 
 
 def largest_sizes(rows: np.ndarray) -> np.ndarray:

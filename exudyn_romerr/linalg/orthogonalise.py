@@ -10,8 +10,6 @@ from ..errors import InputError
 from .blocked_products import by_columns
 
 ROUNDED_AWAY = 1e-14  # of the largest scaled column: what is dropped is rounding
-ORTHONORMAL = 1e-14  # of products of orthonormal columns: what rounding leaves
-SHARPENINGS = 3
 ROWS = 4096  # of a tall matrix that are multiplied at once
 DEFLATION = 1e-10  # share of a Krylov vector that must be new; less is rounding of what is already spanned
 
@@ -38,21 +36,6 @@ def take_out(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
         return part
 
     return by_columns(left, Y, out=Y)
-
-
-def sharpened(columns: np.ndarray) -> np.ndarray:
-    """Make columns (n, k) that are nearly orthonormal so to rounding, in place; return them.
-
-    Cholesky's factor of their products does it, which leaves the square of what they lack.
-    """
-    for _ in range(SHARPENINGS):
-        products = columns.T @ columns
-        if np.max(np.abs(products - np.eye(len(products))), initial=0.0) <= ORTHONORMAL:
-            break
-        inverse = la.inv(la.cholesky(products))
-        for first in range(0, len(columns), ROWS):
-            columns[first : first + ROWS] = columns[first : first + ROWS] @ inverse
-    return columns
 
 
 def m_orthonormal(M: sp.csc_matrix, columns: np.ndarray) -> np.ndarray:

@@ -43,8 +43,6 @@ class NodeSensor:
     def values(self, body: Body, rows: Rows) -> np.ndarray:
         """Return what it shows in rows of the reduced run, (T, 3)."""
         c, c1 = (x[:, body.place.modal] @ self.shapes[:, : body.n].T for x in (rows.q, rows.v))
-        if self.kind.endswith("Local"):
-            return c if self.kind.startswith("Displacement") else c1
         frame, reference = body.place.frame, body.place.reference
         p = reference[3:] + rows.q[:, frame[3:]]
         A = rotation_matrix(p)
@@ -60,8 +58,6 @@ class NodeSensor:
         """Return changes (T, 3, columns) in axes of the body by e (T, 3, 6 + k, columns) in these, too."""
         e = np.moveaxis(e, 2, -1)
         du, du1 = e[:, 0, :, 6:] @ self.shapes.T, e[:, 1, :, 6:] @ self.shapes.T
-        if self.kind.endswith("Local"):
-            return (du if self.kind.startswith("Displacement") else du1).swapaxes(1, 2)
         y = (self.position + rows.q[:, body.place.modal] @ self.shapes[:, : body.n].T)[:, None]
         dr, phi = e[..., :3], e[..., 3:6]
         if self.kind != "Velocity":
@@ -73,7 +69,36 @@ class NodeSensor:
         return (dr[:, 1] + turned + du1).swapaxes(1, 2)
 
 
-CLOSED = "Displacement", "Position", "Velocity", "DisplacementLocal", "VelocityLocal"  # kinds of NodeSensor
+CLOSED = "Displacement", "Position", "Velocity"  # kinds of NodeSensor
+
+
+@dataclass(frozen=True)
+class RowsInFrame:
+    """Rows from `first` on of what the frame of body number `body` sees: shapes (r, k) of displacements, or of rates.
+
+    Strains, stresses, rotations: whatever is linear in displacements of the mesh.
+    """
+
+    first: int
+    body: int
+    shapes: np.ndarray
+    is_rate: bool
+
+    @property
+    def rows(self) -> slice:
+        """The rows."""
+        return slice(self.first, self.first + len(self.shapes))
+
+    def values(self, body: Body, rows: Rows) -> np.ndarray:
+        """Return what they show in rows of the reduced run, (T, r)."""
+        return (rows.v if self.is_rate else rows.q)[:, body.place.modal] @ self.shapes[:, : body.n].T
+
+    def changes(self, body: Body, rows: Rows, e: np.ndarray) -> np.ndarray:
+        """Return changes (T, r, columns) by e (T, 3, 6 + k, columns) in axes of the body."""
+        return self.shapes @ e[:, int(self.is_rate), 6:]
+
+
+InClosedForm = NodeSensor | RowsInFrame
 
 
 class Gradients(Protocol):
@@ -96,7 +121,7 @@ class Outputs:
         unknowns: Unknowns,
         rows: Rows,
         axes: np.ndarray,
-        nodes: Sequence[NodeSensor],
+        nodes: Sequence[InClosedForm],
         asked: Sequence[slice] = (),
         source: Gradients | None = None,
     ):

@@ -16,6 +16,7 @@ from ..trajectory.scheme import Scheme
 
 SMALL = 150  # rows of matrices that are inverted in C: half to two thirds of the time of LAPACK's
 LEAST = 1e-10  # of the largest diagonal entry: Euler parameters have no mass along themselves
+FREE = 1e-12  # of the largest singular value: below, the stiffness of a mechanism that may move is rounding
 
 
 @dataclass
@@ -143,8 +144,20 @@ def bordered_inverses(A: np.ndarray, G: np.ndarray, C: np.ndarray) -> np.ndarray
     return found
 
 
+def bordered_pseudoinverses(A: np.ndarray, G: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Return the same of matrices that may be singular: what nothing holds stays where it is."""
+    both, scaled = _scaled(A, G, C)
+    return both * np.linalg.pinv(scaled, rcond=FREE)
+
+
 def _bordered_inverses(A: np.ndarray, G: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return the same by LAPACK."""
+    """Return bordered_inverses by LAPACK."""
+    both, scaled = _scaled(A, G, C)
+    return both * np.linalg.inv(scaled)
+
+
+def _scaled(A: np.ndarray, G: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Factors of the rows times those of the columns, and the matrices times these, (T, n + c, n + c)."""
     T, c, n = C.shape
     diagonal = np.abs(np.diagonal(A, axis1=1, axis2=2))
     largest = diagonal.max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
@@ -156,4 +169,4 @@ def _bordered_inverses(A: np.ndarray, G: np.ndarray, C: np.ndarray) -> np.ndarra
         scale[:, n:] = 1 / np.where(lengths > 0, lengths, 1.0)
     whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n] = A, G.swapaxes(1, 2), C
     both = scale[:, :, None] * scale[:, None]
-    return both * np.linalg.inv(both * whole)
+    return both, both * whole

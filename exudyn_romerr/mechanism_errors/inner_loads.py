@@ -58,18 +58,16 @@ class TrueLoads:
                 margin[i] = _largest_jump(np.diff(closer[0], axis=0), frozen.masses[i]) / FINE
         return found, margin
 
-    def _states(self, rows: Rows, at: np.ndarray, shares: np.ndarray) -> tuple[list[Rows], list[np.ndarray], list]:
-        """States at shares (T, points) of steps, forces (T, n_q) and constraints (T, c) there, by point."""
-        h, states, R, g = rows.t[at + 1] - rows.t[at], [], [], []
-        ends = [(x[at], x[at + 1]) for x in (rows.q, rows.v, rows.a)]
-        for s in shares.T:
-            q, v, a = quintic(s[:, None], h[:, None], *ends)
-            lam = (1 - s[:, None]) * rows.multipliers[at] + s[:, None] * rows.multipliers[at + 1]
-            states.append(Rows(rows.t[at] + s * h, q, v, a, lam))
-            forces, constraints = self._equations.along(states[-1])
-            R.append(forces + self._of_bodies(states[-1]))
-            g.append(constraints[:, self._equations.independent])
-        return states, R, g
+    def _states(self, rows: Rows, at: np.ndarray, shares: np.ndarray) -> tuple[Rows, np.ndarray, np.ndarray]:
+        """States at shares (T, P) of steps, forces (P, T, n_q) and constraints (P, T, c) there, point by point."""
+        points, steps = shares.T.reshape(-1, 1), np.tile(at, shares.shape[1])
+        h = (rows.t[steps + 1] - rows.t[steps])[:, None]
+        q, v, a = quintic(points, h, *((x[steps], x[steps + 1]) for x in (rows.q, rows.v, rows.a)))
+        lam = (1 - points) * rows.multipliers[steps] + points * rows.multipliers[steps + 1]
+        states = Rows(rows.t[steps] + (points * h)[:, 0], q, v, a, lam)
+        forces, constraints = self._equations.along(states)
+        R, g = forces + self._of_bodies(states), constraints[:, self._equations.independent]
+        return states, *(x.reshape(*shares.T.shape, x.shape[1]) for x in (R, g))
 
     def _loads(
         self,
@@ -77,19 +75,20 @@ class TrueLoads:
         frozen: FrozenSteps,
         at: np.ndarray,
         shares: np.ndarray,
-        states: list[Rows],
-        forces: list[np.ndarray],
+        states: Rows,
+        forces: np.ndarray,
         of_g: np.ndarray,
     ) -> np.ndarray:
-        """Loads (T, points, n_q) that true accelerations tell; of_g : coefficients of constraints over steps."""
-        h, found = rows.t[at + 1] - rows.t[at], []
-        p = np.arange(2, of_g.shape[1])
+        """Loads (T, P, n_q) that true accelerations tell; of_g : coefficients of constraints over steps."""
+        h, p = rows.t[at + 1] - rows.t[at], np.arange(2, of_g.shape[1])
         bends = (p * (p - 1) * _powers(shares, len(p))) @ of_g[:, 2:] / (h**2)[:, None, None]
-        for k, (state, R) in enumerate(zip(states, forces, strict=True)):
-            bend = np.concatenate([bends[:, k], self._bend_of_parameters(state)], axis=1)
-            true = state.a - times(frozen.A1, R) - times(frozen.A2, bend)
-            found.append(true - times(frozen.a21, state.q - rows.q[at]) - times(frozen.a22, state.v))
-        return np.array(found).swapaxes(0, 1)
+        q, v, a, of_parameters = (
+            x.reshape(*shares.T.shape, x.shape[1])
+            for x in (states.q, states.v, states.a, self._bend_of_parameters(states))
+        )
+        bend = np.concatenate([bends.swapaxes(0, 1), of_parameters], axis=2)
+        true = a - times(frozen.A1, forces) - times(frozen.A2, bend)
+        return (true - times(frozen.a21, q - rows.q[at]) - times(frozen.a22, v)).swapaxes(0, 1)
 
     def _of_bodies(self, states: Rows) -> np.ndarray:
         """Forces (T, n_q) of the bodies' own, in coordinates of the mbs."""
@@ -99,9 +98,9 @@ class TrueLoads:
             forces[:, at.start : at.start + 6 + body.n] = body.residual(body.motion(states))[:, : 6 + body.n]
         return times_transposed(u.inverses(states.q, states.v, states.a)[0], u.in_global_axes(forces, states.q))
 
-    def _constraints(self, rows: Rows, at: np.ndarray, shares: np.ndarray, g: list[np.ndarray]) -> np.ndarray:
+    def _constraints(self, rows: Rows, at: np.ndarray, shares: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Coefficients (T, points + 2, c) over steps of what constraints keep zero: ends, and the points inside."""
-        if not g[0].size:
+        if not g.size:
             return np.zeros((len(at), len(g) + 2, 0))
         _, there = self._equations.along(rows[at[0] : at[-1] + 2])
         ends = there[:, self._equations.independent]

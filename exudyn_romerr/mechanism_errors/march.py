@@ -21,7 +21,7 @@ from ..mechanism.samples import Rows
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 from ..trajectory.scheme import Scheme
-from .factors import Factors, Turns, bodies_given, bordered_inverses, starts_of_turns
+from .factors import Factors, Turns, bodies_given, bordered_inverses, bordered_pseudoinverses, starts_of_turns
 
 REST = 1e-4  # of the largest acceleration: a run that begins with less begins in an equilibrium
 
@@ -90,7 +90,8 @@ class March:
             A[0, at, at] -= up @ down.T
             r[at] -= up @ f[own]
             waves.append((at, own, down, soft[:, None]))
-        z = bordered_inverses(A, block.G[:1], block.C[:1])[0] @ r
+        inverses = bordered_pseudoinverses if rests else bordered_inverses  # a mechanism may be free to move
+        z = inverses(A, block.G[:1], block.C[:1])[0] @ r
         x[:n_a] = z[:n_a]
         for at, own, down, soft in waves:
             x[own] = soft * (f[own] - down.T @ z[at])

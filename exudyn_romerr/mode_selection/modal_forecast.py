@@ -15,7 +15,7 @@ import scipy.linalg as la
 
 from ..errors import InputError
 from ..model.outputs import InternalOutput, stacked_rows
-from ..online.summary import internal_reports
+from ..online.run_record import Internal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,15 +24,14 @@ if TYPE_CHECKING:
 
     from ..model.body import ElasticBody
     from ..model.outputs import Output
-    from ..online.run import Run
     from ..report.report import BoundReport, OutputReport
 
 CONTENT, RATE = "(modal content)", "(rate of the modal content)"
 BOUND, ESTIMATE = BY = ("bound", "estimate")  # what decides
 TINY = np.finfo(float).tiny
 NO_BOUND = (
-    "output {!r} has an estimate of its error and no bound, for the motion of the frame is in it: decide "
-    "by='estimate', take an output in the body's frame, or attach with scope='inputs frozen'"
+    "output {!r} has an estimate of its error and no bound (print(report.plan) says why): decide by='estimate', take "
+    "an output in the body's frame, or attach with scope='inputs frozen'"
 )
 
 
@@ -93,21 +92,19 @@ class Forecast:
 
 
 def forecasts(
-    report: BoundReport, run: Run, body: ElasticBody, ladder: Ladder, modes: Sequence[int], by: str = BOUND
+    report: BoundReport, found: Internal, body: ElasticBody, ladder: Ladder, modes: Sequence[int], by: str = BOUND
 ) -> dict[str, Forecast]:
     """Return output -> Forecast from a run with internal_outputs, of its bounds or (by=ESTIMATE) its estimates."""
-    record = run.record()
-    found = {name: out.corrected for name, out in internal_reports(record).items()}
-    if found[CONTENT] is None:
+    if found.corrected[CONTENT] is None:
         raise InputError("build attaches without estimator 'auxiliary', which alone tells what modes are missing")
-    frames, modes_y = record.frames, body.space.coordinates("modes", ladder.modes[:, ladder.always :])
+    modes_y = body.space.coordinates("modes", ladder.modes[:, ladder.always :])
     forecast = {}
-    for asked, view in zip(run.offline.outputs, run.offline.views, strict=True):
+    for asked, view in zip(found.outputs, found.views, strict=True):
         if (out := report.outputs.get(asked.name)) is None:
             continue
         C, velocity, _ = stacked_rows([asked], body)
-        amounts = {name: x[:, ladder.always :] for name, x in found.items()}
-        parts = _parts(C @ modes_y, velocity, amounts, None if view is None else view.matrices(frames))
+        amounts = {name: x[:, ladder.always :] for name, x in found.corrected.items()}
+        parts = _parts(C @ modes_y, velocity, amounts, None if view is None else view.matrices(found.frames))
         forecast[asked.name] = Forecast(tuple(modes), *_known_and_slack(out, by), parts)
     return forecast
 

@@ -139,47 +139,9 @@ class Turn(NamedTuple):
         return self._replace(missed=missed)
 
 
-class Veer(NamedTuple):
-    """How far the motion of a frame is from another one, and sizes that this multiplies, each (S,).
-
-    b : |b|, w : |w| of the one. turn : angle between both; dr_tt, dw, dal : of origins' accelerations in global axes,
-    angular velocities and accelerations in body axes.
-    """
-
-    b: np.ndarray
-    w: np.ndarray
-    turn: np.ndarray
-    dr_tt: np.ndarray
-    dw: np.ndarray
-    dal: np.ndarray
-
-    @classmethod
-    def between(cls, b: np.ndarray, dr_tt: np.ndarray, one: np.ndarray, other: np.ndarray) -> Veer:
-        """Return how far rows of a frame (S, 21) are from those of another; b, dr_tt (S, 3)."""
-        one, other = FrameRows.of(one), FrameRows.of(other)
-        turn = np.linalg.norm(other.A - one.A, axis=(1, 2)) / np.sqrt(2)  # the angle, where it is small
-        sizes = (np.linalg.norm(x, axis=1) for x in (dr_tt, other.w - one.w, other.al - one.al))
-        return cls(np.linalg.norm(b, axis=1), np.linalg.norm(one.w, axis=1), turn, *sizes)
-
-    def unbalanced(self, du: np.ndarray, du_t: np.ndarray, arm: float, mass: float) -> np.ndarray:
-        """Bound (S,) of |.|_{M^-1} of the inertia forces that are of second order in the difference of both motions.
-
-        That of the accelerations 2 dw~ du' + dS du + dw~ dw~ (x + u) + d(A^T) dr'' and of second order in A^T and in
-        al by the rotation's parameters. du, du_t (S,): |du|_M, |du'|_M; arm: |x|_M; mass: of the body.
-        """
-        turned = (self.dw**2 + self.turn * self.dal) * arm
-        carried = (self.turn * self.dr_tt + self.turn**2 / 2 * self.b) * np.sqrt(mass)
-        return 2 * self.dw * du_t + (self.dal + 2 * self.w * self.dw + self.dw**2) * du + turned + carried
-
-
 def skew(v: np.ndarray) -> np.ndarray:
     """Return v~ (..., 3, 3) with v~ x = v x x of v (..., 3)."""
     return (v @ CROSS).reshape(*v.shape, 3)
-
-
-def moment_of(products: np.ndarray) -> np.ndarray:
-    """Return moments (T, 3, ...) of arms x force from the sums (T, 3, 3, ...) of arm_i force_j."""
-    return np.stack([products[:, j, k] - products[:, k, j] for j, k in ((1, 2), (2, 0), (0, 1))], axis=1)
 
 
 def left_jacobian(theta: np.ndarray) -> np.ndarray:

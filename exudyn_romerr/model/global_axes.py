@@ -51,7 +51,3 @@ class View:
         carried = np.einsum("sij,kj->ski", turn, self.places) + self.shift[:, None] * shift[:, None]
         own = np.einsum("srk,sk->sr", self.matrices(frame), base)
         return own + carried[:, :, list(self.axes)].reshape(len(frame), -1)
-
-    def shift_between(self, base: np.ndarray, frame: np.ndarray, other: np.ndarray, pose: FramePose) -> np.ndarray:
-        """Return what the output (S, r) of the base rows' values (S, R) changes by if the frame is another one."""
-        return self.values(base, other, pose) - self.values(base, frame, pose)

@@ -18,7 +18,7 @@ class BoundOptions:
     """Arguments of evaluate and attach, whose docstrings describe them; checked where they are used.
 
     outputs : None until sensors tell them, of a floating body. inputs, input_function : of a floating body those that
-    its scene makes. midpoint_residual : of estimates in mechanisms.
+    its scene makes.
     """
 
     inputs: Any = None
@@ -31,14 +31,9 @@ class BoundOptions:
     kernels: str = "certified"
     time: str = "reconstructed"
     auxiliary_modes: int | str = "auto"
-    midpoint_residual: bool = True
     tolerance: Any = None
 
     @property
     def live(self) -> bool:
         """Whether bounds are compared with tolerances, which the plan says."""
         return self.tolerance is not None
-
-    def watches(self, name: str) -> bool:
-        """Whether the bound of an output has a tolerance that stops the solve."""
-        return self.live and (not isinstance(self.tolerance, dict) or name in self.tolerance)

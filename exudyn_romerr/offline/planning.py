@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from ..report.scope import Scene
     from ..residual.problem import Problem
 
-IN_A_MECHANISM = "a mechanism's joints and other bodies have one that no residual of this body shows"
 ALWAYS_LATER = (
     ("errors of static solves", "made when a static solve begins"),
     ("plots", "made, and matplotlib loaded, when report.plot is called"),
@@ -28,12 +27,12 @@ def make_plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, s
 
     Made last: what a problem makes when first needed, and has not made by then, is left out.
     """
-    computed = [*_body(problem, scene), *_estimators(problem, names, scene), *_extent(problem, time, live)]
+    computed = [*_body(problem, scene), *_estimators(problem, names), *_extent(problem, time, live)]
     left_out = [
         *_estimators_not_made(problem, names, asked, scene),
         *scene.left_out,
         *_terms_not_there(problem, scene),
-        *_not_covered(time, live, scene),
+        *_not_covered(time, live),
         ("bounds at nodes", _why_no_nodes(problem.body)),
         *ALWAYS_LATER,
     ]
@@ -41,18 +40,17 @@ def make_plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, s
 
 
 def _body(problem: Problem, scene: Scene) -> Iterator[str]:
-    body, packed = problem.body, f", packed into {problem.map.coordinates.k}" if problem.packing else ""
+    body = problem.body
     yield f"scope: {scene.scope}"
     yield f"body: N = {body.N} coordinates, {body.fixed.size} fixed"
     yield f"basis: {problem.basis.note}"
     yield from scene.computed
-    yield f"residual: {problem.terms.coordinates.k} columns{packed}, {problem.residual}"
+    yield f"residual: {problem.terms.coordinates.k} columns, {problem.residual}"
 
 
-def _estimators(problem: Problem, names: tuple[str, ...], scene: Scene) -> Iterator[str]:
+def _estimators(problem: Problem, names: tuple[str, ...]) -> Iterator[str]:
     for name in names:
-        if not (scene.feedback and name == "auxiliary"):  # a line of scene.computed
-            yield f"estimator {name!r}{_details(problem, name)}"
+        yield f"estimator {name!r}{_details(problem, name)}"
 
 
 def _details(problem: Problem, name: str) -> str:
@@ -111,10 +109,10 @@ def _terms_not_there(problem: Problem, scene: Scene) -> Iterator[tuple[str, str]
         yield "initial error, Phi11", "the full body starts in the span of V (initial=None)"
 
 
-def _not_covered(time: str, live: bool, scene: Scene) -> Iterator[tuple[str, str]]:
+def _not_covered(time: str, live: bool) -> Iterator[tuple[str, str]]:
     if time == "sampled":
         bound = "bound of the error of the time integration"
-        yield bound, IN_A_MECHANISM if scene.coupled else "time='sampled'"
+        yield bound, "time='sampled'"
     if not live:
         yield "comparison with a tolerance", "none was given"
 

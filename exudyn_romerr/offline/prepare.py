@@ -20,7 +20,6 @@ from ..model.outputs import stacked_rows
 from ..model.shared_body import made_once
 from ..report.scope import COMPLETE, Scene
 from ..residual.interface_stiffening import static_errors
-from ..residual.packed_residual import PackedProblem
 from ..residual.problem import Deferred, Problem, checked_outputs
 from ..residual.round_off import RoundOff, of_input
 from ..trajectory.input_signal import InputSignal
@@ -60,12 +59,10 @@ def prepare(
     InputError, AssumptionError
     """
     check_choice("time", options.time, TIMES)
-    # joints and other bodies have integration errors that no R shows
-    time, initial = "sampled" if scene.coupled else options.time, options.initial
-    asked = _checked_estimators(options.estimators, body, scene)
-    names = tuple(name for name in asked if not (scene.has_companion and name == "auxiliary"))
-    with_modes = "auxiliary" in names and not scene.corrected
-    problem = _made_problem(body, basis, options, names, scene, with_modes)
+    time, initial = options.time, options.initial
+    names = _checked_estimators(options.estimators, body)
+    with_modes = "auxiliary" in names
+    problem = _made_problem(body, basis, options)
     _check_frame(problem, names, options.jumps, scene)
     if with_modes:
         _ = problem.split  # first, for it takes most modes: none made twice
@@ -74,9 +71,6 @@ def prepare(
     eps, single = of_input(problem, samples_precision)
     views, blind = _without_sight(problem, scene)
     estimators = {name: _made(name, problem, scene) for name in names}
-    for name, estimator in estimators.items():
-        if scene.is_coupled(name):
-            estimator.at_start.prepare()
     return Offline(
         coordinates=problem.map.coordinates,
         signal=signal,
@@ -86,7 +80,6 @@ def prepare(
         velocity_rows=problem.rows.velocity_rows,
         value_rows=problem.rows.C @ V,
         balance=Balance(problem.terms.coordinates, problem.terms.seen_by(W.T)),
-        packing=problem.packing,
         jump_response=np.linalg.solve(W.T @ (body.M @ V), W.T @ B),
         mass_root=np.linalg.qr(body.mass_factor.half_multiply(V), mode="r"),
         static_errors=None if scene.stiff is None else static_errors(problem, scene.stiff),
@@ -94,14 +87,14 @@ def prepare(
         input_rounding=RoundOff(problem, eps) if single else None,
         single=tuple(single),
         samples_precision=samples_precision,
-        measure=lambda z: _sharpest_norm(problem, names, scene, with_modes)(z),
+        measure=lambda z: _sharpest_norm(problem, names, with_modes)(z),
         omega_1=float(body.modes(1).omega[0]),
         jumps=_checked_jumps(options.jumps, signal),
         initial=None if initial is None else "equilibrium" if isinstance(initial, str) else "state",
         time=time,
         total_mass=body.total_mass,
         modes=problem.split.modes.omega.size if with_modes else 0,
-        plan=make_plan(problem, asked, time, options.estimators, scene, options.live),
+        plan=make_plan(problem, names, time, options.estimators, scene, options.live),
         views=tuple(views),
         scene=scene,
         from_static=cache(
@@ -116,11 +109,9 @@ def prepare(
     )
 
 
-def _checked_estimators(estimators: Any, body: ElasticBody, scene: Scene) -> tuple[str, ...]:
+def _checked_estimators(estimators: Any, body: ElasticBody) -> tuple[str, ...]:
     """Names of the estimators; "auto": the sharp one if damping allows it, else two that neither is always best."""
     if isinstance(estimators, str) and estimators == "auto":
-        if scene.feedback:
-            return ("auxiliary",)
         return ("energy", "auxiliary") if body.proportional is not None else ("fast", "energy")
     return checked_names(estimators)
 
@@ -143,40 +134,26 @@ def _made_signal(f: Callable | InputSignal | None, p: int, sampled: bool) -> Inp
     return None if sampled and f is None else InputSignal(f, p)
 
 
-def _made_problem(
-    body, basis, options: BoundOptions, names: tuple[str, ...], scene: Scene, with_modes: bool
-) -> Problem:
-    """Packed where all estimators look at R in the K^-1 norm only, and nothing but R has to be measured."""
+def _made_problem(body, basis, options: BoundOptions) -> Problem:
+    """Kept where its inputs are made of the body alone, and nothing but R has to be measured."""
+    given = {name: getattr(options, name) for name in OF_PROBLEM}
     if not isinstance(options.inputs, Deferred) or options.initial is not None:
-        return _new_problem(body, basis, options, names, scene, with_modes)
+        return Problem(body, basis, **given)
     rows, asked = stacked_rows(checked_outputs(options.outputs), body), [out.is_requested for out in options.outputs]
-    kinds = options.residual, options.kernels, options.auxiliary_modes, names, scene.minor, scene.coupled, with_modes
+    kinds = options.residual, options.kernels, options.auxiliary_modes
     kept = made_once(
         body,
         "residual",
         (basis.V, basis.W, *options.inputs.made_of, rows.C, rows.velocity, rows.slices, asked, kinds),
         # without outputs, which may know the fem
-        lambda: _new_problem(body, basis, options, names, scene, with_modes).renamed(basis, ()),
+        lambda: Problem(body, basis, **given).renamed(basis, ()),
     )
     return kept.renamed(basis, options.outputs)
-
-
-def _new_problem(
-    body, basis, options: BoundOptions, names: tuple[str, ...], scene: Scene, with_modes: bool
-) -> Problem:
-    given = {name: getattr(options, name) for name in OF_PROBLEM}
-    packed = names and scene.minor is not None and set(names) <= {"energy", "auxiliary"}
-    if not packed or options.initial is not None or options.residual != "orthonormal":
-        return Problem(body, basis, **given)
-    packing = {"cut": scene.minor, "with_modes": with_modes, "turns_fast": scene.coupled}
-    return PackedProblem(body, basis, **packing, **given)
 
 
 def _made(name: str, problem: Problem, scene: Scene) -> Any:
     if name == "static":
         return StaticError(problem)
-    if scene.is_coupled(name):
-        return scene.coupled_energy(problem, scene.unknown)
     estimator = ESTIMATORS[name](problem)
     return Turning(estimator, problem) if scene.turns else estimator
 
@@ -194,11 +171,11 @@ def _check_frame(problem: Problem, names: tuple[str, ...], jumps: Sequence[float
         raise AssumptionError("jumps= need a frame at rest; let the load grow over a few steps instead")
 
 
-def _sharpest_norm(problem: Problem, names: tuple[str, ...], scene: Scene, with_modes: bool) -> Callable:
+def _sharpest_norm(problem: Problem, names: tuple[str, ...], with_modes: bool) -> Callable:
     """The norm of R that the sharpest estimator accumulates."""
     if with_modes:
         return problem.split.norm_K
-    return problem.dual.norm_K if "energy" in names or scene.coupled else problem.dual.norm_M
+    return problem.dual.norm_K if "energy" in names else problem.dual.norm_M
 
 
 def _without_sight(problem: Problem, scene: Scene) -> tuple[list[View | None], str | None]:
@@ -214,8 +191,6 @@ def _without_sight(problem: Problem, scene: Scene) -> tuple[list[View | None], s
         if np.max(np.abs(problem.rows.C[part])) <= UNMOVED * np.max(np.abs(out.resolve(problem.body))):
             views[i] = replace(views[i], blind=True)
             names += [repr(out.name)] if out.is_requested else []
-    if scene.coupled:  # what is known there comes with the run
-        return views, None
     if not names:
         return views, None
     return views, (

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,7 +10,6 @@ import numpy as np
 from ..checks import check_finite
 from ..errors import InputError
 from ..linalg.blocked_products import row_norms
-from ..trajectory.driven_inputs import DrivenInputs
 from ..trajectory.segments import Start
 
 if TYPE_CHECKING:
@@ -24,7 +21,6 @@ if TYPE_CHECKING:
     from ..model.outputs import Output
     from ..report.data import Plan
     from ..report.scope import Scene
-    from ..residual.packed_residual import PackedCoordinates, Packing
     from ..residual.residual import Coordinates
     from ..residual.round_off import Rounded, RoundOff
     from ..trajectory.input_signal import InputSignal
@@ -43,7 +39,7 @@ class Offline:
     """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
 
     estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
-    frame. value_rows (R, n): C V. packing: of the inputs of a turning frame. jump_response (n, p): jump of qr'' per
+    frame. value_rows (R, n): C V. jump_response (n, p): jump of qr'' per
     jump of u. modes: number of auxiliary ones. mass_root (n, n): |V qr|_M = |mass_root qr|. static_errors: see
     residual/interface_stiffening.py. measure: norm of R(z) that knots of the reconstruction are chosen by.
     rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single: names of
@@ -52,7 +48,7 @@ class Offline:
     from_static: made when a static solve, or a run from its end, begins.
     """
 
-    coordinates: Coordinates | PackedCoordinates
+    coordinates: Coordinates
     signal: InputSignal | None
     estimators: dict[str, Estimator]
     outputs: tuple[Output, ...]
@@ -60,7 +56,6 @@ class Offline:
     velocity_rows: np.ndarray
     value_rows: np.ndarray
     balance: Balance
-    packing: Packing | None
     jump_response: np.ndarray
     mass_root: np.ndarray
     static_errors: np.ndarray | None
@@ -89,36 +84,10 @@ class Offline:
         """Numbers at the control points of a step: coordinates of the residual, and auxiliary modes."""
         return (6 if self.time == "reconstructed" else 2) * (self.coordinates.k + self.modes)
 
-    @property
-    def driven(self) -> DrivenInputs | None:
-        """Inputs of a frame that moves as a function of time says; None: those of the run."""
-        driven = self.scene.driven if self.time == "reconstructed" else None
-        return None if driven is None else DrivenInputs(driven, self.packing)
-
-    def driven_frame(self, samples: Samples) -> np.ndarray | None:
-        """Return rows (S, 24) of the frame as its function of time says; None if it has none."""
-        return None if self.driven is None else self.driven.at(samples.t, samples.q, samples.q_t)[2]
-
     def outputs_of(self, q: np.ndarray, q_t: np.ndarray) -> np.ndarray:
         """Return the output rows (S, R) of the reduced body at q, q_t (S, n)."""
         rows = self.value_rows.T
         return np.where(self.velocity_rows, q_t @ rows, q @ rows)
-
-    @cached_property
-    def shown_slices(self) -> tuple[slice, ...]:
-        """Where each output is in `shown`."""
-        views = zip(self.slices, self.views, strict=True)
-        counts = [p.stop - p.start if view is None else len(view.places) * len(view.axes) for p, view in views]
-        return tuple(slice(a, b) for a, b in pairwise(np.cumsum([0, *counts]).tolist()))
-
-    def shown(self, values: np.ndarray, frame: np.ndarray) -> np.ndarray:
-        """Return all outputs (S, r) as they are shown, side by side, of their rows (S, R) and the frame (S, 24)."""
-        parts = zip(self.slices, self.views, strict=True)
-        seen = [
-            values[:, part] if view is None else view.values(values[:, part], frame, self.scene.pose)
-            for part, view in parts
-        ]
-        return np.hstack([*seen, np.zeros((len(values), 0))])
 
     def distance_of(self, skipped: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return |V dq|_M, |V dq'|_M (S,), and |outputs| (S, R) of dq, dq' (S, 2, n)."""

@@ -11,11 +11,10 @@ from ..trajectory.bounds import Bounds, KeptBounds, Worst, seen_in
 from ..trajectory.segments import Block, Start
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from typing import Any
 
     from ..estimators.estimator import Estimator
-    from ..model.global_axes import View
     from ..offline.prepared import Offline
 
 
@@ -68,30 +67,20 @@ class Stream:
         for name, e in self.estimators.items():
             self._remember(name, e, e(z), slice(None), widenings)
 
-    def last(self, names: Collection[str], count: int) -> list[Bounds]:
-        """Return the bounds of some estimators at the last instants."""
-        return [kept.read().at(slice(-count, None)) for name, kept in self._kept.items() if name in names]
+    def last(self, count: int) -> list[Bounds]:
+        """Return the bounds of all estimators at the last instants."""
+        return [kept.read().at(slice(-count, None)) for kept in self._kept.values()]
 
     def bounds(self) -> dict[str, Bounds]:
         """Return the bounds of every estimator so far."""
         return {name: kept.read() for name, kept in self._kept.items()}
 
 
-def best_output(
-    bounds: Sequence[Bounds], part: slice, view: View | None, frame: np.ndarray, shift: np.ndarray | None = None
-) -> np.ndarray:
-    """Return the smallest bound (S, r) of the output that has some of the rows; shift: see View."""
-    seen = [b.of_rows(part) for b in bounds]
-    return np.min([(b if view is None else seen_in(view, b, frame, shift)).outputs for b in seen], axis=0)
-
-
 def best_outputs(offline: Offline, last: Sequence[Bounds], samples: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the smallest bound of each output (S, r) at some instants; samples: what is recorded there."""
-    rows, frames = list(zip(offline.outputs, offline.slices, offline.views, strict=True)), samples["frames"]
-    if offline.driven is None:
-        best = {out.name: best_output(last, part, view, frames) for out, part, view in rows}
-        errs = [out.name for out, _, view in rows if view is not None and offline.scene.coupled]  # as the frame does
-        return best | {name: np.full_like(best[name], np.inf) for name in errs}
-    values, driven, pose = samples["values"], samples["driven_frames"], offline.scene.pose
-    shifts = (v and v.shift_between(values[:, part], frames, driven, pose) for _, part, v in rows)
-    return {out.name: best_output(last, *row, driven, x) for (out, *row), x in zip(rows, shifts, strict=True)}
+    frames = samples["frames"]
+    best = {}
+    for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
+        seen = [b.of_rows(part) for b in last]
+        best[out.name] = np.min([(b if view is None else seen_in(view, b, frames)).outputs for b in seen], axis=0)
+    return best

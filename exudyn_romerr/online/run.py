@@ -10,14 +10,13 @@ import numpy as np
 from ..errors import RunError
 from ..trajectory.reconstruction import Linear, Quintic
 from ..trajectory.samples import Extension, Samples, checked_states, make_jumps
-from ..trajectory.segments import Cut, turn_of
+from ..trajectory.segments import turn_of
 from .bound_stream import Stream, best_outputs
 from .galerkin_defect import Defect
-from .initial_condition import IN_THE_SPAN, driven_start, start_of
-from .kept_estimate import KeptEstimate
+from .initial_condition import IN_THE_SPAN, start_of
 from .run_messages import doubts_of
-from .run_record import UNKNOWN, RecordedSamples, RunRecord, SolverFacts
-from .summary import assemble
+from .run_record import UNKNOWN, Internal, RecordedSamples, RunRecord, SolverFacts
+from .summary import assemble, internal_reports
 
 if TYPE_CHECKING:
     from ..offline.prepared import Offline
@@ -46,16 +45,13 @@ class Opening(NamedTuple):
 class Run:
     """The bounds along one dynamic solve."""
 
-    companion: Run | None = None  # of the trajectory with auxiliary vectors
-    partners: tuple[Run, ...] = ()  # of other bodies, whose energy is bounded together with that of this one
     is_static = begins_late = False  # late: errors before its first sample are in no bound
     continues = False  # whether it has the error that the run before ended with
 
     def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
         self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
         self.messages: list[str] = []
-        self.estimate = KeptEstimate()  # of the mechanism, if it answers what is wrong with this body
-        self._recorded = RecordedSamples(offline, lambda: (run._total.bounds() for run in self._runs))
+        self._recorded = RecordedSamples(offline, lambda: self._total.bounds())
         self._last: Samples | None = None
         self._rest: np.ndarray | None = None  # where a frame at rest is
         self.balance, self._settled = Defect(), slice(None)
@@ -64,8 +60,7 @@ class Run:
         self._segmenters = {"reduction": Linear(offline.coordinates, self._jumps)}
         if offline.time == "reconstructed":
             known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
-            root = offline.mass_root if offline.scene.turns else None
-            self._segmenters["total"] = Quintic(*known, root, offline.driven)
+            self._segmenters["total"] = Quintic(*known, offline.mass_root if offline.scene.turns else None)
         last = list(self._segmenters)[-1]
         self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
         if offline.initial is not None:
@@ -74,11 +69,6 @@ class Run:
     @property
     def _total(self) -> Stream:
         return self._streams.get("total", self._streams["reduction"])
-
-    @property
-    def _runs(self) -> tuple[Run, ...]:
-        """Runs whose bounds are this body's: those of a companion are not where inputs are frozen."""
-        return (self,) if self.companion is None or not self.offline.scene.coupled else (self, self.companion)
 
     def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
         """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
@@ -106,7 +96,6 @@ class Run:
         rounded = self.offline.rounded(first, self._own)
         if start is not None:
             for name in self._segmenters:
-                start = start if name != "total" else driven_start(self.offline, first, start)
                 self._streams[name].start(start, rounded)
             if "initial" in self._streams:
                 self._streams["initial"].start(replace(start, z=0 * start.z))
@@ -115,8 +104,7 @@ class Run:
                 stream.go_on(before._streams[name])
             self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
             self.balance.go_on(before.balance)
-            self.estimate.go_on(before.estimate, before._recorded.shown)
-        self._record(first, rounded, self.offline.driven_frame(first))
+        self._record(first, rounded)
 
     def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
@@ -130,17 +118,15 @@ class Run:
         new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
         samples = new.after(self._last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
-        cut, reduction = Cut.between(samples.cut), segments["reduction"][0]
+        reduction = segments["reduction"][0]
         for block, _ in segments.values():
             block.share_ends(reduction)
-            if not block.is_driven:
-                block.turn, block.cut = turn_of(block, samples.frame) if self.offline.scene.turns else None, cut
-        frame = self.offline.driven_frame(samples)
-        return Extension(new, segments, frame if frame is None else frame[1:])
+            block.turn = turn_of(block, samples.frame) if self.offline.scene.turns else None
+        return Extension(new, segments)
 
     def advance(self, extension: Extension) -> None:
         """Go on by checked samples."""
-        new, segments, frame = extension
+        new, segments = extension
         rounded = self.offline.rounded(new, self._own)
         for name, (block, step_end) in segments.items():
             skipped = [] if block.skipped is None else [self.offline.distance_of(block.skipped[step_end])]
@@ -148,17 +134,11 @@ class Run:
         if "initial" in self._streams:
             block, step_end = segments["reduction"]
             self._streams["initial"].advance(block.without_residual(), step_end)
-        self._record(new, rounded, frame)
+        self._record(new, rounded)
 
     def best_of_last(self, count: int) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (count, r) at the last steps given."""
-        widest = self.offline.scene.widest(self.assumptions())
-        last = [bounds for run in self._runs for bounds in run._total.last(widest, count)]
-        return best_outputs(self.offline, last, self._recorded.read(slice(-count, None)))
-
-    def corrections(self, count: int) -> np.ndarray:
-        """Return what "auxiliary" knows of the error of output rows (S, R) at the last samples."""
-        return self._total.bounds()["auxiliary"].correction[-count:]
+        return best_outputs(self.offline, self._total.last(count), self._recorded.read(slice(-count, None)))
 
     def estimators(self, stream: str) -> dict[str, Any]:
         """Return the estimators of a stream as they stand now."""
@@ -171,7 +151,7 @@ class Run:
 
     def doubts(self) -> tuple[str, ...]:
         """Return why no bound so far is certified, see report.scope.Doubt."""
-        return doubts_of(self, self.partners)
+        return doubts_of(self)
 
     @property
     def inputs(self) -> int:
@@ -193,6 +173,12 @@ class Run:
             raise RunError("report was asked before the first sample of the run")
         return assemble(self.record())
 
+    def internal(self) -> Internal:
+        """Return outputs beside those that were asked for."""
+        record, offline = self.record(), self.offline
+        corrected = {name: out.corrected for name, out in internal_reports(record).items()}
+        return Internal(corrected, record.frames, offline.outputs, offline.views)
+
     def record(self) -> RunRecord:
         """Return what was found so far."""
         quintic = self._segmenters.get("total")
@@ -202,7 +188,6 @@ class Run:
             time="static" if self.is_static else self.offline.time,
             **self._recorded.read(self._settled),
             streams=self.streams(),
-            **self.estimate.record(self._settled, self._recorded.shown),
             assumptions=self.assumptions(),
             nodes=self.node_fields,
             messages=tuple(self.messages),
@@ -216,37 +201,33 @@ class Run:
     def streams(self) -> dict[str, dict[str, Bounds]]:
         """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
         found = {
-            name: {e: b.at(self._settled) for run in self._runs for e, b in run._streams[name].bounds().items()}
-            for name in self._streams
+            name: {e: b.at(self._settled) for e, b in stream.bounds().items()}
+            for name, stream in self._streams.items()
         }
         return {"total": found["reduction"], **found}
 
     def node_fields(self) -> NodeFields:
         """Return what is known at every node at the worst instant, by every estimator; full-size work."""
-        known = (run.offline.nodes(run._total.worst) for run in self._runs)
-        return self._recorded.fields_of([*known], self.streams()["total"])
+        return self._recorded.fields_of(self.offline.nodes(self._total.worst), self.streams()["total"])
 
     def assumptions(self) -> dict[str, str]:
         """Return what each estimator assumes."""
-        return {name: e.assumes for run in self._runs for name, e in run._total.estimators.items()}
+        return {name: e.assumes for name, e in self._total.estimators.items()}
 
     def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame=None) -> Samples:
         last = -np.inf if self._last is None else float(self._last.t[-1])
         states = checked_states(t, (q, q_t, q_tt), self.offline.coordinates.n, last)
         frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
-        u, cut = self.offline.checked_inputs(t, u), np.zeros((len(t), 0))
-        if not self.offline.scene.corrected:  # what its balance lacks is in its bounds
-            layout, rows = self.offline.balance
-            z, jitter = layout(*states, u), self.offline.scene.jitter
-            if jitter is not None:
-                self._rest = frame[0] if self._last is None else self._rest
-                z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
-            self.balance.measure(rows, z, self.offline.rounding.in_balance(states[0]))
-        self._inputs_given = u[-1:].copy()  # as they are, also where they are packed below
-        if self.offline.packing is not None:
-            u, cut = self.offline.packing(u)
-        return Samples(t, *states, u, frame, cut)
+        u = self.offline.checked_inputs(t, u)
+        layout, rows = self.offline.balance
+        z, jitter = layout(*states, u), self.offline.scene.jitter
+        if jitter is not None:
+            self._rest = frame[0] if self._last is None else self._rest
+            z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
+        self.balance.measure(rows, z, self.offline.rounding.in_balance(states[0]))
+        self._inputs_given = u[-1:].copy()
+        return Samples(t, *states, u, frame)
 
-    def _record(self, new: Samples, rounded: Rounded, driven: np.ndarray | None = None) -> None:
-        self._recorded.append(new, rounded, self._own, new.frame if driven is None else driven)
+    def _record(self, new: Samples, rounded: Rounded) -> None:
+        self._recorded.append(new, rounded, self._own)
         self._last = Samples(*(x[-1:].copy() for x in vars(new).values()))  # or all of a block are kept

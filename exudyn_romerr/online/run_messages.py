@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from ..report.scope import Doubt, Reason
+from ..report.scope import Doubt
 from ..report.wording import NO_OUTPUTS
 from ..trajectory.reconstruction import ROUNDING_SHARE
 from .galerkin_defect import Balanced, unbalanced
@@ -15,22 +15,7 @@ if TYPE_CHECKING:
     from .run_record import RunRecord, SolverFacts
 
 RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
-BEGUN_ANEW, REPEATED, STARTS_DAMPED, UNKNOWN_SCHEME = (
-    reason.doubt() for reason in (Reason.BEGUN_ANEW, Reason.REPEATED, Reason.STARTS_DAMPED, Reason.UNKNOWN_SCHEME)
-)
-OTHER_INDEX = Reason.OTHER_INDEX.doubt()  # an error was 1.08 times its bound
-CHANGED = "the mbs was changed meanwhile (by a PostStep function, or after the solve)"
 FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
-MOTION_JUMPS = (
-    "loads or accelerations of the prescribed motion change within single steps: up to {:.1e} of the largest is not "
-    "followed by the reconstruction (estimated, and added to the bounds): let the motion change more smoothly, or "
-    "take smaller steps"
-)
-IN_GLOBAL_AXES = (
-    "no bound of {} (inf): the motion of the frame is in it, whose error has {}; see the estimate. An output "
-    "in the body's frame is bounded ('NAME in the frame' of a sensor, or frame='body'); scope='inputs frozen' gives "
-    "a bound under the motion of the frame in this run"
-)
 
 
 def run_messages(run: RunRecord) -> list[str]:
@@ -40,7 +25,6 @@ def run_messages(run: RunRecord) -> list[str]:
         *[doubt for doubt in run.doubts if doubt not in run.messages],
         *_no_outputs(run),
         *_noted(run),
-        *_in_global_axes(run),
         *(run.offline.notes if run.time != "static" else ()),
         *_end(run),
         *_between_samples(run),
@@ -54,35 +38,14 @@ class Noted(Balanced, Protocol):
     messages: list[str]
 
 
-def changed(said: str) -> Doubt:
-    """Return the doubt of a mechanism that was changed, with what is said of it."""
-    return Reason.CHANGED.doubt(said=said)
-
-
-def unseen(why: str) -> Doubt:
-    """Return the doubt of a mechanism whose steps could not be looked at."""
-    return Reason.UNSEEN.doubt(why)
-
-
-def doubts_of(run: Noted, partners: Iterable[Noted] = ()) -> tuple[Doubt, ...]:
-    """Return why no bound of the run is certified; empty: it is balanced, and they hold from its start on.
-
-    partners : runs of other bodies whose energy is bounded together with that of its own.
-    """
-    noted = [doubt for doubt in doubts_in(run.messages) if run.offline.scene.coupled or not _is_change(doubt)]
-    of_others = (doubt for other in partners for doubt in (*unbalanced(other), *doubts_in(other.messages)))
-    others = [Doubt(x.cause, x.cure, f"another body: {x.said}", x.reason) for x in of_others if x not in noted]
-    return tuple(dict.fromkeys([*unbalanced(run), *others, *noted]))
+def doubts_of(run: Noted) -> tuple[Doubt, ...]:
+    """Return why no bound of the run is certified; empty: it is balanced, and they hold from its start on."""
+    return tuple(dict.fromkeys([*unbalanced(run), *doubts_in(run.messages)]))
 
 
 def doubts_in(messages: Iterable[str]) -> list[Doubt]:
     """Return those messages that say why no bound of a run, or of one that goes on from it, is certified."""
     return [message for message in messages if isinstance(message, Doubt)]
-
-
-def _is_change(doubt: Doubt) -> bool:
-    """Whether only coupled bounds have it: others follow from samples."""
-    return doubt.reason in (Reason.CHANGED.name, Reason.UNSEEN.name)
 
 
 def planned_end(run: RunRecord) -> float | None:
@@ -114,20 +77,6 @@ def _no_outputs(run: RunRecord) -> list[str]:
     return [] if any(out.is_requested for out in run.offline.outputs) else [NO_OUTPUTS]
 
 
-def _in_global_axes(run: RunRecord) -> list[str]:
-    """In a mechanism: positions are bounded where vectors react with it, velocities are not."""
-    if not run.offline.scene.coupled:
-        return []
-    is_known = run.left.size > 0
-    names = [
-        repr(out.name)
-        for out in run.offline.outputs
-        if out.is_requested and out.frame == "global" and (out.of == "velocity" or not is_known)
-    ]
-    rates = "no bound of its rate" if is_known else "no bound"
-    return [IN_GLOBAL_AXES.format(", ".join(names), rates)] if names else []
-
-
 def _single(run: RunRecord) -> list[str]:
     if not (names := run.offline.single):
         return []
@@ -151,17 +100,15 @@ def _between_samples(run: RunRecord) -> list[str]:
     offline = run.offline
     if run.time == "static":
         return []
-    if offline.scene.pose is not None and offline.signal is None and offline.driven is None:
+    if offline.scene.pose is not None and offline.signal is None:
         return [FROM_SAMPLES]
     if run.rounding_share is None:
         return []
     if run.rounding_share > ROUNDING_SHARE:
         share = f"{min(100 * run.rounding_share, 100):.0f} %"
         return [f"steps so short that rounding makes about {share} of the bound: longer steps are better"]
-    if offline.signal is None and offline.coordinates.p and offline.driven is None:
+    if offline.signal is None and offline.coordinates.p:
         return ["inputs taken as linear between samples: pass input_function to cover what lies between"]
-    if run.largest_miss > RESOLVED and offline.driven is not None:
-        return [MOTION_JUMPS.format(run.largest_miss)]
     if run.largest_miss > RESOLVED:
         return [
             f"the inputs change within single steps: up to {run.largest_miss:.1e} of their largest value is "

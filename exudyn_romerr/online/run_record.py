@@ -13,15 +13,28 @@ from ..report.scope import SMOOTHLY
 from ..trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Sequence
 
     from ..estimators.node_bounds import AtNodes
+    from ..model.global_axes import View
+    from ..model.outputs import Output
     from ..offline.prepared import Offline
     from ..report.scope import Doubt
     from ..residual.round_off import Rounded
     from ..trajectory.bounds import Bounds
-    from ..trajectory.estimate import Estimate
     from ..trajectory.samples import Samples
+
+
+class Internal(NamedTuple):
+    """Outputs of a run beside those that were asked for, corrected (T, r), None: they cannot be.
+
+    frames : (T, 24), motion of the frame, if outputs need it. outputs, views : all of them, and how they are seen.
+    """
+
+    corrected: dict[str, np.ndarray | None]
+    frames: np.ndarray
+    outputs: Sequence[Output]
+    views: Sequence[View | None]
 
 
 class SolverFacts(NamedTuple):
@@ -50,18 +63,14 @@ class RunRecord:
     """A run up to some instant.
 
     time : what the bounds cover of time, "reconstructed", "sampled", or "static".
-    t (T,), values (T, R), round_off (T, R), frames, driven_frames (T, 24) or (0,) : samples, output rows of the
-    reduced body, what rounding of the input may move these by, motion of the frame if outputs need it, as the run has
-    it, and as a function of time says, if one does.
+    t (T,), values (T, R), round_off (T, R), frames (T, 24) or (0,) : samples, output rows of the reduced body, what
+    rounding of the input may move these by, motion of the frame if outputs need it.
     sizes (T, 2) : |V qr|_M, |V qr''|_M.
     static_errors (T, 2, R) : see residual/interface_stiffening.py; (0,) if modes make no interface rigid.
-    estimate : of all outputs as shown, side by side, from the linearised mechanism; None: there is none.
-    left (T, r) : bound of what that leaves of outputs in global axes, fewer rows where it ended early.
     streams : stream -> estimator -> bounds; "total" is what counts. assumptions : estimator -> what it assumes.
     nodes : fields at every node, on demand. messages : what was noted along the run. doubts : why no bound is
     certified.
     tolerances : output -> what its bound was asked to stay below, of those that were asked for.
-    remainder : see BoundReport.
     rounding_share, largest_miss : of the reconstruction, see trajectory.reconstruction; None if there is none.
     """
 
@@ -72,29 +81,31 @@ class RunRecord:
     values: np.ndarray
     round_off: np.ndarray
     frames: np.ndarray
-    driven_frames: np.ndarray
     sizes: np.ndarray
     static_errors: np.ndarray
     streams: dict[str, dict[str, Bounds]]
-    estimate: Estimate | None
-    left: np.ndarray
     assumptions: dict[str, str]
     nodes: Callable[[], NodeFields]
     messages: tuple[str, ...]
     doubts: tuple[Doubt, ...]
     begins_late: bool
     tolerances: dict[str, float]
-    remainder: dict[str, float]
     rounding_share: float | None
     largest_miss: float | None
 
     @property
     def beside_steps(self) -> tuple[str, ...]:
         """What helps beside shorter steps where the body rings, for something acts on it at once; else nothing."""
-        displaced, accelerated = np.max(self.sizes[:, 0]), np.max(self.sizes[:2, 1])
-        if self.begins_late or not accelerated > AT_ONCE * self.offline.omega_1**2 * displaced:
-            return ()
-        return (SMOOTHLY,)
+        return beside_steps(self.sizes, self.offline.omega_1) if not self.begins_late else ()
+
+
+def beside_steps(sizes: np.ndarray, omega_1: float) -> tuple[str, ...]:
+    """Return what helps beside shorter steps where a body rings, for something acts on it at once; else nothing.
+
+    sizes : (T, 2), of its deformation and of the acceleration of that. omega_1 : its lowest frequency, rad/s.
+    """
+    displaced, accelerated = np.max(sizes[:, 0]), np.max(sizes[:2, 1])
+    return (SMOOTHLY,) if accelerated > AT_ONCE * omega_1**2 * displaced else ()
 
 
 class RecordedSamples:
@@ -103,21 +114,16 @@ class RecordedSamples:
     q, which many outputs would fit in, only where one of the `bounds` so far is largest, and of the last samples.
     """
 
-    def __init__(self, offline: Offline, bounds: Callable[[], Iterable[dict[str, Bounds]]]):
+    def __init__(self, offline: Offline, bounds: Callable[[], dict[str, Bounds]]):
         self._offline, self._bounds, self._static_errors = offline, bounds, GrowingArray()
         self.t = GrowingArray()
         self._motions: list[tuple[int, np.ndarray]] = []  # number of the first sample, q
         self._worst: dict[str, tuple[float, int]] = {}  # estimator -> its largest bound of |e|_M, and where
         self._looked: dict[str, int] = {}
-        self._values, self._round_off, self._frames, self._driven_frames, self._sizes = (
-            GrowingArray() for _ in range(5)
-        )
+        self._values, self._round_off, self._frames, self._sizes = (GrowingArray() for _ in range(4))
 
-    def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray, driven: np.ndarray) -> None:
-        """Keep further samples; rounded: what rounding of the computation may move there; own: see RoundOff.
-
-        driven: frames as a function of time says, or those of the samples.
-        """
+    def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray) -> None:
+        """Keep further samples; rounded: what rounding of the computation may move there; own: see RoundOff."""
         self._drop_motions()
         self._motions.append((len(self.t), new.q))
         self.t.append(new.t)
@@ -131,11 +137,10 @@ class RecordedSamples:
             self._static_errors.append(np.einsum("sk,erk->ser", z, self._offline.static_errors, optimize=True))
         if any(self._offline.views):  # outputs in global axes
             self._frames.append(new.frame)
-            self._driven_frames.append(driven)
 
     def _drop_motions(self) -> None:
         """Forget q of all samples but those where a bound is largest."""
-        for name, b in (pair for of_run in self._bounds() for pair in of_run.items()):
+        for name, b in self._bounds().items():
             first = self._looked.get(name, 0)
             if len(b.position) > first:
                 i = first + int(np.argmax(b.position[first:]))
@@ -150,9 +155,8 @@ class RecordedSamples:
         first, q = next(block for block in reversed(self._motions) if block[0] <= i)
         return q[i - first]
 
-    def fields_of(self, parts: list[dict[str, AtNodes]], bounds: dict[str, Bounds]) -> NodeFields:
+    def fields_of(self, found: dict[str, AtNodes], bounds: dict[str, Bounds]) -> NodeFields:
         """Return what is known at nodes, with the displacements where each estimator's bound of |e|_M is largest."""
-        found = {e: x for part in parts for e, x in part.items()}
         worst = {e: int(np.argmax(bounds[e].position)) for e in found}
         moved = {e: self._offline.moved(self._motion(i)) for e, i in worst.items()}
         return NodeFields(
@@ -166,10 +170,5 @@ class RecordedSamples:
     def read(self, index: slice) -> dict[str, np.ndarray]:
         """Return the fields t, values, round_off, frames of a RunRecord."""
         kept = {"t": self.t, "values": self._values, "round_off": self._round_off, "frames": self._frames}
-        kept |= {"driven_frames": self._driven_frames, "static_errors": self._static_errors}
-        kept["sizes"] = self._sizes
+        kept |= {"static_errors": self._static_errors, "sizes": self._sizes}
         return {name: rows.read()[index] for name, rows in kept.items()}
-
-    def shown(self) -> np.ndarray:
-        """Return all outputs (T, r) as they are shown."""
-        return self._offline.shown(self._values.read(), self._frames.read())

@@ -61,8 +61,7 @@ class StaticRun(Run):
 
     def _take(self, new: Samples) -> None:
         z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
-        if self.offline.packing is None:
-            self._own = self.offline.rounding.of_equilibrium(new.u)
+        self._own = self.offline.rounding.of_equilibrium(new.u)
         rounded = self.offline.rounded(new, self._own)
         self._streams["reduction"].load_steps(z, rounded)
         self._record(new, rounded)

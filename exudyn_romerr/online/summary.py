@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..estimators import Auxiliary
 from ..report.formats.provenance import made_here
 from ..report.report import BoundReport, OutputReport
-from ..report.scope import COUPLED, FROZEN, with_doubts
+from ..report.scope import with_doubts
 from ..residual.interface_stiffening import interface_share
-from ..trajectory.bounds import seen_in, unbounded
-from ..trajectory.estimate import Estimate, estimated
+from ..trajectory.bounds import seen_in
+from ..trajectory.estimate import estimated
 from .run_messages import planned_end, run_messages, stopped_at
 
 if TYPE_CHECKING:
     from ..model.global_axes import View
     from ..model.outputs import Output
     from ..offline.prepared import Offline
-    from ..report.scope import Scene
     from ..trajectory.bounds import Bounds
     from .run_record import RunRecord
 
@@ -33,7 +30,7 @@ def assemble(run: RunRecord) -> BoundReport:
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
         outputs=_output_reports(run, is_requested=True),
-        scope={name: scene.scope_of(name) for name in total},
+        scope=dict.fromkeys(total, scene.scope),
         scope_reason=with_doubts(scene.reason, run.doubts),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
         plan=offline.plan,
@@ -41,7 +38,6 @@ def assemble(run: RunRecord) -> BoundReport:
         time=run.time,
         total_mass=offline.total_mass,
         nodes=run.nodes,
-        remainder=run.remainder,
         made=made_here(),
         planned_end=planned_end(run),
         uncertified=run.doubts,
@@ -55,18 +51,13 @@ def internal_reports(run: RunRecord) -> dict[str, OutputReport]:
 
 def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputReport]:
     """Return the outputs that were asked for, or (is_requested=False) the internal ones beside them."""
-    offline, found, widest = run.offline, {}, run.offline.scene.widest(run.streams["total"])
-    for i, (out, part, view) in enumerate(zip(offline.outputs, offline.slices, offline.views, strict=True)):
+    offline, found = run.offline, {}
+    for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
         if out.is_requested == is_requested:
             rows = _Seen(run.values[:, part], run.round_off[:, part], _rows_of(run.streams, part))
             seen = rows if view is None else _turned(view, rows, run)
             share = _interface_share(run, part, view)
-            known = _estimate(run, i, seen.streams, share)
-            if run.estimate is not None:  # static parts lack the inertia that sets what a mechanism's modes leave
-                share = known.estimate.interface_share(share)
-            if view is not None and offline.scene.coupled:
-                seen = seen.of_a_moving_frame(offline.scene, _in_global_axes(run, i))
-            found[out.name] = _output_report(run, out, seen, widest, share, known)
+            found[out.name] = _output_report(run, out, seen, share)
     return found
 
 
@@ -76,58 +67,6 @@ class _Seen(NamedTuple):
     values: np.ndarray
     round_off: np.ndarray
     streams: dict[str, dict[str, Bounds]]
-
-    def of_a_moving_frame(self, scene: Scene, known: tuple[np.ndarray, np.ndarray]) -> _Seen:
-        """Return the same with bounds of scope coupled by a known error (T, r), of which so much is left (T, r).
-
-        Only vectors that react with the mechanism know how the frame moves.
-        """
-        error, left = known
-
-        def seen(name: str, b: Bounds) -> Bounds:
-            if scene.scope_of(name) != COUPLED:
-                return b
-            if name != Auxiliary.name or np.isinf(left).all():
-                return unbounded(b)
-            bound = np.abs(error) + left
-            return replace(b, outputs=bound, jumped=None, correction=error, correction_bound=left)
-
-        streams = {stream: {e: seen(e, b) for e, b in bounds.items()} for stream, bounds in self.streams.items()}
-        return self._replace(streams=streams)
-
-
-def _in_global_axes(run: RunRecord, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """What is known of the error (T, r) of output i in global axes of a mechanism, and a bound of the rest."""
-    part = run.offline.shown_slices[i]
-    none = np.zeros((len(run.t), part.stop - part.start))
-    if run.estimate is None or not run.left.size:
-        return none, none + np.inf
-    parts = run.estimate.of_rows(part).parts
-    error, left = parts["basis"] + parts["interfaces"], none + np.inf
-    left[: len(run.left)] = run.left[:, part]
-    return error, left
-
-
-class _Known(NamedTuple):
-    """An estimate, and what it covers, as bounds have it: see OutputReport.estimate_scope."""
-
-    estimate: Estimate | None
-    scope: str
-
-
-def _estimate(
-    run: RunRecord, i: int, streams: dict[str, dict[str, Bounds]], interfaces: np.ndarray | float
-) -> _Known:
-    """Return what is known of the error of output i: by the mechanism, else by the estimator that leaves least."""
-    scene = run.offline.scene
-    if run.estimate is not None:
-        return _Known(run.estimate.of_rows(run.offline.shown_slices[i]), COUPLED)
-    # in a mechanism that does not answer: under frozen inputs
-    names = list(streams["total"]) if scene.coupled else scene.widest(streams["total"])
-    known = _sharpest(streams["total"], names)
-    if known is None:
-        return _Known(None, "")
-    return _Known(estimated(streams, known, interfaces), FROZEN if scene.coupled else scene.scope_of(known))
 
 
 def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarray | float:
@@ -146,27 +85,22 @@ def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, di
 
 
 def _turned(view: View, rows: _Seen, run: RunRecord) -> _Seen:
-    """An output in global axes; the total error holds where the frame really is."""
-    (values, round_off, streams), frames, driven, offline = rows, run.frames, run.driven_frames, run.offline
+    """An output in global axes."""
+    (values, round_off, streams), frames = rows, run.frames
     turned = {name: {e: seen_in(view, b, frames) for e, b in bounds.items()} for name, bounds in streams.items()}
-    if offline.driven is not None:
-        shift = view.shift_between(values, frames, driven, offline.scene.pose)
-        turned["total"] = {e: seen_in(view, b, driven, shift) for e, b in streams["total"].items()}
     spread = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
-    return _Seen(view.values(values, frames, offline.scene.pose), spread, turned)
+    return _Seen(view.values(values, frames, run.offline.scene.pose), spread, turned)
 
 
 def _output_report(
     run: RunRecord,
     out: Output,
     seen: _Seen,
-    widest: list[str],
     interfaces: np.ndarray | float,
-    found: _Known,
 ) -> OutputReport:
     value, round_off, streams = seen
-    bound, estimate = _with_best(streams["total"], widest), found.estimate
-    known = _sharpest(streams["total"], widest)
+    bound, known = _with_best(streams["total"]), _sharpest(streams["total"])
+    estimate = None if known is None else estimated(streams, known, interfaces)
     return OutputReport(
         name=out.name,
         unit=out.unit,
@@ -175,15 +109,15 @@ def _output_report(
         value=value,
         round_off=round_off,
         bound=bound,
-        reduction_bound=_with_best(streams["reduction"], widest),
+        reduction_bound=_with_best(streams["reduction"]),
         corrected=None if known is None else value + streams["total"][known].correction,
         corrected_bound=None if known is None else streams["total"][known].correction_bound,
-        causes=_causes(bound["best"], streams, widest, interfaces),
+        causes=_causes(bound["best"], streams, interfaces),
         estimate=None if estimate is None else estimate.total,
         estimate_parts={} if estimate is None else estimate.parts,
         uncertainty=None if estimate is None else estimate.uncertainty,
         uncertainty_parts={} if estimate is None else estimate.half_widths,
-        estimate_scope=found.scope,
+        estimate_scope="" if estimate is None else run.offline.scene.scope,
         labels=out.labels,
         tolerance=run.tolerances.get(out.name),
         stopped=stopped_at(run),
@@ -192,19 +126,19 @@ def _output_report(
     )
 
 
-def _with_best(bounds: dict[str, Bounds], widest: list[str]) -> dict[str, np.ndarray]:
+def _with_best(bounds: dict[str, Bounds]) -> dict[str, np.ndarray]:
     outputs = {name: b.outputs for name, b in bounds.items()}
-    return {**outputs, "best": np.min([outputs[name] for name in widest], axis=0)}
+    return {**outputs, "best": np.min([*outputs.values()], axis=0)}
 
 
-def _sharpest(bounds: dict[str, Bounds], widest: list[str]) -> str | None:
+def _sharpest(bounds: dict[str, Bounds]) -> str | None:
     """Return the estimator that leaves least of an output's error unknown; None if none knows any of it."""
-    known = [name for name in widest if bounds[name].correction is not None]
+    known = [name for name, b in bounds.items() if b.correction is not None]
     return min(known, key=lambda name: np.max(bounds[name].correction_bound), default=None)
 
 
 def _causes(
-    best: np.ndarray, streams: dict[str, dict[str, Bounds]], widest: list[str], interfaces: np.ndarray | float = 0.0
+    best: np.ndarray, streams: dict[str, dict[str, Bounds]], interfaces: np.ndarray | float = 0.0
 ) -> dict[str, np.ndarray]:
     """Shares of the best bound by cause, each (T, r), with sum `best`.
 
@@ -212,8 +146,8 @@ def _causes(
     and what the reconstruction adds to that (the time step), scaled to the sum. interfaces : their share (r,) in what
     the basis makes.
     """
-    reduction = _with_best(streams["reduction"], widest)["best"]
-    initial = _with_best(streams["initial"], widest)["best"] if "initial" in streams else np.zeros_like(best)
+    reduction = _with_best(streams["reduction"])["best"]
+    initial = _with_best(streams["initial"])["best"] if "initial" in streams else np.zeros_like(best)
     jumped = [b.jumped for b in streams["total"].values() if b.jumped is not None]
     jumps = np.min(jumped, axis=0) if jumped else np.zeros_like(best)
     # a part may be inf where its sum is not: the square of an expanded residual that cancelled at a sample
@@ -238,8 +172,6 @@ def _causes(
 
 def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Offline) -> str:
     text = f"assumes {assumes}"
-    if offline.scene.coupled and offline.scene.scope_of(name) == FROZEN:
-        text += f"; {offline.scene.frozen}"
     if (finite := np.isfinite(bounds.position)).all():
         return text
     why = "the residual's square cancelled below zero"

@@ -18,7 +18,10 @@ from .wording import NO_OUTPUTS, is_uncertified, scope_lines, widest_scope
 if TYPE_CHECKING:
     from .assessment import Assessment
 
-ASK_BODIES = "a mechanism has no {} of its own; ask report.bodies[...], a report for each body"
+ASK_BODIES = (
+    "a mechanism has no {} of its own: ask report.bodies[...] where their scope is another than 'coupled "
+    "(linearised)', which has none, or attach with scope='inputs frozen'"
+)
 LEFT_OUT = "neither estimated nor bounded: {}; print(report.plan) says why"
 NO_BOUND = "estimated only, no bound of it is known: {}"
 
@@ -65,7 +68,8 @@ class MechanismReport(BoundReport):
     def _scope_lines(self) -> list[str]:
         """What all bodies share once."""
         assumed = [f"{e}: {reason}" for e, reason in self.reasons.items()]
-        return [f"  {line}" for line in [*assumed, *_numbered([scope_lines(body) for body in self.bodies])]]
+        of_bodies = [scope_lines(one) for one in self.bodies or (self,)]
+        return [f"  {line}" for line in [*assumed, *_numbered(of_bodies)]]
 
 
 def joined(

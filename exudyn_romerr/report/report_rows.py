@@ -54,19 +54,7 @@ NO_STEPS = "the error of the time steps is in none of its numbers"
 AXES = ("x", "y", "z")
 SAME = 1e-6  # of a step: all are of one size where they differ by rounding of times
 FIRST_INSTANT = "only the first instant of the run is known"
-# Doubts about bounds that the half width of an estimate tells: what first steps do, and what is not linear
-OF_BOUNDS_ALONE = {
-    reason.name
-    for reason in (
-        Reason.UNCHECKED,
-        Reason.THIRD_ORDER,
-        Reason.REPEATED,
-        Reason.STARTS_DAMPED,
-        Reason.BEGUN_ANEW,
-        Reason.OTHER_INDEX,
-        Reason.UNKNOWN_SCHEME,
-    )
-}
+OF_BOUNDS_ALONE = {Reason.UNCHECKED.name}  # doubts that speak of no estimate
 
 
 def rows_of(report: ReportData, tolerances: Tolerances | None = None, solve: int = 0) -> list[Row]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
     from ..model.admissible_space import Space
     from ..model.floating_frame import FramePose, Jitter
-    from ..trajectory.driven_inputs import Inputs
 
 COMPLETE, COUPLED, FROZEN = SCOPES = ("complete", "coupled (linearised)", "inputs frozen")  # the widest first
 COVERS = {
@@ -49,12 +48,6 @@ class Doubt(str):
 
 
 SMOOTHLY = "let loads begin smoothly"
-RADIUS_OF_ONE = "set generalizedAlpha.spectralRadius = 1"
-SAME_LOADS = "give user functions of loads the same value in both"
-NO_CHANGES = (
-    "change no parameters before report() is asked, but let user functions depend on time; if nothing was changed, "
-    "Newton's tolerances are too loose: a smaller newton.relativeTolerance"
-)
 
 
 class Reason(Enum):
@@ -74,69 +67,16 @@ class Reason(Enum):
         "make known all loads and the damping that act on the body, or take shorter steps",
         "",
     )
-    THIRD_ORDER = (
-        "the error is too large to be linear",
-        "add modes, or let loads and motion begin smoothly",
-        "linear equations leave out more than {} % of the deformation that they predict, as measured: what is of "
-        "third order in the error is in no bound",
-    )
-    REPEATED = (
-        "adaptive steps that were repeated, with a spectral radius below 1",
-        f"{RADIUS_OF_ONE}, or choose a step that need not be repeated (numberOfSteps)",
-        "steps are not of the size that was asked for: what Exudyn repeats with a smaller one goes on with "
-        "accelerations of the first try",
-    )
-    STARTS_DAMPED = (
-        "sudden start with dampers, and unknown springs or another integrator",
-        f"{SMOOTHLY}; if they cannot, {RADIUS_OF_ONE}, without useNewmark, which may widen bounds",  # once 2.9 times
-        "the run starts suddenly, there are dampers beside those of the bodies, and what first steps make of both "
-        "is not known: the stiffness of a spring cannot be read from the mbs, or the integrator is another one",
-    )
-    BEGUN_ANEW = (
-        "a solve that goes on from another one, with a spectral radius below 1",
-        f"{RADIUS_OF_ONE}, or make one solve of both",
-        "the solver begins anew with the accelerations that it finds: what it does in its first steps then, with "
-        "modes that ring and that they do not resolve, is not in the bound",
-    )
     GOES_ON = (
         "it goes on from a solve before whose error is not known",
         "make one solve of both",
         "the run goes on from another one, and what that has left wrong is not known, or not in these vectors",
-    )
-    OTHER_INDEX = (
-        "useIndex2Constraints in a solve that goes on from one without",
-        "set useIndex2Constraints in both solves, or in none",
-        "a solve with useIndex2Constraints goes on from one without: what it does as velocities jump to where "
-        "constraints of velocities have them is not in the bound",
-    )
-    OTHER_LOADS = (
-        "other loads at the start than in the static solve before",
-        SAME_LOADS,
-        "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below "
-        "the step size too, and no basis or bound follows that",
     )
     NO_ACCELERATIONS = (
         "the solver has no accelerations at its start",
         "take an implicit solver with generalizedAlpha.computeInitialAccelerations = True",
         "the solver has no accelerations at its start: bounds begin at t = {:g} s, where the full body is taken to "
         "be as the reduced one; what was wrong by then is in no bound and no estimate",
-    )
-    UNKNOWN_SCHEME = (
-        "the solver is not known",
-        "call SolveDynamic without storeSolver=False",
-        "the solver is not kept in mbs.sys: what it does in the first steps after a sudden start, with modes that "
-        "they do not resolve, is not in the bound",
-    )
-    CHANGED = ("the mbs was changed along the run", NO_CHANGES, "")
-    UNSEEN = (
-        "changes along the run could not be looked for",
-        NO_CHANGES,
-        "whether the PostStep function changes the mechanism is not known, for its states cannot be asked: {}",
-    )
-    CONTROLLER = (
-        "a controller switches, or its gains do work",
-        "let the user function be smooth, within steps too, passive, without memory; or pass scope='inputs frozen'",
-        "",
     )
 
     @property
@@ -183,59 +123,24 @@ def with_doubts(reason: str, doubts: Iterable[Doubt]) -> str:
 class Scene:
     """What a scene adds to what is known of the body alone.
 
-    scope, reason : what the bounds cover; a coupled scope is that of estimators "energy" and, where auxiliary vectors
-    react with the mechanism (feedback), "auxiliary"; frozen : why others have another. corrected : these are the
-    bounds of the trajectory with auxiliary vectors. coupled_energy : makes the estimator of a coupled scope of a
-    Problem and the number `unknown`. unknown : number of trailing inputs, wrenches of a mechanism.
+    scope, reason : what the bounds cover. unknown : number of trailing inputs, wrenches of a mechanism.
     turns : the body is in a frame that may turn. checked : whether W^T R is a check, not used up by wrenches that
     follow from it. pose : of the frame in the reference configuration.
-    driven : inputs and motion of a frame that moves as a function of time says, see driven_inputs.py; None: those of
-    the run. jitter : what a solver leaves of the accelerations of a frame at rest; None of a frame that moves, or of
-    none. minor : inputs of a turning frame that are small, see packed_residual.py. stiff : the body's coordinates
+    jitter : what a solver leaves of the accelerations of a frame at rest; None of a frame that moves, or of
+    none. first_load : number of inputs before loads. stiff : the body's coordinates
     with the rigid interfaces of its modes, where the truth has free ones; None: no such interfaces. note : why the
     scope is no wider, if the user may do something about it. computed, left_out : lines of the plan.
     """
 
     scope: str = COMPLETE
     reason: str = ""
-    frozen: str = ""
-    feedback: bool = False
-    corrected: bool = False
-    coupled_energy: Callable[..., Any] | None = None
     unknown: int = 0
     turns: bool = False
     checked: bool = True
     pose: FramePose | None = None
-    coupled_energy: Callable[..., Any] | None = None
-    driven: Callable[..., Inputs] | None = None
     jitter: Jitter | None = None
-    minor: slice | None = None
+    first_load: int = 0
     stiff: Space | None = None
     note: str = ""
     computed: tuple[str, ...] = ()
     left_out: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def coupled(self) -> bool:
-        """Whether the bounds are those of a mechanism."""
-        return self.scope == COUPLED
-
-    @property
-    def has_companion(self) -> bool:
-        """Whether a run beside this one has the bounds of "auxiliary"."""
-        return self.feedback and not self.corrected
-
-    def scope_of(self, name: str) -> str:
-        """Return the scope of an estimator's bound."""
-        covers = name == "energy" or (name == "auxiliary" and (self.feedback or self.corrected))
-        return self.scope if covers or not self.coupled else FROZEN
-
-    def is_coupled(self, name: str) -> bool:
-        """Whether an estimator's bound is that of a mechanism."""
-        return self.coupled and self.scope_of(name) == COUPLED
-
-    def widest(self, names: Iterable[str]) -> list[str]:
-        """Return the estimators whose bounds cover most: the others' may be smaller, but say less."""
-        scopes = {name: self.scope_of(name) for name in names}
-        best = min(scopes.values(), key=SCOPES.index, default=COMPLETE)
-        return [name for name, scope in scopes.items() if scope == best]

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from ..decay.passive_steps import Means
-from ..linalg.blocked_products import by_columns
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
 from ..model.floating_frame import skew
@@ -18,7 +17,6 @@ from ..model.shared_body import made_once
 
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
-    from .problem import Problem
 
 ROUNDING = 1e-13  # of squares: interfaces that move alike
 FEW_ROWS = 64  # of outputs; of all nodes of a mesh it would take two more solves each
@@ -104,100 +102,6 @@ class FreeMass:
     def _halves(self, columns: np.ndarray) -> np.ndarray:
         own = self._factor.half_solve(columns)
         return np.vstack([own, solve_triangular(self._root, self._B.T @ own, lower=True)])
-
-
-class AtStart:
-    """What only a start under a residual needs, made when one does, or by `prepare`.
-
-    Attributes
-    ----------
-    factors : |C|_{M^-1} of output rows (R,), in the body's frame. shown : of outputs as shown (r,), in global axes,
-    however the body is turned; 0 in its own.
-    """
-
-    def __init__(self, problem: Problem, unknown: int = 0):
-        self._residual, self._rows, self._outputs = problem.terms, problem.rows.C, problem.outputs
-        self._views, self._wrenches = problem.views, problem.B[:, problem.B.shape[1] - unknown :]
-
-    def prepare(self) -> None:
-        """Make what most runs need before the first one; of all mesh nodes, say, it would take long."""
-        _ = self.factors, self.turning
-
-    @property
-    def damping(self) -> tuple[float, float] | None:
-        """Rayleigh's alpha and beta; None: the damping is another one."""
-        return self._residual.body.rayleigh
-
-    @cached_property
-    def _mass(self) -> FreeMass:
-        return FreeMass.of(self._residual.body)
-
-    @cached_property
-    def factors(self) -> np.ndarray:
-        """See the class."""
-        return made_once(
-            self._residual.body, "mass norms of rows", (self._rows,), lambda: self._mass.norms(self._rows.T)
-        )
-
-    @cached_property
-    def means(self) -> Means:
-        """Of the output rows; those that take solves where these are few."""
-        body, C = self._residual.body, self._rows
-        return made_once(body, "means of rows", (C,), lambda: self._mass.means(C.T, self.factors))
-
-    @cached_property
-    def shown(self) -> np.ndarray:
-        """See the class."""
-        found = []
-        for out, view in zip(self._outputs, self._views, strict=True):
-            rows = out.resolve(self._residual.body)
-            if view is None:
-                found.append(np.zeros(len(rows)))
-                continue
-            places = (self._mass.gram(place) for place in rows.reshape(-1, 3, rows.shape[1]))
-            found += [np.full(len(view.axes), np.sqrt(np.linalg.eigvalsh(gram)[-1])) for gram in places]
-        return np.concatenate([*found, np.zeros(0)])
-
-    @property
-    def turning(self) -> float:
-        """See turned_mass."""
-        return self._mass.turning
-
-    @property
-    def relative(self) -> float:
-        """See relative_motion."""
-        return self._mass.relative
-
-    def coordinates(self, *sample: np.ndarray) -> np.ndarray:
-        """Return z (k,) of q, q', q'' (n,) and inputs (p,) as they are."""
-        return self._residual.coordinates(*sample)
-
-    def push(self, z: np.ndarray) -> float:
-        """Return |R|_{M^-1} of the residual R = L z."""
-        return float(self._mass.norms(self._residual.of(z)[:, None])[0])
-
-    @cached_property
-    def joints(self) -> FreeInterfaces:
-        """What forces at the interfaces accelerate."""
-        body, W = self._residual.body, self._wrenches
-        return made_once(body, "free interfaces", (W,), lambda: FreeInterfaces(body, self._mass, W))
-
-    def accelerations(self, z: np.ndarray) -> tuple[float, float]:
-        """Return parts of |a|_K of the start, whatever joints do: see FreeInterfaces.split."""
-        return self.joints.split(self._residual.of(z))
-
-    def terms(self, z: np.ndarray) -> float:
-        """Return the sum of |.|_{M^-1} of the terms of R, one for each entry of z: what R may be rounding of."""
-        return float(np.abs(z) @ self._sizes)
-
-    @cached_property
-    def _sizes(self) -> np.ndarray:
-        """|.|_{M^-1} of the residual's columns (k,)."""
-        columns = *self._residual.of_motion, self._residual.B
-        return np.concatenate([self._norms(part) for part in columns])
-
-    def _norms(self, columns: np.ndarray | sp.spmatrix) -> np.ndarray:
-        return by_columns(lambda part: self._mass.norms(part)[None], columns, np.empty((1, columns.shape[1])))[0]
 
 
 class FreeInterfaces:

@@ -72,9 +72,3 @@ def interface_share(errors: np.ndarray) -> np.ndarray:
     interfaces, rest = np.max(np.abs(errors), axis=0, initial=0.0)
     total = interfaces + rest
     return np.divide(interfaces, total, out=np.zeros_like(total), where=total > 0)
-
-
-def interface_rows(problem: Problem, unknown: int) -> np.ndarray:
-    """Rows (unknown, k): |rows z| is the energy of K^-1 R that moves the interfaces, the last inputs' wrenches."""
-    wrenches = problem.body.stiffness_factor.half_solve(problem.B[:, problem.B.shape[1] - unknown :])
-    return np.linalg.qr(wrenches)[0].T @ problem.dual.Y_K[:, : problem.dual.k]

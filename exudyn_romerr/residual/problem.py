@@ -70,8 +70,6 @@ class Problem:
         self.dual = DualNorms(self.map, self.initial_state, residual, self.has_initial_error)
         self.rows = OutputNorms(body, C, velocity_rows, self.dual)
 
-    packing = None  # see packed_residual.py
-
     def _name(self, basis: Basis, outputs: Sequence[Output]) -> StackedRows:
         rows = stacked_rows(checked_outputs(outputs), self.body)
         self.basis, self.outputs, self.slices = basis, tuple(outputs), rows.slices

@@ -72,7 +72,7 @@ class Coordinates:
 
     def between(self, h: np.ndarray, samples: tuple, controls: np.ndarray | None) -> np.ndarray:
         """Return control points (S, 6, k) between samples (q, q_t, q_tt, u), see hermite_rows."""
-        return hermite_rows(self, self.rayleigh, None, h, samples, controls)
+        return hermite_rows(self, self.rayleigh, h, samples, controls)
 
 
 class ResidualMap:

@@ -25,7 +25,6 @@ MEMORY = ": most likely there was not enough memory"
 CRASHED = "it ended with status {} and no result: {}"
 ASKED = "EOFError"
 ASKS = "the script asks for input, of which there is none here"
-STOPPED = "it was stopped"
 
 
 @dataclass(frozen=True)

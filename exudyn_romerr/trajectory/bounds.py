@@ -97,18 +97,15 @@ def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:
     return product
 
 
-def seen_in(view: View, base: Bounds, frame: np.ndarray, shift: np.ndarray | None = None) -> Bounds:
-    """Return the bounds of an output in global axes from those of its base rows, which the view is made of.
-
-    shift (S, r): what the error holds beside the deformation's, known: where the frame is.
-    """
-    H, shift = view.matrices(frame), 0.0 if shift is None else shift
+def seen_in(view: View, base: Bounds, frame: np.ndarray) -> Bounds:
+    """Return the bounds of an output in global axes from those of its base rows, which the view is made of."""
+    H = view.matrices(frame)
     if view.blind:
         return unbounded(replace(base, outputs=np.zeros(H.shape[:2])))
     jumped = None if base.jumped is None else _spread(H, base.jumped)
     if base.correction is None:
-        return replace(base, outputs=_spread(H, base.outputs) + np.abs(shift), jumped=jumped)
-    known, left = np.einsum("srk,sk->sr", H, base.correction) + shift, _spread(H, base.correction_bound)
+        return replace(base, outputs=_spread(H, base.outputs), jumped=jumped)
+    known, left = np.einsum("srk,sk->sr", H, base.correction), _spread(H, base.correction_bound)
     return replace(base, outputs=np.abs(known) + left, jumped=jumped, correction=known, correction_bound=left)
 
 

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ..residual.residual import Coordinates
-    from .driven_inputs import DrivenInputs
     from .input_signal import InputSignal
     from .samples import Jump, Samples
 
@@ -88,7 +87,7 @@ class Quintic:
     Where steps are so short that rounding of q'' from differences of q would dominate, only every s-th sample is a
     knot of the interpolant; the known differences at the samples between come with the block. measure: z -> norm of R
     by which s is chosen. mass_root: given in a turning frame, whose terms z takes as linear between samples; blocks
-    then tell how far the trajectory is from that. driven: inputs of a frame that moves as a function of time says.
+    then tell how far the trajectory is from that.
     """
 
     def __init__(
@@ -99,9 +98,8 @@ class Quintic:
         measure: Callable,
         omega_1: float,
         mass_root: np.ndarray | None = None,
-        driven: DrivenInputs | None = None,
     ):
-        self.mass_root, self.driven = mass_root, driven
+        self.mass_root = mass_root
         self.layout, self.jumps, self.signal, self.measure, self.omega_1 = layout, jumps, signal, measure, omega_1
         self._miss = self._size = self._rounding = self._variation = 0.0
 
@@ -123,7 +121,7 @@ class Quintic:
         every = np.arange(len(s.t))
         if np.diff(s.t).max() * self.omega_1 >= SHORT or len(s.t) == 2:
             return self._through(s, every)
-        inputs = None if self.driven else self._inputs_of(s)
+        inputs = self._inputs_of(s)
         best, stride = self._choice(s, every, inputs), 2
         while best.rounds and stride < len(every) and (s.t[stride] - s.t[0]) * self.omega_1 <= LONG:
             choice = self._choice(s, np.unique(np.append(every[::stride], every[-1])), inputs)
@@ -140,7 +138,7 @@ class Quintic:
     def _through(self, s: Samples, knots: np.ndarray, inputs: tuple | None = None) -> Block:
         """Segments between all samples, of the interpolant through those at the knots."""
         h, states = np.diff(s.t), (s.q, s.q_t, s.q_tt)
-        if len(knots) == len(s.t) and self.driven is None:
+        if len(knots) == len(s.t):
             u, *missed = inputs or self._inputs_of(s)
             block = Block(s.t[1:], h, self.layout.between(h, (*states, s.u), u), *missed)
             if self.mass_root is not None:
@@ -153,8 +151,6 @@ class Quintic:
         if len(knots) < len(s.t):
             curves = [_cut(s.t, knots, c) for c in curves]
             skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
-        if self.driven is not None:
-            return self._driven(s, curves, skipped)
         u, *missed = inputs or self._inputs_of(s)
         u = straight(s.u[:-1], s.u[1:]) if u is None else u
         block = Block(s.t[1:], h, self.layout(*curves, u), *missed, skipped)
@@ -162,15 +158,6 @@ class Quintic:
             offs = [c - straight(x[:-1], x[1:]) for c, x in zip(curves, states[:2], strict=False)]
             block.bent = np.stack([self._sizes(off).mean(axis=1) for off in offs], axis=1)
             block.moved = np.stack([self._sizes(np.diff(x, axis=0)) for x in states[:2]], axis=1)
-        return block
-
-    def _driven(self, s: Samples, curves: Sequence[np.ndarray], skipped: np.ndarray | None) -> Block:
-        """Segments under the inputs of a frame whose motion is known between samples, too."""
-        found = self.driven.between(s.t, *curves[:2])
-        block = Block(s.t[1:], np.diff(s.t), self.layout(*curves, found.controls), *found[1:3], skipped)
-        block.turn, block.cut, block.is_driven = found.turn, found.cut, True
-        self._miss = max(self._miss, found.unresolved.max(initial=0.0) / SAFETY)
-        self._size = max(self._size, np.abs(found.controls).max(initial=0.0))
         return block
 
     def _sizes(self, x: np.ndarray) -> np.ndarray:

@@ -22,10 +22,7 @@ SNAP = 1e-9  # of a step: a jump this close to a sample is at the sample; solver
 
 @dataclass(frozen=True)
 class Samples:
-    """Consecutive samples: t (S,), q, q_t, q_tt (S, n), u (S, p); frame (S, 24), or (S, 0) of a body at rest.
-
-    cut : (S, c), scaled coordinates of what packed inputs u leave out.
-    """
+    """Consecutive samples: t (S,), q, q_t, q_tt (S, n), u (S, p); frame (S, 24), or (S, 0) of a body at rest."""
 
     t: np.ndarray
     q: np.ndarray
@@ -33,7 +30,6 @@ class Samples:
     q_tt: np.ndarray
     u: np.ndarray
     frame: np.ndarray
-    cut: np.ndarray
 
     def after(self, last: Samples) -> Samples:
         """Return these samples with the last one of `last` before them."""
@@ -46,14 +42,10 @@ class Samples:
 
 
 class Extension(NamedTuple):
-    """Further samples, and stream -> (their segments, index of the segment that ends each step).
-
-    frame : (S, 24), where a frame that moves as a function of time says is at the samples; None: as the run has it.
-    """
+    """Further samples, and stream -> (their segments, index of the segment that ends each step)."""
 
     new: Samples
     segments: dict[str, tuple[Block, np.ndarray]]
-    frame: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -27,14 +27,6 @@ class Scheme:
         """Factors of M and D in the matrix of a step, beside K."""
         return (1 - self.alpha_m) / (self.beta * h**2 * (1 - self.alpha_f)), self.gamma / (h * self.beta)
 
-    def ahead(self, h: np.ndarray) -> np.ndarray:
-        """Map e, e', e'', algorithmic a to what of e, e', a is known of the next sample, (S, 3, 4)."""
-        one, none = np.ones_like(h), np.zeros_like(h)
-        a = np.outer(one, [0.0, 0.0, self.alpha_f, -self.alpha_m]) / (1 - self.alpha_m)
-        e = np.stack([one, h, none, h**2 * (0.5 - self.beta)], axis=1) + (h**2 * self.beta)[:, None] * a
-        e_t = np.stack([none, one, none, h * (1 - self.gamma)], axis=1) + (h * self.gamma)[:, None] * a
-        return np.stack([e, e_t, a], axis=1)
-
     def next(self, h: np.ndarray) -> np.ndarray:
         """Map that and the increment z to e, e', e'' and a of the next sample, (S, 4, 4)."""
         mass, damping = self.mass_and_damping(h)

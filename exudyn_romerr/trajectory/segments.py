@@ -4,53 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..linalg.blocked_products import largest_sizes
-from ..model.floating_frame import FrameRows, Turn, Veer
+from ..model.floating_frame import FrameRows, Turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-TOGETHER = 256  # rows that are looked at together: as many as stay in the cache, twice as fast as all
-
-
-class Cut(NamedTuple):
-    """What is cut off R in each segment of a block: bounds of its size and variation in the K^-1 norm, (S,)."""
-
-    size: np.ndarray
-    variation: np.ndarray
-
-    @classmethod
-    def between(cls, rows: np.ndarray) -> Cut | None:
-        """Return what lies between consecutive samples of the cut columns' coordinates, scaled, (S + 1, c)."""
-        if not rows.shape[1]:
-            return None
-        size, variation = np.empty(len(rows)), np.empty(len(rows) - 1)
-        for first in range(0, len(rows), TOGETHER):
-            part = rows[first : first + TOGETHER + 1]
-            size[first : first + TOGETHER] = np.abs(part[:TOGETHER]).sum(axis=1)
-            variation[first : first + TOGETHER] = np.abs(np.diff(part, axis=0)).sum(axis=1)
-        return cls(np.maximum(size[:-1], size[1:]), variation)
-
-
-class Added(NamedTuple):
-    """What auxiliary vectors add to a reduced trajectory, which was bounded with it.
-
-    q, q_t : (S, n) of modes and vectors. speed : (S,) the root of twice the kinetic energy of all that is added.
-    veer : how far that moves the frame; None: not at all. left : (q, q_t) of what it may lack still, sum of sizes;
-    None: not known. beside : (S,) |.|_{M^-1} of the inertia forces of second order that are not in it and that no
-    residual of the body shows, nan where these are not known; None: nowhere.
-    """
-
-    q: np.ndarray
-    q_t: np.ndarray
-    speed: np.ndarray
-    veer: Veer | None = None
-    left: Sequence[tuple[np.ndarray, np.ndarray]] | None = None
-    beside: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -58,18 +20,13 @@ class Start:
     """First instant of a run.
 
     z : (k,) residual coordinates; y0, y0_t : columns' combinations with K e0 = L y0, M e0' = L y0' (theory.md 3),
-    None if the initial error is zero. cut : bound of what z leaves out of R, in the K^-1 norm. joint : energies of
-    all bodies of a mechanism together (coupled_energy.py); None: this body is alone. added : what auxiliary vectors
-    add; None: nothing.
+    None if the initial error is zero.
     """
 
     t: float
     z: np.ndarray
     y0: np.ndarray | None = None
     y0_t: np.ndarray | None = None
-    cut: float = 0.0
-    joint: tuple[float, float] | None = None
-    added: Added | None = None
 
 
 @dataclass
@@ -80,11 +37,9 @@ class Block:
     unresolved : (S, p) bounds of |u - u_I| in each segment, u_I the polynomial that c contains.
     unresolved_variation : (S, p) bounds of the total variation of u - u_I.
     skipped : (S, 2, n), samples of qr and qr' less the trajectory at the ends of the segments; None: no difference.
-    turn : how the frame turns in each segment; None: not at all. cut : what c leaves out of R; None: nothing.
-    bent, moved : (S, 2), see Turn.of_curve. joint : JointEnergy of a mechanism (coupled_energy.py);
-    None: this body is alone. added : what auxiliary vectors add at the ends of the segments; None: nothing.
+    turn : how the frame turns in each segment; None: not at all.
+    bent, moved : (S, 2), see Turn.of_curve.
     chain : (S + 1, k), z where straight lines lead from one to the next; None: c are other curves.
-    is_driven : turn and cut are those of a frame that moves as a function of time says.
     """
 
     t: np.ndarray
@@ -94,12 +49,8 @@ class Block:
     unresolved_variation: np.ndarray
     skipped: np.ndarray | None = None
     turn: Turn | None = None
-    cut: Cut | None = None
     bent: np.ndarray | None = None
     moved: np.ndarray | None = None
-    joint: Any = None
-    added: Added | None = None
-    is_driven: bool = False
     chain: np.ndarray | None = None
     _made: dict = field(default_factory=dict, init=False)
     _of_ends: dict = field(default_factory=dict, init=False)
@@ -107,7 +58,7 @@ class Block:
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
         """Return blocks one after another, as segmenters make them: with t, h, c, unresolved and skipped only."""
-        later = ("turn", "cut", "bent", "moved", "joint", "added")
+        later = ("turn", "bent", "moved")
         if any(getattr(block, name) is not None for block in blocks for name in later):
             raise ValueError(f"blocks are joined before any of {', '.join(later)} is known")
         fields = ("t", "h", "c", "unresolved", "unresolved_variation")
@@ -120,8 +71,8 @@ class Block:
         return joined
 
     def without_residual(self) -> Block:
-        """Return the same segments with R = 0, of this body alone."""
-        return replace(self, c=0 * self.c, chain=None, joint=None, added=None)
+        """Return the same segments with R = 0."""
+        return replace(self, c=0 * self.c, chain=None)
 
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""

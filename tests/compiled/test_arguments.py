@@ -6,13 +6,11 @@ import pytest
 TURNS = [(2, 3)] * 4  # of a body in closed form: w, alpha, b, g; then c, c1, c2 and sums over its nodes
 BODY = [*TURNS, *[(2, 1)] * 3, (3,), (3, 3), (3, 4), (3, 3, 4), (9, 4, 4), (3, 4, 4), *[(4, 4)] * 3]
 CALLS = {  # sizes that are right, and shapes of the arrays
-    "march": ((2, 5, 3, 4), [(2, 4, 3), (2, 5, 4), (2, 5, 2, 3), (5, 12), (5, 16), (5, 4, 6), *[(5, 4, 4)] * 2]),
     "oscillators": ((5, 4, 3), [(2, 3), (2, 2, 3), (2, 4, 3), (5, 4, 3), (5, 2, 3)]),
     "rows_times": ((7, 5, 3), [(7, 5), (3, 5), (7, 3)]),
     "squares": ((7, 5, 3), [(7, 5), (3, 5), (7,)]),
-    "curves": ((5, 2, 3, 0.1, 0.2), [(5,), *[(6, 2)] * 3, (6, 3), (5, 6, 3), (3, 4), (6, 3), (5, 6, 3)]),
-    "lengths": ((5, 2, 4, 1, 7), [(5, 3, 4), (7, 3), (5,)]),
-    "inertia": ((3, 2), [(3, 3, 9), (107,), (30,), (2, 3, 9)]),
+    "curves": ((5, 2, 3, 0.1, 0.2), [(5,), *[(6, 2)] * 3, (6, 3), (5, 6, 3), (6, 7), (5, 6, 7)]),
+    "lengths": ((5, 2, 4, 7), [(5, 3, 4), (7, 4), (5,)]),
     "interpolate": ((5, 3), [*[(5, 3)] * 2, (5, 9, 3), (6, 6), (5, 6), (5, 6, 3), *[(5, 3)] * 2]),
     "largest_sizes": ((7, 5), [(7, 5), (5,)]),
     "decaying_sums": ((2, 5), [*[(2, 5)] * 2, (2,), (2, 5)]),
@@ -29,10 +27,7 @@ CALLS = {  # sizes that are right, and shapes of the arrays
 def arguments(name):
     """Sizes and arrays that a loop takes."""
     sizes, shapes = CALLS[name]
-    arrays = [np.ones(shape) for shape in shapes]
-    if name == "march":
-        arrays += [np.ones(5, dtype=bool), np.empty((5, 2, 4, 3)), np.empty((5, 2, 1)), [(1, np.array([0]))]]
-    return [*sizes], arrays
+    return [*sizes], [np.ones(shape) for shape in shapes]
 
 
 @pytest.mark.parametrize("name", CALLS)
@@ -41,10 +36,10 @@ def test_numbers_of_other_kinds_are_refused(name, compiled):
     sizes, arrays = arguments(name)
     getattr(compiled, name)(*sizes, *arrays)
     for i, array in enumerate(arrays):
-        for kind in ("i8", "c8", ">f8") if isinstance(array, np.ndarray) and array.dtype == float else ():
+        for kind in ("i8", "c8", ">f8"):
             with pytest.raises(ValueError, match="in place of"):
                 getattr(compiled, name)(*sizes, *arrays[:i], array.astype(kind), *arrays[i + 1 :])
-        if isinstance(array, np.ndarray) and array.ndim > 1:
+        if array.ndim > 1:
             with pytest.raises(ValueError, match="not C-contiguous"):
                 getattr(compiled, name)(*sizes, *arrays[:i], np.repeat(array, 2, axis=-1)[..., ::2], *arrays[i + 1 :])
 
@@ -53,20 +48,12 @@ def test_numbers_of_other_kinds_are_refused(name, compiled):
 def test_sizes_that_overflow_or_are_negative_are_refused(name, compiled):
     """So many empty arrays, whose bytes are zero modulo 2^64, were taken: nothing is to be read of them."""
     sizes, arrays = arguments(name)
-    empty = [np.zeros(0, dtype=x.dtype) if isinstance(x, np.ndarray) else [] for x in arrays]
+    empty = [np.zeros(0)] * len(arrays)
     for i in (i for i, size in enumerate(sizes) if isinstance(size, int)):
         for given, wrong in ((empty, 2**61), (empty, -(2**63)), (arrays, -1)):
             of_all = [2**61 if wrong == 2**61 and isinstance(x, int) else x for x in sizes]
             with pytest.raises(ValueError, match=r"negative|too large"):
                 getattr(compiled, name)(*of_all[:i], wrong, *of_all[i + 1 :], *given)
-
-
-def test_columns_that_are_not_there_hold_nothing(compiled):
-    """Not even where they are said to hold no coordinate."""
-    sizes, (*arrays, _) = arguments("march")
-    for column in (-1, 2, 10**12):
-        with pytest.raises(ValueError, match="no such column"):
-            compiled.march(*sizes, *arrays, [(column, np.zeros(0, dtype=np.int64))])
 
 
 def test_without_points_in_a_step_nothing_is_looked_at(compiled):

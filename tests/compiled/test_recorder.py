@@ -62,8 +62,8 @@ class System:
 class Hook:
     """Is told of steps, writes down what it is asked and given, and answers at random."""
 
-    def __init__(self, seed, has_tangents, user=None):
-        self.random, self.has_tangents, self.user = np.random.default_rng(seed), has_tangents, user
+    def __init__(self, seed, is_wide, user=None):
+        self.random, self.keeps_multipliers, self.user = np.random.default_rng(seed), is_wide, user
         self.told, self.end, self.system = [], np.inf, System(range(0, 1000, 7))
         self.step, self.drain, self.hurry = step_recorder.gatherer(SimpleNamespace(systemData=self.system), self)
 
@@ -71,23 +71,19 @@ class Hook:
         self.flush()
         self.told.append("begin")
         rows = int(self.random.integers(1, 12))
-        self.end = self.random.uniform(0, 40) if self.has_tangents else np.inf
+        self.end = self.random.uniform(0, 40) if self.keeps_multipliers else np.inf
         widths = (SIZE, SIZE, SIZE, MULTIPLIERS)
         return np.empty(rows), *(np.full((rows, width), np.nan) for width in widths)
 
     def flush(self):
         self.told.append([x.copy() for x in self.drain()])
 
-    def read_tangent(self, mbs, t):
-        self.told.append(("tangent", t))
-        return int(self.random.choice([0, 1, 1, 2, 5, 20]))
-
     def goes_on(self):
         self.flush()
         return self.random.choice([0.0, 1.0, 4.0, np.inf], p=[0.05, 0.15, 0.2, 0.6]) if self.told else 1
 
-    def call_user(self, mbs, t, go_on, *row):
-        self.told.append([x.copy() for x in row])
+    def call_user(self, mbs, t, go_on):
+        self.told.append(t)
         return self.user(mbs, t) and go_on
 
     def run(self):
@@ -120,14 +116,14 @@ def assert_same(one, other):
 
 
 @pytest.mark.parametrize("user", [None, lambda mbs, t: True], ids=["alone", "a user's function"])
-@pytest.mark.parametrize("has_tangents", [False, True])
-def test_rows_and_questions_are_the_same(compiled, monkeypatch, has_tangents, user):
+@pytest.mark.parametrize("is_wide", [False, True])
+def test_rows_and_questions_are_the_same(compiled, monkeypatch, is_wide, user):
     rows = 0
     for seed in range(40):
         found = []
         for loops in (None, compiled):
             monkeypatch.setattr(step_recorder, "loops", loops)
-            found.append(Hook(seed, has_tangents, user).run())
+            found.append(Hook(seed, is_wide, user).run())
         (told, asked), (told_compiled, asked_compiled) = found
         assert_same(told, told_compiled)
         assert asked == asked_compiled

@@ -1,14 +1,10 @@
 """Generalised-alpha is passive: the storage's identity, and bounds of errors under any dampers, joints and loads."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import scipy.linalg as la
 
-from exudyn_romerr.decay.passive_steps import OF_MODES, Means, PassiveSteps, step_change
-from exudyn_romerr.estimates import overshoot
-from exudyn_romerr.estimates.overshoot import Excess, StartStorage
+from exudyn_romerr.decay.passive_steps import OF_MODES, Means, PassiveSteps
 
 EXACT = 1e-12  # rounding of an identity's terms
 ROUNDING = 1e-8  # of the bound: accelerations of stiff modes are 1e6 times those that count, and steps are 60
@@ -52,25 +48,6 @@ def test_the_identity_of_a_step():
     assert min(map(np.min, lost)) >= 0
 
 
-def test_the_storage_that_allows_other_steps():
-    """With kappa^4 h^4 |a|^2/4 more: what is lost is a form of both accelerations without negative eigenvalue."""
-    one = np.eye(2)
-    for kappa in np.linspace(0.01, 1, 25):
-
-        def lost(a, new, kappa=kappa):
-            x, v = newmark(0.0, 0.0, a, new, 1.0, kappa)
-            alpha_f = parameters(kappa)[1]
-            grown = sum(np.square(storage(x, v, new, 1.0, kappa)[1])) - sum(
-                np.square(storage(0, 0, a, 1.0, kappa)[1])
-            )
-            more = kappa**4 * (new**2 - a**2) / 4
-            return 2 * (1 - alpha_f) * v * (1 - alpha_f) * x - grown - more
-
-        both = (lost(1, 1) - lost(*one[0]) - lost(*one[1])) / 2
-        form = [[lost(*one[0]), both], [both, lost(*one[1])]]
-        assert la.eigvalsh(form)[0] > 0.2 * kappa**3 * min(kappa**2, 1) * 0.9
-
-
 def spd(rng, n, low, high):
     Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
     return Q * np.exp(rng.uniform(np.log(low), np.log(high), n)) @ Q.T
@@ -79,10 +56,10 @@ def spd(rng, n, low, high):
 class System:
     """Free bodies with singular K, ideal joints, springs, dampers of low rank, gyroscopic forces; loads; an error.
 
-    All is in units of the step, h = 1, unless steps differ.
+    All is in units of the step, h = 1.
     """
 
-    def __init__(self, seed, radius=None, even=True):
+    def __init__(self, seed, radius=None):
         rng = np.random.default_rng([seed, 35])
         self.kappa = (1 - (rho := rng.choice(RADII) if radius is None else radius)) / (1 + rho)
         self.steps_of = PassiveSteps(self.kappa)
@@ -112,7 +89,7 @@ class System:
         self.D = self.D + turning - turning.T
         joints = rng.standard_normal((int(rng.integers(0, 4)), n))
         self.T = la.null_space(joints) if len(joints) else np.eye(n)
-        self.h = np.ones(60) if even else 10 ** rng.uniform(-0.5, 0.5, 60)
+        self.h = np.ones(60)
         t = np.arange(61)[:, None]
         shapes = {
             "sudden": 1.0 + 0 * t,
@@ -340,58 +317,6 @@ def test_rough_loads_of_damped_bodies_do_bounded_work(seed):
     assert np.all(size(system.root_M, v[1:]) <= system.steps_of.norms[1] * g * (1 + ROUNDING))
 
 
-def kept_of_starts(spread=0.0, counted=True, **options):
-    """Largest storage after a start alone over StartStorage, in steps 1, 5, 20 and 60; modes joined by dampers.
-
-    spread : by how many times beta bodies and springs may have more stiffness damping; counted : as what it is.
-    """
-    found = []
-    for seed in range(40):
-        system = System(seed, **options)
-        rng, beta = np.random.default_rng([seed, 3]), 10 ** -float(seed % 5)
-        dampers = rng.standard_normal((2, system.n)) * (10 ** rng.uniform(-3, 1, 2))[:, None]
-        system.D = beta * (system.K + system.K_s) + dampers.T @ dampers
-        of_springs, *of_bodies = beta * spread * rng.permutation(np.linspace(0, 1, len(system.blocks) + 1))
-        blocks = (more * k @ k.T for more, k in zip(of_bodies, system.blocks, strict=True))
-        system.D += of_springs * system.K_s + la.block_diag(*blocks)
-        excess = Excess(beta, la.eigvalsh(dampers.T @ dampers, system.M)[-1], counted * beta * spread)
-        system.R[1:] = 0.0  # only the accelerations are left of it
-        a0 = -np.linalg.solve(system.T.T @ system.M @ system.T, system.T.T @ system.R[0])
-        system.R[0] = 0.0
-        (e, v, a), _ = system.motion(a0)
-        sizes = size(system.root_M, a[0]), np.hypot(size(system.root_K, a[0]), size(system.root_s, a[0]))
-        bound = StartStorage(system.steps_of, 1.0, sizes, excess).advance(60)
-        own = system.stored(e, e, v, a)[1:]
-        found.append([share(own[n - 1 : n], bound[n - 1 : n]) for n in (1, 5, 20, 60)])
-    return np.max(found, axis=0)
-
-
-@pytest.mark.parametrize("spread", [0.0, 0.1, 10.0])
-@pytest.mark.parametrize("radius", [0.0, 0.3, 0.5, 0.7, 0.9])
-def test_stiff_modes_forget_a_start(radius, spread):
-    assert kept_of_starts(radius=radius, spread=spread).max() <= 1 + ROUNDING
-
-
-def test_what_bodies_and_springs_damp_more_than_the_least_is_needed():
-    assert kept_of_starts(radius=0.0, spread=0.1, counted=False).max() > 1.01
-    assert kept_of_starts(radius=0.0, spread=10.0, counted=False).max() > 10
-
-
-def test_what_stiff_modes_keep_is_needed(monkeypatch):
-    assert kept_of_starts(radius=0.9).max() > 0.99
-    original = overshoot._stored
-    monkeypatch.setattr(overshoot, "_stored", lambda *of: (0 * original(*of)[0], original(*of)[1]))
-    assert kept_of_starts(radius=0.9).max() > 1.01
-
-
-def test_last_digits_of_dampings_move_the_last_digits():
-    """Two bodies of one beta have two that differ by rounding, or do not."""
-    steps, sizes = PassiveSteps(0.3), (1.0, 1e5)
-    same, other = (StartStorage(steps, 1e-3, sizes, Excess(1e-5, 1e3, off)).advance(60) for off in (0.0, 2e-20))
-    assert other == pytest.approx(same, rel=1e-12)
-    assert same[-1] < steps.start(1e-3, *sizes) / 5
-
-
 def test_impulses_beside():
     """Forces that no K^-1 norm bounds, of one step from rest: c h |f|_{M^-1}, which is reached."""
     found = []
@@ -408,25 +333,6 @@ def test_impulses_beside():
         found.append(np.max(own[1:] / (system.steps_of.impulse * np.cumsum(pushed))))
         assert alpha_f <= 0.5
     assert 0.9 < max(found) <= 1 + ROUNDING
-
-
-def test_steps_of_other_sizes():
-    """Every change by its factor, on the storage that allows them."""
-    assert step_change(1.0) == 1.0
-    assert step_change(0.5) == pytest.approx(1.148, abs=1e-3)
-    assert step_change(2.0) == pytest.approx(4.329, abs=1e-3)
-    found = []
-    for seed in SEEDS:
-        system = System(seed, even=False)
-        (e, v, _), f = system.motion(np.zeros(system.T.shape[1]))
-        changes, g, bounds = system.inverse_norm(np.diff(f, axis=0, prepend=0 * f[:1])), 0.0, []
-        for (before, h), change in zip(pairwise(np.append(system.h[0], system.h)), changes, strict=True):
-            g = g * step_change(h / before) + change
-            bounds.append(g)
-        d = e[1:] + system.static(f)
-        found.append(share(size(system.root_K, d), system.steps_of.norms[0] * np.array(bounds)))
-        found.append(share(size(system.root_M, v[1:]), system.steps_of.norms[1] * np.array(bounds)))
-    assert max(found) <= 1 + ROUNDING
 
 
 def test_which_schemes_are_passive():

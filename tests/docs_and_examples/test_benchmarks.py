@@ -12,7 +12,6 @@ from benchmarks import (
     growth,
     kernel_offline,
     large_bodies,
-    mechanism_cost,
     offline,
     online_linkage,
     page,
@@ -22,7 +21,6 @@ from benchmarks import (
     short_runs,
     speed,
     speed_figure,
-    wishbone_cost,
 )
 from models import floating
 
@@ -104,40 +102,6 @@ def test_floating_cost_of_a_mesh_counts_every_step(capsys):
     assert extra > storing > 0
     floating_cost.print_meshes([mesh], costs)
     assert capsys.readouterr().out.count("largest over smallest mesh 1.000") == 2
-
-
-def test_mechanism_cost_measures_every_variant(capsys):
-    found = mechanism_cost.main(["--scenes", "pendulum", "double", "--steps", "10", "--pairs", "1"])
-    for bodies, (variants, times) in zip((1, 2), found.values(), strict=True):
-        assert times.shape == (1, 5)
-        assert np.all(times > 0)
-        assert [len(variant.reports) for variant in variants] == [0, *[bodies] * 4]
-        for variant in variants[1:]:
-            assert [len(report.t) for report in variant.reports] == [11] * bodies
-            assert [report.scope for report in variant.reports] == [
-                dict.fromkeys(variant.estimators, "coupled (linearised)")
-            ] * bodies
-        for variant in variants[1:4]:
-            for report in variant.reports:
-                steps = [out.estimate_parts["time step"].any() for out in report.outputs.values()]
-                assert steps == [bool(variant.estimate)]
-    printed = capsys.readouterr().out
-    assert printed.count("promised at most") == 2 * (2 + 1)
-    assert printed.count("of a bare step more than the bound") == 2 * 2
-
-
-@pytest.mark.slow
-def test_wishbone_cost_measures_the_same_drive(capsys):
-    (bare, *bounded), times = wishbone_cost.main(["--end", "0.005", "--pairs", "1"])
-    assert times.shape == (1, 3)
-    for drive in bounded:
-        assert len(drive.report.t) == 11
-        states = [one.mbs.systemData.GetODE2Coordinates() for one in (bare, drive)]
-        # both static solves end within the solver's tolerance, and eigenmodes start from random numbers
-        np.testing.assert_allclose(*np.abs(states), atol=1e-7 * np.max(np.abs(states)))
-    printed = capsys.readouterr().out
-    assert "promised at most 1.15" in printed
-    assert "promised at most 1.25" in printed
 
 
 def test_forked_runs_begin_where_they_were_forked():

@@ -220,11 +220,10 @@ class Scenario:
         moving = [inertia_coordinates(self.b, self.moving.motion(k), q[k], q_t[k]) for k in range(len(q))]
         return np.concatenate([np.array(moving), np.broadcast_to(self.loads, (len(q), *self.loads.shape))], axis=2)
 
-    def offline(self, turns=True, packed=False, **options):
+    def offline(self, turns=True, **options):
         outputs = Output("y", self.C), Output("v", self.C, of="velocity")
-        minor = slice(12, 12 + 9 * self.V.shape[1]) if packed else None
         initial = tuple(self.start) if self.start.any() else None
-        scene = Scene(turns=turns, minor=minor)
+        scene = Scene(turns=turns)
         options = BoundOptions(initial=initial, inputs=self.columns, outputs=outputs, **options)
         return prepare(self.body, Basis(self.V), options, scene=scene, sampled_inputs=True)
 
@@ -372,7 +371,7 @@ def bounds(seed, time):
     else:
         made = [
             case.offline(time=time, estimators=ALL, auxiliary_modes=2),
-            case.offline(time=time, estimators=("auxiliary", "energy"), auxiliary_modes=FREE, packed=True),
+            case.offline(time=time, estimators=("auxiliary", "energy"), auxiliary_modes=FREE),
         ]
     return {
         kind: [row for offline in made for row in case.compared(k, time, case.run(k, offline))]
@@ -421,15 +420,14 @@ def test_half_of_the_bounds_are_sharp(seeds, share, kind, e):
         assert 1 - tol.TAYLOR <= np.median(values) < share * limit
 
 
-@pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("time", TIMES)
 @pytest.mark.parametrize("seed", marked(SEEDS[::5]))
-def test_without_spin_the_bounds_are_those_of_a_body_at_rest(seed, time, packed):
+def test_without_spin_the_bounds_are_those_of_a_body_at_rest(seed, time):
     """To the last bit, by all estimators."""
     case = scenario(seed)
-    names = ALL[:3] if damping(seed) == "matrix" else ALL[2:] if packed else ALL
+    names = ALL[:3] if damping(seed) == "matrix" else ALL
     moving, still = (
-        case.run(SPINS.index("rest"), case.offline(turns=turns, packed=packed, time=time, estimators=names))
+        case.run(SPINS.index("rest"), case.offline(turns=turns, time=time, estimators=names))
         for turns in (True, False)
     )
     for kind in ("position_bound", "velocity_bound"):

@@ -39,14 +39,19 @@ def in_frame(scene, rows):
     return rows.q[:, scene.mbs.systemData.GetNodeLTGODE2(node)] @ scene.fem.modeBasis["matrix"].T
 
 
-def told(scene, rows, radius=0.8):
-    """Report, and of all NODES estimates of the modes and bounds, (T, nodes, 3)."""
+def told_of(scene, rows, scheme, nodes=NODES):
+    """What is told of some nodes."""
     flex = romerr.floating_body(scene.fem, scene.items)
-    chosen = [[(f"node {k}", [k], None) for k in NODES]]
-    report, _ = told_solve(scene.mbs, Asked([flex], chosen, Scheme.of_radius(radius), False), rows)
-    outputs = [report.outputs[f"node {k}"] for k in NODES]
-    found = [o.estimate_parts["basis"] for o in outputs], [o.bound["best"] for o in outputs]
-    return report, *(np.stack(x, axis=1) for x in found)
+    outputs = [romerr.node_displacement(f"node {k}", node=k) for k in nodes]
+    return told_solve(scene.mbs, Asked([flex], [outputs], scheme, False), rows)[0]
+
+
+def told(scene, rows, radius=0.8):
+    """What is told, and of all NODES estimates of the modes and bounds, (T, nodes, 3)."""
+    found = told_of(scene, rows, Scheme.of_radius(radius))
+    (outputs,) = found.of_bodies
+    parts = [o.estimate_parts["basis"] for o in outputs], [o.bound["best"] for o in outputs]
+    return found, *(np.stack(x, axis=1) for x in parts)
 
 
 def least(estimate, bound, error):
@@ -68,13 +73,13 @@ def pendulum():
 def test_no_node_misses_more_than_its_bound(pendulum):
     """And at most is close to the error: 1.1 times in the median, as BOUNDS of the prototype had it."""
     scene, rows, error = pendulum
-    report, estimate, bound = told(scene, rows)
+    found, estimate, bound = told(scene, rows)
     assert np.all(np.abs(error) <= bound + NEWTON)
     assert least(estimate, bound, error) > 1
     peak = np.abs(error).max(axis=0)
     moves = peak > 1e-3 * peak.max()
     assert np.median((bound.max(axis=0) / peak)[moves]) < 1.2
-    assert BOUNDS not in dict(report.plan.left_out)
+    assert BOUNDS not in dict(found.left_out)
 
 
 def complement_left_out(monkeypatch):
@@ -122,26 +127,33 @@ def test_without_what_is_missed_there_are_errors_above(monkeypatch):
     assert list(table.below([told_and_true.of_seed(102)]))
 
 
-@pytest.mark.parametrize("seed", [46, 77])
-def test_where_estimates_miss_as_much_as_they_are_nothing_is_bounded(seed):
-    """Both have errors up to 5 % above sums that are 0.8 and 1e3 times the error; why was not found."""
-    one = told_and_true.of_seed(seed)
+def test_a_mechanism_that_rests_and_is_free_to_move():
+    """Its stiffness is singular: rounding of the first residuals, solved with it, turned a body by 2e-4 at the start.
+
+    Estimates were 84 % off and errors twice their bounds; a load on what a drive holds was enough to show it.
+    """
+    one = told_and_true.of_seed(46)
+    assert sum(np.isfinite(value["bound"]) for value in one["bounds"]) >= 9
+    assert not list(table.below([one]))
+    modes = [value for value in one["records"] if value["cause"] == "modes"]
+    assert all(value["off"] <= 0.01 * value["true"] + value["unsure"] for value in modes if value["is known"])
+
+
+def test_where_estimates_miss_as_much_as_they_are_nothing_is_bounded():
+    """Errors are up to 5 % above sums that are 0.8 and 1e3 times the error; why was not found."""
+    one = told_and_true.of_seed(77)
     assert not any(np.isfinite(value["bound"]) for value in one["bounds"])
 
 
 def test_what_is_not_bounded_says_why(pendulum):
     scene, rows, _ = pendulum
-    report, *_ = told(scene, rows, radius=0.7)
-    assert BOUNDS not in dict(report.plan.left_out)
-    flex = romerr.floating_body(scene.fem, scene.items)
-    chosen = [[("node", [60], None)]]
-    euler = Scheme(0.0, 0.0, 0.3, 0.6)
-    report, _ = told_solve(scene.mbs, Asked([flex], chosen, euler, False), rows)
-    assert dict(report.plan.left_out)[BOUNDS] == bounds.OTHER_STEPS
-    few = rows[np.r_[0:20, 21:40]]
-    report, _ = told_solve(scene.mbs, Asked([flex], chosen, Scheme.of_radius(0.8), False), few)
-    assert dict(report.plan.left_out)[BOUNDS] == bounds.UNEQUAL_STEPS
-    assert not np.isfinite(report.outputs["node"].bound["best"]).any()
+    found, *_ = told(scene, rows, radius=0.7)
+    assert BOUNDS not in dict(found.left_out)
+    found = told_of(scene, rows, Scheme(0.0, 0.0, 0.3, 0.6), [60])
+    assert dict(found.left_out)[BOUNDS] == bounds.OTHER_STEPS
+    found = told_of(scene, rows[np.r_[0:20, 21:40]], Scheme.of_radius(0.8), [60])
+    assert dict(found.left_out)[BOUNDS] == bounds.UNEQUAL_STEPS
+    assert not np.isfinite(found.of_bodies[0][0].bound["best"]).any()
 
 
 def test_nothing_is_computed_where_no_sensor_shows_a_frame():

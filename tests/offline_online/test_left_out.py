@@ -14,8 +14,7 @@ import exudyn_romerr as romerr
 from exudyn_romerr.decay import decay_rates as forgetting
 from exudyn_romerr.linalg import eigenmodes as modes
 from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
-from exudyn_romerr.mbs.coupled.feedback_runs import Reaction
-from exudyn_romerr.mbs.derivatives.linearisation import Tangents
+from exudyn_romerr.mechanism.mechanism import Mechanism
 from exudyn_romerr.model import body as body_module
 from exudyn_romerr.offline import prepare as offline
 from exudyn_romerr.offline.options import BoundOptions
@@ -80,9 +79,9 @@ def watched(monkeypatch):
     monkeypatch.setattr(forgetting, "lowest_modes", lowest_modes)
     found.count(monkeypatch, SymmetricFactor, "__init__", "factor")
     found.count(monkeypatch, modes, "negative_eigenvalues", "count")
-    for owner, name in ((offline, "Turning"), (offline, "StaticError"), (offline, "node_bounds"), (Tangents, "read")):
+    for owner, name in ((offline, "Turning"), (offline, "StaticError"), (offline, "node_bounds")):
         found.count(monkeypatch, owner, name)
-    found.count(monkeypatch, Reaction, "__init__", "Reaction")
+    found.count(monkeypatch, Mechanism, "__init__", "mechanism")
     return found
 
 
@@ -216,7 +215,7 @@ def test_frame_at_rest_has_no_terms_of_turning(watched):
     plan = monitor.report().plan
     assert "22 columns" in str(plan)
     assert "welds" in left_out(plan)["terms of a turning frame"]
-    assert [watched.made[name] for name in ("Turning", "Reaction", "read")] == [0, 0, 0]
+    assert [watched.made[name] for name in ("Turning", "mechanism")] == [0, 0]
 
 
 def test_frame_that_turns_has_them(watched):
@@ -225,14 +224,13 @@ def test_frame_that_turns_has_them(watched):
     monitors = watch(scene, 1, scope=FROZEN)
     solve(scene)
     assert watched.made["Turning"] == 2  # "energy" and "auxiliary"
-    assert [watched.made[name] for name in ("Reaction", "read")] == [0, 0]
+    assert watched.made["mechanism"] == 0
     assert "terms of a turning frame" not in left_out(monitors[0].report().plan)
     scene = pendulum()
     monitors = watch(scene)
     solve(scene)
-    assert watched.made["Reaction"] == 1
-    assert watched.made["read"] > 0
-    assert "reacting with the mechanism" in str(monitors[0].report().plan)
+    monitors[0].report()
+    assert (watched.made["mechanism"], watched.made["Turning"]) == (1, 2)  # told by the mechanism, which has its own
 
 
 def test_interface_without_load_or_joint_has_no_columns():

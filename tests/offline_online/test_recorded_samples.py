@@ -16,14 +16,14 @@ OFFLINE = SimpleNamespace(
 def recorded(positions):
     """Blocks of a run whose bounds of |e|_M are `positions` (blocks, 50); q says which sample it is of."""
     known = {"energy": SimpleNamespace(position=np.zeros(0)), "auxiliary": SimpleNamespace(position=np.zeros(0))}
-    found = RecordedSamples(OFFLINE, lambda: [known])
+    found = RecordedSamples(OFFLINE, lambda: known)
     for i, part in enumerate(positions):
         numbers = np.arange(i * ROWS, (i + 1) * ROWS, dtype=float)
         q = np.tile(numbers[:, None], n)
         known["energy"].position = np.append(known["energy"].position, part)
         known["auxiliary"].position = np.append(known["auxiliary"].position, part[::-1])
-        new = Samples(numbers, q, q, q, np.zeros((ROWS, 0)), np.zeros((ROWS, 0)), np.zeros((ROWS, 0)))
-        found.append(new, SimpleNamespace(outputs=q[:, :1]), 0.0, new.frame)
+        new = Samples(numbers, q, q, q, np.zeros((ROWS, 0)), np.zeros((ROWS, 0)))
+        found.append(new, SimpleNamespace(outputs=q[:, :1]), 0.0)
     return found, known
 
 

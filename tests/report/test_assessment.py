@@ -120,7 +120,7 @@ def test_unknown_causes_are_refused():
 def test_a_run_that_is_not_certified_proves_nothing():
     """Its estimate is what it was, where only bounds are doubted; else the answer names cause and cure."""
     out, scope = PROVED
-    of_bounds, of_all = Reason.REPEATED.doubt(), Reason.CHANGED.doubt(said="the mbs was changed")
+    of_bounds, of_all = Reason.UNCHECKED.doubt(), Reason.GOES_ON.doubt()
     assert assess(report_of((replace(out, uncertified=(of_bounds,)), scope)), "tip z", 5.0).answer == "likely"
     found = assess(report_of((replace(out, uncertified=(of_bounds, of_all)), scope)), "tip z", 5.0)
     assert found.answer == "unknown"

@@ -16,7 +16,6 @@ from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice
 from exudyn_romerr.mode_selection.tried_run import TriedRun
-from exudyn_romerr.online import run_messages
 from exudyn_romerr.online.run_messages import doubts_of
 from exudyn_romerr.online.run_record import SolverFacts
 from exudyn_romerr.online.tolerance_check import ToleranceCheck
@@ -34,24 +33,14 @@ from tests.helpers.report_outputs import output
 from tests.helpers.theorem import random_case
 
 MISSED = SimpleNamespace(
-    offline=SimpleNamespace(scene=SimpleNamespace(checked=True, coupled=True), samples_precision=0.0),
+    offline=SimpleNamespace(scene=SimpleNamespace(checked=True), samples_precision=0.0),
     solver=SolverFacts(),
     messages=[],
     balance=SimpleNamespace(worst_mode=2),
     defect=0.01,
 )
 DOUBTS = {
-    "goes on": Reason.BEGUN_ANEW.doubt(),
-    "goes on from what is not known": Reason.GOES_ON.doubt(),
-    "goes on by index 2": Reason.OTHER_INDEX.doubt(),
-    "goes on with other loads": Reason.OTHER_LOADS.doubt(),
-    "steps repeated": Reason.REPEATED.doubt(),
-    "starts with dampers": Reason.STARTS_DAMPED.doubt(),
-    "not linear": Reason.THIRD_ORDER.doubt(10),
-    "controller": Reason.CONTROLLER.doubt(said="at t = 1 s a spring jumps"),
-    "not looked at": run_messages.unseen("a table that ends"),
-    "solver not kept": Reason.UNKNOWN_SCHEME.doubt(),
-    "mbs changed": run_messages.changed("parameters"),
+    "goes on": Reason.GOES_ON.doubt(),
     "begins late": Reason.NO_ACCELERATIONS.doubt(0.1),
     "nothing to check": Reason.UNCHECKED.doubt(),
     "not balanced": doubts_of(MISSED)[0],
@@ -185,18 +174,9 @@ def test_messages_are_made_of_doubts(cause):
     assert len(doubt.cause) < 80  # it stands in the sentence of every row
 
 
-def test_one_cause_that_shows_often_is_told_once(plain):
-    """As a mbs that was changed shows in every block of steps: a message each, one line in what bounds cover."""
-    often = [run_messages.changed(f"parameters at t = {t} s") for t in range(3)]
-    report = doubted(plain, *often)
-    for text in (str(report), report.details):
-        assert text.count("No bound of this run is certified") == 3
-        assert sum(line.startswith(f"  {NOT_CERTIFIED}: ") for line in text.splitlines()) == 1
-
-
 def test_tables_have_no_bound_that_is_not_certified(plain):
     """Which is below them with its condition; cause and cure are in a line of their own."""
-    doubt = DOUBTS["mbs changed"]
+    doubt = DOUBTS["not balanced"]
     report = doubted(plain, doubt, scope=COUPLED)
     assert " at most " in str(doubted(plain, scope=COUPLED))
     said = str(report)
@@ -290,15 +270,15 @@ def test_stresses_keep_it():
 class Bounded:
     """A run with bounds that rise to 2; what may speak against them."""
 
-    offline = SimpleNamespace(scene=SimpleNamespace(checked=True, coupled=True, scope_of=lambda name: COUPLED))
-    offline.samples_precision, solver, partners, defect = 0.0, SolverFacts(), (), 0.0
+    offline = SimpleNamespace(scene=SimpleNamespace(checked=True, scope=FROZEN))
+    offline.samples_precision, solver, defect = 0.0, SolverFacts(), 0.0
     times = np.array([0.0, 1.0])
 
     def __init__(self, *messages):
         self.messages = list(messages)
 
     def doubts(self):
-        return doubts_of(self, self.partners)
+        return doubts_of(self)
 
     def best_of_last(self, count):
         return {"tip": np.array([[0.5], [2.0]])[-count:]}
@@ -317,30 +297,17 @@ def test_a_tolerance_that_stops_a_run_says_so():
 def test_lines_in_the_solver_s_output_say_so():
     def line(run):
         out = SimpleNamespace(name="tip", unit="m")
-        watch = SimpleNamespace(run=run, runs=[run], subject=SimpleNamespace(outputs=[out]))
+        watch = SimpleNamespace(
+            run=run, succession=SimpleNamespace(runs=[run]), subject=SimpleNamespace(outputs=[out])
+        )
         watch.bounded_until = lambda: 1.0
         return live_line([watch], 1.0)
 
-    assert line(Bounded(DOUBTS["goes on"])) == "error bounds at t = 1: tip 2 m, to first order, not certified\n"
-    assert line(Bounded()) == "error bounds at t = 1: tip 2 m, to first order\n"
+    assert line(Bounded(DOUBTS["goes on"])) == "error bounds at t = 1: tip 2 m, inputs frozen, not certified\n"
+    assert line(Bounded()) == "error bounds at t = 1: tip 2 m, inputs frozen\n"
 
 
 # --- where doubts come from, and where they go ------------------------------
-
-
-def test_a_load_that_is_missed_on_one_body_concerns_all_whose_bounds_are_coupled():
-    (own,), (others,) = doubts_of(MISSED), doubts_of(Bounded(), [MISSED])
-    assert (others.cause, others.cure) == (own.cause, own.cure)
-    assert others.startswith("another body: Galerkin defect 1.0e-02 ")
-
-
-@pytest.mark.parametrize("coupled", [True, False])
-def test_a_mechanism_that_is_changed_concerns_coupled_bounds_alone(coupled):
-    run = Bounded(DOUBTS["mbs changed"])
-    run.offline = SimpleNamespace(scene=SimpleNamespace(checked=True, coupled=coupled), samples_precision=0.0)
-    assert bool(run.doubts()) == coupled
-    (noted,) = run_messages._noted(SimpleNamespace(messages=run.messages, doubts=run.doubts()))
-    assert ("No bound of this run is certified" in noted) == coupled
 
 
 def test_mechanisms_have_the_doubts_of_all_bodies(plain):

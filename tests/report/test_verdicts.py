@@ -170,7 +170,7 @@ def test_doubts_of_older_files_concern_estimates():
 
 
 def test_what_is_doubted_is_neither_enough_nor_too_large():
-    doubted = row_of(["1e-4"], uncertified=(Reason.CHANGED.doubt(said="it was changed"),))
+    doubted = row_of(["1e-4"], uncertified=(Reason.GOES_ON.doubt(),))
     assert {verdict.answer for verdict in doubted.of.values()} == {Answer.NOT_KNOWN}
 
 

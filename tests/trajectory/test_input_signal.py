@@ -66,7 +66,7 @@ def test_loads_of_floating_bodies_are_called_at_once():
     counted = Counted(lambda t: [0.0, 5.0 * np.sin(7.0 * t), 0.0])
     repeated = np.repeat(T, 4)
     expected = np.array([counted.function(t) for t in repeated.tolist()])
-    assert np.array_equal(over_time(OfTime(counted), repeated), expected)
+    assert np.array_equal(over_time(OfTime(lambda _: counted), repeated), expected)
     assert counted.calls <= 2 + len(T) // COMPARED + 1
 
 
@@ -106,7 +106,9 @@ def test_functions_with_math_are_called_at_once():
         return load(None, t, vector)
 
     expected = np.array([load(None, t, vector) for t in times.tolist()])
-    assert np.all(np.abs(over_time(OfTime(f), times) - expected) <= LAST_DIGITS * np.abs(expected).max(axis=0))
+    assert np.all(
+        np.abs(over_time(OfTime(lambda _: f), times) - expected) <= LAST_DIGITS * np.abs(expected).max(axis=0)
+    )
     assert len(counted) < 150
     found = InputSignal(lambda t: math.sin(t), 1)(FINE)
     np.testing.assert_allclose(found[:, 0], np.sin(FINE), rtol=0, atol=LAST_DIGITS)
@@ -215,7 +217,7 @@ class Remembering:
 def test_what_loads_keep_is_put_back_after_arrays_and_is_refused():
     """An integral over time takes arrays as if they were a time: none of them stays in it."""
     f, mbs = Remembering(since=0.5), SimpleNamespace(variables={}, sys={})
-    vector = OfTime(lambda t: f(mbs, t, None), f, lambda: mbs)
+    vector = OfTime(lambda f: lambda t: f(mbs, t, None), f, lambda: mbs)
     early = np.linspace(0.0, 0.4, 9)
     assert np.array_equal(over_time(vector, early), np.tile([0.0, 0.0, 10.0], (9, 1)))
     with pytest.raises(AssumptionError, match="keeps something from call to call"):

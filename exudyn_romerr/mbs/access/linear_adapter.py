@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import weakref
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...offline.prepare import prepare
 from ...trajectory.input_signal import InputSignal
-from ..memory.user_memory import memory_kept
+from ..memory.detached import Detached
 from .mbs_items import require_inputs_only
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Iterator, Sequence
 
     import numpy as np
 
@@ -24,26 +24,29 @@ if TYPE_CHECKING:
 
 
 class KeptSignal(InputSignal):
-    """An input function that a run goes on with: what it keeps is put back after every call."""
+    """An input function that a run goes on with: copies of it are called, which keep what they keep."""
 
     def __init__(self, flex: ReducedBody):
         super().__init__(flex.input_function, flex.model.G.shape[1])
-        self._mbs = weakref.ref(flex.mbs)
+        self._mbs, self._given = weakref.ref(flex.mbs), flex.input_function
 
-    def kept(self) -> AbstractContextManager:
-        """Put back what the function keeps."""
-        return memory_kept(self._mbs(), [self._f])
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Let a copy be called."""
+        detached = Detached(self._mbs(), [self._given])
+        with detached.in_use(*filter(None, [self._mbs()])):
+            self._f = detached.of(self._given)
+            try:
+                yield
+            finally:
+                self._f = self._given
 
 
 class LinearSubject:
     """Its offline work is done when it is attached; the mbs is read for what it must not contain.
 
-    body : the full body. enriched : None, auxiliary vectors of its own need a frame. why_not_coupled : it asks for
-    no mechanism.
+    body : the full body.
     """
-
-    enriched = None
-    why_not_coupled = ""
 
     def __init__(self, flex: ReducedBody, options: BoundOptions):
         self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
@@ -67,7 +70,14 @@ class LinearSubject:
         self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
         self._offline = prepare(self.body, self._basis, self._options)
 
-    def read(self, mbs: Any, static: bool = False, attached: Collection[int] = (), others: str = "") -> Offline:
+    def is_told(self, mbs: Any, static: bool, why_not: str) -> bool:
+        """Whether a mechanism tells of it: nothing reacts to a linear body."""
+        return False
+
+    def at_every_step(self) -> None:
+        """Let bounds be known while a solve goes on: they are."""
+
+    def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline:
         """Find the body's coordinates in the mbs; AssumptionError if something else acts on it."""
         require_inputs_only(mbs, self._node, self.item)
         first = mbs.GetNodeODE2Index(self._node)
@@ -77,8 +87,8 @@ class LinearSubject:
     def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, **_: bool) -> tuple:
         """Return q, q_t, q_tt of a run's first sample, each (n,)."""
         # explicit solvers leave the initial accelerations unset until their first step is done
-        with nullcontext() if self._signal is None else self._signal.kept():
-            return q, q_t, self._model.acceleration(t, q, q_t)
+        model = self._model if self._signal is None else replace(self._model, input_function=self._signal.at)
+        return q, q_t, model.acceleration(t, q, q_t)
 
     def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
         """Return q, q_t, q_tt of accepted steps, each (S, n)."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..memory.kept_values import Copies
-from ..memory.user_memory import memory_kept
+from ...errors import AssumptionError
+from ..memory.detached import Detached, OnlyReads
 from .state_guard import state_kept
 
 LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
@@ -22,63 +22,48 @@ def loads_with_functions(mbs: Any) -> list[int]:
     return [i for i in range(mbs.systemData.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
 
 
-def controllers(mbs: Any, numbers: list[int], copies: Copies | None = None) -> dict[int, str]:
+def controllers(mbs: Any, numbers: list[int]) -> dict[int, str]:
     """Number -> name of those loads that are not functions of time alone: they see the motion, or keep something.
 
-    They are called in this state twice, in another one and a little later; what they keep is put back. Those that
-    hold what cannot be put back are not called. All together, for most often there is none; else one by one.
-    copies: of what they keep, where they are looked at again and again.
+    Copies of them are called in this state twice, in another one and a little later. Those that keep what cannot be
+    copied are not called.
     """
-    if not numbers or _why_not_by_time_alone(mbs, numbers, copies) is None:
-        return {}
-    reasons = {i: _why_not_by_time_alone(mbs, [i]) for i in numbers}
-    found = {i: reason for i, reason in reasons.items() if reason is not None} or dict.fromkeys(numbers, "")
-    return {i: f"load {i} ({mbs.GetLoad(i)['name']}{reason})" for i, reason in found.items()}
+    reasons = {i: _why_not_by_time_alone(mbs, mbs.GetLoad(i)) for i in numbers}
+    return {i: f"load {i} ({mbs.GetLoad(i)['name']}{why})" for i, why in reasons.items() if why is not None}
 
 
-def _why_not_by_time_alone(mbs: Any, numbers: list[int], copies: Copies | None = None) -> str | None:
-    """None if loads are functions of time alone; else what their functions hold, if that cannot be put back."""
-    system, values, t = mbs.systemData, [], mbs.systemData.GetTime()
-    loads = [mbs.GetLoad(i) for i in numbers]
-    functions = [load_functions(load) for load in loads]
+def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
+    """None if a load is a function of time alone; else what its function keeps, if that cannot be copied."""
+    if not (functions := load_functions(load)):
+        return None
+    t = mbs.systemData.GetTime()
+    given, detached = load.get("loadVector", load.get("load")), Detached(mbs, functions)
+    if detached.lost:
+        return f", whose function keeps what cannot be copied: {detached.lost}"
 
-    def keep() -> None:
-        values.append([mbs.GetLoadValues(i) for i in numbers])
+    def values(at: float = t) -> Any:
+        return np.hstack([np.ravel(detached.of(f)(OnlyReads(mbs), at, as_given(given))) for f in functions])
 
-    with memory_kept(mbs, [f for own in functions for f in own], copies) as memory:
-        if memory.lost:
-            return f", whose function can reach: {memory.lost}"
-        keep()
-        with state_kept(system) as (q, q_t, q_tt, multipliers):
-            system.SetODE2Coordinates(q + shifts(len(q)))
-            system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
-            system.SetODE2Coordinates_tt(q_tt + shifts(len(q)))
-            system.SetAECoordinates(multipliers + MOVED)
-            keep()
-        for load, own in zip(loads, functions, strict=True):
-            for f in own:
-                with suppress(Exception):  # a table that ends here
-                    f(mbs, t + LATER * max(abs(t), 1.0), as_given(load.get("loadVector", load.get("load"))))
-        remembers = memory.changed  # before the next call, which may lead back: that of an integral over time does
-        keep()
-    first, *others = (np.hstack(rows) for rows in values)
-    same = all(np.array_equal(first, row, equal_nan=True) for row in others)
-    return None if same and not (remembers or memory.was_changed) else ""
+    with detached.in_use(mbs):
+        try:
+            found = [values(), _elsewhere(mbs.systemData, values)]
+        except AssumptionError as error:
+            return f", for {error}"
+        with suppress(Exception):  # a table that ends here
+            values(t + LATER * max(abs(t), 1.0))
+        found.append(values())
+    same = all(np.array_equal(found[0], row, equal_nan=True) for row in found)
+    return None if same and not detached.has_changed() else ""
 
 
-def remembering_joints(mbs: Any) -> list[str]:
-    """Return the names of constraints whose offset keeps something from call to call, or cannot be called away."""
-    found, t = [], mbs.systemData.GetTime()
-    for i in range(mbs.systemData.NumberOfObjects()):
-        item = mbs.GetObject(i)
-        f = (item.get("offsetUserFunction") or {}).get("function")
-        if callable(f):
-            with memory_kept(mbs, [f]) as memory, suppress(Exception):
-                for time in () if memory.lost else (t, t, t + LATER * max(abs(t), 1.0)):
-                    f(mbs, time, i, as_given(item.get("offsetUserFunctionParameters", item.get("offset"))))
-            if memory.lost or memory.was_changed:
-                found.append(f"object {i} ({item['name']}, {item['objectType']})")
-    return found
+def _elsewhere(system: Any, values: Callable[[], Any]) -> Any:
+    """What values are in another state."""
+    with state_kept(system) as (q, q_t, q_tt, multipliers):
+        system.SetODE2Coordinates(q + shifts(len(q)))
+        system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
+        system.SetODE2Coordinates_tt(q_tt + shifts(len(q)))
+        system.SetAECoordinates(multipliers + MOVED)
+        return values()
 
 
 def load_functions(load: dict[str, Any]) -> list[Callable]:

@@ -12,7 +12,6 @@ from ...trajectory.scheme import Scheme
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-DAMPING = ("damping", "viscous", "friction", "jointdcontrol")  # in names of parameters
 FFRF, QUATERNIONS = "FFRFreducedOrder", "RigidBodyEP"  # types of floating bodies, of nodes with Euler parameters
 BODIES = (FFRF, "Ground", "PointGround")
 
@@ -36,12 +35,6 @@ def end_time(mbs: Any, static: bool) -> float | None:
     """Return the time the dynamic solver that has just begun is to go to; None if it is not kept in mbs.sys."""
     solver = None if static else _just_begun(mbs)
     return None if solver is None else float(solver.it.endTime)
-
-
-def first_step(mbs: Any) -> float | None:
-    """Return the step that the dynamic solver that has just begun tries first; None if it is not kept in mbs.sys."""
-    solver = _just_begun(mbs)
-    return None if solver is None else float(solver.it.currentStepSize)
 
 
 def is_verbose(mbs: Any, static: bool) -> bool:
@@ -76,9 +69,9 @@ def scheme_of(mbs: Any) -> Scheme | None:
     return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
 
 
-def share_of(mbs: Any) -> float | None:
-    """Return alpha_f of the solver that has just begun: of the forces at a step's begin; None if it has no such."""
-    return getattr(mbs.sys.get("dynamicSolver"), "alphaF", None)
+def holds_rates(settings: Any) -> bool:
+    """Whether a solver with these settings holds rates of constraints (index 2)."""
+    return settings is not None and settings.timeIntegration.generalizedAlpha.useIndex2Constraints
 
 
 def load_factor(mbs: Any) -> Callable[[float], float]:
@@ -114,44 +107,6 @@ def sensor_name(mbs: Any, number: int) -> str:
     name = mbs.GetSensor(number)["name"]
     others = (i for i in range(mbs.systemData.NumberOfSensors()) if i != number)
     return f"{name} (sensor {number})" if any(mbs.GetSensor(i)["name"] == name for i in others) else name
-
-
-def has_joints_only(mbs: Any) -> bool:
-    """Whether nothing but joints and the ground is beside floating bodies, as far as objects are active."""
-    items = (mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()))
-    kinds = {item["objectType"] for item in items if item.get("activeConnector") is not False}
-    return all(kind in BODIES or kind.startswith("Joint") for kind in kinds)
-
-
-def has_dampers(mbs: Any) -> bool:
-    """Whether there may be damping beside that of floating bodies: parameters of other objects that are not zero."""
-    return any(
-        (any(name in key.lower() for name in DAMPING) and _is_given(value)) or (_is_of_spring(key) and bool(value))
-        for i in range(mbs.systemData.NumberOfObjects())
-        for key, value in mbs.GetObject(i).items()
-        if mbs.GetObject(i)["objectType"] not in BODIES and not stands_alone(mbs, i)
-    )
-
-
-def stands_alone(mbs: Any, number: int) -> bool:
-    """Whether an object is a linear body that no other object touches: it leaves the mechanism what it is."""
-    item = mbs.GetObject(number)
-    if item["objectType"] != "GenericODE2":
-        return False
-    others = [mbs.GetObject(i) for i in range(mbs.systemData.NumberOfObjects()) if i != number]
-    nodes = [(node, _markers_on(mbs, node, number)) for node in numbers(item, "nodeNumbers")]
-    return not any(_touches(other, markers, node) for other in others for node, markers in nodes)
-
-
-def _is_of_spring(key: str) -> bool:
-    """Whether a parameter is the user function of a spring, which may damp."""
-    return key.startswith("spring") and key.endswith("UserFunction")
-
-
-def _is_given(value: Any) -> bool:
-    """Whether a parameter, a number, list or matrix of Exudyn, is not zero."""
-    value = value.Convert2DenseMatrix() if hasattr(value, "Convert2DenseMatrix") else value
-    return bool(np.any(np.asarray(value)))
 
 
 def _markers_on(mbs: Any, node: int, item: int) -> set[int]:

@@ -43,15 +43,6 @@ def reduced_damping(body: ElasticBody, V: np.ndarray) -> np.ndarray:
     return (D + D.T) / 2
 
 
-def damping_products(body: ElasticBody, X: np.ndarray, Y: np.ndarray, M: np.ndarray, K: np.ndarray) -> np.ndarray:
-    """Return X^T D Y of displacements (N, ...) in the body's space, whose X^T M Y and X^T K Y are M and K."""
-    if body.modal is None:
-        alpha, beta = body.rayleigh
-        return alpha * M + beta * K
-    X, Y = (body.space.coordinates("a basis", x) for x in (X, Y))
-    return X.T @ (body.modal @ Y)
-
-
 def require_modal_damping(body: ElasticBody, V: np.ndarray, D: np.ndarray) -> None:
     """InputError unless the damping D (n, n) in the mbs is that of the full body, which has ratios by mode."""
     expected = reduced_damping(body, V)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -71,14 +71,7 @@ def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[No
         yield
 
 
-def of_coordinates(mbs: Any, value: Callable[[Any], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
-    """Return what is read of an mbs as a function of its coordinates q, which stay as they were set last."""
-
-    def at(q: np.ndarray) -> np.ndarray:
-        mbs.systemData.GetODE2Coordinates(*IN_PLACE)[:] = q
-        return value(mbs)
-
-    return at
+_LAST: list[exu.MainSolverStatic] = []  # of ours; when one goes, the threads of the run go with it
 
 
 def own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:
@@ -91,6 +84,7 @@ def own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:
     settings.staticSolver.verboseMode = 0
     settings.parallel.numberOfThreads = threads
     warnings_off = exu.config.suppressWarnings
+    _LAST.clear()
     try:
         exu.config.suppressWarnings = True
         with states_kept(mbs.systemData):
@@ -98,4 +92,5 @@ def own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:
                 raise AssumptionError(f"the mechanism has no tangent: {solver.GetErrorString()}")
     finally:
         exu.config.suppressWarnings = warnings_off
+    _LAST.append(solver)
     return solver

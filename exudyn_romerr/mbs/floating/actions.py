@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import weakref
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -15,8 +14,8 @@ from ...model.admissible_space import MeanMotion
 from ...model.floating_frame import left_jacobian
 from ...trajectory.input_signal import FEW, values_at_once
 from ...trajectory.time_table import TimeTable
+from ..memory.detached import Detached, OnlyReads
 from ..memory.standstill import look_up, note
-from ..memory.user_memory import memory_kept
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,19 +62,15 @@ class Place:
 class OfTime:
     """A vector (3,) over time; function : the user's own behind it, if there is one, of an mbs, a weak reference.
 
-    at : of a time, None: the vector is `given` all the time. given : (3,), what the function is given. name : of the
-    load, in lines of the plan.
+    at : of the function, a function of time; None: the vector is `given` all the time. given : (3,), what the
+    function is given. name : of the load, in lines of the plan.
     """
 
-    at: Callable[[float], Any] | None
+    at: Callable[[Callable | None], Callable[[float], Any]] | None
     function: Callable | None = None
     mbs: Callable[[], Any] | None = None
     given: tuple[float, ...] = ()
     name: str = ""
-
-    def kept(self) -> AbstractContextManager:
-        """Put back what the user's function keeps: the run goes on with it."""
-        return nullcontext() if self.function is None else memory_kept(self.mbs(), [self.function])
 
     @property
     def table(self) -> TimeTable:
@@ -177,7 +172,7 @@ class Actions:
 def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
     """Return a vector at times t (S,), a user's function called once for times that repeat: (S, 3).
 
-    What that keeps is put back after it was tried with many times, and after it was called with single ones.
+    A copy of it is called: the run goes on with what it keeps.
 
     Raises
     ------
@@ -191,14 +186,21 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
 
 def _called(vector: OfTime, times: np.ndarray) -> np.ndarray:
     """The same at ascending times (T,), (T, 3)."""
-    with vector.kept() as memory:
-        values = values_at_once(vector.at, times, 3) if len(times) > FEW else None
-    if values is None or (memory is not None and memory.was_changed):
-        with vector.kept() as memory:
-            # backwards: the run may be at the last time, where memory of the time would be what it was
-            values = np.array([vector.at(x) for x in times[::-1].tolist()], dtype=float).reshape(-1, 3)[::-1]
-    if memory is not None and memory.was_changed:
-        raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
+    if vector.function is None:
+        return _values(vector.at(None), times)
+    detached = Detached(vector.mbs(), [vector.function])
+    try:
+        with detached.in_use(*filter(None, [vector.mbs()])):
+            return _values(vector.at(detached.of(vector.function)), times)
+    finally:  # what it keeps may make it fail, too
+        if detached.has_changed():
+            raise AssumptionError(REMEMBERS.format(times[0], times[-1]))
+
+
+def _values(at: Callable[[float], Any], times: np.ndarray) -> np.ndarray:
+    values = values_at_once(at, times, 3) if len(times) > FEW else None
+    if values is None:  # backwards: the run may be at the last time, where memory of the time would be what it was
+        values = np.array([at(x) for x in times[::-1].tolist()], dtype=float).reshape(-1, 3)[::-1]
     return values
 
 
@@ -208,9 +210,12 @@ def load_vector(mbs: Any, name: str, load: dict, load_factor: Callable | None) -
     if not user:
         if load_factor is None:
             return OfTime(None, given=tuple(vector.tolist()), name=name)
-        return OfTime(lambda t: vector * load_factor(t), name=name)
+        return OfTime(lambda _: lambda t: vector * load_factor(t), name=name)
     f, given = user["function"], tuple(vector.tolist())
-    own, f = (f, f) if callable(f) else (None, f.Evaluate)  # a symbolic function, which keeps nothing
     owner = weakref.ref(mbs)  # the mbs holds the hook; a hook that held the mbs would keep it for ever
     # a list of its own, as Exudyn gives it: functions may write to it, and return it
-    return OfTime(lambda t: f(owner(), t, [*given]), own, owner, given, name)
+    if callable(f):
+        return OfTime(lambda f: lambda t: f(OnlyReads(owner()), t, [*given]), f, owner, given, name)
+    return OfTime(
+        lambda _: lambda t: f.Evaluate(owner(), t, [*given]), None, owner, given, name
+    )  # a symbolic function

@@ -16,19 +16,10 @@ GROUND = ("Ground", "PointGround")
 
 @dataclass(frozen=True)
 class Support:
-    """at_rest: the frame does not move; driven: it moves as functions of time say; neither: it reacts to the body.
-
-    item, markers : of a driven frame, the joint that moves it, and those of its markers that are on the body. known :
-    the motion is taken from the function itself; otherwise unknown says why not.
-    """
+    """at_rest: the frame does not move; else functions of time move it, or it reacts to the body."""
 
     at_rest: bool
-    driven: bool
     text: str
-    item: int = -1
-    markers: tuple[int, ...] = ()
-    known: bool = False
-    unknown: str = ""
 
 
 def read_support(mbs: Any, model: ReducedMatrices, reference_markers: set[int]) -> Support:
@@ -38,13 +29,12 @@ def read_support(mbs: Any, model: ReducedMatrices, reference_markers: set[int]) 
         if item.get("activeConnector") is False or not _welds(mbs, item, reference_markers):
             continue
         if item["offsetUserFunction"]:
-            text = f"object {i} ({item['name']}) moves the reference interface by its function"
-            return Support(False, True, text, i, tuple(numbers(item, "markerNumbers") & reference_markers))
-        return Support(True, False, f"object {i} ({item['name']}) welds the reference interface to the ground")
+            return Support(False, f"object {i} ({item['name']}) moves the reference interface by its function")
+        return Support(True, f"object {i} ({item['name']}) welds the reference interface to the ground")
     held = _held_coordinates(mbs, model)
     if len(held) >= model.frame.size - (model.frame.size == 7):  # Euler parameters: the last follows from the others
-        return Support(True, False, f"coordinate constraints hold the frame's node {model.nodes[0]}")
-    return Support(False, False, "the frame moves as joints, connectors and loads let it")
+        return Support(True, f"coordinate constraints hold the frame's node {model.nodes[0]}")
+    return Support(False, "the frame moves as joints, connectors and loads let it")
 
 
 def require_free_node(mbs: Any, model: ReducedMatrices) -> None:

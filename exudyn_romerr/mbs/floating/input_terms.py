@@ -25,7 +25,7 @@ class InputTerms:
     Attributes
     ----------
     unknown : number of trailing columns of wrenches. weighs : whether inertia or gravity comes first; the first three
-    values are b then. minor : inputs that are small, see packed_residual.py. first_load : number of columns before
+    values are b then. first_load : number of columns before
     the loads. by_function : all inputs are functions of time alone. rigid : what modes move beside V (N, n), which
     the reference conditions hold; None: nothing.
     """
@@ -39,8 +39,7 @@ class InputTerms:
         self.weighs = not self.at_rest or bool(actions.gravity)
         self._flex, self._V, self.rigid = flex, V, rigid
         self._loads = [sp.csc_matrix(of.columns) for of in (*actions.loads, *actions.wrenches)]
-        self.minor = None if self.at_rest else slice(RIGID_INERTIA, RIGID_INERTIA + 9 * V.shape[1])  # M E_ij V
-        self.first_load = 3 * self.weighs if self.minor is None else self.minor.stop
+        self.first_load = 3 * self.weighs if self.at_rest else RIGID_INERTIA + 9 * V.shape[1]
         turned = 0.0 if rigid is None or self.at_rest else rigid.moves[3:]
         self._turns = [load.place.turn_rows @ V + turned if load.follows else None for load in actions.loads]
 

@@ -43,10 +43,6 @@ class Sampler:
         u = None if self.terms.by_function else self._inputs(t, motion, q, q_t, q_tt)
         return q, q_t, q_tt, u, held.rows()
 
-    def held_frame(self, *states: np.ndarray) -> np.ndarray:
-        """Return the motion (S, 24) of the frame that the reference conditions hold, q, q_t, q_tt (S, size + n)."""
-        return self._frames(states)[1].rows()
-
     def _frames(self, states: tuple[np.ndarray, ...]) -> tuple[FrameMotion, FrameMotion]:
         """Motion of the frame of the mbs, and of the one that the reference conditions hold."""
         size = self.frame.size

@@ -15,6 +15,8 @@ from ..access.mbs_items import sensor_name
 from .loads_and_joints import MESH_MARKERS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from .floating_body import FloatingBody
 
 QUANTITIES = {
@@ -119,6 +121,18 @@ def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
         )
     of, frame = QUANTITIES[kind]
     return Measured(sensor["name"], nodes, weights, of, frame)
+
+
+def other_sensors(mbs: Any, flexes: Sequence[FloatingBody], asked: Sequence[int] | None) -> list[int]:
+    """Return which sensors of those asked for, None: of all, show no output of floating bodies, nor a linear body."""
+    linear = [i for i in range(mbs.systemData.NumberOfObjects()) if mbs.GetObject(i)["objectType"] == "GenericODE2"]
+    nodes = {int(node) for i in linear for node in mbs.GetObject(i)["nodeNumbers"]}
+    return [
+        number
+        for number in (range(mbs.systemData.NumberOfSensors()) if asked is None else asked)
+        if all(measured_of(mbs, flex, number) is None for flex in flexes)
+        and int(mbs.GetSensor(number).get("nodeNumber", -1)) not in nodes
+    ]
 
 
 def measured_of(mbs: Any, flex: FloatingBody, number: int) -> Measured | None:

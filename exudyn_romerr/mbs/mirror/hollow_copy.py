@@ -22,15 +22,16 @@ from ..access.copied_mbs import copy_items
 from ..access.equations import Equations
 from ..access.object_terms import object_terms
 from ..access.state_guard import set_state, state_in_place
+from ..memory.detached import READS_SENSORS, Detached
 from .vectors import Enriched
 
 UNSEEN = 1e-8  # of the largest: what differences leave of an unknown that nothing knows
 STEP = 1e-5  # rad, and of a body's size: to differentiate by, both ways
 KNOWN = 1e-12  # of the largest force: a change by rates that is less is rounding
 DEPENDENT = 1e-8  # of the largest: what is below is a constraint that others imply, or none
-NO_CONSTRAINT = (
-    1e-8  # of what its row of G could come to: less is the length of Euler parameters, which unknowns keep
-)
+ROUNDED = 1e2 * np.finfo(float).eps  # of the sizes of coordinates that constraints know: rounding of differences
+# of what its row of G could come to: less is the length of Euler parameters, which unknowns keep
+NO_CONSTRAINT = 1e-8
 
 
 class HollowCopy:
@@ -43,8 +44,15 @@ class HollowCopy:
     nodes in whose axes readings are.
     """
 
-    def __init__(self, mbs: Any, enriched: Sequence[Enriched], unknowns: Unknowns, shows: bool = False):
-        """Copy; shows: whether with all vectors, and the sensors."""
+    def __init__(
+        self,
+        mbs: Any,
+        enriched: Sequence[Enriched],
+        unknowns: Unknowns,
+        detached: Detached,
+        shows: bool = False,
+    ):
+        """Copy, with copies of user functions; shows: whether with all vectors, and the sensors."""
         self._unknowns, self._shows = unknowns, shows
         self.independent: np.ndarray | None = None
         self.frames = [node for node in unknowns.nodes if node.is_frame]
@@ -55,12 +63,12 @@ class HollowCopy:
         wider = {one.body.place.number: _massless(one.shapes if shows else one.kept_shapes) for one in enriched}
         self._container = exu.SystemContainer()
         self.mbs = self._container.AddSystem()
-        copy_items(mbs, self.mbs, wider, wider, shows)
+        copy_items(mbs, self.mbs, detached, wider, shows or READS_SENSORS in detached.names)
         for load in (number for one in enriched for number in one.weights):
             self.mbs.SetLoadParameter(load, "loadVectorUserFunction", 0)
             self.mbs.SetLoadParameter(load, "loadVector", [0.0, 0.0, 0.0])
         self.mbs.Assemble()
-        self._equations = Equations(self.mbs)
+        self._equations = Equations(self.mbs, _threads(mbs))
         self.own, self.extra = self._places(mbs, enriched)
         self.size, self._is_massless = self._equations.size, not self._equations.mass(self.mbs).any()
 
@@ -215,13 +223,20 @@ class HollowCopy:
         """
         scaled = C * self.scales
         size, able = np.linalg.norm(scaled, axis=1), np.linalg.norm(np.abs(whole) @ np.abs(J * self.scales), axis=1)
-        rows = np.flatnonzero(able > 0)
-        rows = rows[size[rows] > NO_CONSTRAINT * able[rows]]
+        where = exu.ConfigurationType.Current, exu.ConfigurationType.Reference
+        rounded = np.abs(whole) @ sum(np.abs(self.mbs.systemData.GetODE2Coordinates(one)) for one in where)
+        rows = np.flatnonzero(size > np.maximum(NO_CONSTRAINT * able, ROUNDED * rounded))
         if not len(rows):
             return rows
         triangle, order = la.qr((scaled[rows] / size[rows, None]).T, mode="r", pivoting=True)
         values = np.abs(np.diag(triangle[: len(rows), : len(rows)]))
         return np.sort(rows[order[: int(np.sum(values > DEPENDENT * values[0]))]])
+
+
+def _threads(mbs: Any) -> int:
+    """Of the run: Exudyn's one task manager would go on with fewer."""
+    settings = mbs.sys.get("simulationSettings")
+    return 1 if settings is None else settings.parallel.numberOfThreads
 
 
 def _massless(shapes: np.ndarray) -> dict[str, Any]:

@@ -34,7 +34,7 @@ class Recorder:
         if self._borders is None:
             self._borders = np.cumsum([*map(len, row)])
         try:
-            self._rows.append(np.concatenate(row, dtype=float))
+            self._rows.append(np.concatenate(row, dtype=float)[None])
         except (OSError, MemoryError, ValueError) as error:  # the run of the user goes on
             self._lost = error
         return True if self.user is None else self.user(mbs, t)
@@ -72,13 +72,16 @@ class StoredRows:
     def __init__(self) -> None:
         self._held, self._filed, self._file = GrowingArray(), 0, None
 
-    def append(self, row: np.ndarray) -> None:
-        """Add a row (width,)."""
-        if row.nbytes * len(self._held) > MOST:
+    def append(self, rows: np.ndarray) -> None:
+        """Add rows (S, width)."""
+        if rows.nbytes // max(len(rows), 1) * len(self._held) > MOST:
             self._to_file()
             self._filed += len(self._held)
             self._held.cut(0)
-        self._held.append(row[None])
+        self._held.append(rows)
+
+    def __len__(self) -> int:
+        return self._filed + len(self._held)
 
     def _to_file(self) -> None:
         if self._file is None:

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from re import sub
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...mechanism.outputs import NodeSensor, Outputs
+from ...mechanism.outputs import InClosedForm, NodeSensor, Outputs, RowsInFrame
 from ...mechanism.rotations import rotation_matrix, times_transposed
 from ...mechanism.samples import Rows
 from ...mechanism.unknowns import Unknowns
 from ...mechanism_bounds.bounds import MeshRows
+from ...model.outputs import AXES, Output
 from ...report.data import UNITS
 from ..access.mbs_items import sensor_name
 from ..floating.sensor_outputs import measured_of
+from ..memory.detached import Detached
 from ..sensors.without_state import NO_STATE
 from .hollow_copy import STEP, HollowCopy
 from .vectors import Enriched
 
-KINDS = {  # closed form of what a sensor on mesh nodes measures, by quantity and axes
-    ("displacement", "global"): "Displacement",
-    ("position", "global"): "Position",
-    ("velocity", "global"): "Velocity",
-    ("displacement", "body"): "DisplacementLocal",
-    ("velocity", "body"): "VelocityLocal",
+KINDS = {  # closed form of what a mesh node shows in global axes, by quantity
+    "displacement": "Displacement",
+    "position": "Position",
+    "velocity": "Velocity",
 }
 TURNED = ("Displacement", "Position", "Velocity", "Acceleration", "AngularVelocity", "AngularAcceleration")
 # vectors whose gradients are looked at in axes of the body they are on, where they hardly change
@@ -34,31 +34,26 @@ TOGETHER = 1024  # rows whose states are made at once
 FASTER = 1e3  # times steps of coordinates: of rates and accelerations, to differentiate by
 STILL = "it does not depend on the motion"
 NOT_FINITE = "it is not finite"
+SEVERAL = "in global axes one place is told, a node or the mean of several with weights of sum 1"
 NO_FUNCTION = "its object has a user function, which is not called away from the run"
 
 
 @dataclass(frozen=True)
 class ShownSensor:
-    """A sensor that can be told: its name, rows, kind as Exudyn has it, what it shows in words.
+    """A sensor, or an output of a body, that can be told: its name, rows, what it shows in words.
 
-    number : Exudyn's; None: chosen for a scene without sensors.
+    number : Exudyn's; None: an output, of body number `body`. shows : rows that are shown of it, of those it has.
     """
 
     name: str
     rows: slice
-    kind: str
     of: str
     number: int | None
-
-    @property
-    def unit(self) -> str:
-        """The unit of that, where it is the same in every system of units."""
-        return UNITS.get(self.kind.removesuffix("Local"), "")
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of components."""
-        return ("x", "y", "z") if self.rows.stop - self.rows.start == 3 else ()
+    body: int | None
+    unit: str
+    labels: tuple[str, ...]
+    shows: np.ndarray
+    quantity: str
 
 
 class Sensors:
@@ -68,31 +63,48 @@ class Sensors:
     mesh nodes in frames of their bodies.
     """
 
-    def __init__(self, mbs: Any, enriched: Sequence[Enriched], unknowns: Unknowns):
+    def __init__(
+        self,
+        mbs: Any,
+        enriched: Sequence[Enriched],
+        unknowns: Unknowns,
+        detached: Detached,
+        outputs: Sequence[Sequence[Output]] = (),
+        numbers: Iterable[int] | None = None,
+    ):
+        """Find out what can be told.
+
+        Parameters
+        ----------
+        detached : copies of user functions
+        outputs : of each body, beside sensors
+        numbers : of sensors; None: all of the mbs
+        """
         self._mbs, self._enriched, self._unknowns = mbs, enriched, unknowns
         self.shown: list[ShownSensor] = []
         self.left_out: list[tuple[str, str]] = []
-        self.nodes: list[NodeSensor] = []
+        self.nodes: list[InClosedForm] = []
         self.in_frames: list[MeshRows] = []
         self._axes: list[int] = []
         self.count = 0
-        for number in range(mbs.systemData.NumberOfSensors()):
+        for number in range(mbs.systemData.NumberOfSensors()) if numbers is None else numbers:
             self._add(number)
+        for b, of_body in enumerate(outputs):
+            for out in of_body:
+                self._add_output(b, out)
         self._asked = [one for one in self.shown if one.rows.start not in {node.first for node in self.nodes}]
-        self._copy = HollowCopy(mbs, enriched, unknowns, shows=True) if self._asked else None
-        self._values: Callable[[], np.ndarray] = self._read
+        self._copy = HollowCopy(mbs, enriched, unknowns, detached, shows=True) if self._asked else None
 
     def _add(self, number: int) -> None:
         item, name = self._mbs.GetSensor(number), sensor_name(self._mbs, number)
         if why := _why_not(self._mbs, item):
             self.left_out.append((name, why))
             return
-        kind = item.get("outputVariableType")
-        kind = "" if kind is None else kind.name
+        kind = _kind(item)
         for b, one in enumerate(self._enriched):
             found = measured_of(self._mbs, one.known.flex, number)
             if found is not None:
-                self.add_nodes(name, b, KINDS[found.of, found.frame], found.nodes, found.weights, number)
+                self._add_output(b, replace(found.output(), name=name), number)
                 return
         values = np.atleast_1d(self._mbs.GetSensorValues(number)).ravel()
         if not np.isfinite(values).all():
@@ -111,34 +123,36 @@ class Sensors:
         return -1
 
     def _note(self, name: str, kind: str, number: int | None, count: int, axes: int) -> None:
-        rows = slice(self.count, self.count + count)
-        of = sub(r"(?<!^)([A-Z])", r" \1", kind.removesuffix("Local")).lower()
-        self.shown.append(ShownSensor(name, rows, kind, of, number))
+        """Note a sensor whose gradients are read, and in which axes."""
+        rows, (of, unit) = slice(self.count, self.count + count), _words(kind)
+        labels = tuple(AXES) if count == 3 else ()
+        self.shown.append(ShownSensor(name, rows, of, number, None, unit, labels, np.arange(count), of))
         self._axes += [axes] * count
         self.count += count
 
-    def add_nodes(
-        self,
-        name: str,
-        b: int,
-        kind: str,
-        nodes: Sequence[int],
-        weights: Sequence[float] | None,
-        number: int | None = None,
-    ) -> None:
-        """Add the mean of mesh nodes of body number b, in closed form."""
-        share = np.ones(len(nodes)) if weights is None else np.asarray(weights, float)
-        share = share / share.sum()
+    def _add_output(self, b: int, out: Output, number: int | None = None) -> None:
+        """Add an output of body number b, in closed form; or say why it cannot be told."""
         one = self._enriched[b]
-        shapes = np.tensordot(share, one.shapes.reshape(-1, 3, one.body.k)[list(nodes)], 1)
-        position = share @ one.known.flex.positions[list(nodes)]
-        self.nodes.append(NodeSensor(self.count, b, kind, shapes, position))
-        if kind.endswith("Local"):
-            C = np.zeros((3, one.known.held.N))
-            for axis in range(3):
-                C[axis, 3 * np.asarray(nodes) + axis] = share
-            self.in_frames.append(MeshRows(self.count, b, C, kind.startswith("Velocity")))
-        self._note(name, kind, number, 3, -1 if kind.endswith("Local") else b)
+        C, axes, view = out.resolve(one.known.held), -1, out.view(one.known.held)
+        is_rate, shows = out.of == "velocity", np.arange(len(C))
+        # a sensor shows what Exudyn's frame sees
+        shapes = C @ (one.held_shapes if view is None and number is None else one.shapes)
+        if view is None:
+            self.nodes.append(RowsInFrame(self.count, b, shapes, is_rate))
+            if out.is_requested:
+                self.in_frames.append(MeshRows(self.count, b, C, is_rate))
+        elif len(C) != 3 or not np.isclose(view.shift[0], 1.0):
+            self.left_out.append((out.name, SEVERAL))
+            return
+        else:
+            kind = KINDS[out.of]
+            self.nodes.append(NodeSensor(self.count, b, kind, shapes, view.places[0]))
+            axes, shows = b, np.array(view.axes)
+        rows = slice(self.count, self.count + len(C))
+        kept = out.of, number, b if number is None else None, out.unit, out.labels, shows, out.quantity or out.of
+        self.shown.append(ShownSensor(out.name, rows, *kept))
+        self._axes += [axes] * len(C)
+        self.count += len(C)
 
     def outputs(self, rows: Rows) -> Outputs:
         """Return the gradients along a run."""
@@ -161,7 +175,7 @@ class Sensors:
     def shown_by(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
         """Return what sensors without closed form show in a state of the copy, (R,), zero of all others."""
         self._copy.set(t, q, v, a, lam)
-        return self._values()
+        return self._read()
 
     def _read(self) -> np.ndarray:
         found, of = np.zeros(self.count), self._copy.mbs
@@ -244,6 +258,38 @@ class _Differences:
             vectors = y[own].reshape(-1, 3, y.shape[1]).swapaxes(1, 2)
             y[own] = times_transposed(A, vectors).swapaxes(1, 2).reshape(len(own), -1)
         return y
+
+
+class Planned(NamedTuple):
+    """A sensor that will be told: its name, what it shows, and the unit of that."""
+
+    name: str
+    of: str
+    unit: str
+
+
+def planned_sensors(mbs: Any, numbers: Iterable[int]) -> tuple[list[Planned], list[tuple[str, str]]]:
+    """Return the sensors that can be told, as far as is known before a solve, and (name, why) of the others."""
+    found, left_out = [], []
+    for number in numbers:
+        item, name = mbs.GetSensor(number), sensor_name(mbs, number)
+        if why := _why_not(mbs, item):
+            left_out.append((name, why))
+        else:
+            found.append(Planned(name, *_words(_kind(item))))
+    return found, left_out
+
+
+def _kind(item: dict[str, Any]) -> str:
+    """What a sensor shows, as Exudyn calls it; empty: it has no such name."""
+    kind = item.get("outputVariableType")
+    return "" if kind is None else kind.name
+
+
+def _words(kind: str) -> tuple[str, str]:
+    """The same in words, and its unit where that is the same in every system of units."""
+    shown = kind.removesuffix("Local")
+    return sub(r"(?<!^)([A-Z])", r" \1", shown).lower(), UNITS.get(shown, "")
 
 
 def _why_not(mbs: Any, item: dict[str, Any]) -> str:

@@ -1,12 +1,14 @@
-"""What is told of a solve that has ended: rows of the run in, a report of all its sensors out."""
+"""What is told of a solve that has ended: rows of the run in, errors of what sensors and outputs show out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import scipy.linalg as la
 
 from ...errors import AssumptionError, RunError
 from ...mechanism.mechanism import Mechanism, unbalanced_share
@@ -16,15 +18,19 @@ from ...mechanism_bounds.bounds import Bounds
 from ...mechanism_bounds.proved_widths import with_proved
 from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
+from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
+from ...online.run_record import beside_steps
 from ...report.data import Plan, extents
 from ...report.formats.provenance import made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
+from ...trajectory.estimate import CAUSES
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
-from ..memory.user_memory import memory_kept
+from ..floating.moving_subject import VECTORS
+from ..memory.detached import Detached
 from .hollow_copy import HollowCopy
 from .layout import require_covered, unknowns_of
 from .sensors import Sensors, ShownSensor
@@ -33,10 +39,10 @@ from .vectors import Enriched, enriched, in_shapes_of
 if TYPE_CHECKING:
     from ...mechanism.unknowns import Unknowns
     from ...mechanism_errors.half_widths import CauseEstimate
+    from ...model.outputs import Output
     from ...trajectory.scheme import Scheme
     from ..floating.floating_body import FloatingBody
 
-VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
 TURNS = 100.0  # vectors slower than so many times the frame's angular velocity are kept beside the modes
 SAME = 1e-4  # of the largest force: what may be left of the equations of motion at stored rows
 PART_OF = {"modes": "basis", "interfaces": "interfaces", "step": "time step"}
@@ -45,11 +51,12 @@ UNKNOWN_ACTS = (
     "of time and state (a controller in PreStep, parameters that the script changes)"
 )
 REMEMBERS = "a user function keeps something from call to call"
-HOLDS = "a user function can reach what no call away from the run could put back: {}"
+HOLDS = "a user function keeps what cannot be copied, so it is not called away from the run: {}"
 BOUNDS = "bounds of what sensors show in frames of bodies"
-GOES_ON = "a static solve, or a run that goes on from another"
+GOES_ON = "a static solve, or a run that goes on from another that moves"
 NOT_RESOLVED = "modes and vectors leave as much of the equations as the error itself is worth"
 BY_RATIOS = "damping by ratios of modes"
+HOLDS_RATES = "joints held by their rates (useIndex2Constraints): they drift, and otherwise with all modes"
 ESTIMATOR = "auxiliary"  # of the report: vectors beside the modes that react with the mechanism
 OF_ESTIMATE = "linearised mechanism: all bodies, joints, springs and loads of this run, to first order"
 
@@ -57,14 +64,19 @@ OF_ESTIMATE = "linearised mechanism: all bodies, joints, springs and loads of th
 class Asked(NamedTuple):
     """What a solve is told of.
 
-    flexes : all reduced bodies of the mbs. chosen : of each (name, nodes, weights) that are shown beside sensors.
-    scheme : of the solver. is_static : whether rows are load steps, of which the last counts.
+    flexes : all reduced bodies of the mbs. outputs : of each, beside sensors. scheme : of the solver. is_static :
+    whether rows are load steps, of which the last counts. sensors : their numbers; None: all. vectors : number of
+    static ones of a body, beside those that deform rigid interfaces. holds_rates : whether the solver holds rates of
+    constraints in place of what they keep (index 2).
     """
 
     flexes: Sequence[FloatingBody]
-    chosen: Sequence[Sequence[tuple[str, Sequence[int], Sequence[float] | None]]]
+    outputs: Sequence[Sequence[Output]]
     scheme: Scheme
     is_static: bool
+    sensors: Sequence[int] | None = None
+    vectors: int = VECTORS
+    holds_rates: bool = False
 
 
 class Ended(NamedTuple):
@@ -74,12 +86,53 @@ class Ended(NamedTuple):
     v: np.ndarray
     bodies: Sequence[Enriched] = ()
     errors: EndState | None = None
+    is_static: bool = False
+
+
+class Told(NamedTuple):
+    """What is known of a run.
+
+    t : (T,) s. sensors, of_bodies : all sensors that were asked for, outputs of each body. left_out : (what, why).
+    doubts : why nothing is certified. planned_end : s, where it was to go to, if it ended before; None: it did not.
+    """
+
+    t: np.ndarray
+    sensors: Sequence[OutputReport]
+    of_bodies: Sequence[Sequence[OutputReport]]
+    left_out: Sequence[tuple[str, str]]
+    doubts: Sequence[Doubt]
+    is_static: bool
+    planned_end: float | None
+
+    def report(
+        self, outputs: Sequence[OutputReport], plan: Plan | None = None, messages: Sequence[str] = ()
+    ) -> MechanismReport:
+        """Return a report of some of these; plan : what was to be told; messages : beside those of the run."""
+        if plan is None:
+            of = (f"output {x.name!r}: {x.of}{x.unit and f' in {x.unit}'}, estimated" for x in outputs)
+            plan = Plan(tuple(of), ())
+        return MechanismReport(
+            t=self.t,
+            position_bound=OfBodies(),
+            velocity_bound=OfBodies(),
+            outputs={out.name: out for out in outputs},
+            scope={ESTIMATOR: COUPLED},
+            scope_reason="",
+            reasons={ESTIMATOR: OF_ESTIMATE},
+            plan=Plan(plan.computed, (*plan.left_out, *self.left_out)),
+            messages=[*messages],
+            time="static" if self.is_static else "sampled",
+            total_mass=None,
+            made=made_here(),
+            planned_end=self.planned_end,
+            uncertified=tuple(self.doubts),
+        )
 
 
 def told_solve(
     mbs: Any, asked: Asked, rows: Rows, before: Ended | None = None, planned_end: float | None = None
-) -> tuple[MechanismReport, Ended]:
-    """Return what is known of the error of all sensors of an mbs in a run that has ended, and with what it has ended.
+) -> tuple[Told, Ended]:
+    """Return what is known of the errors in a run that has ended, and with what it has ended.
 
     Parameters
     ----------
@@ -99,23 +152,21 @@ def told_solve(
     shown = rows[-1:] if asked.is_static else rows
     rows = _as_equations_have_it(shown, asked.is_static)
     functions = user_functions(mbs)
-    with memory_kept(mbs, functions) as memory, _in_last_state(mbs, shown):
-        if memory.lost:
-            raise AssumptionError(HOLDS.format(memory.lost))
+    detached = Detached(mbs, functions)
+    if detached.lost:
+        raise AssumptionError(HOLDS.format(detached.lost))
+    with detached.in_use(mbs), _in_last_state(mbs, shown):
         bodies = [
-            enriched(mbs, flex, VECTORS, TURNS * w)
+            enriched(mbs, flex, asked.vectors, TURNS * w, detached)
             for flex, w in zip(flexes, _speeds(mbs, flexes, rows), strict=True)
         ]
         unknowns = unknowns_of(mbs, [one.body for one in bodies])
-        sensors = Sensors(mbs, bodies, unknowns)
-        for b, of_body in enumerate(asked.chosen):
-            for name, nodes, weights in of_body:
-                sensors.add_nodes(name, b, "DisplacementLocal", nodes, weights)
-        copy = HollowCopy(mbs, bodies, unknowns)
+        sensors = Sensors(mbs, bodies, unknowns, detached, asked.outputs, asked.sensors)
+        copy = HollowCopy(mbs, bodies, unknowns, detached)
         readings = Readings(copy, rows)
         share = unbalanced_share(unknowns, rows, copy, readings)
         if not share < SAME:
-            raise AssumptionError(REMEMBERS if memory.changed else UNKNOWN_ACTS.format(share))
+            raise AssumptionError(REMEMBERS if detached.has_changed() else UNKNOWN_ACTS.format(share))
         of = Mechanism(
             *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(shown)),
             projectors=[one.projectors for one in bodies],
@@ -125,26 +176,36 @@ def told_solve(
             sensors=[one.rows for one in sensors.shown],
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
-        bounds, why_not = _bounds(of, sensors, bodies, asked.is_static or errors is not None or bool(doubts))
+        bounds, why_not = _bounds(of, sensors, bodies, _why_unbounded(asked, goes_on=errors is not None or doubts))
         by_cause, end = estimates(of, asked.is_static, errors, bounds and bounds.take)
         bound = None
         if bounds:
             bound, why_not = _bounded(bounds, by_cause)
-        report = _report(sensors, shown, by_cause, bound, why_not, doubts)
-        report.planned_end = planned_end
-        if asked.is_static:
-            report.time = "static"
-        return report, Ended(rows.q[-1], rows.v[-1], bodies, end)
+        at_once = () if asked.is_static else max((_beside_steps(one, rows) for one in bodies), key=len)
+        outputs = [replace(out, beside_steps=at_once) for out in _outputs(sensors, shown, by_cause, bound, doubts)]
+        owners = [one.body for one in sensors.shown]
+        of_mbs, *of_bodies = (
+            [out for out, b in zip(outputs, owners, strict=True) if b == which]
+            for which in (None, *range(len(bodies)))
+        )
+        left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
+        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end)
+        return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
 
 
-def _bounds(of: Mechanism, sensors: Sensors, bodies: Sequence[Enriched], goes_on: bool) -> tuple[Bounds | None, str]:
+def _why_unbounded(asked: Asked, goes_on: Any) -> str:
+    """Why a run as a whole has no bounds; empty: nothing speaks against them."""
+    if asked.is_static or goes_on:
+        return GOES_ON
+    if any(flex.modal_damping is not None for flex in asked.flexes):
+        return BY_RATIOS
+    return HOLDS_RATES if asked.holds_rates else ""
+
+
+def _bounds(of: Mechanism, sensors: Sensors, bodies: Sequence[Enriched], why_not: str) -> tuple[Bounds | None, str]:
     """Bounds of what sensors show in frames, or why there are none; empty where no sensor shows such a thing."""
-    if not sensors.in_frames:
-        return None, ""
-    if goes_on:
-        return None, GOES_ON
-    if any(one.known.flex.modal_damping is not None for one in bodies):
-        return None, BY_RATIOS
+    if why_not or not sensors.in_frames:
+        return None, why_not if sensors.in_frames else ""
     bounds = Bounds(of, (one.residual_norm() for one in bodies), sensors.in_frames)
     return (None, bounds.why_not) if bounds.why_not else (bounds, "")
 
@@ -163,6 +224,16 @@ def _as_equations_have_it(rows: Rows, is_static: bool) -> Rows:
     return Rows(rows.t, rows.q, rows.v, rows.a, -rows.multipliers) if is_static else rows
 
 
+def _beside_steps(one: Enriched, rows: Rows) -> tuple[str, ...]:
+    """What helps beside shorter steps where a body rings from its start on."""
+    body, n = one.body, one.body.n
+    M, K = body.M[:n, :n], body.K[:n, :n]
+    sizes = [
+        np.sqrt(np.einsum("ti,ij,tj->t", x, M, x)) for x in (rows.q[:, body.place.modal], rows.a[:, body.place.modal])
+    ]
+    return beside_steps(np.stack(sizes, axis=1), float(np.sqrt(la.eigvalsh(K, M)[0])))
+
+
 def _begun_with(
     before: Ended | None, rows: Rows, bodies: Sequence[Enriched], unknowns: Unknowns
 ) -> tuple[EndState | None, tuple[Doubt, ...]]:
@@ -174,6 +245,8 @@ def _begun_with(
     is_known = before.errors is not None and before.errors.parts.x.shape[2] == parts
     if not is_known or len(turns) < len(bodies) or any(turn is None for turn in turns):
         return None, (Reason.GOES_ON.doubt(),)
+    if before.is_static and is_at_rest(rows):
+        return None, ()  # the full model rests, too: its equilibrium is found anew, and nothing else is carried on
     return before.errors.of(unknowns, turns), ()
 
 
@@ -195,33 +268,16 @@ def _speeds(mbs: Any, flexes: Sequence[FloatingBody], rows: Rows) -> list[float]
     return [float(2 * np.linalg.norm(rows.v[:, x[3:]], axis=1).max()) for x in own]
 
 
-def _report(
+def _outputs(
     sensors: Sensors,
     rows: Rows,
     by_cause: dict[str, CauseEstimate],
     bound: np.ndarray | None,
-    why_not: str,
     doubts: tuple[Doubt, ...],
-) -> MechanismReport:
+) -> list[OutputReport]:
     values = sensors.values(rows)
     bound = np.full(values.shape, np.inf) if bound is None else bound
-    outputs = [_output(one, values[:, one.rows], by_cause, bound[:, one.rows], doubts) for one in sensors.shown]
-    computed = tuple(f"output {x.name!r}: {x.of}{x.unit and f' in {x.unit}'}, estimated" for x in sensors.shown)
-    return MechanismReport(
-        t=rows.t,
-        position_bound=OfBodies(),
-        velocity_bound=OfBodies(),
-        outputs={out.name: out for out in outputs},
-        scope={ESTIMATOR: COUPLED},
-        scope_reason="",
-        reasons={ESTIMATOR: OF_ESTIMATE},
-        plan=Plan(computed, (*sensors.left_out, *([(BOUNDS, why_not)] if why_not else []))),
-        messages=[],
-        time="reconstructed",
-        total_mass=None,
-        made=made_here(),
-        uncertified=doubts,
-    )
+    return [_output(one, values, by_cause, bound, doubts) for one in sensors.shown]
 
 
 def _output(
@@ -231,27 +287,31 @@ def _output(
     bound: np.ndarray,
     doubts: tuple[Doubt, ...],
 ) -> OutputReport:
-    parts = {PART_OF[cause]: x.over_time[:, sensor.rows] for cause, x in by_cause.items()}
+    own = sensor.rows.start + sensor.shows
+    value, bound = value[:, own], bound[:, own]
+    none = np.broadcast_to(0.0, value.shape)  # takes no memory
+    parts = dict.fromkeys(CAUSES, none) | {PART_OF[cause]: x.over_time[:, own] for cause, x in by_cause.items()}
     checks: dict[str, np.ndarray] = {}
     shown = extents(value, sensor.of == "position").max(initial=0.0)
     for cause, x in by_cause.items():
         # no linear equation tells an error as large as what is shown
         is_lost = not np.abs(parts[PART_OF[cause]]).max(initial=0.0) <= shown
         for check, half in x.half_widths.items():
-            width = np.full(value.shape, np.inf) if is_lost else np.broadcast_to(half[sensor.rows], value.shape)
+            width = np.full(value.shape, np.inf) if is_lost else np.broadcast_to(half[own], value.shape)
             checks[check] = checks.get(check, 0.0) + width
+    known, is_bounded = parts["basis"] + parts["interfaces"], bool(np.isfinite(bound).all())
     return OutputReport(
         name=sensor.name,
         unit=sensor.unit,
-        quantity=sensor.of,
+        quantity=sensor.quantity,
         of=sensor.of,
         value=value,
         round_off=np.finfo(float).eps * np.abs(value),
         bound={ESTIMATOR: bound, "best": bound},
         reduction_bound={},
-        corrected=None,
-        corrected_bound=None,
-        causes={},
+        corrected=value + known if is_bounded else None,
+        corrected_bound=np.maximum(bound - np.abs(known), 0.0) if is_bounded else None,
+        causes=_causes(bound, parts) if is_bounded else {},
         estimate=sum(parts.values()),
         estimate_parts=parts,
         uncertainty=sum(checks.values()),
@@ -260,3 +320,11 @@ def _output(
         labels=sensor.labels,
         uncertified=doubts,
     )
+
+
+def _causes(bound: np.ndarray, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Shares of a bound (T, r) of what modes and rigid interfaces make, as their estimates have them."""
+    modes, stiff = (np.abs(parts[cause]).max(axis=0, initial=0.0) for cause in ("basis", "interfaces"))
+    share = np.divide(stiff, modes + stiff, out=np.zeros_like(stiff), where=stiff > 0)
+    none = np.broadcast_to(0.0, bound.shape)
+    return dict.fromkeys(CAUSES, none) | {"basis": (1 - share) * bound, "interfaces": share * bound}

@@ -19,11 +19,14 @@ from ...mechanism.body import Body, Place
 from ...mechanism_bounds.residual_norm import ResidualNorm
 from ...mechanism_errors.modes import PARTS
 from ...model.floating_frame import unit_inertia
+from ...model.shared_body import made_once
 from ...residual.free_mass import FreeMass
 from ...residual.interface_stiffening import with_rigid_interfaces
 from ..floating.floating_body import FloatingBody, read_object
+from ..floating.frame_support import require_free_node
 from ..floating.loads_and_joints import read_actions
 from ..floating.reference_search import find_reference, held_body, stiff_space
+from ..memory.detached import READS_NODES, READS_SENSORS, Detached
 from .weight import weight_of
 
 SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding
@@ -52,6 +55,8 @@ class KnownBody:
         actions = read_actions(mbs, flex, model)
         reference = find_reference(flex, model.V, actions.interfaces())
         model = reference.of(model)
+        if model.rigid is not None:
+            require_free_node(mbs, model)
         held = held_body(flex, model.rayleigh, reference)
         stiff = stiff_space(flex, model.V, actions.interfaces())
         actions.drop_idle(held)
@@ -84,40 +89,61 @@ class Enriched:
         """Those that all but the body know: modes and kept vectors."""
         return self.shapes[:, : self.body.na]
 
+    @property
+    def held_shapes(self) -> np.ndarray:
+        """All of them, seen from the frame that the reference conditions hold: modes may move the body a little."""
+        return np.hstack([self.known.model.held, self.shapes[:, self.body.n :]])
+
     def residual_norm(self) -> ResidualNorm:
         """Return what a residual of its mesh is worth."""
-        model, n = self.known.model, self.body.n
-        held = np.hstack([model.held, self.shapes[:, n:]])
-        return ResidualNorm(self.body, self.shapes, held, self.known.held, *self.known.forces())
+        return ResidualNorm(self.body, self.shapes, self.held_shapes, self.known.held, *self.known.forces())
 
 
-def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float) -> Enriched:
+def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: Detached) -> Enriched:
     """Return a body with vectors.
 
     Parameters
     ----------
     count : number of static vectors, those that deform rigid interfaces not counted
     slow : rad/s; vectors below are kept beside the modes, with all terms of the turning frame
+    detached : copies of user functions
     """
     known = KnownBody.of(mbs, flex)
     model = known.model
     P, parts, omega = _vectors(known, count)
-    columns = np.hstack([np.zeros((len(P), 0)), *(place.columns for place in known.actions.places.values())])
+    columns = np.hstack([*(place.columns for place in known.actions.places.values()), _read_by(mbs, flex, detached)])
     able = np.linalg.norm(columns, axis=0) * np.linalg.norm(P, axis=0).max(initial=0.0)
+    slow = np.inf if READS_NODES in detached.names else slow
     P, parts, kept = _kept_first(P, parts, omega, columns.T @ P, able, slow)
     frame, modal = (int(node) for node in mbs.GetObject(flex.number)["nodeNumbers"])
     coordinates = (np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in (frame, modal))
     place = Place(flex.number, *coordinates, np.asarray(mbs.GetNode(frame)["referenceCoordinates"], float))
-    gravity, weights = weight_of(mbs, flex.number)
+    gravity, weights = weight_of(mbs, flex.number, detached)
     n, shapes = model.V.shape[1], np.hstack([model.V, P])
+    held = np.hstack([model.held, P])
 
     def damping(M: np.ndarray, K: np.ndarray) -> np.ndarray:
-        D = model.rayleigh[0] * M + model.rayleigh[1] * K
+        if known.held.modal is None:
+            D = model.rayleigh[0] * M + model.rayleigh[1] * K
+        else:
+            X = known.held.space.coordinates("shapes", held)
+            D = X.T @ (known.held.modal @ X)
         D[:n, :n] = model.D
         return D
 
     body = Body(place, (flex.mass, flex.stiffness), flex.positions, shapes, (n, n + kept), damping, gravity)
     return Enriched(body, shapes, parts, weights, known)
+
+
+def _read_by(mbs: Any, flex: FloatingBody, detached: Detached) -> np.ndarray:
+    """Columns (N, .) of displacements of the mesh nodes whose sensors user functions may read."""
+    nodes = set()
+    if READS_SENSORS in detached.names:
+        sensors = map(mbs.GetSensor, range(mbs.systemData.NumberOfSensors()))
+        own = (one for one in sensors if int(one.get("bodyNumber", -1)) == flex.number and "meshNodeNumber" in one)
+        nodes = {int(one["meshNodeNumber"]) for one in own}
+    rows = [3 * node + axis for node in sorted(nodes) for axis in range(3)]
+    return np.eye(flex.mass.shape[0])[:, rows] if rows else np.zeros((flex.mass.shape[0], 0))
 
 
 def in_shapes_of(now: Enriched, before: Enriched) -> np.ndarray | None:
@@ -134,8 +160,16 @@ def _vectors(known: KnownBody, count: int) -> tuple[np.ndarray, np.ndarray, np.n
     """P (N, m), M-orthonormal oscillators, the projectors of their parts (PARTS, m, m), frequencies (m,) rad/s."""
     held, Z = known.held, known.held.space
     (wrenches, loads), inertia = known.forces(), Z.loads(unit_inertia(known.flex.mass, known.flex.positions))
-    rigid = None if known.stiff is None else with_rigid_interfaces(held, known.stiff)
     V = Z.coordinates("V", known.model.held)
+    stiff = None if known.stiff is None else known.stiff.Z
+    of = V, wrenches, loads, inertia, count, stiff
+    return made_once(held, "vectors", of, lambda: _made(known, V, wrenches, loads, inertia, count))
+
+
+def _made(known: KnownBody, V, wrenches, loads, inertia, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What _vectors returns; modes V, wrenches, loads, inertia: as held.space has them."""
+    held, Z = known.held, known.held.space
+    rigid = None if known.stiff is None else with_rigid_interfaces(held, known.stiff)
     found = Enrichment(held, V, inertia, loads, wrenches, min(count, len(V) - V.shape[1]), rigid)
     part = _part_of(found.keeps, found.first)
     squares, turn = la.eigh(found.P.T @ (held.M @ found.P), found.P.T @ (held.K @ found.P))

@@ -12,7 +12,7 @@ from ...process.blas_threads import one_thread
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
 from ..floating.scope_decision import ASKABLE
-from .body_monitor import Watch
+from .body_monitor import MonitoredBody
 from .monitor import MechanismMonitor, Monitor
 from .requests import checked_tolerance, make_subject, shares
 from .step_hook import shared_hook
@@ -38,7 +38,6 @@ def attach(
     kernels: str = "certified",
     time: str = "reconstructed",
     auxiliary_modes: int | str = "auto",
-    midpoint_residual: bool = True,
     scope: str = "auto",
 ) -> Monitor | MechanismMonitor:
     """Bound the error of a reduced body in every following solve of its mbs.
@@ -65,23 +64,19 @@ def attach(
         Output name -> value in the output's unit (a float if there is one output). The best bound is
         compared with it at every step; when it is exceeded the solve is stopped, and the report says when. Some steps
         are made before they are compared: the solve stops at the step where a bound that rises no faster than before
-        exceeds it, up to 16 steps later where one has been close to it for long, up to 128 where one jumps. One on an
-        output in global axes of a mechanism asks for the scope "inputs frozen", which has a bound at every step.
+        exceeds it, up to 16 steps later where one has been close to it for long, up to 128 where one jumps. In a
+        mechanism these are the bounds with inputs frozen; the report at the end is the mechanism's.
     hook : callable, optional
         Your PostStep function (mbs, t) -> bool. One that is set before attach is found by itself.
     estimators, residual, kernels, time, auxiliary_modes
         As in evaluate. In a mechanism with a coupled scope "auto" is "auxiliary" alone, auxiliary_modes counts
-        vectors made for the body ("auto": 26, or 40 of a damped one whose damping is not Rayleigh's or whose modes
-        make interfaces rigid, 60 of a large undamped one, and on top those that deform rigid interfaces), and bounds
-        are of the reduction error, whatever time says.
-    midpoint_residual : bool
-        Whether the estimate of the error by time steps in a mechanism takes into account what loads do between
-        samples: Exudyn's equations are evaluated in the middle of steps, of all where what they leave is rough.
+        vectors made for the body ("auto": 26, and on top those that deform rigid interfaces), and bounds are of the
+        reduction error, whatever time says.
     scope : {"auto", "coupled (linearised)", "inputs frozen"}
         What the bound of a body in a mechanism covers. "auto": the feedback of joints, springs and dampers too, where
         that can be had (all flexible bodies attached, nothing that switches), else, and with "inputs frozen", the
         error under the loads, wrenches and frame motion of the reduced simulation. The report says which, and why.
-        Velocities in global axes have a bound in the latter, in the former an estimate of their error.
+        In the former there are estimates of all outputs, and bounds in the frames of bodies.
 
     Returns
     -------
@@ -110,16 +105,13 @@ def attach(
         kernels=kernels,
         time=time,
         auxiliary_modes=auxiliary_modes,
-        midpoint_residual=midpoint_residual,
         tolerance=tolerance,
     )
     check_choice("scope", scope, ASKABLE)
-    if not isinstance(midpoint_residual, bool):
-        raise InputError(f"midpoint_residual={midpoint_residual!r}; needed: True or False")
     if isinstance(flex, list | tuple):
         return _attach_all(mbs, flex, hook, options, scope)
     subject = make_subject(mbs, flex, options, scope, alone=True)
-    watch = Watch(subject, checked_tolerance(tolerance, [out.name for out in subject.outputs]))
+    watch = MonitoredBody(subject, checked_tolerance(tolerance, [out.name for out in subject.outputs]))
     return Monitor(mbs, shared_hook(mbs, hook, watch), watch)
 
 
@@ -130,13 +122,7 @@ def _attach_all(mbs: Any, flexes: Sequence, hook: Callable | None, options: Boun
         make_subject(mbs, flex, replace(options, outputs=outputs, tolerance=tolerance or None), scope, alone=False)
         for flex, (outputs, tolerance) in zip(flexes, asked, strict=True)
     ]
-    watches = [Watch(subject, tolerance) for subject, (_, tolerance) in zip(subjects, asked, strict=True)]
+    watches = [MonitoredBody(subject, tolerance) for subject, (_, tolerance) in zip(subjects, asked, strict=True)]
     found = shared_hook(mbs, hook, *watches)
-    others = None
-    if sensors != []:
-        from .coupled_core import OtherSensors
-
-        linear = [int(flex.items["nGenericODE2"]) for flex in flexes if isinstance(flex, ReducedBody)]
-        others = OtherSensors(sensors, [flex for flex in flexes if isinstance(flex, FloatingBody)], linear)
-        found.sensors.append(others)
-    return MechanismMonitor(mbs, [Monitor(mbs, found, watch) for watch in watches], others)
+    found.sensors = sensors
+    return MechanismMonitor(mbs, [Monitor(mbs, found, watch) for watch in watches], sensors)

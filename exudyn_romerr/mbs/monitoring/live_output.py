@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ...model.outputs import Output
-    from .body_monitor import Watch
+    from .body_monitor import MonitoredBody
 
 
-def bounds_at(watch: Watch, t: float) -> dict[str, np.ndarray]:
+def bounds_at(watch: MonitoredBody, t: float) -> dict[str, np.ndarray]:
     """Return the smallest bound (r,) of each output at t; empty if t was not bounded."""
-    is_open = watch.run is not None and watch.run in watch.runs[-1:]  # it is not where its first sample failed
+    is_open = watch.run is not None and watch.succession.runs[-1:] == [watch.run]
     best = watch.run.best_of_last(1) if is_open and watch.bounded_until() == t else {}
     return {name: rows[0] for name, rows in best.items()}
 
 
-def live_line(watches: Sequence[Watch], t: float) -> str:
+def live_line(watches: Sequence[MonitoredBody], t: float) -> str:
     """Return in words what the bounds are at t, the largest of the rows of each output."""
     found = [
         f"{out.name} {with_unit(rounded_up(np.max(bounds[out.name])), out.unit)}{condition_of(watch)}"
@@ -37,23 +37,25 @@ def live_line(watches: Sequence[Watch], t: float) -> str:
     return f"error bounds at t = {t:g}: {', '.join(found) or 'none'}\n"
 
 
-def condition_of(watch: Watch) -> str:
+def condition_of(watch: MonitoredBody) -> str:
     """Return what must be said with the bounds of a watch: nothing where their scope is complete, and certified."""
     return under(_scope_of(watch), doubts=watch.run.doubts())
 
 
-def _scope_of(watch: Watch) -> dict[str, str]:
-    return {name: watch.run.offline.scene.scope_of(name) for name in watch.run.assumptions()}
+def _scope_of(watch: MonitoredBody) -> dict[str, str]:
+    return dict.fromkeys(watch.run.assumptions(), watch.run.offline.scene.scope)
 
 
-def _what_numbers_cannot_say(watch: Watch) -> str:
+def _what_numbers_cannot_say(watch: MonitoredBody) -> str:
     """Return in words why the bounds of a run so far are not certified, what they leave out; empty: nothing."""
     doubts, alone = watch.run.doubts(), for_run_alone(_scope_of(watch))
     said = [alone and f"it holds {alone}", doubts and f"{not_certified(doubts)}: {cures_of(doubts)}"]
     return "; ".join(filter(None, said))
 
 
-def sensor_of(look: Callable[[], None], watch: Watch, out: Output, options: dict[str, Any]) -> SensorUserFunction:
+def sensor_of(
+    look: Callable[[], None], watch: MonitoredBody, out: Output, options: dict[str, Any]
+) -> SensorUserFunction:
     """Return a sensor that shows the bound of an output of a watch; look() evaluates the rows stored so far.
 
     Exudyn writes sensors after PostStep, so that this step's row is among those stored. What holds for its numbers,

@@ -10,7 +10,12 @@ from ...errors import InputError, RunError
 from ...process.blas_threads import one_thread
 from ...report.mechanism_report import joined, joined_plan
 from ..access.endings import note_end, on_purpose
+from ..access.mbs_items import sensor_name
+from ..floating.moving_subject import MovingSubject
+from ..floating.sensor_outputs import other_sensors
+from ..mirror.sensors import planned_sensors
 from .live_output import sensor_of
+from .mechanism_run import BodyRun
 from .requests import UNNAMED
 
 if TYPE_CHECKING:
@@ -24,11 +29,10 @@ if TYPE_CHECKING:
     from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport
     from ..access.linear_adapter import LinearSubject
-    from ..floating.moving_subject import MovingSubject
-    from .body_monitor import Watch
-    from .coupled_core import OtherSensors
+    from .body_monitor import MonitoredBody
     from .step_hook import StepHook
 
+NOT_TOLD = "the linearised mechanism, which tells how it moves, is not to be had; the bodies' scope says why"
 TO_PRINT = "print(monitor.plan) after mbs.Assemble(), print(monitor.report()) after a solve"
 
 
@@ -37,14 +41,14 @@ class Monitor:
 
     Attributes
     ----------
-    runs : tuple of Run or StaticRun
+    runs : tuple of Run, StaticRun or BodyRun
         One per solve, oldest first, up to the last accepted step. Never raises: what was bounded stays
         reachable here when report() refuses. Each has report() and messages.
     plan
         What is computed, what is left out and why; print it.
     """
 
-    def __init__(self, mbs: Any, hook: StepHook, watch: Watch):
+    def __init__(self, mbs: Any, hook: StepHook, watch: MonitoredBody):
         self._mbs, self._hook, self._watch = mbs, hook, watch
 
     def __repr__(self) -> str:
@@ -56,9 +60,9 @@ class Monitor:
         return self._watch.subject
 
     @property
-    def runs(self) -> tuple[Run | StaticRun, ...]:
+    def runs(self) -> tuple[Run | StaticRun | BodyRun, ...]:
         """All runs so far."""
-        self._hook.flush()
+        self._hook.finish(self._mbs)
         return tuple(self._watch.runs)
 
     @property
@@ -75,8 +79,8 @@ class Monitor:
         self._require_hook()
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
-        self._hook.flush()  # what was stored so far belongs to what was read before
-        return self._hook.read(self._mbs, self._watch).plan
+        self._hook.finish(self._mbs)  # what was stored so far belongs to what was read before
+        return self._hook.plan(self._mbs, self._watch)
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output, for mbs.AddSensor before mbs.Assemble().
@@ -99,14 +103,16 @@ class Monitor:
 
         Notes
         -----
-        Steps are evaluated whenever sensors are written, in smaller blocks than without. Numbers cannot say that they
-        are not certified, or hold with inputs frozen: a line is printed then, once a run. The report has the last
-        word, for some of that is known at the end of a run only.
+        Steps are evaluated whenever sensors are written, in smaller blocks than without. In a mechanism these are
+        bounds of scope "inputs frozen": what the report has there is known when the run has ended. Numbers cannot say
+        that they are not certified, or hold with inputs frozen: a line is printed then, once a run. The report has
+        the last word.
         """
         outputs = {out.name: out for out in self._watch.subject.outputs}
         if not outputs:
             raise InputError(f"bound_sensor({output!r}): {UNNAMED}")
         check_choice("output", output, outputs)
+        self._watch.subject.at_every_step()
         return sensor_of(self._hook.look, self._watch, outputs[output], options)
 
     @one_thread()
@@ -153,7 +159,7 @@ class MechanismMonitor:
         One per body, in the order that attach was given.
     """
 
-    def __init__(self, mbs: Any, bodies: Sequence[Monitor], sensors: OtherSensors | None):
+    def __init__(self, mbs: Any, bodies: Sequence[Monitor], sensors: Sequence[int] | None):
         self._mbs, self.bodies, self._sensors = mbs, tuple(bodies), sensors
 
     def __repr__(self) -> str:
@@ -161,7 +167,7 @@ class MechanismMonitor:
         return f"<MechanismMonitor of {count}; {TO_PRINT}>"
 
     @property
-    def runs(self) -> tuple[tuple[Run | StaticRun, ...], ...]:
+    def runs(self) -> tuple[tuple[Run | StaticRun | BodyRun, ...], ...]:
         """All runs so far, oldest first: of each one run for every body."""
         return tuple(zip(*(body.runs for body in self.bodies), strict=False))
 
@@ -169,13 +175,9 @@ class MechanismMonitor:
     def plan(self) -> Plan:
         """What is computed, what is left out and why, of all bodies and sensors; raises as Monitor.plan does."""
         plans = [body.plan for body in self.bodies]
-        if self._sensors is None:
-            return joined_plan(plans, [], [])
-        from .coupled_core import why_not_coupled
-
-        is_coupled = any(body.subject.enriched is not None for body in self.bodies)
-        watches = [body._watch for body in self.bodies]
-        return joined_plan(plans, *self._sensors.find(self._mbs, is_coupled, why=why_not_coupled(watches)))
+        if not any(body.subject.is_told(self._mbs, False, "") for body in self.bodies):
+            return joined_plan(plans, [], [(name, NOT_TOLD) for name in self._names()])
+        return joined_plan(plans, *planned_sensors(self._mbs, self._numbers()))
 
     def bound_sensor(self, output: str, /, **options: Any) -> SensorUserFunction:
         """Return a sensor of the bound of one output of a body; see Monitor.bound_sensor."""
@@ -197,7 +199,20 @@ class MechanismMonitor:
             As Monitor.report, of the first body that has none.
         """
         reports = [body.report(i) for body in self.bodies]
-        if self._sensors is None:
-            return joined(reports, [], [])
-        run = self.bodies[0].runs[i]
-        return joined(reports, *self._sensors.outputs(run, len(reports[0].t)))
+        told = next((run.of.told() for run in self._runs_of(i) if isinstance(run, BodyRun)), None)
+        if told is None:
+            return joined(reports, [], [(name, NOT_TOLD) for name in self._names()])
+        return joined(reports, told.sensors, [])
+
+    def _numbers(self) -> list[int]:
+        """Sensors that are on none of the bodies."""
+        subjects = [body.subject for body in self.bodies]
+        return other_sensors(
+            self._mbs, [one.flex for one in subjects if isinstance(one, MovingSubject)], self._sensors
+        )
+
+    def _names(self) -> list[str]:
+        return [sensor_name(self._mbs, number) for number in self._numbers()]
+
+    def _runs_of(self, i: int) -> Sequence[Run | StaticRun | BodyRun]:
+        return [body.runs[i] for body in self.bodies]

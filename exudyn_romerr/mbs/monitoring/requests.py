@@ -24,7 +24,6 @@ from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.moving_subject import MovingSubject
 from ..floating.reference_search import require_still_interface
-from ..floating.scope_decision import WITHOUT_FEEDBACK
 from ..floating.sensor_outputs import is_on, sensor_output
 from ..sensors.sensor_names import without_names
 
@@ -127,15 +126,7 @@ def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, a
     asked = options.estimators
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
-    return _kind(scope)(flex, replace(options, outputs=outputs), scope, alone)
-
-
-def _kind(scope: str) -> type[MovingSubject]:
-    if scope in WITHOUT_FEEDBACK:
-        return MovingSubject
-    from .coupled_core import CoupledSubject
-
-    return CoupledSubject
+    return MovingSubject(flex, replace(options, outputs=outputs), scope, alone)
 
 
 class _Mesh:

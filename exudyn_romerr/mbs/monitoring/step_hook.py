@@ -9,30 +9,33 @@ from typing import TYPE_CHECKING, Any
 import exudyn as exu
 import numpy as np
 
-from ...errors import InputError
+from ...errors import AssumptionError, InputError, RunError
 from ...online.run import BLOCK
 from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
-from ...report.scope import FROZEN
-from ..access.mbs_items import end_time, is_verbose, running_static_solver
+from ...report.scope import UNATTACHED
+from ...trajectory.scheme import Scheme
+from ..access.mbs_items import FFRF, end_time, holds_rates, is_verbose, running_static_solver, scheme_of
+from ..floating.moving_subject import MovingSubject
+from ..floating.sensor_outputs import other_sensors
 from ..memory.standstill import no_step_is_made
-from .evaluation import Evaluation
+from ..mirror.layout import require_covered
+from ..mirror.told_solve import Asked, Ended
 from .live_output import live_line
-from .run_succession import SAME_TIME
+from .mechanism_run import BodyRun, MechanismRun
 from .step_recorder import gatherer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
-    from ...offline.prepared import Offline
-    from .body_monitor import Watch
-    from .coupled_core import Mechanism, OtherSensors
+    from ...report.data import Plan
+    from .body_monitor import MonitoredBody
 
 LONGEST = 4  # times BLOCK: a block of bounds that take few numbers a step
 CACHED = 700_000  # numbers, which all that is computed at control points in a block has at most then
 BLOCK_NUMBERS = 200_000  # but no more numbers than this per array, where the mbs has many coordinates
 FREED = 1_000_000  # numbers of an array that is made and let go, so that the C library keeps memory of blocks
-TANGENT_NUMBERS = 1_000_000  # 8 MB for each of its matrices in a block; splines through all take 15 times that
+NO_SOLVER = "the solver is not kept in mbs.sys; call SolveDynamic without storeSolver=False"
 
 
 class StepHook:
@@ -44,20 +47,22 @@ class StepHook:
 
     def __init__(self, mbs: Any, user: Callable | None):
         self.user, self._verbose, self._static_solver = user, False, None
-        self.watches: list[Watch] = []
-        self.sensors: list[OtherSensors] = []  # on no flexible body
-        self._evaluation: Evaluation | Mechanism = Evaluation([])
+        self.watches: list[MonitoredBody] = []
+        self.sensors: list[int] | None = []  # on no flexible body, of mechanisms; None: all
+        self.run: MechanismRun | None = None  # of bodies that a mechanism reacts to, in the last solve
+        self._ended: Ended | None = None  # how the rows so far have ended
+        self._has_begun = False  # whether the solve has more rows than its first
         self.step, self._drain, self._hurry = gatherer(mbs, self)
         self._occupant: Callable = self.step
         self._arrays: tuple = ()
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
-        self.end = np.inf  # of the solve, if tangents are to be read in its last block
+        self.end = np.inf  # of the solve, where a mechanism is told
         self.is_silent = False  # whether nothing is printed: who watches a script from outside says it afterwards
 
     @one_thread()
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
         """A solve begins: read the mbs, return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
-        self.flush()
+        self.finish(mbs)
         self._said.clear()
         at_once = False
         with self._run_goes_on(), no_step_is_made():
@@ -69,32 +74,49 @@ class StepHook:
 
     def _begin(self, mbs: Any) -> bool:
         """Read the mbs; return whether each step is to be evaluated at once."""
-        self._occupant = slot_function(mbs)
+        self._occupant, self._mbs = slot_function(mbs), weakref.ref(mbs)
+        self.run, self.end, self._has_begun = None, np.inf, False
         static = running_static_solver(mbs, self._static_solver)
         self._static_solver = static or self._static_solver
         self._verbose = is_verbose(mbs, static is not None) and not self.is_silent
+        why = self._why_not_told(mbs, static is not None)
         for watch in self.watches:
-            watch.begin(mbs, static is not None, self.attached)
-        others = _frozen([watch for watch in self.watches if watch.is_frozen])
-        for watch in self.watches if others else ():
-            if watch.is_coupled:
-                watch.begin(mbs, static is not None, self.attached, others)
-        self._mbs = weakref.ref(mbs)
-        self._begin_evaluation(mbs)
-        end = end_time(mbs, static is not None) if self.has_tangents else None
-        self.end = np.inf if end is None else end - SAME_TIME * abs(end)
+            watch.begin(mbs, static is not None, why)
+        if any(watch.is_told for watch in self.watches):
+            self._begin_mechanism(mbs, static)
         return static is not None  # load steps are few, and loads may change before the next solve asks for a block
 
-    def _begin_evaluation(self, mbs: Any) -> None:
-        """Choose what evaluates the rows of the solve that begins."""
-        if not self.sensors and all(watch.is_alone for watch in self.watches):
-            self._evaluation = Evaluation(self.watches)
-            return
-        from .coupled_core import Mechanism
+    def _why_not_told(self, mbs: Any, is_static: bool) -> str:
+        """Why the linearised mechanism can tell of no body of this mbs; empty: nothing is known yet."""
+        numbers = range(mbs.systemData.NumberOfObjects())
+        reduced = [i for i in numbers if mbs.GetObject(i)["objectType"] == FFRF]
+        attached = {watch.item for watch in self.watches}
+        if missing := [f"object {i} ({mbs.GetObject(i)['name']})" for i in reduced if i not in attached]:
+            return f"{UNATTACHED}, so their errors are not known: {', '.join(missing)}; attach them all"
+        if not is_static and scheme_of(mbs) is None:
+            return NO_SOLVER
+        try:
+            require_covered(mbs)
+        except AssumptionError as error:
+            return str(error)
+        return ""
 
-        before = self._evaluation if isinstance(self._evaluation, Mechanism) else None
-        self._evaluation = Mechanism(self.watches, before, self.sensors)
-        self._evaluation.begin(mbs, self.user is not None or self._occupant is not self.step)
+    def _begin_mechanism(self, mbs: Any, static: Any) -> None:
+        """Keep rows of this solve; static : its solver, or None."""
+        floating = [watch for watch in self.watches if isinstance(watch.subject, MovingSubject)]
+        subjects = [watch.subject for watch in floating]
+        scheme = Scheme.of_radius(1.0) if static else scheme_of(mbs)
+        flexes, outputs = [one.flex for one in subjects], [one.outputs for one in subjects]
+        sensors = other_sensors(mbs, flexes, self.sensors)
+        vectors = max(one.vectors for one in subjects)
+        end = float(static.it.endTime) if static else end_time(mbs, False)
+        rates = holds_rates(mbs.sys.get("simulationSettings"))
+        asked = Asked(flexes, outputs, scheme, static is not None, sensors, vectors, rates)
+        self.run = MechanismRun(asked, end, self._ended)
+        self.end = self.run.due
+        for i, watch in enumerate(floating):
+            if watch.is_told:
+                watch.run_told(BodyRun(self.run, i, watch.subject, watch.tolerance))
 
     @contextmanager
     def _run_goes_on(self) -> Iterator[None]:
@@ -112,19 +134,47 @@ class StepHook:
         if not self.is_silent and (hint := OTHERS.hint()):
             exu.Print(f"exudyn_romerr: {hint}")
 
+    def finish(self, mbs: Any) -> None:
+        """Evaluate the rows stored so far, and tell those of a mechanism."""
+        self.flush()
+        if self.run is not None:
+            with interrupt_deferred(), one_thread(), no_step_is_made():
+                self._tell(mbs)
+
+    def _tell(self, mbs: Any) -> None:
+        """Let the mechanism tell of its rows; where it cannot, bounds are those under frozen inputs."""
+        run = self.run
+        self._ended = run.tell(mbs) or self._ended
+        if run.error is not None and not isinstance(run.error, RunError):  # which says that more steps are to come
+            self.run = None
+        for watch in self.watches:
+            if watch.is_told and self.run is None:
+                watch.fall_back(mbs, run)
+            elif watch.is_told and run.is_known:
+                watch.error = None  # of what was shown at once
+
     def _evaluate(self) -> None:
-        *rows, multipliers = self._drain() or ((),)
+        rows = self._drain()
         if not rows:
             return
+        t, *state, multipliers = rows
         with self._run_goes_on():
-            self._evaluation.evaluate(self._mbs(), *rows, multipliers)
+            for watch in self.watches:
+                watch.take(t, *state)
+            if self.run is None and self._has_begun:
+                self._ended = Ended(state[0][-1].copy(), state[1][-1].copy())
+            elif self.run is not None:
+                self.run.append(t, *state, multipliers)
+                if t[-1] >= self.end:
+                    self._tell(self._mbs())
             if self._verbose:
-                exu.Print(live_line(self.watches, rows[0][-1]))
+                exu.Print(live_line(self.watches, t[-1]))
+        self._has_begun = True
         for watch in self.watches:
-            watch.note_error(rows[0][-1])
+            watch.note_error(t[-1])
             if self._is_over and watch.run is not None:
                 watch.run.solver = watch.run.solver._replace(is_stopped=True)
-        self._say_failures(rows[0][-1])
+        self._say_failures(t[-1])
 
     def _say_failures(self, t: float) -> None:
         """Say once what cannot be bounded: SolveDynamic does not raise, only report() will."""
@@ -149,43 +199,24 @@ class StepHook:
         return any(watch.stopped for watch in self.watches)
 
     @one_thread()
-    def read(self, mbs: Any, watch: Watch) -> Offline:
-        """Return what a watch would make bounds with if a solve began now."""
-        offline = watch.subject.read(mbs, attached=self.attached)
-        if not offline.scene.coupled:
-            return offline
-        if len(self.watches) == 1:
-            watch.subject.read_alone(mbs)
-        others = [other for other in self.watches if other is not watch]
-        frozen = [other for other in others if other.subject.read(mbs, attached=self.attached).scene.scope == FROZEN]
-        return watch.subject.read(mbs, attached=self.attached, others=_frozen(frozen)) if frozen else offline
+    def plan(self, mbs: Any, watch: MonitoredBody) -> Plan:
+        """Return what would be computed of a watch if a solve began now."""
+        return watch.plan(mbs, self._why_not_told(mbs, is_static=True))
 
     @property
-    def attached(self) -> set[int]:
-        """Numbers of the objects that are watched."""
-        return {watch.item for watch in self.watches}
+    def keeps_multipliers(self) -> bool:
+        """Whether the solve that has begun needs multipliers."""
+        return self.run is not None
 
-    @property
-    def has_tangents(self) -> bool:
-        """Whether the solve that has begun needs tangents of the mechanism."""
-        return self._evaluation.tangents is not None
-
-    @one_thread()
-    def read_tangent(self, mbs: Any, t: float) -> int:
-        """Read the tangent now; return after how many steps it is to be read again."""
-        return self._evaluation.read_tangent(mbs, t)
-
-    def call_user(self, mbs: Any, t: float, go_on: bool, *row: np.ndarray) -> Any:
-        """Call the user's function and pass on what it returns, unless the solve is to be stopped; row: q, q_t."""
+    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
         result = self.user(mbs, t)
-        if self.has_tangents:
-            self._evaluation.equations.compare(mbs, t, *row)
         for watch in () if result else self.watches:
             why = f"the PostStep function returned {result!r}; it must return True to go on"
             watch.note(f"stopped at t = {t:g}: {why}")
         return result if go_on else False
 
-    def check(self, watch: Watch, user: Callable | None) -> None:
+    def check(self, watch: MonitoredBody, user: Callable | None) -> None:
         """Raise InputError if its body is watched already, or another function than `user` is called already."""
         if watch.item in [other.item for other in self.watches]:
             raise InputError(
@@ -203,28 +234,21 @@ class StepHook:
 
     def _rows(self, system: Any, at_once: bool) -> tuple[np.ndarray, ...]:
         size, width = system.ODE2Size(), max((watch.width for watch in self.watches), default=CACHED)
-        rows = 1 if at_once else block_rows(size, self.has_tangents, width)
+        rows = 1 if at_once else block_rows(size, width)
         shapes = [(rows,), *((rows, n) for n in (size, size, size, len(system.GetAECoordinates())))]
         # those of the solve before, which watches copy from: fresh memory costs half of what storing in it does
-        if self.has_tangents or [x.shape for x in self._arrays] != shapes:
+        if [x.shape for x in self._arrays] != shapes:
             self._arrays = tuple(map(np.empty, shapes))
         return self._arrays
 
 
-def _frozen(watches: Sequence[Watch]) -> str:
-    """Why coupled bounds cannot be had beside these; empty if there are none."""
-    numbers = ", ".join(str(watch.item) for watch in watches)
-    return f"it needs those of all bodies, and object {numbers} has frozen inputs only, see there" if watches else ""
-
-
-def block_rows(size: int, with_tangents: bool = False, width: int = CACHED) -> int:
-    """Return the number of steps in a block of an mbs with `size` coordinates, of which each may have a tangent.
+def block_rows(size: int, width: int = CACHED) -> int:
+    """Return the number of steps in a block of an mbs with `size` coordinates.
 
     width : numbers that bounds compute with at a step.
     """
-    times = 1 if with_tangents else min(max(CACHED // (width * BLOCK), 1), LONGEST)
-    rows = min(times * BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
-    return min(rows, 1 + TANGENT_NUMBERS // (1 + size**2)) if with_tangents else rows
+    times = min(max(CACHED // (width * BLOCK), 1), LONGEST)
+    return min(times * BLOCK, 1 + BLOCK_NUMBERS // (1 + size))
 
 
 def slot_function(mbs: Any) -> Callable | None:
@@ -233,7 +257,7 @@ def slot_function(mbs: Any) -> Callable | None:
     return slot["function"] if slot else None
 
 
-def shared_hook(mbs: Any, user: Callable | None, *watches: Watch) -> StepHook:
+def shared_hook(mbs: Any, user: Callable | None, *watches: MonitoredBody) -> StepHook:
     """Let the hook in the slot of the mbs serve watches, or put one there that calls what was in the slot before.
 
     `user` is the function passed by hook=. Where InputError is raised, the mbs is as it was.

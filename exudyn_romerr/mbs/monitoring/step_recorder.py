@@ -18,12 +18,12 @@ START_OF_STEP = exu.ConfigurationType.StartOfStep
 class StepReceiver(Protocol):
     """Who is told of steps.
 
-    user: the user's own PostStep function. has_tangents: whether tangents are to be read. end: time from which on the
+    user: the user's own PostStep function. keeps_multipliers: whether these are stored. end: time from which on the
     last block of the solve is evaluated at every step.
     """
 
     user: Callable | None
-    has_tangents: bool
+    keeps_multipliers: bool
     end: float
 
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
@@ -32,20 +32,17 @@ class StepReceiver(Protocol):
     def flush(self) -> None:
         """Take the rows stored so far."""
 
-    def read_tangent(self, mbs: Any, t: float) -> int:
-        """Read the tangent now; return after how many steps it is to be read again."""
-
     def goes_on(self) -> float:
         """Take the rows stored so far; return how many may be stored before they are, 0 to stop the solve."""
 
-    def call_user(self, mbs: Any, t: float, go_on: bool, *row: np.ndarray) -> Any:
-        """Call the user's function and pass on what it returns, unless the solve is to be stopped; row: q, q_t."""
+    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
+        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
 
 
 def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable]:
     """Return step(mbs, t), the PostStep function; drain() -> t, q, q_t, q_tt, multipliers stored since; hurry().
 
-    Multipliers are stored where tangents are read. hurry() ends the block at the next step. Closures: as a method,
+    hurry() ends the block at the next step. Closures: as a method,
     with its look-ups of attributes, step would add 6 % to the step of a small body.
     """
     system = mbs.systemData
@@ -53,37 +50,31 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
     readers = system.GetODE2Coordinates, system.GetODE2Coordinates_t, system.GetODE2Coordinates_tt
     read_q, read_q_t, read_q_tt = readers
     read_multipliers = system.GetAECoordinates
-    i = room = due = 0
-    end = inf
+    i = room = 0
+    end, is_wide = inf, False
     times = q = q_t = q_tt = multipliers = None
 
     def step(mbs: Any, t: float) -> Any:
-        nonlocal i, room, due, end, times, q, q_t, q_tt, multipliers
+        nonlocal i, room, end, is_wide, times, q, q_t, q_tt, multipliers
         # equal at the first call of a solve, and only there: no step was made yet
         if start_of_step(START_OF_STEP) == t:
             times, q, q_t, q_tt, multipliers = hook.begin(mbs)
-            due, end = int(hook.has_tangents), hook.end
+            is_wide, end = hook.keeps_multipliers, hook.end
             room = 1  # the first row is evaluated at once: what is wrong shows before the first step
-        row = i  # stays while blocks are evaluated
         times[i] = t
         q[i] = read_q(*IN_PLACE)
         q_t[i] = read_q_t(*IN_PLACE)
         q_tt[i] = read_q_tt(*IN_PLACE)
-        if due:
+        if is_wide:
             multipliers[i] = read_multipliers(*IN_PLACE)
         i += 1
-        if due:
-            due -= 1
-            if due == 0 or i == room or t >= end:  # the last row of a block has a tangent of its own
-                due = hook.read_tangent(mbs, t)
-                room = room if due else i  # it failed: what is stored is evaluated now, as far as it holds
         go_on = True
         if i == room:
             room = int(min(hook.goes_on(), len(times)))
             go_on = room > 0
         elif t >= end:
             hook.flush()  # while the mbs is what it was
-        return go_on if hook.user is None else hook.call_user(mbs, t, go_on, q[row], q_t[row])
+        return go_on if hook.user is None else hook.call_user(mbs, t, go_on)
 
     def drain() -> tuple:
         nonlocal i
@@ -102,15 +93,13 @@ def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable
         """Make the step in Python, and let rows be stored in C up to the next one that something is due at."""
         stored()
         go_on = step(mbs, t)
-        quiet = min(room, i + due if due else room) - 1
-        if hook.user is None and i < quiet and go_on:
-            recorder.go_on(i, quiet, end, times, q, q_t, q_tt, *([multipliers] if due else []))
+        if hook.user is None and i < room - 1 and go_on:
+            recorder.go_on(i, room - 1, end, times, q, q_t, q_tt, *([multipliers] if is_wide else []))
         return go_on
 
     def stored() -> None:
-        nonlocal i, due
-        more = recorder.stop()
-        i, due = i + more, due and due - more
+        nonlocal i
+        i += recorder.stop()
 
     def drain_stored() -> tuple:
         stored()

@@ -8,6 +8,7 @@ import exudyn as exu
 import numpy as np
 from exudyn.itemInterface import SensorMarker, SensorSuperElement
 
+from ...model.outputs import Output, mean_displacement
 from ..floating.loads_and_joints import MESH_MARKERS, read_interfaces
 from ..sensors.without_state import NO_STATE
 
@@ -52,13 +53,14 @@ def _farthest(x: np.ndarray, ends: Sequence[np.ndarray]) -> int:
     return int(np.argmax(np.min([np.linalg.norm(x - end, axis=1) for end in ends], axis=0)))
 
 
-def chosen_nodes(mbs: Any, flex: FloatingBody) -> list[tuple[str, Sequence[int], Sequence[float] | None]]:
-    """Return (name, nodes, weights) of interfaces of a body, and of the node that is farthest from them."""
+def chosen_outputs(mbs: Any, flex: FloatingBody) -> list[Output]:
+    """Return displacements in a body's frame of its interfaces, and of the node that is farthest from them."""
     name = mbs.GetObject(flex.number)["name"] or f"body {flex.number}"
     interfaces = read_interfaces(mbs, flex)
-    found = [
-        (f"{name}, {place}", motion.nodes.tolist(), motion.weights.tolist()) for place, motion in interfaces.items()
-    ]
     x = flex.positions
     far = _farthest(x, [motion.weights @ x[motion.nodes] for motion in interfaces.values()])
-    return [*found, (f"{name}, node {far}", [far], None)]
+    shown = [(place, motion.nodes, motion.weights) for place, motion in interfaces.items()]
+    return [
+        mean_displacement(f"{name}, {place}", nodes=nodes, weights=weights)
+        for place, nodes, weights in [*shown, (f"node {far}", [far], None)]
+    ]

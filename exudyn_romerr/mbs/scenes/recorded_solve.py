@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import MutableMapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from ...errors import AssumptionError
 from ...process.blas_threads import one_thread
 from ...report.verdicts import until, until_begun, until_load
 from ...trajectory.scheme import Scheme
-from ..access.mbs_items import sensor_name
+from ..access.mbs_items import holds_rates, sensor_name
 from ..floating.floating_body import floating_body
 from ..mirror.recorder import Recorder
 from ..mirror.told_solve import Asked, Ended, told_solve
 from ..monitoring.monitor import MechanismMonitor, Monitor
 from ..monitoring.run_succession import SAME_TIME
 from ..monitoring.step_hook import StepHook, slot_function
-from .chosen_outputs import chosen_nodes, shows_motion
+from .chosen_outputs import chosen_outputs, shows_motion
 from .found_bodies import NO_FEM
 
 if TYPE_CHECKING:
@@ -42,10 +43,18 @@ class RecordedSolve:
     """Keeps rows from the moment it is made; `reports` puts back the user's PostStep function and tells them.
 
     solve : is told of sensors, bodies that cannot be read and why. ended : of each mbs how its solve before ended.
+    settings : of the solver.
     """
 
-    def __init__(self, mbs: Any, bodies: Sequence[FoundBody], solve: Solve, ended: MutableMapping[Any, Ended]):
-        self._ended = ended
+    def __init__(
+        self,
+        mbs: Any,
+        bodies: Sequence[FoundBody],
+        solve: Solve,
+        ended: MutableMapping[Any, Ended],
+        settings: Any,
+    ):
+        self._ended, self._holds_rates = ended, holds_rates(settings)
         self._mbs, self._bodies, self._is_static = mbs, bodies, solve.kind == "static"
         solve.sensors = [sensor_name(mbs, i) for i in range(mbs.systemData.NumberOfSensors())]
         solve.chosen = not shows_motion(mbs)
@@ -80,12 +89,13 @@ class RecordedSolve:
         flexes, solve.refused = _readable(self._mbs, self._bodies)
         if solve.refused:
             raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
-        chosen = [chosen_nodes(self._mbs, flex) if self._is_chosen else () for flex in flexes]
-        asked, found = Asked(flexes, chosen, _scheme(solver), self._is_static), []
+        chosen = [chosen_outputs(self._mbs, flex) if self._is_chosen else () for flex in flexes]
+        asked = Asked(flexes, chosen, _scheme(solver), self._is_static, holds_rates=self._holds_rates)
+        found = []
         for i, rows in enumerate(runs):
-            report, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
+            told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
             self._ended[self._mbs] = before
-            found.append(report)
+            found.append(told.report([*told.sensors, *chain(*told.of_bodies)]))
         return found
 
 

@@ -111,12 +111,12 @@ class WatchedSolves(StandIn):
             from .recorded_solve import ATTACHED_BY_SCRIPT, RecordedSolve, monitor_of_script
 
             kept, monitor = ExitStack(), monitor_of_script(mbs)
+            settings = arguments[0] if arguments else next(iter(options.values()), None)
             if monitor is None:
-                recorded = RecordedSolve(mbs, bodies, solve, self._before)
+                recorded = RecordedSolve(mbs, bodies, solve, self._before, settings)
                 kept.callback(recorded.close)
                 return solve, lambda ending: recorded.reports(solver, solve, ending), kept
             solve.notes.append(ATTACHED_BY_SCRIPT)
-            settings = arguments[0] if arguments else next(iter(options.values()), None)
             kept.enter_context(_kept_in_sys(mbs, solver, settings, is_static))
             first = len(monitor.runs)
             return solve, lambda ending: _reports(monitor, first), kept

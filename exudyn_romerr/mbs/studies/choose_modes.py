@@ -154,7 +154,7 @@ class _Search:
             monitor.subject.add(ladder.internal_outputs(monitor.subject.outputs))
         reports, forecast = trial.solve(), {}
         for monitor, report, ladder in zip(trial.monitors, reports, ladders, strict=True):
-            forecast |= forecasts(report, monitor.runs[-1], monitor.subject.body, ladder, modes, self._by)
+            forecast |= forecasts(report, monitor.runs[-1].internal(), monitor.subject.body, ladder, modes, self._by)
         outputs = outputs_of(reports)
         scale = {name: float(np.max(np.abs(outputs[name].value))) if self._relative else 1.0 for name in self._limits}
         if 0 in scale.values():

@@ -11,8 +11,7 @@ from exudyn.utilities import LoadSolutionFile
 from ...errors import InputError, RunError
 from ...offline.options import BoundOptions
 from ..floating.scope_decision import OF_A_FILE
-from ..monitoring.body_monitor import Watch
-from ..monitoring.evaluation import Evaluation
+from ..monitoring.body_monitor import MonitoredBody
 from ..monitoring.requests import make_subject
 from ..monitoring.step_hook import block_rows
 
@@ -84,13 +83,12 @@ def evaluate_file(
     )
     if not getattr(mbs, "systemIsConsistent", True):
         raise RunError("evaluate_file was called before mbs.Assemble(); call it first")
-    watch = Watch(make_subject(mbs, flex, options, OF_A_FILE, alone=False), {})
+    watch = MonitoredBody(make_subject(mbs, flex, options, OF_A_FILE, alone=False), {})
     rows = read_solution(path, mbs.systemData.ODE2Size())
     watch.begin(mbs, static=False)
-    alone = Evaluation([watch])
     length = block_rows(mbs.systemData.ODE2Size())
     for first, end in [(0, 1), *((i, i + length) for i in range(1, len(rows[0]), length))]:
-        alone.take(*(x[first:end] for x in rows))
+        watch.take(*(x[first:end] for x in rows))
     if watch.error is not None:
         raise watch.error
     return watch.runs[-1].report()

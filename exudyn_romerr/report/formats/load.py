@@ -61,7 +61,7 @@ def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
     ]
     computed, left_out = meta["plan"]
     make, bounds = BoundReport, [_under(arrays, kind) for kind in ("position/", "velocity/")]
-    if "body/0/t" in arrays:
+    if not bounds[0]:  # of a mechanism: bodies have such, if anything has
         make, bounds = partial(MechanismReport, bodies=_bodies(arrays, origin)), [OfBodies(), OfBodies()]
     return make(
         t=arrays["t"],

@@ -1,7 +1,5 @@
 """What messages about a floating body tell to do is done as they say, on one small bar: the answer is there then."""
 
-import re
-
 import numpy as np
 import pytest
 from exudyn import itemInterface
@@ -85,46 +83,3 @@ def test_modes_of_an_interface_that_nobody_knows():
     with pytest.raises(romerr.AssumptionError, match=r"reference=romerr\.mean_motion"):
         loaded(modes, welded=False)
     assert np.isfinite(loaded(modes, romerr.mean_motion(*held), welded=False).output("tip").bound["best"]).all()
-
-
-def driven(motion, **velocities):
-    """Report of the bar whose left face moves as a function of time says."""
-    scene = driven_bar.driven(motion, t_end=5e-3)
-    if velocities:
-        turn = np.array(velocities["initialAngularVelocity"])
-        rates = [*velocities["initialVelocity"], 0.0, *(turn / 2)]  # of Euler parameters
-        scene.mbs.SetNodeParameter(scene.items["nRigidBody"], "initialVelocities", rates)
-    flex = romerr.floating_body(scene.fem, scene.items)
-    monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors["displacement local"]])
-    scene.solve()
-    return monitor.report()
-
-
-def test_the_velocity_that_is_told_is_the_one_that_fits():
-    """Along and about all axes; the function begins with it, and is what it was."""
-
-    def motion(t):
-        return [0.1 * t, 0.2 * t, -0.1 * t, 0.5 * t, -0.4 * t, 0.3 * t]
-
-    report = driven(motion)
-    assert "velocity that the bodies do not have" in str(report)
-    told = dict(re.findall(r"(initial\w*elocity)=\[(.*?)\]", str(report)))
-    report = driven(motion, **{name: [float(x) for x in numbers.split(",")] for name, numbers in told.items()})
-    assert set(report.scope.values()) == COMPLETE
-    assert "velocity" not in str(report)
-
-
-@pytest.mark.parametrize(
-    ("motion", "words", "mended"),
-    [
-        (lambda t: LATE + 0 * t, "does not begin where the bodies are, but 0.03 off", lambda t: 0 * t),
-        (lambda t: LATE * np.sin(30 * t), "0.01 sin(30 t)^2", lambda t: LATE * np.sin(30 * t) ** 2),
-        (lambda t: LATE * np.sqrt(t), "let it begin smoothly", lambda t: LATE * np.sin(30 * t) ** 2),
-    ],
-    ids=["place", "velocity", "no velocity"],
-)
-def test_how_a_function_has_to_begin(motion, words, mended):
-    report = driven(lambda t: [0, 0, motion(t), 0, 0, 0])
-    assert words in str(report)
-    assert ("where the bodies are" in str(report)) == ("where" in words)
-    assert set(driven(lambda t: [0, 0, mended(t), 0, 0, 0]).scope.values()) == COMPLETE

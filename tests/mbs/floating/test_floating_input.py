@@ -216,7 +216,7 @@ def test_body_of_create_function_is_bounded():
     made = mbs.CreateFFRFReducedOrderObject(name="bar", femInterface=fem, gravity=floating.GRAVITY, verbose=False)
     scene = SimpleNamespace(mbs=mbs, fem=fem, items=made)
     report = reported(scene)
-    assert report.scope == {"energy": "coupled (linearised)"}
+    assert report.scope == {"energy": "inputs frozen"}
     assert "bar:left" in str(report.plan)
 
 

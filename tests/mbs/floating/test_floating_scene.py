@@ -157,7 +157,7 @@ def solve(scene, h=1e-3, steps=30, solver="GeneralizedAlpha", start=0.0, **optio
 
 
 def run(scene, asked="auto", **options):
-    """Watch, asking for a scope, and solve; return the monitor."""
+    """Attach, asking for a scope, and solve; return the monitor."""
     monitor = watched(scene, scope=asked)
     solve(scene, **options)
     monitor.report()  # raises what went wrong
@@ -165,12 +165,19 @@ def run(scene, asked="auto", **options):
 
 
 def run_model(name, steps=20, asked="auto", **options):
-    """Watch, asking for a scope, and solve a scene of models/floating.py; return the monitor."""
+    """Attach, asking for a scope, and solve a scene of models/floating.py; return the monitor."""
     make, h = SCENES[name]
     scene = make(h=h, t_end=steps * h, **options)
     monitor = watched(scene, scope=asked)
     scene.solve()
     return monitor
+
+
+def reacts(scene, **options):
+    """Whether the mechanism tells of the body."""
+    monitor = watched(scene, estimators="auto")
+    solve(scene, **options)
+    return set(monitor.report().scope.values()) == {COUPLED}
 
 
 def defect(monitor):
@@ -657,7 +664,8 @@ def test_clamped_bar_is_complete():
 
 @pytest.mark.parametrize("name", ["pendulum", "rotor"])
 def test_mechanism_is_coupled(name):
-    assert scope(run_model(name)) == COUPLED
+    make, h = SCENES[name]
+    assert reacts(make(h=h, t_end=20 * h), h=h, steps=20)
 
 
 @pytest.mark.parametrize(("name", "reacting"), [("pendulum", ("the frame",)), ("rotor", ("the frame", "marker 2"))])
@@ -670,7 +678,7 @@ def test_mechanism_of_frozen_inputs_names_what_reacts(name, reacting):
 def test_spring_at_the_tip_of_a_clamped_bar_is_coupled():
     scene = supported()
     add_spring(scene, scene.right)
-    assert scope(run(scene, h=1e-4)) == COUPLED
+    assert reacts(scene, h=1e-4)
 
 
 def test_spring_at_the_tip_of_a_clamped_bar_of_frozen_inputs_reacts():
@@ -694,7 +702,7 @@ def test_spring_that_is_switched_off_does_not_react():
     [
         (False, False, "auto", "complete"),
         (False, True, "auto", FROZEN),
-        (True, False, "auto", COUPLED),
+        (True, False, "auto", FROZEN),
         (True, True, "auto", FROZEN),
         (False, False, FROZEN, "complete"),
         (True, False, FROZEN, FROZEN),
@@ -708,14 +716,13 @@ def test_load_that_turns_with_the_body_is_not_complete(torque, body_fixed, asked
     assert (f"load {int(load)}" in reason(monitor)) == (expected == FROZEN)
 
 
-def test_weld_moved_by_a_function_of_time_is_complete_and_moves():
+def test_weld_moved_by_a_function_of_time_moves():
     scene = bar()
     motion = lambda mbs, t, i, p: [0.05 * np.sin(30 * t) ** 2, 0, 0, 0, 0, 0.5 * np.sin(20 * t) ** 2]  # noqa: E731
     add_joint(scene, scene.left, offsetUserFunction=motion)
     monitor = run(scene)
-    assert scope(monitor) == "complete"
-    assert "between time steps too" in reason(monitor)
-    assert "moves the reference interface by its function" in reason(monitor)
+    assert scope(monitor) == FROZEN
+    assert "the frame" in reason(monitor)
     assert defect(monitor) <= tol.BALANCED
     place, turn = (
         scene.mbs.GetNodeOutput(scene.items["nRigidBody"], q) for q in (Quantity.Position, Quantity.Rotation)
@@ -734,7 +741,7 @@ def test_weld_named_in_either_order_is_complete():
 def test_weld_of_another_than_the_reference_interface_is_coupled():
     scene = bar()
     add_joint(scene, scene.right)
-    assert scope(run(scene, h=1e-4)) == COUPLED
+    assert reacts(scene, h=1e-4)
 
 
 def test_weld_to_a_moving_body_is_coupled():
@@ -745,7 +752,7 @@ def test_weld_to_a_moving_body_is_coupled():
     marker = scene.mbs.AddMarker(itemInterface.MarkerBodyRigid(bodyNumber=body))
     scene.mbs.AddObject(itemInterface.GenericJoint(markerNumbers=[marker, scene.left]))
     monitor = run(scene, h=1e-4)
-    assert scope(monitor) == COUPLED
+    assert scope(monitor) == FROZEN
     assert defect(monitor) <= tol.BALANCED
 
 
@@ -763,10 +770,11 @@ def test_frame_held_by_its_coordinates_is_at_rest(node):
 
 
 @pytest.mark.parametrize("node", HELD)
-def test_frame_held_by_all_but_one_coordinate_is_coupled(node):
+def test_frame_held_by_all_but_one_coordinate_reacts(node):
+    """Where it has Euler parameters the mechanism tells of it."""
     scene = bar(node=node)
     hold_frame(scene, HELD[node][:-1])
-    assert scope(run(scene, h=1e-4)) == COUPLED
+    assert reacts(scene, h=1e-4) == (node == EULER)
 
 
 def test_coordinate_of_the_frame_moved_by_a_function_is_not_at_rest():
@@ -774,7 +782,7 @@ def test_coordinate_of_the_frame_moved_by_a_function_is_not_at_rest():
     hold_frame(scene, HELD[EULER][1:])
     hold_frame(scene, [0], offsetUserFunction=lambda mbs, t, i, offset: 0.1 * np.sin(50 * t) ** 2)
     monitor = run(scene)
-    assert scope(monitor) == COUPLED
+    assert scope(monitor) == FROZEN
     assert defect(monitor) <= tol.BALANCED
 
 
@@ -791,7 +799,7 @@ def test_two_coordinates_of_the_frame_tied_together_are_not_at_rest():
     marker = itemInterface.MarkerNodeCoordinate
     markers = [scene.mbs.AddMarker(marker(nodeNumber=scene.items["nRigidBody"], coordinate=c)) for c in (1, 2)]
     scene.mbs.AddObject(itemInterface.CoordinateConstraint(markerNumbers=markers))
-    assert scope(run(scene)) == COUPLED
+    assert reacts(scene)
 
 
 # --- solves -----------------------------------------------------------------
@@ -1125,7 +1133,7 @@ def test_static_solve_under_a_load_function_says_nothing_of_accelerations():
 
 @pytest.mark.parametrize("estimators", ["auto", ("fast", "energy")])
 def test_run_released_from_a_static_solve_in_a_frame_that_may_turn(estimators):
-    scene = supported(HINGE)  # its inputs are packed in the static run, not in one that starts off the span of V
+    scene = supported(HINGE)
     add_spring(scene, scene.right)
     monitor = watched(scene, estimators=estimators)
     scene.mbs.Assemble()
@@ -1134,7 +1142,8 @@ def test_run_released_from_a_static_solve_in_a_frame_that_may_turn(estimators):
     scene.mbs.SolveDynamic(simulation)
     static, dynamic = (run.report() for run in monitor.runs)
     assert static.time == "static"
-    assert np.isfinite(dynamic.output("tip").bound["best"]).all()
+    found = dynamic.output("tip")  # a mechanism has no bound of what goes on from another solve
+    assert np.isfinite(found.estimate if estimators == "auto" else found.bound["best"]).all()
     np.testing.assert_allclose(dynamic.output("tip").value[0], static.output("tip").value[-1], atol=1e-12)
 
 

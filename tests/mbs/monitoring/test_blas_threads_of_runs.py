@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.coupled.joint_evaluation import Mechanism
+from exudyn_romerr.mbs.floating import moving_subject
 from exudyn_romerr.mbs.monitoring import step_hook
-from exudyn_romerr.offline import prepare
-from exudyn_romerr.online.run import Run
+from exudyn_romerr.mbs.monitoring.mechanism_run import MechanismRun
 from exudyn_romerr.process import blas_threads
 from models import floating
 from tests.helpers.blas import THREADS, counts, several_threads  # noqa: F401
 
-OURS = {(Mechanism, name) for name in ("begin", "read_tangent", "evaluate")} | {(Run, "report")}
+OURS = {(MechanismRun, name) for name in ("append", "tell")} | {(MechanismRun, "told")}
 
 
 def noting(found, module, name, original):
@@ -35,9 +34,8 @@ def seen(several_threads, monkeypatch):  # noqa: F811
     found = {}
     for owner, name in OURS:
         monkeypatch.setattr(owner, name, noting(found, several_threads, name, getattr(owner, name)))
-    monkeypatch.setattr(
-        prepare.Problem, "__init__", noting(found, several_threads, "offline", prepare.Problem.__init__)
-    )
+    read = moving_subject.MovingSubject._seen
+    monkeypatch.setattr(moving_subject.MovingSubject, "_seen", noting(found, several_threads, "read", read))
     return found
 
 
@@ -54,14 +52,14 @@ def test_one_thread_in_all_that_is_ours_and_the_users_own_in_theirs(seen, severa
     _, monitor = solved(noting(seen, several_threads, "PostStep", lambda mbs, t: True))
     monitor.report()
     assert seen.pop("PostStep") == {THREADS}
-    assert seen == {name: {1} for name in ("offline", "begin", "read_tangent", "evaluate", "report")}
+    assert seen == {name: {1} for name in ("read", "append", "tell", "told")}
 
 
 def test_what_goes_wrong_in_ours_leaves_no_trace(several_threads, monkeypatch):  # noqa: F811
     def fail(*_):
         raise romerr.RunError("on purpose")
 
-    monkeypatch.setattr(Mechanism, "evaluate", fail)
+    monkeypatch.setattr(MechanismRun, "append", fail)
     after = []
     _, monitor = solved(lambda mbs, t: not after.append(counts(several_threads)))
     assert after == [{THREADS}] * 21
@@ -75,7 +73,7 @@ def test_the_plan_is_made_with_one_thread_too(seen):
     monitor = romerr.attach(scene.mbs, romerr.floating_body(scene.fem, scene.items))
     scene.mbs.Assemble()
     assert monitor.plan
-    assert seen["offline"] == {1}
+    assert seen["read"] == {1}
 
 
 def test_bounds_do_not_depend_on_it(several_threads):  # noqa: F811

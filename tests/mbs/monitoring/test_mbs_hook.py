@@ -84,7 +84,7 @@ def test_initial_acceleration_is_consistent_though_explicit_solvers_leave_it_uns
 def test_rows_come_in_few_blocks_and_the_first_at_once(gathered):
     """Longer ones where bounds compute with few numbers a step."""
     mbs, _, monitor = scene()
-    longest = block_rows(12, False, monitor._watch.subject.read(mbs).width)
+    longest = block_rows(12, monitor._watch.subject.read(mbs).width)
     assert BLOCK < longest == LONGEST * BLOCK
     mbs.SolveDynamic(settings(steps=longest + 88, end=0.6))
     assert len(monitor.runs) == 1
@@ -92,10 +92,8 @@ def test_rows_come_in_few_blocks_and_the_first_at_once(gathered):
 
 
 def test_blocks_are_shorter_where_they_would_not_fit_in_the_cache():
-    rows = [
-        block_rows(12, tangents, width) for tangents, width in ((False, 1), (False, 300), (False, 9999), (True, 1))
-    ]
-    assert rows == [LONGEST * BLOCK, 2 * BLOCK, BLOCK, BLOCK]
+    rows = [block_rows(12, width) for width in (1, 300, 9999)]
+    assert rows == [LONGEST * BLOCK, 2 * BLOCK, BLOCK]
     assert block_rows(10_000) < 30
 
 

@@ -15,7 +15,7 @@ from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
-from exudyn_romerr.mbs.monitoring.evaluation import Evaluation
+from exudyn_romerr.mbs.monitoring.body_monitor import MonitoredBody
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.online.run import BLOCK, Run
 from exudyn_romerr.online.static_run import StaticRun
@@ -564,7 +564,7 @@ def test_run_that_goes_on_at_a_rounded_time_keeps_its_error():
         assert np.all(bound[0] > 0)
 
 
-@pytest.mark.parametrize(("kind", "place"), [(hooks.StepHook, "_begin_evaluation"), (Evaluation, "take")])
+@pytest.mark.parametrize(("kind", "place"), [(hooks.StepHook, "_why_not_told"), (MonitoredBody, "_take")])
 def test_programming_errors_of_ours_do_not_reach_the_run(monkeypatch, kind, place):
     """Whatever breaks, wherever: said, kept, and the run and the user's function go on."""
     monkeypatch.setattr(kind, place, lambda self, *rest: [][0])

@@ -1,7 +1,6 @@
 """One monitor for a mechanism: its bodies as with a monitor each, and sensors that are on none of them."""
 
 from itertools import chain
-from types import SimpleNamespace
 
 import exudyn as exu
 import numpy as np
@@ -10,18 +9,19 @@ from exudyn import itemInterface
 from exudyn.utilities import InertiaCuboid
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.coupled import other_sensors, sensor_dependence, sensor_record
-from exudyn_romerr.mbs.coupled.sensor_record import Sensor, SensorRecord
+from exudyn_romerr.mbs.monitoring.monitor import NOT_TOLD
+from exudyn_romerr.mbs.sensors.without_state import NO_STATE
 from exudyn_romerr.mbs.studies.scene_run import build_trial
 from exudyn_romerr.report.mechanism_report import MechanismReport
 from models import mechanisms
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve
 
 T_END = 0.01  # s
-BASIS = 1e-3  # of the error of the basis: what compressed vectors leave of it; measured 2.5e-4
+BASIS = 2e-3  # of the error of the basis: what 26 vectors leave of it; measured 1.4e-3
 # of the same, of accelerations and forces of joints: between readings 8 steps apart tangents are off by as much;
 # measured 1.5e-3 and 2.7e-3, with more readings 4e-4 and 8e-4
 ROUGH = 5e-3
+BEGUN_ANEW = 0.03  # of the error: what two solves are wrong by differs from what one is; measured 0.023
 SHOWN = ("Displacement", "Velocity", "Acceleration", "AngularVelocity")
 CRANK = (*(f"crank {name}" for name in (*SHOWN, "Rotation")), "force of a joint")
 
@@ -144,55 +144,26 @@ def test_the_basis_part_is_what_all_modes_show(make, names):
         assert off <= (ROUGH if name in ("crank Acceleration", "force of a joint") else BASIS) * np.abs(error).max()
 
 
-@pytest.mark.parametrize(("kind", "change"), [("Rotation", 0.002), ("Displacement", 0.002 - 2 * np.pi)])
-def test_angles_change_without_full_turns(monkeypatch, kind, change):
-    """From below pi to above -pi."""
-    sensors = other_sensors.OtherSensors([0], [])
-    sensors.sensors = [Sensor(0, "angle", getattr(exu.OutputVariableType, kind), 1)]
-    monkeypatch.setattr(sensors, "_shown", lambda mbs, rows, record: np.array([[0.001 - np.pi]]))
-    rows, moved = (np.zeros(1), *np.zeros((4, 1, 2))), np.ones((3, 1, 2))
-    sensors._tangents = SimpleNamespace(independent=[], moved=lambda states, e: states)
-    found = sensors._change(None, rows, np.array([[np.pi - 0.001]]), moved)
-    np.testing.assert_allclose(found, change, rtol=1e-12)  # rounding of 2 pi beside 0.002
-
-
-def test_estimates_that_ended_before_the_bounds_are_left_out():
-    record = SensorRecord([], [Sensor(0, "piston", exu.OutputVariableType.Position, 1)], [("torque", "a load")])
-    rows = np.zeros((3, 1))
-    record.values.append(rows)
-    record.estimate.put({"basis": rows}, {"vectors": rows})
-    assert [out.name for out in record.outputs(3)[0]] == ["piston"]
-    assert record.outputs(4) == ([], [("torque", "a load"), ("piston", sensor_record.ENDED)])
-
-
 def test_studies_take_it_as_the_monitors_of_its_bodies():
     scene = pendulum()
     monitor = romerr.attach(scene.mbs, bodies_of(scene))
     assert build_trial(lambda: (scene.mbs, monitor, scene.settings)).monitors == monitor.bodies
 
 
-def test_rotations_by_increments_are_left_out():
-    """A body of a Lie group node that spins freely: its centre is coordinates, other points turn."""
+def test_lie_group_nodes_are_not_covered():
+    """A rigid body of a Lie group node has no tangent: inputs are frozen, and the report says why."""
     scene = pendulum(0, steps=4)
-    spun = scene.mbs.CreateRigidBody(
+    scene.mbs.CreateRigidBody(
         referencePosition=[0, 1, 0],
         inertia=InertiaCuboid(1000.0, [0.1, 0.2, 0.3]),
         initialAngularVelocity=[1.0, 2.0, 3.0],
         nodeType=exu.NodeType.RotationRotationVector,
     )
-    for name, place in (("centre", [0, 0, 0]), ("edge", [0.05, 0, 0])):
-        sensor = itemInterface.SensorBody(
-            name=name,
-            bodyNumber=spun,
-            localPosition=place,
-            outputVariableType=exu.OutputVariableType.Displacement,
-        )
-        scene.sensors[name] = scene.mbs.AddSensor(sensor)
-    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors[name] for name in ("centre", "edge")])
+    monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["tip 1"]])
     solve(scene)
     report = monitor.report()
-    assert list(report.outputs) == ["centre"]
-    assert dict(report.plan.left_out)["edge"] == sensor_dependence.ROTATIONS
+    assert set(report.scope.values()) == {FROZEN}
+    assert "RigidBodyRotVecLG is not covered" in report.scope_reason
 
 
 def test_bodies_are_as_with_a_monitor_each():
@@ -214,12 +185,9 @@ def test_bodies_are_as_with_a_monitor_each():
 
 def test_sensors_without_estimate_say_why(report):
     left_out = dict(report.plan.left_out)
-    assert left_out["torque"] == sensor_dependence.NO_STATE["Load"]
-    (said,) = (message for message in report.messages if message.startswith("neither estimated nor bounded: "))
-    assert all(name in said for name in left_out if name in ("torque", "function", "ground"))
-    assert left_out["function"] == sensor_dependence.NO_STATE["UserFunction"]
-    assert left_out["ground"] == sensor_dependence.STILL
-    assert not {"torque", "function", "ground"} & set(report.outputs)
+    for name in ("torque", "function"):
+        assert left_out[name] == NO_STATE[{"torque": "Load", "function": "UserFunction"}[name]]
+        assert name not in report.outputs
     assert any(line.startswith("estimated only, no bound of it is known: piston") for line in report.messages)
 
 
@@ -228,8 +196,9 @@ def test_a_sensor_has_an_estimate_and_no_bound(report):
     assert (out.unit, out.estimate_scope, out.labels) == ("", COUPLED, ("x", "y", "z"))
     assert np.isinf(out.bound["best"]).all()
     assert np.abs(out.estimate).max() > 0
-    assert set(out.uncertainty_parts) == {"vectors", "steps", "loads", "linearisation", "linearisation of steps"}
-    np.testing.assert_array_equal(sum(out.estimate_parts.values()), out.estimate)
+    assert {"loads", "linearisation of modes", "linearisation of steps"} <= set(out.uncertainty_parts)
+    largest = np.abs(out.estimate).max()
+    np.testing.assert_allclose(sum(out.estimate_parts.values()), out.estimate, atol=1e-15 * largest)
     assert report.assess("crank Displacement", 1.0).answer == "likely"
 
 
@@ -242,7 +211,8 @@ def test_bounds_of_bodies_are_asked_of_these(report):
     ):
         with pytest.raises(romerr.InputError, match=r"ask report\.bodies\[\.\.\.\]"):
             ask()
-    assert report.bodies[0].position_bound["auxiliary"].max() > 0
+    with pytest.raises(romerr.InputError, match="attach with scope='inputs frozen'"):
+        report.bodies[0].position_bound["auxiliary"].max()
     assert report.scope == {"auxiliary": COUPLED}
 
 
@@ -272,7 +242,6 @@ def test_the_plan_names_bodies_and_sensors(run):
     _, monitor = run
     assert not {name for name in dict(monitor.plan.left_out) if name.startswith(("piston", "crank"))}
     assert "output 'tip 1 local'" in str(monitor.plan)
-    assert f"torque: {sensor_dependence.NO_STATE['Load']}" in str(monitor.plan)
 
 
 def test_equal_names_are_refused_with_both_places_and_sensors_get_their_numbers():
@@ -328,8 +297,8 @@ def test_tolerances_and_bound_sensors_find_their_body():
     solve(scene)
     report = monitor.report()
     assert [report.output(name).tolerance for name in report.outputs] == [None, 1e-3]
-    stored = scene.mbs.GetSensorStoredData(shows)[-1, 1]
-    assert stored == report.output("middle 1").bound["best"][-1, 0] > 0
+    assert scene.mbs.GetSensorStoredData(shows)[-1, 1] > 0  # with inputs frozen
+    assert set(report.scope.values()) == {COUPLED}
     with pytest.raises(romerr.InputError, match="output='tip' is unknown"):
         monitor.bound_sensor("tip")
 
@@ -340,9 +309,8 @@ def test_without_a_linearised_mechanism_sensors_are_left_out():
     solve(scene)
     report = monitor.report()
     assert (report.outputs, report.scope["auxiliary"]) == ({}, FROZEN)
-    for plan in (report.plan, monitor.plan, monitor.report().plan):
-        why = other_sensors.NOT_COUPLED.format(f"scope={FROZEN!r} was asked for")
-        assert dict(plan.left_out)["piston Displacement"] == why
+    assert dict(report.plan.left_out)["piston Displacement"] == NOT_TOLD
+    assert f"scope={FROZEN!r} was asked for" in report.scope_reason
 
 
 def test_a_second_solve_goes_on():
@@ -358,21 +326,22 @@ def test_a_second_solve_goes_on():
         solve(scene)
         found.append(monitor.report().output("piston Displacement"))
     assert len(monitor.runs) == 2
-    first, second = (out.uncertainty[-9:] for out in found)
-    assert np.all(second[0, 0] > 0)
-    assert np.abs(first - second).max() <= 0.5 * first.max()
+    first, second = (out.estimate_parts["basis"][-9:] for out in found)
+    assert np.all(second[0, 0] != 0)
+    assert np.abs(first - second).max() <= BEGUN_ANEW * np.abs(first).max()
 
 
 def test_a_changed_mbs_is_not_read():
-    """A mass that a PostStep function changes: values at stored steps would be those of another mbs."""
+    """A mass that a PostStep function changes: equations do not hold at stored steps, so inputs are frozen."""
     scene = slider_crank(t_end=0.004)
 
     def change(mbs, t):
         if t > 0.003:
-            mbs.SetObjectParameter(scene.objects["crank"], "mass", 11.0)
+            mbs.SetObjectParameter(scene.objects["piston"], "mass", 1.1 * mechanisms.PISTON_MASS)
         return True
 
     scene.mbs.SetPostStepUserFunction(change)
     monitor = romerr.attach(scene.mbs, bodies_of(scene), outputs=[scene.sensors["piston Displacement"]])
     solve(scene)
-    assert dict(monitor.report().plan.left_out)["piston Displacement"] == other_sensors.CHANGED
+    assert dict(monitor.report().plan.left_out)["piston Displacement"] == NOT_TOLD
+    assert "parameters that the script changes" in monitor.report().scope_reason

@@ -33,7 +33,7 @@ def made(monkeypatch):
 
 
 def hinged(outputs=(TIP,)):
-    """A hinged bar held by a spring, with bounds and an estimate: inputs of solves of both kinds are packed."""
+    """A hinged bar held by a spring, with bounds under frozen inputs."""
     scene = supported(HINGE, n=2)
     add_spring(scene, scene.right)
     scene.load = add_load(scene, scene.right, FORCE)
@@ -41,7 +41,7 @@ def hinged(outputs=(TIP,)):
         bodyNumber=scene.items["oFFRFreducedOrder"], meshNodeNumber=20, outputVariableType=Quantity.Displacement
     )
     scene.mbs.AddSensor(node)
-    scene.monitor = attach(scene.mbs, floating_body(scene.fem, scene.items), outputs=outputs)
+    scene.monitor = attach(scene.mbs, floating_body(scene.fem, scene.items), outputs=outputs, scope="inputs frozen")
     return scene
 
 

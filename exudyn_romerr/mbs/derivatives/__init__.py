@@ -1,1 +1,0 @@
-"""Tangents of a mechanism: derivatives of its equations, read beside a run."""

@@ -1,1 +1,0 @@
-"""The linearised mechanism: bodies with auxiliary vectors, and its tangents at stored steps."""

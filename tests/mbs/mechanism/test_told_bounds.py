@@ -1,0 +1,187 @@
+"""Scenes that broke bounds of older versions, told by the mechanism; truth: all modes, the same steps.
+
+An error has to exceed what both runs change by with Newton's own tolerances, and somewhere else in space.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import exudyn as exu
+import numpy as np
+import pytest
+
+import exudyn_romerr as romerr
+from benchmarks import mechanism_builder, random_mechanisms
+from benchmarks.converged import truths
+from benchmarks.mechanism_builder import built
+from benchmarks.random_mechanisms import drawn
+from models import driven_bar, mechanisms
+from tests.helpers import tolerances as tol
+from tests.helpers.mechanism_runs import COUPLED
+
+ESTIMATED = 0.025  # of the largest error, beside what is left of it; measured 0.023
+CLOSE = 1.7  # bound over error, of the component where both are largest; measured 1.64, with a spectral radius of 0.3
+INDEX_2 = exu.DynamicSolverType.TrapezoidalIndex2
+SENSORS = ("displacement local", "velocity local")
+
+
+def by_index_2(*case, **options):
+    """A mechanism whose solver holds rates of constraints."""
+    scene = built(*case, **options)
+
+    def solve():
+        scene.mbs.Assemble()
+        scene.mbs.SolveDynamic(scene.settings, solverType=INDEX_2)
+
+    scene.solve = solve
+    return scene
+
+
+def compared(mechanism, build=built):
+    """Report of a run, and by output its error (T, 3) and what is left of that."""
+    factor, full, noise = truths(mechanism, build)
+    scene = build(mechanism, iterate=factor)
+    sensors = [number for of in scene.sensors for number in of.values()]
+    monitor = romerr.attach(scene.mbs, scene.flexible(), outputs=sensors)
+    scene.solve()
+    report = monitor.report()
+    assert set(report.scope.values()) == {COUPLED}
+    return report, {name: (full[name] - out.value, noise[name]) for name, out in report.outputs.items()}
+
+
+def check(report, errors, is_bounded=True):
+    """Estimates are errors, and bounds are above these."""
+    for name, (error, left) in errors.items():
+        out, size = report.output(name), np.abs(error).max()
+        known = out.estimate_parts["basis"] + out.estimate_parts["interfaces"]
+        assert np.abs(error - known).max() <= ESTIMATED * size + left, name
+        bound = out.bound["best"]
+        assert np.isfinite(bound).all() == is_bounded
+        assert np.all(np.abs(error) <= bound + left)
+        assert not is_bounded or bound.max() <= CLOSE * size + left
+
+
+def sudden(seed, rho, steps=16):
+    """Two bars and one torque, in steps of 4 ms. 110: with damped hinges; 104: without any damping."""
+    one = drawn(seed)
+    modes, damping, omega = {110: ((1, 4), (2.0, 1e-5), 12.5), 104: ((4, 4), (0.0, 0.0), 150.0)}[seed]
+    bars = tuple(replace(bar, n=n, damping=damping) for bar, n in zip(one.bars[:2], modes, strict=True))
+    load = one.loads[0]
+    load = replace(load, shape=replace(load.shape, kind="at once", omega=omega, begin=0.0))
+    return replace(one, bars=bars, links=one.links[:2], loads=(load,), h=4e-3, steps=steps, rho=rho)
+
+
+@pytest.mark.parametrize(("rho", "is_bounded"), [(0.9, True), (0.3, True), (0.0, False)])
+def test_dampers_of_joints_after_a_sudden_start(rho, is_bounded):
+    check(*compared(sudden(110, rho)), is_bounded)
+
+
+def test_a_first_step_that_is_not_linear():
+    """Velocities of modes are off by 4.7 m/s beside 5e-7 m: of second order. Nothing is bounded."""
+    report, errors = compared(sudden(104, 0.0, steps=5))
+    assert all(np.isinf(report.output(name).bound["best"]).all() for name in errors)
+
+
+def test_what_alpha_carries_on_into_slow_motion():
+    """Rayleigh's alpha damps motion relative to the frame, and so joins modes: a bar on a spherical joint."""
+    one = drawn(137)
+    links = tuple(
+        tuple(replace(x, kind=x.kind.replace("bushing", "spherical"), damped=False) for x in y) for y in one.links
+    )
+    bars = tuple(replace(bar, n=0, damping=(50.0, 0.0)) for bar in one.bars)
+    loads = tuple(replace(load, shape=replace(load.shape, kind="at once")) for load in one.loads)
+    changed = {"bars": bars, "links": links, "loads": loads, "end": "none"}
+    check(*compared(replace(one, h=2.5e-4, steps=4, rho=0.3, **changed)))
+
+
+@pytest.mark.parametrize(
+    ("driven", "h", "steps", "rho"), [(0.1, 4e-3, 26, 1.0), (0.003, 8e-3, 14, 1.0), (0.1, 8e-3, 14, 0.9)]
+)
+def test_much_turns_in_a_step(driven, h, steps, rho, monkeypatch):
+    """Two undamped bars on a driven joint, up to 0.04 rad a step, or ringing from step to step."""
+    monkeypatch.setattr(mechanism_builder, "DRIVEN", driven)
+    one = drawn(37)
+    bars = tuple(replace(bar, n=0, damping=(0.0, 0.0)) for bar in one.bars[:2])
+    loads = tuple(replace(load, shape=replace(load.shape, kind="at once")) for load in one.loads if load.bar < 2)
+    check(*compared(replace(one, bars=bars, links=one.links[:2], loads=loads, h=h, steps=steps, rho=rho)))
+
+
+@pytest.mark.parametrize("seed", [9, 22, 38, 45, 65])
+def test_joints_held_by_their_rates_have_estimates_and_no_bound(seed):
+    """They drift, and otherwise with all modes: errors were up to 2.8e-4 of them above what is bounded elsewhere."""
+    report, errors = compared(replace(drawn(seed), steps=20), by_index_2)
+    check(report, errors, is_bounded=False)
+    assert any("useIndex2Constraints" in why for _, why in report.plan.left_out)
+
+
+@pytest.mark.parametrize("h", [1e-3, 2.5e-4])
+def test_a_bar_that_spins_near_its_first_frequency(h):
+    found = {}
+    for kind, n in (("complete", 0), ("RBE3", 4)):
+        scene = driven_bar.spinning(0.8, h=h, t_end=20 * h, kind=kind, n=n)
+        scene.settings = mechanisms.settings_to_compare(h, 20 * h)
+        if kind == "RBE3":
+            flex = romerr.floating_body(scene.fem, scene.items)
+            monitor = romerr.attach(scene.mbs, flex, outputs=[scene.sensors[name] for name in SENSORS])
+        scene.solve()
+        found[kind] = {name: scene.mbs.GetSensorStoredData(scene.sensors[name])[:, 1:] for name in SENSORS}
+    report = monitor.report()
+    assert report.scope == {"auxiliary": COUPLED}
+    for name, truth in found["complete"].items():
+        out = report.output(name)
+        error, noise = truth - out.value, tol.MECHANISM_NEWTON * np.abs(truth).max()
+        assert np.all(np.abs(error) <= out.bound["best"] + noise)
+        assert np.abs(error - out.estimate_parts["basis"]).max() <= ESTIMATED * np.abs(error).max()
+
+
+# --- runs that begin in the equilibrium of a static solve ---------------------------
+
+
+def hung_up(seed):
+    """One or two bars on bushings and springs, under their weight; loads grow smoothly when the run begins."""
+    one = drawn(seed)
+    vector = one.gravity[0] if np.any(one.gravity[0]) else np.array([0.0, 0.0, -9.81])
+    bars = tuple(replace(bar, ratios=None) for bar in one.bars[:2])
+    loads = tuple(replace(x, shape=replace(x.shape, kind="smooth")) for x in one.loads if x.bar < len(bars))
+    links = tuple(tuple(replace(x, kind="bushing") for x in links) for links in one.links[: len(bars)])
+    changed = {"bars": bars, "links": links, "base": "bushing", "end": "springs", "loads": loads}
+    gravity = vector, replace(one.gravity[1], kind="at once", omega=0.0)
+    return replace(one, gravity=gravity, steps=min(one.steps, 80), **changed)
+
+
+def settled(monkeypatch, mechanism, *case, **options):
+    """The mechanism, solved statically with loads as they are at first, then over time."""
+    scene, at = built(mechanism, *case, **options), random_mechanisms.Shape.at
+
+    def solve():
+        scene.mbs.Assemble()
+        static = scene.settings.staticSolver
+        static.verboseMode, static.newton.relativeTolerance, static.newton.absoluteTolerance = 0, 1e-12, 1e-13
+        with monkeypatch.context() as held:  # static solvers call functions of time with load factors
+            held.setattr(random_mechanisms.Shape, "at", lambda self, t: at(self, 0.0))
+            scene.mbs.SolveStatic(scene.settings, updateInitialValues=True)
+        scene.mbs.SolveDynamic(scene.settings)
+
+    scene.solve = solve
+    return scene
+
+
+@pytest.mark.parametrize("seed", [8, 16, 17])
+def test_a_run_that_begins_in_equilibrium_is_bounded(seed, monkeypatch):
+    """The full model rests in its own: nothing is there but its static error, which is known."""
+    report, errors = compared(hung_up(seed), partial(settled, monkeypatch))
+    for name, (error, left) in errors.items():
+        out, size = report.output(name), np.abs(error).max()
+        assert np.all(np.abs(error) <= out.bound["best"] + left)
+        assert out.bound["best"].max() <= CLOSE * size + left
+        if "velocity" not in name:
+            assert np.any(out.estimate_parts["basis"][0])
+
+
+@pytest.mark.xfail(strict=True, reason="why is not known: what is missed along a bar is 3 % more than its bound")
+def test_what_is_missed_along_a_bar(monkeypatch):
+    """An error of 1.1001e-10 m beside a bound of 1.0997e-10 m, of 4e-9 m in other directions; at one of 80 steps."""
+    report, errors = compared(hung_up(90), partial(settled, monkeypatch))
+    assert all(
+        np.all(np.abs(error) <= report.output(name).bound["best"] + left) for name, (error, left) in errors.items()
+    )
