@@ -97,15 +97,6 @@ class Enrichment:
         self.P = self.P[:, kept]
         self.omega, self.keeps, self.first = (x[kept] for x in (self.omega, self.keeps, self.first))
 
-    def beside(self, asked: int) -> str:
-        """Return in words how many vectors there are, where that is not the number asked for."""
-        count = len(self.keeps)
-        if not self.keeps.all():
-            return f" ({count} with those that deform rigid interfaces)"
-        if count > asked:
-            return f" ({count} with static modes of interfaces that the body's modes lack)"
-        return "" if count == asked else f" ({count} of them are independent)"
-
     def _of_unit_energy(self, forces: np.ndarray) -> np.ndarray:
         """Forces scaled to unit norm in K^-1; those that do no work are left out."""
         if not forces.size:

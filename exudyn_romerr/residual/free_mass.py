@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import block_diag, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 
 from ..decay.passive_steps import Means
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
-from ..model.floating_frame import skew
 from ..model.shared_body import made_once
 
 if TYPE_CHECKING:
@@ -47,16 +46,6 @@ class FreeMass:
         """Return that of a body, made once."""
         return made_once(body, "free mass", (), lambda: cls(body))
 
-    @cached_property
-    def turning(self) -> float:
-        """See turned_mass."""
-        return turned_mass(self._body, self)
-
-    @cached_property
-    def relative(self) -> float:
-        """See relative_motion."""
-        return relative_motion(self._body, self)
-
     def norms(self, columns: np.ndarray) -> np.ndarray:
         """Norms (k,) of columns (n_free, k) that see no rigid motion: balanced loads, or output rows transposed."""
         return np.linalg.norm(self._halves(columns), axis=0)
@@ -72,19 +61,6 @@ class FreeMass:
         inverse = np.maximum(np.einsum("ij,ij->j", moved, pushed), np.finfo(float).tiny)
         squares = np.maximum(np.sum(stiff.half_solve(pushed) ** 2, axis=0), np.finfo(float).tiny)
         return Means(norms**2 / size, inverse / size, squares / size)
-
-    def compliance(self, columns: np.ndarray) -> tuple[float, float]:
-        """Largest acceleration by a force and by a torque, columns (N, 3 or 6), of where these act, per unit."""
-        gram = self.gram(columns.T)
-        parts = gram[:3, :3], gram[3:, 3:]
-        return tuple(float(np.linalg.eigvalsh(part)[-1]) if part.size else 0.0 for part in parts)
-
-    def gram(self, rows: np.ndarray) -> np.ndarray:
-        """C M^-1 C^T (r, r) of rows C (r, N) of all coordinates, which see rigid motions, too."""
-        rigid = self._by_rigid((rows @ self._Rg).T)
-        still = rows.T - self._carried @ solve_triangular(self._of_rigid.T, rigid)
-        halves = np.vstack([self._halves(self._space.loads(still)), rigid])
-        return halves.T @ halves
 
     def response(self, columns: np.ndarray) -> np.ndarray:
         """Admissible part y (n_free, k) of what balanced columns accelerate, Z y + Rg r = M^-1 columns."""
@@ -136,35 +112,6 @@ def free_velocity_norms(body: ElasticBody, C: np.ndarray) -> np.ndarray:
     rows = body.space.extended(C)
     rows -= (rows @ rigid_modes(body.positions)) @ _frame_rows(body)
     return np.linalg.norm(SymmetricFactor(body.mass).half_solve(rows.T), axis=0)
-
-
-def relative_motion(body: ElasticBody, mass: FreeMass) -> float:
-    """|u|_M over |e|_M at most, u what a motion e of the body is relative to its frame."""
-    Rg = rigid_modes(body.positions)
-    L = cholesky(Rg.T @ (body.mass @ Rg), lower=True)
-    carried = L.T @ mass.gram(_frame_rows(body)) @ L  # |Rg c|_M^2 of the motion c of the frame
-    return 1 + float(np.sqrt(np.linalg.eigvalsh(carried)[-1]))
-
-
-def turned_mass(body: ElasticBody, mass: FreeMass) -> float:
-    """|dM a|_{M^-1} over |a|_M at most, by a radian: of M where places are in global axes, the rest in the body's.
-
-    Where it turns by t, an acceleration whose frame has c is another one by S c = (t x c_1, t x c_2 / 2) of places
-    and Euler parameters (rotation vectors: none, they are in the body's axes in Exudyn). With momenta P of the body
-
-        v^T dM a = P(v)^T S c(a) + c(v)^T S^T P(a) ,
-
-    the same to second order in t. Of all three axes, one upon another, which is at least what any axis has.
-    """
-    Rg, none, one = rigid_modes(body.positions), np.zeros((RIGID_MODES, RIGID_MODES)), np.eye(RIGID_MODES)
-    L = cholesky(Rg.T @ (body.mass @ Rg), lower=True)  # momenta times L^-1 have the Gram matrix 1, and no units
-    gram = np.block([[L.T @ mass.gram(_frame_rows(body)) @ L, one], [one, one]])
-    squares = 0.0 * gram
-    for axis in np.eye(3):
-        S = solve_triangular(L, block_diag(skew(axis), skew(axis) / 2).T @ L, lower=True).T
-        form = np.block([[none, S.T], [S, none]])
-        squares += form @ gram @ form
-    return float(np.sqrt(np.linalg.eigvals(gram @ squares).real.max()))
 
 
 def _frame_rows(body: ElasticBody) -> np.ndarray:

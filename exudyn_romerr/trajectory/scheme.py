@@ -26,12 +26,3 @@ class Scheme:
     def mass_and_damping(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Factors of M and D in the matrix of a step, beside K."""
         return (1 - self.alpha_m) / (self.beta * h**2 * (1 - self.alpha_f)), self.gamma / (h * self.beta)
-
-    def next(self, h: np.ndarray) -> np.ndarray:
-        """Map that and the increment z to e, e', e'' and a of the next sample, (S, 4, 4)."""
-        mass, damping = self.mass_and_damping(h)
-        found = np.zeros((len(h), 4, 4))
-        found[:, 0, 0] = found[:, 1, 1] = found[:, 3, 2] = found[:, 0, 3] = 1.0
-        found[:, 1, 3], found[:, 2, 3] = damping, mass
-        found[:, 3, 3] = (1 - self.alpha_f) / (1 - self.alpha_m) * mass
-        return found

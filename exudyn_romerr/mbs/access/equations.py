@@ -13,13 +13,12 @@ from .state_guard import own_solver
 class Equations:
     """M q'' + G^T l = f and g = 0 of an mbs in its current state; the solver writes into itself only.
 
-    Attributes
-    ----------
-    size : number of coordinates. threads : of the running solver.
+    size : number of coordinates.
     """
 
-    def __init__(self, mbs: Any, threads: int = 1):
-        self._solver, self.threads = own_solver(mbs, threads), threads
+    def __init__(self, mbs: Any, threads: int):
+        """Initialise a solver; threads : of the running one."""
+        self._solver = own_solver(mbs, threads)
         self.size = self._solver.GetODE2size()
         self._first_constraint = self.size + self._solver.GetODE1size()
         self._no_jacobian = np.zeros((self._first_constraint + self._solver.GetAEsize(),) * 2)

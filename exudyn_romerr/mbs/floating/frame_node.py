@@ -5,19 +5,18 @@ RigidPart: what modes move the body as a rigid one beside it, which is motion of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import AssumptionError
 from ...model.floating_frame import FrameMotion, skew
-from ...trajectory.unit_sphere import bend
 from ..access.euler_parameters import axes_of, rates_of
 from ..access.mbs_items import QUATERNIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
 
 class FrameNode:
@@ -54,18 +53,6 @@ class FrameNode:
         one = self.motion(q[None], *np.zeros((2, 1, self.size)))
         return FrameMotion(*(np.broadcast_to(x, (samples, *x.shape[1:])) for x in vars(one).values()))
 
-    def bend(self, states: Sequence[np.ndarray], e: Sequence[np.ndarray]) -> np.ndarray:
-        """Return what e, e', e'' (S, size) do to coordinates and rates beside being added to them (3, S, size)."""
-        found = np.zeros((3, *states[0].shape))
-        if self._rotation is _euler_parameters:
-            (p, *rates), turned = ([x[:, 3:] for x in of] for of in (states, e))
-            found[..., 3:] = bend([self.reference[3:] + p, *rates], turned)
-        return found
-
-    def rates(self, q: np.ndarray) -> np.ndarray:
-        """Return what gives w in body axes of the rates of the rotation parameters (S, 3, size - 3), q (S, size)."""
-        return RATES[self._rotation](self.reference[3:] + q[:, 3:])
-
     def reference_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Return r (3,) and A (3, 3) of the reference configuration."""
         motion = self.motion(*np.zeros((3, 1, self.size)))
@@ -83,10 +70,6 @@ class RigidPart:
     moves: np.ndarray
     share: float
     alpha: float = 0.0
-
-    def beside(self, vectors: int) -> RigidPart:
-        """Return that of modes and so many vectors behind them, which the conditions hold."""
-        return replace(self, moves=np.hstack([self.moves, np.zeros((6, vectors))]))
 
     def add_inertia(self, u: np.ndarray, motion: FrameMotion, *states: np.ndarray) -> None:
         """Add to b, S of inertia_coordinates (S, 12 + ...) what modes move as a rigid body; states: see `frame`.
@@ -137,9 +120,4 @@ def _rotation_vector(v, v_t, v_tt) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return Rotation.from_rotvec(v).as_matrix(), v_t, v_tt
 
 
-def _rates_of_rotation_vector(v: np.ndarray) -> np.ndarray:
-    return np.broadcast_to(np.eye(3), (len(v), 3, 3))
-
-
 ROTATIONS = {QUATERNIONS: _euler_parameters, "RigidBodyRotVecLG": _rotation_vector}
-RATES = {_euler_parameters: rates_of, _rotation_vector: _rates_of_rotation_vector}

@@ -83,7 +83,7 @@ BASIS = ("basis", "interfaces")  # causes of what a run with all modes and the s
 class BodyRun:
     """What a MechanismRun tells of its body number `body`. messages : at the head of reports."""
 
-    begins_late = continues = False
+    continues = False
 
     def __init__(self, of: MechanismRun, body: int, subject: MovingSubject, tolerance: dict[str, float]):
         self.of, self._body, self._subject, self._tolerance = of, body, subject, tolerance
