@@ -237,6 +237,24 @@ def test_scripts_that_attach_themselves_keep_their_monitors(tmp_path):
     assert run.rows[0]["sum"]["how"] == "estimated"
 
 
+@pytest.mark.parametrize("how", ["at once", "one by one", "with few sensors"])
+def test_scripts_that_attach_several_bodies_have_the_answers_of_all(how, tmp_path):
+    """Of the second bar nothing was said: a list of sensors was asked for its last, and there was none."""
+    text = "import exudyn_romerr as romerr\nfrom models import mechanisms\n"
+    text += "scene = mechanisms.double_pendulum(1, h=2e-3, t_end=0.02)\n"
+    text += "bars = [romerr.floating_body(scene.fem, bar) for bar in scene.bodies]\n"
+    text += {
+        "at once": "romerr.attach(scene.mbs, bars)\n",
+        "one by one": "for bar in bars:\n    romerr.attach(scene.mbs, bar)\n",
+        "with few sensors": "romerr.attach(scene.mbs, bars, outputs=list(scene.sensors.values()))\n",
+    }[how]
+    run = romerr.run(written(tmp_path, text + SOLVE))
+    assert run.ending.error is None
+    shown = {row["name"] for row in run.rows}
+    assert {f"sensor{i}" for i in range(8)} <= shown
+    assert all(row["sum"]["how"] == "estimated" for row in run.rows if row["name"].startswith("sensor"))
+
+
 def test_solves_in_other_processes_are_counted(tmp_path):
     text = "import multiprocessing\n" + HEAD
     text += "def work(n):\n    floating.pendulum(n, t_end=0.01).solve()\n"

@@ -36,7 +36,8 @@ def monitor_of_script(mbs: Any) -> Monitor | MechanismMonitor | None:
     if not isinstance(hook, StepHook) or not hook.watches:
         return None
     monitors = [Monitor(mbs, hook, watch) for watch in hook.watches]
-    return MechanismMonitor(mbs, monitors, hook.sensors[-1]) if hook.sensors else monitors[0]
+    alone = len(monitors) == 1 and hook.sensors == []
+    return monitors[0] if alone else MechanismMonitor(mbs, monitors, hook.sensors)
 
 
 class RecordedSolve:
