@@ -1,7 +1,9 @@
 """Names of the public contract, asked of a mechanism: each answers, or refuses by its name and says what to do."""
 
+import exudyn as exu
 import numpy as np
 import pytest
+from exudyn import itemInterface
 
 import exudyn_romerr as romerr
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, solve
@@ -39,6 +41,20 @@ def test_plan_is_there_before_the_solve_and_after(run):
     _, plan, report = run
     assert "linearised mechanism" in plan
     assert "linearised mechanism" in str(report.bodies[0].plan)
+
+
+def test_plan_of_bodies_that_the_mechanism_does_not_tell_plans_no_other_sensors():
+    """It was asked again, without what speaks against it: the second bar is not attached."""
+    scene = pendulum()
+    on_no_body = scene.mbs.AddSensor(itemInterface.SensorObject(objectNumber=scene.objects["hinge 1"]))
+    scene.mbs.SetSensorParameter(on_no_body, "outputVariableType", exu.OutputVariableType.ForceLocal)
+    bar = romerr.floating_body(scene.fem, scene.bodies[0])
+    monitor = romerr.attach(scene.mbs, [bar], outputs=[scene.sensors["tip 1 local"], on_no_body])
+    scene.mbs.Assemble()
+    plan = monitor.plan
+    (name,) = [name for name, why in plan.left_out if "is not to be had" in why]
+    assert name == scene.mbs.GetSensor(on_no_body)["name"]
+    assert not any(name in line for line in plan.computed)
 
 
 def test_every_output_has_an_estimate_with_its_half_width(run):

@@ -57,13 +57,16 @@ def solver_name(mbs: Any) -> str:
 
 
 def scheme_of(mbs: Any) -> Scheme | None:
-    """Return the parameters of the dynamic solver that has just begun; None if it is not kept.
-
-    Explicit solvers resolve all modes, or fail: as the trapezoidal rule they add nothing of their own.
-    """
+    """Return the scheme of the dynamic solver that has just begun; None if it is not kept."""
     solver = mbs.sys.get("dynamicSolver")
-    if solver is None or solver.it.currentStepIndex > 0:
-        return None
+    return None if solver is None or solver.it.currentStepIndex > 0 else scheme_from(solver)
+
+
+def scheme_from(solver: Any) -> Scheme:
+    """Return the parameters of a solver.
+
+    Explicit and static ones resolve all modes, or fail: as the trapezoidal rule they add nothing of their own.
+    """
     if not hasattr(solver, "newmarkBeta"):
         return Scheme.of_radius(1.0)
     return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)

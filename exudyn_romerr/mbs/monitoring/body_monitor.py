@@ -86,11 +86,11 @@ class MonitoredBody:
             self._solver = SolverFacts(*facts, name="" if static else solver_name(mbs))
             self._columns = self.subject.columns
 
-    def plan(self, mbs: Any, why_not: str) -> Plan:
-        """Return what would be computed if a solve began now."""
+    def plan(self, mbs: Any, why_not: str) -> tuple[Plan, bool]:
+        """Return what would be computed if a solve began now, and whether the mechanism would tell."""
         if self.subject.is_told(mbs, False, why_not):
-            return self.subject.told_plan()
-        return self.subject.read(mbs, False, why_not).plan
+            return self.subject.told_plan(), True
+        return self.subject.read(mbs, False, why_not).plan, False
 
     def run_told(self, run: BodyRun) -> None:
         """The mechanism will tell of the solve that begins."""

@@ -76,6 +76,10 @@ class Monitor:
         AssumptionError
             Something beside the prescribed inputs acts on the body.
         """
+        return self._planned()[0]
+
+    def _planned(self) -> tuple[Plan, bool]:
+        """The plan, and whether the linearised mechanism would tell."""
         self._require_hook()
         if not self._mbs.systemIsConsistent:
             raise RunError("plan was asked before mbs.Assemble(); call it first")
@@ -174,8 +178,8 @@ class MechanismMonitor:
     @property
     def plan(self) -> Plan:
         """What is computed, what is left out and why, of all bodies and sensors; raises as Monitor.plan does."""
-        plans = [body.plan for body in self.bodies]
-        if not any(body.subject.is_told(self._mbs, False, "") for body in self.bodies):
+        plans, told = zip(*(body._planned() for body in self.bodies), strict=True)
+        if not any(told):
             return joined_plan(plans, [], [(name, NOT_TOLD) for name in self._names()])
         return joined_plan(plans, *planned_sensors(self._mbs, self._numbers()))
 

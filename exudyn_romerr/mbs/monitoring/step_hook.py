@@ -14,8 +14,7 @@ from ...online.run import BLOCK
 from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
 from ...report.scope import UNATTACHED
-from ...trajectory.scheme import Scheme
-from ..access.mbs_items import FFRF, end_time, holds_rates, is_verbose, running_static_solver, scheme_of
+from ..access.mbs_items import FFRF, end_time, holds_rates, is_verbose, running_static_solver, scheme_from, scheme_of
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
 from ..memory.standstill import no_step_is_made
@@ -105,7 +104,7 @@ class StepHook:
         """Keep rows of this solve; static : its solver, or None."""
         floating = [watch for watch in self.watches if isinstance(watch.subject, MovingSubject)]
         subjects = [watch.subject for watch in floating]
-        scheme = Scheme.of_radius(1.0) if static else scheme_of(mbs)
+        scheme = scheme_from(static) if static else scheme_of(mbs)
         flexes, outputs = [one.flex for one in subjects], [one.outputs for one in subjects]
         sensors = other_sensors(mbs, flexes, self.sensors)
         vectors = max(one.vectors for one in subjects)
@@ -199,8 +198,8 @@ class StepHook:
         return any(watch.stopped for watch in self.watches)
 
     @one_thread()
-    def plan(self, mbs: Any, watch: MonitoredBody) -> Plan:
-        """Return what would be computed of a watch if a solve began now."""
+    def plan(self, mbs: Any, watch: MonitoredBody) -> tuple[Plan, bool]:
+        """Return what would be computed of a watch if a solve began now, and whether the mechanism would tell."""
         return watch.plan(mbs, self._why_not_told(mbs, is_static=True))
 
     @property
