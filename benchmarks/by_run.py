@@ -6,9 +6,9 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from exudyn_romerr.mbs.access.mbs_items import scheme_from
 from exudyn_romerr.mbs.mirror.recorder import Recorder
 from exudyn_romerr.mbs.mirror.told_solve import Asked, told_solve
-from exudyn_romerr.trajectory.scheme import Scheme
 
 
 def told_by_run(mbs: Any, flexes: Sequence[Any], solve: Callable[[], Any]) -> tuple[Any, Any]:
@@ -22,8 +22,6 @@ def told_by_run(mbs: Any, flexes: Sequence[Any], solve: Callable[[], Any]) -> tu
         warnings.simplefilter("ignore")
         result = solve()
     mbs.SetPostStepUserFunction(0)
-    solver = mbs.sys["dynamicSolver"]
-    scheme = Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
-    asked = Asked(flexes, [()] * len(flexes), scheme, False)
+    asked = Asked(flexes, [()] * len(flexes), scheme_from(mbs.sys["dynamicSolver"]), False)
     told, _ = told_solve(mbs, asked, recorder.runs()[-1])
     return result, told.report(told.sensors)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -48,6 +48,19 @@ def extents(value: np.ndarray, is_position: bool = False) -> np.ndarray:
 def is_rate(shows: str) -> bool:
     """Return whether a quantity, as Exudyn or OutputData.of names it, is 0 where nothing moves: in static solves."""
     return shows.removesuffix("Local").lower().endswith(("velocity", "acceleration"))
+
+
+class Watched(Protocol):
+    """What is estimated, or shown: a name, of what, in which unit."""
+
+    name: str
+    of: str
+    unit: str
+
+
+def line_of(out: Watched) -> str:
+    """Return the line of a plan that says that an output is estimated."""
+    return f"output {out.name!r}: {out.of}{out.unit and f' in {out.unit}'}, estimated"
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NoReturn, Protocol
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from ..errors import InputError, RunError
-from .data import Plan
+from .data import Plan, Watched, line_of
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
 from .wording import NO_OUTPUTS, is_uncertified, scope_lines, widest_scope
@@ -24,14 +24,6 @@ ASK_BODIES = (
 )
 LEFT_OUT = "neither estimated nor bounded: {}; print(report.plan) says why"
 NO_BOUND = "estimated only, no bound of it is known: {}"
-
-
-class Watched(Protocol):
-    """What is estimated of no flexible body."""
-
-    name: str
-    of: str
-    unit: str
 
 
 class OfBodies(dict):
@@ -135,7 +127,7 @@ def check_names(places: Sequence[tuple[str, str]]) -> None:
 def joined_plan(plans: Sequence[Plan], others: Sequence[Watched], left_out: Sequence[tuple[str, str]]) -> Plan:
     """Return the plans of all bodies as one, with what is watched beside these, and sensors that are left out."""
     computed = _numbered([plan.computed for plan in plans])
-    computed += [f"output {x.name!r}: {x.of}{x.unit and f' in {x.unit}'}, estimated, no bound" for x in others]
+    computed += [f"{line_of(out)}, no bound" for out in others]
     shared = [pair for pair in plans[0].left_out if all(pair in plan.left_out for plan in plans)]
     pairs = ((i, *pair) for i, plan in enumerate(plans) for pair in plan.left_out if pair not in shared)
     without = [(f"bodies[{i}]: {what}", why) for i, what, why in pairs]

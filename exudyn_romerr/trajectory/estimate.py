@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 RESOLVED = 0.3  # half width over the largest estimate: above it no digit of the estimate is right
 CAUSES = ("basis", "interfaces", "time step", "initial", "jumps")
+REDUCTION = CAUSES[:2]  # of what a run with all modes and the same steps has
 LINEAR, LINEAR_STEPS = "linearisation", "linearisation of steps"  # what linear equations miss of each
 # checks of the march of a whole mechanism, which tells interfaces and modes apart: vectors that it has not, and what
 # linear equations miss

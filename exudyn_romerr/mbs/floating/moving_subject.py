@@ -16,7 +16,7 @@ from ...linalg.blocked_products import consecutive
 from ...model.floating_frame import FramePose, Jitter
 from ...offline.options import BoundOptions
 from ...offline.prepare import prepare
-from ...report.data import Plan
+from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
 from ...residual.problem import Deferred
 from ...trajectory.input_signal import SampledSignal
@@ -25,8 +25,7 @@ from ..access.reduced_damping import damping_text, require_modal_damping
 from .floating_body import read_object
 from .frame_support import read_support, require_free_node
 from .input_terms import InputTerms
-from .loads_and_joints import read_actions
-from .reference_search import find_reference, held_body, stiff_space
+from .reference_search import held_body, seen_body, stiff_space
 from .sampler import Sampler
 from .scope_decision import Wanted, find_scope
 from .sensor_outputs import NO_SENSOR, BodySensors, body_sensors
@@ -78,10 +77,8 @@ class MovingSubject:
 
     def _seen(self, mbs: Any, static: bool) -> _Seen:
         """Read body, joints and loads; its sensors, where these are the outputs."""
-        model = read_object(mbs, self.flex)
-        actions = read_actions(mbs, self.flex, model, load_factor(mbs) if static else None)
-        reference = find_reference(self.flex, model.V, actions.interfaces())
-        model, body = reference.of(model), self._made_body(model, reference)
+        model, actions, reference = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
+        body = self._made_body(model, reference)
         support = read_support(mbs, model, actions.drop_idle(body))
         return _Seen(model, actions, reference, support, body)
 
@@ -132,8 +129,7 @@ class MovingSubject:
 
     def told_plan(self) -> Plan:
         """Return what the mechanism will tell."""
-        asked = (out for out in self.outputs if out.is_requested)
-        of = (f"output {out.name!r}: {out.of}{out.unit and f' in {out.unit}'}, estimated" for out in asked)
+        of = (line_of(out) for out in self.outputs if out.is_requested)
         return Plan((BY_MECHANISM.format(self.vectors), *self._lines, *of), self._left_out())
 
     def _found(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -19,10 +19,15 @@ from ...model.admissible_space import (
     rigid_parts,
 )
 from ...model.shared_body import keep_with, shared_body
+from .floating_body import read_object
 from .frame_node import RigidPart
+from .loads_and_joints import read_actions
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ...model.body import ElasticBody
+    from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
 
 MASS_ORTHOGONAL = "rigid motions, M-orthogonal"
@@ -44,6 +49,22 @@ WITHOUT_RIGID = (
 # hold have 0.3 and more of it, and their frame is not that of the conditions at hand
 SMALL = 0.03
 DEPENDENT = 1e-12  # eigenvalues of a Gram matrix, of the largest: columns that the others make
+
+
+class SeenBody(NamedTuple):
+    """What an mbs has of a body now: reduced matrices, held by reference conditions; what acts on it; conditions."""
+
+    model: ReducedMatrices
+    actions: Actions
+    reference: Reference
+
+
+def seen_body(mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float] | None = None) -> SeenBody:
+    """Read a body; load_factor : what a static solver scales constant loads with."""
+    model = read_object(mbs, flex)
+    actions = read_actions(mbs, flex, model, load_factor)
+    reference = find_reference(flex, model.V, actions.interfaces())
+    return SeenBody(reference.of(model), actions, reference)
 
 
 @dataclass(frozen=True)

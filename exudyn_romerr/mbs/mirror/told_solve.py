@@ -21,12 +21,12 @@ from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
 from ...online.run_record import beside_steps
-from ...report.data import Plan, extents
+from ...report.data import Plan, extents, line_of
 from ...report.formats.provenance import made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ...trajectory.estimate import CAUSES
+from ...trajectory.estimate import CAUSES, REDUCTION
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
 from ..floating.moving_subject import VECTORS
@@ -108,9 +108,7 @@ class Told(NamedTuple):
         self, outputs: Sequence[OutputReport], plan: Plan | None = None, messages: Sequence[str] = ()
     ) -> MechanismReport:
         """Return a report of some of these; plan : what was to be told; messages : beside those of the run."""
-        if plan is None:
-            of = (f"output {x.name!r}: {x.of}{x.unit and f' in {x.unit}'}, estimated" for x in outputs)
-            plan = Plan(tuple(of), ())
+        plan = plan or Plan(tuple(map(line_of, outputs)), ())
         return MechanismReport(
             t=self.t,
             position_bound=OfBodies(),
@@ -299,7 +297,7 @@ def _output(
         for check, half in x.half_widths.items():
             width = np.full(value.shape, np.inf) if is_lost else np.broadcast_to(half[own], value.shape)
             checks[check] = checks.get(check, 0.0) + width
-    known, is_bounded = parts["basis"] + parts["interfaces"], bool(np.isfinite(bound).all())
+    known, is_bounded = sum(parts[c] for c in REDUCTION), bool(np.isfinite(bound).all())
     return OutputReport(
         name=sensor.name,
         unit=sensor.unit,
@@ -324,7 +322,7 @@ def _output(
 
 def _causes(bound: np.ndarray, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Shares of a bound (T, r) of what modes and rigid interfaces make, as their estimates have them."""
-    modes, stiff = (np.abs(parts[cause]).max(axis=0, initial=0.0) for cause in ("basis", "interfaces"))
+    modes, stiff = (np.abs(parts[cause]).max(axis=0, initial=0.0) for cause in REDUCTION)
     share = np.divide(stiff, modes + stiff, out=np.zeros_like(stiff), where=stiff > 0)
     none = np.broadcast_to(0.0, bound.shape)
     return dict.fromkeys(CAUSES, none) | {"basis": (1 - share) * bound, "interfaces": share * bound}

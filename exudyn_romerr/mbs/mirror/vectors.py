@@ -22,10 +22,9 @@ from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
 from ...residual.free_mass import FreeMass
 from ...residual.interface_stiffening import with_rigid_interfaces
-from ..floating.floating_body import FloatingBody, read_object
+from ..floating.floating_body import FloatingBody
 from ..floating.frame_support import require_free_node
-from ..floating.loads_and_joints import read_actions
-from ..floating.reference_search import find_reference, held_body, stiff_space
+from ..floating.reference_search import held_body, seen_body, stiff_space
 from ..memory.detached import READS_NODES, READS_SENSORS, Detached
 from .weight import weight_of
 
@@ -51,10 +50,7 @@ class KnownBody:
     @classmethod
     def of(cls, mbs: Any, flex: FloatingBody) -> KnownBody:
         """Read it."""
-        model = read_object(mbs, flex)
-        actions = read_actions(mbs, flex, model)
-        reference = find_reference(flex, model.V, actions.interfaces())
-        model = reference.of(model)
+        model, actions, reference = seen_body(mbs, flex)
         if model.rigid is not None:
             require_free_node(mbs, model)
         held = held_body(flex, model.rayleigh, reference)
@@ -143,7 +139,9 @@ def _read_by(mbs: Any, flex: FloatingBody, detached: Detached) -> np.ndarray:
         own = (one for one in sensors if int(one.get("bodyNumber", -1)) == flex.number and "meshNodeNumber" in one)
         nodes = {int(one["meshNodeNumber"]) for one in own}
     rows = [3 * node + axis for node in sorted(nodes) for axis in range(3)]
-    return np.eye(flex.mass.shape[0])[:, rows] if rows else np.zeros((flex.mass.shape[0], 0))
+    columns = np.zeros((flex.mass.shape[0], len(rows)))
+    columns[rows, range(len(rows))] = 1.0
+    return columns
 
 
 def in_shapes_of(now: Enriched, before: Enriched) -> np.ndarray | None:

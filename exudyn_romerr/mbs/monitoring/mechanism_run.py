@@ -10,6 +10,7 @@ import numpy as np
 from ...errors import RunError
 from ...mechanism.samples import Rows
 from ...online.run_record import Internal
+from ...trajectory.estimate import REDUCTION
 from ..mirror.recorder import StoredRows
 from ..mirror.told_solve import Asked, Ended, Told, told_solve
 from .run_succession import SAME_TIME
@@ -77,9 +78,6 @@ class MechanismRun:
         return self._told
 
 
-BASIS = ("basis", "interfaces")  # causes of what a run with all modes and the same steps has
-
-
 class BodyRun:
     """What a MechanismRun tells of its body number `body`. messages : at the head of reports."""
 
@@ -113,6 +111,6 @@ class BodyRun:
         """Return outputs beside those that were asked for."""
         told, rows = self.of.told(), self.of.rows()
         shown = {out.name: out for out in told.of_bodies[self._body] if not self._is_requested[out.name]}
-        corrected = {name: sum((x.estimate_parts[c] for c in BASIS), x.value) for name, x in shown.items()}
+        corrected = {name: sum((x.estimate_parts[c] for c in REDUCTION), x.value) for name, x in shown.items()}
         subject, frames = self._subject, self._subject.frames(rows.q, rows.v, rows.a)
         return Internal(corrected, frames, subject.outputs, subject.views())

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import AssumptionError
 from ...process.blas_threads import one_thread
 from ...report.verdicts import until, until_begun, until_load
-from ...trajectory.scheme import Scheme
-from ..access.mbs_items import holds_rates, sensor_name
+from ..access.mbs_items import holds_rates, scheme_from, sensor_name
 from ..floating.floating_body import floating_body
 from ..mirror.recorder import Recorder
 from ..mirror.told_solve import Asked, Ended, told_solve
@@ -91,20 +90,13 @@ class RecordedSolve:
         if solve.refused:
             raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
         chosen = [chosen_outputs(self._mbs, flex) if self._is_chosen else () for flex in flexes]
-        asked = Asked(flexes, chosen, _scheme(solver), self._is_static, holds_rates=self._holds_rates)
+        asked = Asked(flexes, chosen, scheme_from(solver), self._is_static, holds_rates=self._holds_rates)
         found = []
         for i, rows in enumerate(runs):
             told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)
             self._ended[self._mbs] = before
             found.append(told.report([*told.sensors, *chain(*told.of_bodies)]))
         return found
-
-
-def _scheme(solver: Any) -> Scheme:
-    """The integrator's parameters; of explicit ones, which resolve all modes, the trapezoidal rule's."""
-    if not hasattr(solver, "newmarkBeta"):
-        return Scheme.of_radius(1.0)
-    return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
 
 
 def _planned_end(solver: Any, last: float) -> float | None:

@@ -15,9 +15,8 @@ from ...residual.interface_stiffening import with_rigid_interfaces
 from ..access.mbs_items import dense
 from ..access.object_terms import object_terms
 from ..access.reduced_damping import rayleigh_factors
-from ..floating.floating_body import floating_body, read_object
-from ..floating.loads_and_joints import read_actions
-from ..floating.reference_search import find_reference, held_body, stiff_space
+from ..floating.floating_body import floating_body
+from ..floating.reference_search import held_body, seen_body, stiff_space
 
 if TYPE_CHECKING:
     from .found_bodies import FoundBody
@@ -50,11 +49,9 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
     if body.fem is None:
         raise InputError("its FE model is gone")
     flex = floating_body(body.fem, body.items(mbs))
-    model, actions = read_object(mbs, flex), None
-    actions = read_actions(mbs, flex, model)
-    interfaces = actions.interfaces()
-    full = held_body(flex, model.rayleigh, find_reference(flex, model.V, interfaces))
-    Z, stiff = full.space, stiff_space(flex, model.V, interfaces)
+    model, actions, reference = seen_body(mbs, flex)
+    full = held_body(flex, model.rayleigh, reference)
+    Z, stiff = full.space, stiff_space(flex, model.V, actions.interfaces())
     full.modes(1)
     V = Z.coordinates("V", model.V)
     inertia = Z.loads(unit_inertia(flex.mass, flex.positions))

@@ -24,10 +24,9 @@ from exudyn_romerr import (
     mean_motion,
     node_displacement,
 )
-from exudyn_romerr.mbs.floating import actions
+from exudyn_romerr.mbs.floating import actions, reference_search
 from exudyn_romerr.mbs.floating import floating_body as floating_module
 from exudyn_romerr.mbs.floating import loads_and_joints as actions_module
-from exudyn_romerr.mbs.floating import moving_subject as moving
 from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating
 from tests.helpers import tolerances as tol
@@ -468,14 +467,14 @@ def dropping(monkeypatch):
     """Return a function that makes the package forget a kind of action."""
 
     def forget(what):
-        read = moving.read_actions
+        read = reference_search.read_actions
 
         def reading(*args):
             actions = read(*args)
             getattr(actions, what).clear()
             return actions
 
-        monkeypatch.setattr(moving, "read_actions", reading)
+        monkeypatch.setattr(reference_search, "read_actions", reading)
 
     return forget
 
