@@ -223,23 +223,21 @@ static void exponential(const double *v, double *E)
     add_product(second, L, L, 3, E);
 }
 
-/* w and alpha of a row turned by th, whose rates of change in turned axes are th1, th2; to second order. */
-static void turn_rates(const double *w, const double *alpha, const double (*th)[3], double *new_w, double *new_alpha)
+/* along_screw of mechanism/rotations.py: of phi, phi', ... and count of x, x', ..., these into y. */
+static void along_screw(const double (*phi)[3], const double (*x)[3], int count, double (*y)[3])
 {
-    double turned_w[3] = {0.0}, turned_alpha[3] = {0.0}, rates[3] = {0.0};
-    add_cross(1.0, th[0], w, turned_w);
-    add_cross(1.0, th[0], alpha, turned_alpha);
-    add_cross(1.0, th[1], w, rates);
-    for (int i = 0; i < 3; i++) {
-        new_w[i] = w[i] - turned_w[i] + th[1][i];
-        new_alpha[i] = alpha[i] - rates[i] - turned_alpha[i] + th[2][i];
+    static const double choose[3][3] = {{1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {1.0, 2.0, 1.0}};
+    double term[3][3], next[3][3];
+    memcpy(term, x, count * sizeof(*x));
+    memcpy(y, x, count * sizeof(*x));
+    for (int k = 2; k <= 7; k++) { /* SERIES in mechanism/rotations.py */
+        memset(next, 0, sizeof(next));
+        for (int n = 0; n < count; n++)
+            for (int m = 0; m <= n; m++) add_cross(choose[n][m] / k, phi[m], term[n - m], next[n]);
+        memcpy(term, next, sizeof(next));
+        for (int n = 0; n < count; n++)
+            for (int i = 0; i < 3; i++) y[n][i] += term[n][i];
     }
-    add_cross(0.5, th[0], turned_w, new_w);
-    add_cross(-0.5, th[0], th[1], new_w);
-    add_cross(-0.5, th[0], th[2], new_alpha);
-    add_cross(0.5, th[1], turned_w, new_alpha);
-    add_cross(0.5, th[0], rates, new_alpha);
-    add_cross(0.5, th[0], turned_alpha, new_alpha);
 }
 
 static void move(const Moved *all)
@@ -248,19 +246,23 @@ static void move(const Moved *all)
     const Size j = all->j, k = all->k, next = 6 + k;
     for (Size t = 0; t < all->T; t++) {
         const double *A = from->A + 9 * t, *w = from->w + 3 * t, *alpha = from->alpha + 3 * t;
-        double th[3][3], E[9], b[3], sum[3];
-        for (int i = 0; i < 3; i++) times_transposed(A, all->e[i] + t * next + 3, th[i]);
-        memcpy(sum, th[1], sizeof(sum));
-        add_cross(-1.0, w, th[0], th[1]); /* th1 */
-        for (int i = 0; i < 3; i++) sum[i] += th[1][i];
-        add_cross(-1.0, w, sum, th[2]);
-        add_cross(-1.0, alpha, th[0], th[2]); /* th2 */
-        turn_rates(w, alpha, (const double(*)[3])th, to->w + 3 * t, to->alpha + 3 * t);
-        exponential(th[0], E);
+        double phi[3][3], back[3][3], shift[3][3], moved[3][3], turned[2][3], E[9], b[3];
+        for (int i = 0; i < 3; i++) {
+            times_transposed(A, all->e[i] + t * next, shift[i]);
+            times_transposed(A, all->e[i] + t * next + 3, phi[i]);
+            for (int r = 0; r < 3; r++) back[i][r] = -phi[i][r];
+        }
+        along_screw((const double(*)[3])phi, (const double(*)[3])shift, 3, moved);
+        along_screw((const double(*)[3])back, (const double(*)[3])(phi + 1), 2, turned);
+        for (int i = 0; i < 3; i++) {
+            to->w[3 * t + i] = w[i] + turned[0][i];
+            to->alpha[3 * t + i] = alpha[i] + turned[1][i];
+            b[i] = from->b[3 * t + i] + moved[2][i];
+        }
+        add_cross(-1.0, w, turned[0], to->alpha + 3 * t);
+        exponential(phi[0], E);
         memset(to->A + 9 * t, 0, sizeof(E));
         add_product(1.0, A, E, 3, to->A + 9 * t);
-        times_transposed(A, all->e[2] + t * next, b);
-        for (int i = 0; i < 3; i++) b[i] += from->b[3 * t + i];
         times_transposed(E, b, to->b + 3 * t);
         times_transposed(E, from->g + 3 * t, to->g + 3 * t);
         for (int i = 0; i < 3; i++) {

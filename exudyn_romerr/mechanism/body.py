@@ -14,7 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..compiled.loops import loops
-from .rotations import CYCLE, body_rates, cross, exponential, rotation_matrix, skew, times, times_transposed
+from .rotations import (
+    CYCLE,
+    along_screw,
+    body_rates,
+    cross,
+    exponential,
+    rotation_matrix,
+    skew,
+    times,
+    times_transposed,
+)
 from .samples import Rows, Samples
 
 UNIT_TURNS = skew(np.eye(3))
@@ -37,7 +47,10 @@ class Motion(Samples):
     c2: np.ndarray
 
     def moved(self, e: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Motion:
-        """Return the motion moved by e, e', e'' (T, 6 + k) of the unknowns, to second order in rotations."""
+        """Return the motion moved by e, e', e'' (T, 6 + k) of the unknowns.
+
+        A frame moves along the screw of its dr and dphi: what turns about a fixed point stays at its distance.
+        """
         if loops is None:
             return self._moved(e, e1, e2)
         (T, j), k = self.c.shape, e.shape[1] - 6
@@ -45,20 +58,16 @@ class Motion(Samples):
         loops.moved_motion(T, j, k, *_whole(*vars(self).values(), e, e1, e2), *moved)
         return Motion(*moved)
 
-    def _moved(self, e: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> Motion:
+    def _moved(self, *e: np.ndarray) -> Motion:
         """Where no loops are compiled."""
-        x, w, alpha = cross, self.w, self.alpha
-        th, phi1, phi2 = (times_transposed(self.A, y[:, 3:6]) for y in (e, e1, e2))
-        th1 = phi1 - x(w, th)
-        th2 = phi2 - x(w, phi1 + th1) - x(alpha, th)
-        turned_w, turned_alpha = x(th, w), x(th, alpha)
-        new_w = w - turned_w + x(th, turned_w) / 2 + th1 - x(th, th1) / 2
-        new_alpha = alpha - x(th1, w) - turned_alpha + th2 - x(th, th2) / 2
-        new_alpha += (x(th1, turned_w) + x(th, x(th1, w)) + x(th, turned_alpha)) / 2
-        E, k = exponential(th), e.shape[1] - 6
-        b = times_transposed(E, self.b + times_transposed(self.A, e2[:, :3]))
-        shapes = (padded(own, k) + y[:, 6:] for own, y in ((self.c, e), (self.c1, e1), (self.c2, e2)))
-        return Motion(self.A @ E, new_w, new_alpha, b, times_transposed(E, self.g), *shapes)
+        shift, phi = ([times_transposed(self.A, x[:, part]) for x in e] for part in (slice(0, 3), slice(3, 6)))
+        *_, bent = along_screw(phi, shift)
+        turned, turned_rate = along_screw([-x for x in phi], phi[1:])
+        k, E = e[0].shape[1] - 6, exponential(phi[0])
+        b, g = times_transposed(E, self.b + bent), times_transposed(E, self.g)
+        alpha = self.alpha + turned_rate - cross(self.w, turned)
+        shapes = (padded(own, k) + x[:, 6:] for own, x in zip((self.c, self.c1, self.c2), e, strict=True))
+        return Motion(self.A @ E, self.w + turned, alpha, b, g, *shapes)
 
 
 def _whole(*arrays: np.ndarray) -> list[np.ndarray]:

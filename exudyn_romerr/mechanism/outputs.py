@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from .body import Body
-from .rotations import body_rates, cross, rotation_matrix, times
+from .rotations import along_screw, body_rates, cross, rotation_matrix, times
 from .samples import Rows
 from .unknowns import Unknowns
 
@@ -55,18 +55,23 @@ class NodeSensor:
         return place - reference[:3] - rotation_matrix(reference[3:]) @ self.position
 
     def changes(self, body: Body, rows: Rows, e: np.ndarray) -> np.ndarray:
-        """Return changes (T, 3, columns) in axes of the body by e (T, 3, 6 + k, columns) in these, too."""
+        """Return changes (T, 3, columns) in axes of the body by e (T, 3, 6 + k, columns) in these, too.
+
+        Of rotations that are not small, too: along the screw of the frame as in Motion.moved.
+        """
         e = np.moveaxis(e, 2, -1)
         du, du1 = e[:, 0, :, 6:] @ self.shapes.T, e[:, 1, :, 6:] @ self.shapes.T
         y = (self.position + rows.q[:, body.place.modal] @ self.shapes[:, : body.n].T)[:, None]
-        dr, phi = e[..., :3], e[..., 3:6]
+        (dr, dr1), (phi, phi1) = (np.moveaxis(e[:, :2, :, part], 1, 0) for part in (slice(0, 3), slice(3, 6)))
+        shift = dr + cross(phi, y + du)
         if self.kind != "Velocity":
-            return (dr[:, 0] + cross(phi[:, 0], y) + du).swapaxes(1, 2)
+            return (du + along_screw([phi], [shift])[0]).swapaxes(1, 2)
         p = body.place.reference[3:] + rows.q[:, body.place.frame[3:]]
         w = times(body_rates(p), rows.v[:, body.place.frame[3:]])[:, None]
         rate = cross(w, y) + (rows.v[:, body.place.modal] @ self.shapes[:, : body.n].T)[:, None]
-        turned = cross(phi[:, 1], y) + cross(phi[:, 0], rate) + cross(w, du)
-        return (dr[:, 1] + turned + du1).swapaxes(1, 2)
+        stretch = cross(w, du) + du1
+        shifting = dr1 + cross(phi1, y + du) + cross(phi, rate + stretch)
+        return (stretch + along_screw([phi, phi1], [shift, shifting])[1]).swapaxes(1, 2)
 
 
 CLOSED = "Displacement", "Position", "Velocity"  # kinds of NodeSensor

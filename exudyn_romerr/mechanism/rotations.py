@@ -5,10 +5,14 @@ Small rotations dphi are vectors in global axes: A -> exp(dphi~) A.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import comb
+
 import numpy as np
 
 CYCLE = ((1, 2), (2, 0), (0, 1))  # (a x b)_r = a_i b_j - a_j b_i
 SMALL = 1e-8  # rad, below which sin x / x and its like are their limits to the last digit
+SERIES = 7  # terms of the exponential of a screw: of 0.5 rad, 1e-7 are missed
 
 
 def _filled(rows: tuple, like: np.ndarray, *shape: int) -> np.ndarray:
@@ -64,6 +68,19 @@ def exponential(v: np.ndarray) -> np.ndarray:
     first = np.where(is_small, 1.0, np.sin(x) / x)
     second = np.where(is_small, 0.5, (1 - np.cos(x)) / x**2)
     return np.eye(3) + first * K + second * (K @ K)
+
+
+def along_screw(phi: Sequence[np.ndarray], x: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Return V(phi) x, V = sum of phi~^k / (k + 1)!, and as many derivatives as x has, whose phi and x are given.
+
+    Where a point goes that begins to move by x (..., 3) while its body turns by phi (..., 3): if it turns
+    about another that is fixed, x = phi x d and V x = (exp(phi~) - 1) d.
+    """
+    found, term = [*x], x
+    for k in range(2, SERIES + 1):
+        term = [sum(comb(n, m) * cross(phi[m], term[n - m]) for m in range(n + 1)) / k for n in range(len(x))]
+        found = [a + b for a, b in zip(found, term, strict=True)]
+    return found
 
 
 def times(A: np.ndarray, v: np.ndarray) -> np.ndarray:

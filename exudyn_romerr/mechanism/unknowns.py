@@ -14,6 +14,7 @@ import numpy as np
 
 from .body import Body
 from .rotations import (
+    along_screw,
     global_rates,
     parameter_rates,
     rotation_matrix,
@@ -151,6 +152,6 @@ class Unknowns:
         q[..., own] += z[..., at]
         for node in self.nodes:
             p, (dr, dphi) = node.parameters(q), node.shifts_and_turns
-            q[..., node.own[:3]] += z[..., dr]
+            q[..., node.own[:3]] += along_screw([z[..., dphi]], [z[..., dr]])[0]
             q[..., node.own[3:]] += turned_parameters(p, z[..., dphi]) - p
         return q

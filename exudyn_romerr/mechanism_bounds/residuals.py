@@ -52,13 +52,12 @@ class Residuals:
         push, starts, kept, ys = self._of_others(block, r), [], [], []
         fast = fast_change = np.zeros(len(r))
         before = self._before or [None] * len(self._norms)
-        places = zip(self._norms, self._u.blocks, self._u.waves, block.couplings, moved, before, strict=True)
-        for norm, at, wave, coupling, motion, last in places:
+        frames = [motion.A for motion in block.motions]  # whose axes forces stay in, turned or not
+        of_blocks = self._u.blocks, self._u.waves, block.couplings, frames
+        for norm, at, wave, coupling, A, motion, last in zip(self._norms, *of_blocks, moved, before, strict=True):
             shift, on_shapes, work = _taken_by_frame(block, r, at, wave, coupling.M)
             push = push + work
-            shift = np.concatenate(
-                [times_transposed(motion.A, shift[:, part]) for part in (slice(3), slice(3, 6))], axis=1
-            )
+            shift = np.concatenate([times_transposed(A, shift[:, part]) for part in (slice(3), slice(3, 6))], axis=1)
             parts = norm.turning_parts(motion, shift)
             last = [np.concatenate([x[:1] if last is None else last[i], x[:-1]]) for i, x in enumerate(parts)]
             fast, fast_change = fast + norm.turning(parts), fast_change + norm.turning_change(parts, last)

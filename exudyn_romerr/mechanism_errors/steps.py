@@ -47,7 +47,7 @@ class Steps:
         of = self._of
         e, lam = self.flow(wide.rows, ReducedSystem.of(wide, of.unknowns), inner.start, inner.stop - inner.start)
         e = in_unknowns(wide[inner], of.unknowns, e)
-        y = -of.outputs(first, e, lam)
+        y = of.outputs(first, -e, -lam)
         self._largest.add(step=y[..., 0], loads=y[..., 0] - y[..., 1], jumps=y[..., 0] - y[..., -1])
         self._kept.append(y[..., 0])
         return e[..., 0], lam[..., 0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism.body import Motion
-from ..mechanism.rotations import cross, times
+from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
 
@@ -15,7 +15,8 @@ def unbalanced(
 ) -> tuple[np.ndarray, list[Motion]]:
     """Return f less what e (T, 3, n) and lam (T, c) really take, (T, n), and the motions of bodies under q + e.
 
-    Rows of forces turn with the perturbed body: what a force, balanced by all else, turns by is no force left.
+    Rows of forces turn with the perturbed body, as they do in tangents: what forces of joints turn by beyond first
+    order is then forces of the same joints, and their multipliers answer it.
     """
     left, n_a, motions = f.copy(), u.n_a, []
     for X, order in zip(block.rest, (2, 1, 0), strict=True):
@@ -26,7 +27,7 @@ def unbalanced(
         moved = motion.moved(*own.swapaxes(0, 1))
         F, before = body.residual(moved), np.concatenate([block.forces[:, at], block.forces[:, wave]], axis=1)
         for part in (slice(0, 3), slice(3, 6)):
-            F[:, part] = times(moved.A, F[:, part]) - cross(own[:, 0, 3:6], before[:, part])
+            F[:, part] = times(motion.A, F[:, part])
         F -= before
         left[:, at] -= F[:, : 6 + body.na]
         left[:, wave] -= F[:, 6 + body.na :]

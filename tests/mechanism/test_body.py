@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 
-from exudyn_romerr.mechanism.rotations import exponential, times
+from exudyn_romerr.mechanism.rotations import skew, times
 from tests.helpers.small_body import SmallBody
 
 STEP = 1e-6  # of unknowns of size 1, both ways: leaves 1e-12 of curvature and 1e-10 of rounding
@@ -69,27 +70,26 @@ def test_what_oscillators_feel_is_the_derivative_of_their_rows(small):
             np.testing.assert_allclose(column, X[:, j], rtol=0, atol=1e-7 * max(1, np.abs(X).max(initial=0.0)))
 
 
-def test_moved_motions_are_right_to_second_order():
-    """Beside a motion that is turned exactly, with its rates by differences: errors are of the third order."""
-    small = SmallBody()
-    rng, dt = np.random.default_rng(5), 1e-4
+def test_moved_motions_are_those_of_a_frame_on_its_screw():
+    """Beside places found by scipy's expm, with their rates by differences."""
+    small, dt = SmallBody(), 1e-4
+    m, rng = small.motion(T=1), np.random.default_rng(5)
+    e, e1, e2 = 0.3 * rng.normal(size=(3, 1, 6 + small.body.k))
+    w, alpha, bent = (times(m.A, x)[0] for x in (m.w, m.alpha, m.b))  # r'' = A b
 
-    def turned(share):
-        m = small.motion(T=1)
-        e, e1, e2 = share * rng.normal(size=(3, 1, 6 + small.body.k))
-        found = m.moved(e, e1, e2)
-        places = []
-        for s in (-dt, 0.0, dt):
-            phi = e[:, 3:6] + s * e1[:, 3:6] + s**2 / 2 * e2[:, 3:6]
-            own = m.A @ exponential(s * m.w + s**2 / 2 * m.alpha)
-            places.append(exponential(phi) @ own)
-        W = np.swapaxes(places[1], 1, 2) @ (places[2] - places[0]) / (2 * dt)
-        w = np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=1)
-        return np.abs(found.w - w).max()
+    def place(s):
+        """Frame after time s, of a motion that has w, alpha, r'' now: axes, and origin less its own r and r'."""
+        screw = np.zeros((4, 4))
+        step = (e + s * e1 + s**2 / 2 * e2)[0]
+        screw[:3, :3], screw[:3, 3] = skew(step[3:6]), step[:3]
+        moved = la.expm(screw)
+        turned = la.expm(skew(s * w + s**2 / 2 * alpha)) @ m.A[0]
+        return moved[:3, :3] @ turned, s**2 / 2 * bent + moved[:3, 3]
 
-    rng_state = rng.bit_generator.state
-    coarse = turned(0.2)
-    rng.bit_generator.state = rng_state
-    fine = turned(0.1)
-    assert coarse < 0.2**2
-    assert fine < coarse / 6  # 8 but for what differences leave
+    (A0, r0), (A, r), (A2, r2) = (place(s) for s in (-dt, 0.0, dt))
+    W, W1 = A.T @ (A2 - A0) / (2 * dt), A.T @ (A2 - 2 * A + A0) / dt**2
+    found = m.moved(e, e1, e2)
+    np.testing.assert_allclose(found.A[0], A, atol=1e-14)
+    np.testing.assert_allclose(skew(found.w[0]), W, atol=1e-5)  # dt^2 w^3 / 6
+    np.testing.assert_allclose(skew(found.alpha[0]) + W @ W, W1, atol=1e-5)
+    np.testing.assert_allclose(found.b[0], A.T @ (r2 - 2 * r + r0) / dt**2, atol=1e-5)

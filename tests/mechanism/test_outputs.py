@@ -38,9 +38,32 @@ def test_sensors_of_nodes_in_closed_form(kind):
     states = [moved_rows(u, rows, sign * STEP * e) for sign in (1, -1)]
     truth = (node.values(u.bodies[0], states[0]) - node.values(u.bodies[0], states[1])) / (2 * STEP)
     wide = np.zeros((len(rows), 3, u.n, 1))
-    wide[:, :, : u.n_a, 0] = e
-    found = outputs(0, wide, np.zeros((len(rows), 1, 1)))[..., 0]
-    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-7 * np.abs(truth).max())
+    wide[:, :, : u.n_a, 0] = STEP * e
+    found = outputs(0, wide, np.zeros((len(rows), 1, 1)))[..., 0] / STEP
+    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-5 * np.abs(truth).max())  # STEP e of second order
+
+
+def test_sensors_of_nodes_that_are_turned_far():
+    """By some 0.3 rad: positions are those of moved states, velocities how these change while all goes on."""
+    mechanism, dt = SmallMechanism(), 1e-5
+    u, rows = mechanism.unknowns, mechanism.rows
+    e = 0.3 * np.random.default_rng(4).normal(size=(3, u.n_a))
+    e[:, u.kept] = 0.0
+
+    def shown(kind, s):
+        later = Rows(rows.t, rows.q + s * rows.v, rows.v, rows.a, rows.multipliers)
+        moved = moved_rows(u, later, np.array([e[0] + s * e[1], e[1], e[2]]))
+        node, wide = sensor_of(mechanism, kind), np.zeros((len(rows), 3, u.n, 1))
+        wide[:, 0, : u.n_a, 0], wide[:, 1, : u.n_a, 0] = e[0] + s * e[1], e[1]
+        changes = Outputs(u, later, np.full(3, 0), [node])(0, wide, np.zeros((len(rows), 1, 1)))[..., 0]
+        return [node.values(u.bodies[0], x) for x in (moved, later)], changes
+
+    (moved, own), changes = shown("Position", 0.0)
+    np.testing.assert_allclose(changes, moved - own, atol=1e-6 * np.abs(own).max())  # what SERIES misses
+    (after, _), (before, _) = (shown("Position", s)[0] for s in (dt, -dt))
+    (_, own), changes = shown("Velocity", 0.0)
+    truth = (after - before) / (2 * dt) - own
+    np.testing.assert_allclose(changes, truth, atol=1e-6 * np.abs(truth).max())
 
 
 def test_vectors_move_nodes():
