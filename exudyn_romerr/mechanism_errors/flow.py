@@ -79,6 +79,7 @@ class Flow:
         n, h = self._unknowns.n_q, np.diff(rows.t)
         inverses = saddle_inverses(system.M, system.G, system.C)
         v, a = consistent_rates(rows.t, rows.q, rows.v, rows.a, system.C, inverses[:, :n, n:])
+        a = a + times(inverses[:, :n, :n] @ system.D, rows.v - v)  # what dampers and turning feel of other rates
         found, lam = np.zeros((count, 3, n, self.columns)), np.zeros((count, self._count, self.columns))
         if first == 0:
             found[0, :2] = self.e.T.reshape(2, n, self.columns)

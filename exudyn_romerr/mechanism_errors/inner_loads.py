@@ -8,7 +8,7 @@ from ..mechanism.mechanism import OtherEquations
 from ..mechanism.rotations import times, times_transposed
 from ..mechanism.samples import Rows
 from ..mechanism.unknowns import Unknowns
-from .reduced_system import FrozenSteps
+from .reduced_system import FrozenSteps, cubics
 
 GAUSS = np.array([0.5 + 0.5 * x for x in (-(0.6**0.5), 0.0, 0.6**0.5)])
 PARTS = 4  # of a step, a point in each where user functions may do what samples do not tell
@@ -62,7 +62,7 @@ class TrueLoads:
         """States at shares (T, P) of steps, forces (P, T, n_q) and constraints (P, T, c) there, point by point."""
         points, steps = shares.T.reshape(-1, 1), np.tile(at, shares.shape[1])
         h = (rows.t[steps + 1] - rows.t[steps])[:, None]
-        q, v, a = quintic(points, h, *((x[steps], x[steps + 1]) for x in (rows.q, rows.v, rows.a)))
+        q, v, a = (x / h**k for k, x in enumerate(_paths(rows, at, shares)))
         lam = (1 - points) * rows.multipliers[steps] + points * rows.multipliers[steps + 1]
         states = Rows(rows.t[steps] + (points * h)[:, 0], q, v, a, lam)
         forces, constraints = self._equations.along(states)
@@ -141,15 +141,15 @@ def _powers(s: np.ndarray, count: int) -> np.ndarray:
     return s[:, :, None] ** np.arange(count)
 
 
-def quintic(
-    s: np.ndarray, h: np.ndarray, *ends: tuple[np.ndarray, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return q, q', q'' at a share s of steps of length h, by the quintic through (q, v, a) at both ends."""
-    (q0, q1), (v0, v1), (a0, a1) = ends
-    c = [q0, h * v0, h**2 * a0 / 2]
-    d, d1, d2 = q1 - sum(c), h * v1 - c[1] - 2 * c[2], h**2 * a1 - 2 * c[2]
-    c += [10 * d - 4 * d1 + d2 / 2, -15 * d + 7 * d1 - d2, 6 * d - 3 * d1 + d2 / 2]
-    q = sum(x * s**k for k, x in enumerate(c))
-    v = sum(k * x * s ** (k - 1) for k, x in enumerate(c) if k)
-    a = sum(k * (k - 1) * x * s ** (k - 2) for k, x in enumerate(c) if k > 1)
-    return q, v / h, a / h**2
+def _paths(rows: Rows, at: np.ndarray, shares: np.ndarray) -> list[np.ndarray]:
+    """q, h q', h^2 q'' (P T, n) at shares (T, P) of steps, by cubics through samples of q alone.
+
+    Stored rates of what steps do not resolve ring, and a path that followed them would leave the run's by far.
+    """
+    first, weights = cubics(rows.t, at)
+    c = weights @ rows.q[first[:, None] + np.arange(weights.shape[2])]
+    found = []
+    for _ in range(3):
+        found.append((_powers(shares, c.shape[1]) @ c).swapaxes(0, 1).reshape(-1, c.shape[2]))
+        c = c[:, 1:] * np.arange(1, c.shape[1])[:, None]
+    return found
