@@ -168,7 +168,7 @@ def test_wheel_follows_the_bump_and_stays_on_the_road():
 def test_loads_are_the_same_where_the_static_solve_ends_and_the_drive_begins():
     monitor = run(0)[1]
     static, drive = monitor.report(0).output("ball").value, monitor.report().output("ball").value
-    np.testing.assert_array_equal(static[-1], drive[0])
+    np.testing.assert_allclose(drive[0], static[-1], rtol=1e-14)  # the same state, not the same order of sums
     assert np.abs(drive[1] - drive[0]).max() < 1e-3 * np.abs(drive).max()
 
 
@@ -203,10 +203,12 @@ def test_static_modes_of_all_interfaces_need_no_eigenmode():
 
 
 @pytest.mark.slow
-def test_more_vectors_make_the_bound_of_all_static_modes_sharp():
+def test_more_vectors_tell_what_all_static_modes_leave():
+    """1e-6 of the displacement: 60 vectors tell it within 2 % and what the truth is known to; nothing is proved."""
     out, error, known = compared(0, "RBE3", INTERFACES, 60)
-    assert np.all(error <= out.bound["auxiliary"] + known)
-    assert error.max() < out.bound["auxiliary"].max() < 2 * error.max()
+    modes, _ = parts(out, "modes")
+    assert np.abs(np.abs(modes) - error).max() < 0.02 * error.max() + known.max()
+    assert not np.isfinite(out.bound["best"]).any()
 
 
 def test_rigid_interfaces_are_an_error_that_the_bound_shows():
@@ -247,9 +249,9 @@ def test_example_draws_and_tells_what_is_enough(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(wishbone_suspension, "fewest", lambda promise, t_end: f"{promise} until {t_end}")
     (case,) = wishbone_suspension.main(tmp_path, t_end=0.005)
     assert case.modes == 6 + n
-    assert not case.missed.any()
-    for name in ("wishbone", "wishbone_arm", "wishbone_modes"):
+    assert np.abs(case.estimate - case.error).max() < 1e-3 * np.abs(case.error).max()
+    for name in ("wishbone", "wishbone_modes"):
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
     printed = capsys.readouterr().out
-    assert f"enough by the bound, {basis}: 100 %: {6 + n} modes, 1e-07 %: none of these" in printed
+    assert f"enough by the estimate, {basis}: 100 %: {6 + n} modes, 1e-07 %: none of these" in printed
     assert f"choose_modes for 1e-07 %, {basis}: 1e-09 until 0.005" in printed

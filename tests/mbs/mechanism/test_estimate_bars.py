@@ -18,9 +18,6 @@ SMALL = pytest.mark.xfail(
     strict=True,
     reason="middle and tip in the plane, errors of 1e-9 m or 1e-5 of the output: off by up to 24 %, and not resolved",
 )
-STEPS = pytest.mark.xfail(
-    strict=True, reason="of steps that resolve little: 4 to 8 % off, within 1.5 half widths; bars are 5 %"
-)
 INSIDE = 0.95  # of all instants
 MANY = 3.0  # deviations that an uncertainty may be
 
@@ -34,9 +31,14 @@ def compared(scene: str, n: int, axes: str) -> list[Row]:
     """Rows of the outputs in some axes that bars are for; all of them have an estimate."""
     found, none = rows(scene, n)
     assert axes not in {estimates.axes_of(SCENES[scene], text.split(": ")[1]) for text in none}
-    found = [row for row in found if row.axes == axes and not row.left_out]
+    found = [row for row in found if row.axes == axes and (not row.left_out or _only_rings(row))]
     assert found
     return found
+
+
+def _only_rings(row: Row) -> bool:
+    """Of the driven bar all errors ring: by its first bending, whose phase the exact flow follows."""
+    return row.scene == "driven_bar" and "rings" in row.left_out
 
 
 def worst(found: list[Row]) -> float:
@@ -54,7 +56,7 @@ def worst(found: list[Row]) -> float:
         ("driven_bar", "global"),
         ("slider_crank", "frame"),
         ("slider_crank", "global"),
-        pytest.param("sprung_body", "frame", marks=STEPS),
+        ("sprung_body", "frame"),
         ("sprung_body", "global"),
         pytest.param("double_pendulum", "frame", marks=SMALL),
         ("double_pendulum", "global"),
