@@ -139,6 +139,20 @@ def test_links_lead_somewhere(name):
         assert not anchor or anchor in anchors(path), f"{target}#{anchor}"
 
 
+NAMED = [
+    (path.relative_to(ROOT).as_posix(), *found)
+    for path in sorted((ROOT / "exudyn_romerr").rglob("*.py"))
+    for found in re.findall(r"(docs/[\w.]+\.\w+)(?:#([\w-]+))?", path.read_text(encoding="utf-8"))
+]
+
+
+def test_pages_that_the_package_names_are_there():
+    assert any(anchor for _, _, anchor in NAMED)  # a scope's page, in every report
+    for source, page, anchor in NAMED:
+        assert (ROOT / page.rstrip(".")).is_file(), source
+        assert not anchor or anchor in anchors(ROOT / page), source
+
+
 def test_every_page_is_linked_from_the_readme():
     assert {target for target, _ in LINK.findall(TEXT["README.md"])} >= {*TEXT} - {"README.md"}
 
