@@ -99,7 +99,10 @@ def table(results: list[dict[str, Any]]) -> str:
             causes = [cause for cause in CAUSES if any(x["cause"] == cause for x in records)]
             lines += [line_of(f"  {cause}", (x for x in records if x["cause"] == cause)) for cause in causes]
     without = [one for one in results if "records" not in one]
-    lines += [f"{one['scene']}: {one.get('refused') or one.get('no truth')}" for one in without]
+    refused: dict[str, list[str]] = {}
+    for one in without:
+        refused.setdefault(one.get("refused") or one.get("no truth"), []).append(one["scene"])
+    lines += [f"{why}: {', '.join(scenes)}" for why, scenes in refused.items()]
     return "\n".join([*lines, "", "within: numbers (instants) whose error lies within 2 half widths of the estimate"])
 
 

@@ -5,7 +5,7 @@
     python benchmarks/speed.py --quick     20 s, one pair: to see that it works
     python benchmarks/speed.py --large     N up to 3e5, Craig-Bampton at 45,000 coordinates: many minutes, 8 GB
     python benchmarks/speed.py --only ratios offline          some parts
-    python benchmarks/speed.py --docs      writes the tables into docs/measured.md and docs/figures/speed.png, too
+    python benchmarks/speed.py --docs      writes the ratios into docs/measured.md, and docs/figures/speed.png
 
 Parts are the scripts online_linkage.py, floating_cost.py, short_runs.py, growth.py, offline.py and kernel_offline.py,
 which run alone as well. Ratios are of CPU time, paired runs in turn: see pairs.py. In runs of --quick what begins a
@@ -38,8 +38,7 @@ from benchmarks import (
 from benchmarks.speed_figure import draw
 from examples.fundamental_matrix_norms import build_times, exponential_seconds
 
-ON_PAGE = ("ratios", "growth", "offline")
-PARTS = (*ON_PAGE, "promises")
+PARTS = ("ratios", "growth", "offline", "promises")
 WIDE = 62  # of the first column
 MESHES = (1000, 10_000)  # coordinates of the floating body whose online cost is compared; --large: 45,000
 
@@ -203,8 +202,7 @@ def main(arguments: list[str] | None = None) -> tuple[dict[str, str], list[Promi
     print(pairs.threads())
     tables, promises, found = run(options)
     if options.docs:
-        for name in ON_PAGE:
-            page.put(name, tables[name])
+        page.put("ratios", tables["ratios"])
         draw(found["ratios"], found["growth"], page.FIGURES / "speed.png")
     return tables, promises
 
