@@ -38,7 +38,6 @@ from benchmarks.exudyn_examples import environment, put, scripts_in
 
 HOW = ("bare", "all in", "rival")
 MARK = "against rival"
-PAGE = page.ROOT / "docs" / "speed.md"
 IMPORTS = ("exudyn", "exudyn.FEM", "exudyn.utilities", "scipy.sparse.linalg", "ngsolve")
 PACKAGE = ("__main__", "mbs", "mbs.monitoring.mechanism_run", "mbs.scenes.recorded_solve", "scripts.run")
 PACKAGE = tuple(f"exudyn_romerr.{name}" for name in PACKAGE)
@@ -270,7 +269,7 @@ def main(arguments: list[str] | None = None) -> str:
     parser.add_argument(
         "--scale", type=float, default=1.0, help="of the time until the end, of the scenes of models/"
     )
-    parser.add_argument("--docs", action="store_true", help=f"write the table into {PAGE.name}")
+    parser.add_argument("--docs", action="store_true", help=f"write the table into {page.PAGE.name}")
     parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
     parser.add_argument("--own", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
@@ -283,7 +282,7 @@ def main(arguments: list[str] | None = None) -> str:
     text = table(names, options.exudyn and options.exudyn.resolve(), options.pairs, options.scale)
     print(text)
     if options.docs:
-        page.put(MARK, text, PAGE)
+        page.put(MARK, text)
     return text
 
 

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from benchmarks import page
-from benchmarks.half_widths import KNOWN, PAGE
+from benchmarks.half_widths import KNOWN
 from benchmarks.told_and_true import collected_with, options_of
 
 MARK = "bounds"
@@ -79,11 +79,11 @@ def table(results: list[dict[str, Any]]) -> str:
 
 def main(arguments: list[str] | None = None) -> str:
     """Collect the results, print and return the table."""
-    options = options_of(__doc__, PAGE).parse_args(arguments)
+    options = options_of(__doc__).parse_args(arguments)
     text = table(collected_with(options))
     print(text)
     if options.docs:
-        page.put(MARK, text, PAGE)
+        page.put(MARK, text)
     return text
 
 

@@ -1,4 +1,4 @@
-"""What benchmarks/estimators.py measured, as a Markdown page and as a figure."""
+"""What benchmarks/estimators.py measured, as tables and as a figure."""
 
 from __future__ import annotations
 
@@ -10,30 +10,7 @@ import numpy as np
 
 from exudyn_romerr.report.plots.style import COLOURS, STYLES
 
-COVERS = {
-    "state-space": "initial error; grows with the run",
-    "fast": "initial error; grows with the run",
-    "convolution": "initial error; forgets (Rayleigh damping)",
-    "output-kernel": "displacement outputs; forgets",
-    "energy": "initial error, load jumps; forgets if damping reaches every mode",
-    "auxiliary": "as energy; gives a corrected output too",
-}
-INTRODUCTION = """\
-Made by `python benchmarks/estimators.py`
-
-# All estimators side by side
-
-Effectivity is the largest bound over the largest true error of the output, over the whole run; 1 is perfect.
-*Reduction*: exact reduced motion, `time="sampled"`. *Total*: trapezoidal rule, `time="reconstructed"`, against the
-exact motion of the full body. Online: CPU time per step of the whole online part (one thread, median), sampled /
-reconstructed; the reconstructed one is the default and evaluates the sampled residual as well. Offline: CPU time of
-everything done once, on a body whose matrices are factorised and whose modes are not known yet. Every estimator
-bounds displacements, velocities and outputs of a linear body in the M-norm; with `time="reconstructed"` every one of
-them covers the error of the time integration too.
-"""
-HEADER = """\
-| estimator | reduction | total | online / us | offline / ms | assumes | covers |
-|---|---|---|---|---|---|---|"""
+HEADER = f"{'estimator':<26}{'reduction':>10}{'total':>10}{'online us':>14}{'offline ms':>12}"
 
 
 @dataclass(frozen=True)
@@ -48,14 +25,12 @@ class Measured:
     violation: float
     offline: float
     online: tuple[float, float]
-    assumes: str
     curve: tuple[np.ndarray, np.ndarray]
 
     def __str__(self) -> str:
         online = " / ".join(f"{1e6 * x:.1f}" for x in self.online)
-        covers = COVERS.get(self.name.split(",")[0], "")
-        ratios = f"{figures(self.reduction)} | {figures(self.total)}"
-        return f"| {self.name} | {ratios} | {online} | {1e3 * self.offline:.1f} | {self.assumes} | {covers} |"
+        ratios = f"{figures(self.reduction):>10}{figures(self.total):>10}"
+        return f"{self.name:<26}{ratios}{online:>14}{1e3 * self.offline:>12.1f}"
 
 
 @dataclass(frozen=True)
@@ -72,39 +47,27 @@ def figures(ratio: float) -> str:
     return f"{ratio:.3f}" if ratio < 10 else f"{ratio:.3g}"
 
 
-def page(tables: Mapping[str, Sequence[Measured]], meshes: Sequence[Refined]) -> str:
-    """Return the whole page."""
-    parts = [INTRODUCTION, *(table(title, lines) for title, lines in tables.items()), refinement(meshes)]
-    return "\n".join(parts)
+def all_tables(tables: Mapping[str, Sequence[Measured]], meshes: Sequence[Refined]) -> str:
+    """Return all tables as text."""
+    return "\n\n".join([*(table(title, lines) for title, lines in tables.items()), refinement(meshes)])
 
 
 def table(heading: str, lines: Sequence[Measured]) -> str:
     """Return the table of one scene; heading: title (samples)."""
-    title, samples = heading.rstrip(")").split(" (")
     first, worst = lines[0], max(line.violation for line in lines)
-    found = "No bound was exceeded" if worst <= 0 else f"Largest excess of a true error: {worst:.0e} of the output"
-    return (
-        f"## {title}\n\n{samples.capitalize()}. True errors: reduction {first.reduction_error:.2g} m, "
-        f"total {first.total_error:.2g} m. {found} (truths are rounded at 1e-10; sampled residuals are blind between "
-        "samples).\n\n" + "\n".join([HEADER, *map(str, lines)]) + "\n"
-    )
+    found = "no bound was exceeded" if worst <= 0 else f"largest excess of a true error: {worst:.0e} of the output"
+    errors = f"true errors: reduction {first.reduction_error:.2g} m, total {first.total_error:.2g} m; {found}"
+    return "\n".join([heading, errors, HEADER, *map(str, lines)])
 
 
 def refinement(meshes: Sequence[Refined]) -> str:
     """Return the table of meshes."""
     names = list(meshes[0].effectivity)
-    lines = [
-        " | ".join([f"| {mesh.coordinates}", f"{mesh.error:.3g}", *(figures(mesh.effectivity[e]) for e in names)])
-        + " |"
-        for mesh in meshes
-    ]
-    return (
-        "## Mesh refinement\n\nSolid bar, modal basis n = 12, 10 ms, reconstructed, 40 auxiliary modes. Energy norms "
-        "do not see the mesh;\nthe M-norm of a load or output grows with every refinement.\n\n"
-        f"| coordinates | true error / m | {' | '.join(names)} |\n|{'---|' * (len(names) + 2)}\n"
-        + "\n".join(lines)
-        + "\n\n![bounds on the solid bar](figures/estimators.png)\n"
-    )
+    lines = [f"{'coordinates':<14}{'true error / m':>16}" + "".join(f"{name:>14}" for name in names)]
+    for mesh in meshes:
+        ratios = "".join(f"{figures(mesh.effectivity[e]):>14}" for e in names)
+        lines.append(f"{mesh.coordinates:<14}{mesh.error:>16.3g}{ratios}")
+    return "\n".join(["Solid bar, modal basis n = 12, 10 ms, reconstructed, 40 auxiliary modes", *lines])
 
 
 def draw(t: np.ndarray, lines: Sequence[Measured], meshes: Sequence[Refined], path: Path) -> None:

@@ -1,4 +1,4 @@
-"""All estimators side by side on the stabiliser linkage and on a solid body; writes docs/estimators.md and a figure.
+"""All estimators side by side on the stabiliser linkage and on a solid body; tables for docs/measured.md, a figure.
 
 Over one minute with everything; --quick takes ten seconds and prints only:
 
@@ -26,7 +26,8 @@ from time import process_time
 import numpy as np
 
 import exudyn_romerr as romerr
-from benchmarks.estimator_pages import Measured, Refined, draw, page
+from benchmarks import page
+from benchmarks.estimator_pages import Measured, Refined, all_tables, draw
 from exudyn_romerr.estimators import ESTIMATORS
 from exudyn_romerr.offline.options import BoundOptions
 from exudyn_romerr.offline.prepare import prepare
@@ -34,7 +35,6 @@ from exudyn_romerr.online.run import BLOCK, Run
 from models import exact, linkage, solid_bar
 from models.solid_exact import full_outputs, reduced_motion
 
-ROOT = Path(__file__).resolve().parents[1]
 ONCE = ("state-space", "fast", "convolution", "output-kernel", "energy")
 CASES = [(e, 20) for e in ONCE if e in ESTIMATORS] + [("auxiliary", 20), ("auxiliary", 40)]
 TIMES = ("sampled", "reconstructed")
@@ -157,7 +157,6 @@ def measured(scene: Scene, e: str, m: int, repeats: int) -> Measured:
         violation=max(excess(reduction, e), excess(total, e)),
         offline=median(offline_seconds(scene, e, m) for _ in range(repeats)),
         online=tuple(online_seconds(scene, body, stepped, e, m, time, repeats) for time in TIMES),
-        assumes=ESTIMATORS[e].assumes,
         curve=(total.error[:, 0], total.bound[e][:, 0]),
     )
 
@@ -228,11 +227,11 @@ def main(arguments: list[str] | None = None) -> None:
     for scene in (linkage_scene(quick), solid_scene(quick)):
         tables[heading(scene)] = [measured(scene, e, m, 1 if quick else 5) for e, m in CASES]
     meshes = [refined(level) for level in solid_bar.LEVELS[: 2 if quick else 3]]
-    text = page(tables, meshes)
+    text = all_tables(tables, meshes)
     print(text)
     if not quick:
-        (ROOT / "docs" / "estimators.md").write_text(text, encoding="utf-8")
-        draw(scene.steps, tables[heading(scene)], meshes, ROOT / "docs" / "figures" / "estimators.png")
+        page.put("estimators", text)
+        draw(scene.steps, tables[heading(scene)], meshes, page.FIGURES / "estimators.png")
 
 
 if __name__ == "__main__":

@@ -30,7 +30,6 @@ from benchmarks import page
 from benchmarks.exudyn_examples import ran, scripts_in
 from benchmarks.told_and_true import CAUSES, TIMES, collected_with, options_of, stored
 
-PAGE = page.ROOT / "docs" / "measured.md"
 MARK = "half widths"
 EXUDYNS = (
     "NGsolveCraigBampton",
@@ -100,7 +99,10 @@ def table(results: list[dict[str, Any]]) -> str:
             causes = [cause for cause in CAUSES if any(x["cause"] == cause for x in records)]
             lines += [line_of(f"  {cause}", (x for x in records if x["cause"] == cause)) for cause in causes]
     without = [one for one in results if "records" not in one]
-    lines += [f"{one['scene']}: {one.get('refused') or one.get('no truth')}" for one in without]
+    refused: dict[str, list[str]] = {}
+    for one in without:
+        refused.setdefault(one.get("refused") or one.get("no truth"), []).append(one["scene"])
+    lines += [f"{why}: {', '.join(scenes)}" for why, scenes in refused.items()]
     return "\n".join([*lines, "", "within: numbers (instants) whose error lies within 2 half widths of the estimate"])
 
 
@@ -148,7 +150,7 @@ def example(script: Path) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> str:
     """Collect the results, print and return the table."""
-    parser = options_of(__doc__, PAGE)
+    parser = options_of(__doc__)
     parser.add_argument("--exudyn", type=Path, metavar="CHECKOUT", help="work tree of Exudyn's repository")
     parser.add_argument("--all", action="store_true", help="print every number that is not good")
     options = parser.parse_args(arguments)
@@ -159,7 +161,7 @@ def main(arguments: list[str] | None = None) -> str:
     text = table(results)
     print("\n".join([*(not_good(results) if options.all else ()), text]))
     if options.docs:
-        page.put(MARK, text, PAGE)
+        page.put(MARK, text)
     return text
 
 

@@ -10,7 +10,7 @@ a run with the same time steps and all modes (rod) or 50 modes (wishbone: all 33
 
     python benchmarks/question.py [FOLDER]         two minutes; writes FOLDER/speed_question.png (examples/results)
     python benchmarks/question.py --quick          short runs, to see that it works; 20 s
-    python benchmarks/question.py --docs           the table into docs/speed.md, the picture into docs/figures
+    python benchmarks/question.py --docs           the table into docs/measured.md, the picture into docs/figures
     python benchmarks/question.py --full-order     how long one step of Exudyn's ObjectFFRF of the arm takes
 """
 
@@ -150,7 +150,7 @@ def main(arguments: list[str] | None = None) -> list[Table]:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("folder", nargs="?", type=Path, default=RESULTS)
     parser.add_argument("--quick", action="store_true", help="short runs")
-    parser.add_argument("--docs", action="store_true", help="write docs/speed.md and its picture")
+    parser.add_argument("--docs", action="store_true", help="write docs/measured.md and its picture")
     parser.add_argument("--only", choices=("tip", "rod", "ball joint"), nargs="+", help="some questions")
     parser.add_argument("--full-order", action="store_true", help="time a full-order step of the arm instead")
     parser.add_argument("--arm-alone", action="store_true", help=argparse.SUPPRESS)

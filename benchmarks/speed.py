@@ -5,7 +5,7 @@
     python benchmarks/speed.py --quick     20 s, one pair: to see that it works
     python benchmarks/speed.py --large     N up to 3e5, Craig-Bampton at 45,000 coordinates: many minutes, 8 GB
     python benchmarks/speed.py --only ratios offline          some parts
-    python benchmarks/speed.py --docs      writes the tables into docs/speed.md and docs/figures/speed.png, too
+    python benchmarks/speed.py --docs      writes the ratios into docs/measured.md, and docs/figures/speed.png
 
 Parts are the scripts online_linkage.py, floating_cost.py, short_runs.py, growth.py, offline.py and kernel_offline.py,
 which run alone as well. Ratios are of CPU time, paired runs in turn: see pairs.py. In runs of --quick what begins a
@@ -195,15 +195,14 @@ def main(arguments: list[str] | None = None) -> tuple[dict[str, str], list[Promi
     parser.add_argument("--large", action="store_true", help="large meshes, too")
     parser.add_argument("--exudyn", type=Path, help="work tree of Exudyn's repository, for its two examples")
     parser.add_argument("--only", choices=PARTS, nargs="+", default=PARTS)
-    parser.add_argument("--docs", action="store_true", help="write docs/speed.md and its picture")
+    parser.add_argument("--docs", action="store_true", help="write docs/measured.md and its picture")
     options = parser.parse_args(arguments)
     if options.docs and (options.quick or set(options.only) != set(PARTS) or not options.exudyn):
         parser.error("--docs wants all parts in full: leave out --quick and --only, pass --exudyn")
     print(pairs.threads())
     tables, promises, found = run(options)
     if options.docs:
-        for name, table in tables.items():
-            page.put(name, table)
+        page.put("ratios", tables["ratios"])
         draw(found["ratios"], found["growth"], page.FIGURES / "speed.png")
     return tables, promises
 

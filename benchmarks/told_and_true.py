@@ -35,6 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
+from benchmarks import page
 from benchmarks.by_run import told_by_run
 from benchmarks.converged import truths
 from benchmarks.estimates import attached, bodies_of
@@ -328,14 +329,14 @@ def collected(folder: Path, count: int, limit: float = np.inf, processes: int = 
     return [one for one in found if one is not None]
 
 
-def options_of(about: str, target: Path) -> argparse.ArgumentParser:
-    """Return the options of what counts these results: about, its docstring; target, the page for its table."""
+def options_of(about: str) -> argparse.ArgumentParser:
+    """Return the options of what counts these results: about, its docstring."""
     parser = argparse.ArgumentParser(description=about.split("\n", maxsplit=1)[0])
     parser.add_argument("folder", type=Path, help="where results are stored")
     parser.add_argument("--count", type=int, default=200, help="seeds")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--limit", type=float, default=np.inf, help="s, after which no scene is begun")
-    parser.add_argument("--docs", action="store_true", help=f"write the table into {target.name}")
+    parser.add_argument("--docs", action="store_true", help=f"write the table into {page.PAGE.name}")
     return parser
 
 

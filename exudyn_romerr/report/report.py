@@ -139,7 +139,7 @@ class BoundReport(ReportData):
 
         "proven", "disproven": by bounds of scope complete with the time steps, rounding included. "likely",
         "unlikely": by the estimate with its half width. "unknown": else. Printed are "enough", "too large" and "not
-        known". Table in docs/reading_a_bound.md.
+        known". Table in docs/reading_the_answer.md.
 
         Parameters
         ----------

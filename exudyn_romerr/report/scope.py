@@ -19,7 +19,7 @@ COVERS = {
     FROZEN: "for this run's forces",
 }
 FULL_MODEL = "Full model"  # begins the part of a scope's reason that names the truth
-PAGE = "docs/reading_a_bound.md#scopes"
+PAGE = "docs/limits.md#scopes"
 ATTACH_ALL = "attach all flexible bodies"
 UNATTACHED = "flexible bodies of this mbs are not attached"  # in the reason of a scope that is no wider for that
 NOT_CERTIFIED = "not certified"  # said with every bound of a run of which there is a Doubt

@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 
 from benchmarks import (
+    against_rival,
+    bounds,
     child,
+    estimates,
     floating_cost,
     growth,
+    half_widths,
     kernel_offline,
     large_bodies,
     offline,
@@ -235,12 +239,14 @@ def test_speed_figure_is_drawn(tmp_path):
 
 
 def test_a_table_replaces_the_one_on_the_page(tmp_path):
-    copy = tmp_path / "speed.md"
+    copy = tmp_path / "measured.md"
     copy.write_text(page.PAGE.read_text(encoding="utf-8"), encoding="utf-8")
-    for name in (*speed.PARTS, "question"):
+    marks = ["ratios", "question", "estimators", "examples"]
+    marks += [script.MARK for script in (against_rival, bounds, estimates, half_widths)]
+    for name in marks:
         page.put(name, f"new {name}\\1", copy)
     text = copy.read_text(encoding="utf-8")
-    assert all(text.count(f"```text\nnew {name}\\1\n```") == 1 for name in (*speed.PARTS, "question"))
+    assert all(text.count(f"```text\nnew {name}\\1\n```") == 1 for name in marks)
     with pytest.raises(ValueError, match="no code block"):
         page.put("another", "", copy)
 

@@ -18,6 +18,7 @@ DOCS = ROOT / "docs"
 PAGES = {path.relative_to(ROOT).as_posix(): path for path in (ROOT / "README.md", *sorted(DOCS.glob("*.md")))}
 TEXT = {name: path.read_text(encoding="utf-8") for name, path in PAGES.items()}
 FIGURE = re.compile(r"!\[[^\]]*\]\((?:docs/)?figures/([^)]+)\)")
+WRITTEN = re.compile(r'"(\w+\.(?:png|svg|pdf|vtu|npz|sol))"')
 SCRIPT = re.compile(r"python3? ((?:examples|benchmarks|docs)/\w+\.py)([^`\n]*)")
 LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)#\s]*)(?:#([^)\s]*))?\)")
 # Where what a page's blocks need, or leave, is checked too
@@ -45,6 +46,10 @@ def test_page_runs_as_one_script_and_prints_what_it_shows(name, capsys, tmp_path
             exec(compile(block, name, "exec"), names)
             assert_printed(shown_below(TEXT[name], block), capsys.readouterr().out)
     assert any(module is exudyn_romerr for module in names.values())
+    missing = [
+        file for file in WRITTEN.findall("".join(BLOCK.findall(TEXT[name]))) if not (tmp_path / file).is_file()
+    ]
+    assert missing == []
 
 
 @pytest.mark.parametrize(("name", "test"), RUN_ELSEWHERE.items())
@@ -134,9 +139,22 @@ def test_links_lead_somewhere(name):
         assert not anchor or anchor in anchors(path), f"{target}#{anchor}"
 
 
-def test_every_page_is_in_the_index():
-    linked = {target for target, _ in LINK.findall(TEXT["docs/index.md"])}
-    assert linked == {path.name for path in DOCS.glob("*.md")} - {"index.md"}
+NAMED = [
+    (path.relative_to(ROOT).as_posix(), *found)
+    for path in sorted((ROOT / "exudyn_romerr").rglob("*.py"))
+    for found in re.findall(r"(docs/[\w.]+\.\w+)(?:#([\w-]+))?", path.read_text(encoding="utf-8"))
+]
+
+
+def test_pages_that_the_package_names_are_there():
+    assert any(anchor for _, _, anchor in NAMED)  # a scope's page, in every report
+    for source, page, anchor in NAMED:
+        assert (ROOT / page.rstrip(".")).is_file(), source
+        assert not anchor or anchor in anchors(ROOT / page), source
+
+
+def test_every_page_is_linked_from_the_readme():
+    assert {target for target, _ in LINK.findall(TEXT["README.md"])} >= {*TEXT} - {"README.md"}
 
 
 def test_reference_is_what_the_docstrings_say_now():
@@ -146,5 +164,5 @@ def test_reference_is_what_the_docstrings_say_now():
 
 
 def test_every_public_name_is_in_the_reference():
-    headings = set(re.findall(r"(?m)^### (\w+)$", TEXT["docs/api.md"]))
-    assert headings >= set(exudyn_romerr.__all__) | {"Monitor", "FloatingBody", "ReducedBody", "TwoLevel", "Sweep"}
+    named = set(re.findall(r"(?m)^(?:### |\| `)(\w+)", TEXT["docs/api.md"]))
+    assert named >= set(exudyn_romerr.__all__) | {"Monitor", "FloatingBody", "ReducedBody", "TwoLevel", "Sweep"}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks import exudyn_examples, page
+from benchmarks import exudyn_examples
 
 SCRIPT = """
 import exudyn as exu
@@ -43,8 +43,8 @@ def checkout(tmp_path):
 
 def test_a_script_is_run_bare_and_watched(checkout, monkeypatch, capsys):
     """Old names are there, states are compared, each sensor has its row."""
-    monkeypatch.setattr(exudyn_examples, "PAGE", checkout / "page.md")
-    (checkout / "page.md").write_text("head\n<!-- examples -->\nold\n<!-- end of examples -->\ntail\n")
+    put = {}
+    monkeypatch.setattr(exudyn_examples.page, "put", put.__setitem__)
     text = exudyn_examples.main([str(checkout), "--docs"])
     of_scripts, of_sensors = text.split("\n\n")
     (row,) = [line.strip("| ").split(" | ") for line in of_scripts.split("\n")[2:]]
@@ -54,7 +54,9 @@ def test_a_script_is_run_bare_and_watched(checkout, monkeypatch, capsys):
     (sensor,) = [line.strip("| ").split(" | ") for line in of_sensors.split("\n")[2:]]
     assert sensor[1] == "tip"
     assert float(sensor[3].split(" +- ")[0]) > 0
-    assert (checkout / "page.md").read_text().startswith("head\n<!-- examples -->\n| script")
+    _, short = put["examples"].split("\n")
+    assert short.split()[:2] == ["tiny", "well"]
+    assert short.split()[-1] == "equal"
     assert "tiny" in capsys.readouterr().out
 
 
@@ -66,9 +68,3 @@ def test_a_run_that_we_change_is_found_out(checkout, tmp_path):
     assert exudyn_examples.equality(bare, bare).endswith("equal")
     assert "differ" in exudyn_examples.equality(bare, other)
     assert exudyn_examples.equality(bare._replace(states={}), other) == "none kept"
-
-
-def test_a_page_without_marks_is_an_error(tmp_path):
-    (tmp_path / "page.md").write_text("<!-- examples -->\nno end\n")
-    with pytest.raises(ValueError, match="no part between marks 'examples'"):
-        page.put_between("examples", "new", tmp_path / "page.md")

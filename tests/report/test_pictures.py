@@ -1,7 +1,6 @@
 """Pictures: what they show of made-up reports, that nothing is dropped without a word, and the files they make."""
 
 import json
-import re
 import subprocess
 import sys
 from copy import deepcopy
@@ -49,8 +48,6 @@ from exudyn_romerr.report.scope import COUPLED, FROZEN, Doubt
 from exudyn_romerr.report.wording import NOT_THE_MECHANISM
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "pictures.md").read_text(encoding="utf-8")
-CODE = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 ZERO = "zero"  # marks at the lower edge of a logarithmic axis
 OVER_TIME = (draw_signal, draw_bounds, draw_causes)
 FORMATS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -920,18 +917,7 @@ def test_example_writes_one_picture_of_each_kind(tmp_path):
     """With few and coarse runs; what they show is true: no error above its bound."""
     figures = example.main(tmp_path, ladder=((2, 4e-3), (4, 2e-3)), sizes=(1, 2))
     assert {path.name for path in tmp_path.iterdir()} == {f"picture_{name}.png" for name in figures}
-    assert set(re.findall(r"picture_(\w+)\.png", PAGE)) == set(figures)
     bound, error = (line(figures["modes"].axes[0], label)[1] for label in ("bound", "|true error|"))
     assert np.all(error < bound)
     bound, error = (line(figures["bounds"].axes[0], label)[1] for label in ("bound 'auxiliary'", "|true error|"))
     assert np.all((error <= bound)[1:])
-
-
-def test_page_runs(tmp_path, monkeypatch):
-    """Its blocks are one script."""
-    monkeypatch.chdir(tmp_path)
-    names = {}
-    for block in CODE:
-        exec(block, names)
-    named = set(re.findall(r'"(\w+\.(?:png|svg|pdf|vtu))"', "".join(CODE)))
-    assert {path.name for path in tmp_path.iterdir()} == named

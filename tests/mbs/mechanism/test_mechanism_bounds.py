@@ -1,7 +1,7 @@
 """Bounds of bodies in mechanisms cover the feedback of joints; truth: the same simulation with all modes, stored.
 
-Full and reduced run have the same integrator and the same steps, which are converged (docs/mechanisms.md and the
-tests of models/mechanisms.py): their difference is the reduction error. Outputs are those seen from each bar's frame.
+Full and reduced run have the same integrator and the same steps, which are converged (tests of
+models/mechanisms.py): their difference is the reduction error. Outputs are those seen from each bar's frame.
 """
 
 from functools import cache
