@@ -20,7 +20,7 @@ from .wording import digits, listed, rounded_down, rounded_up, widest_scope, wit
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from .data import OutputData, ReportData
+    from .data import OutputReport, ReportData
     from .verdicts import Row
 
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
@@ -73,13 +73,13 @@ def assess(
     )
 
 
-def _worst(out: OutputData, found: Sequence[Assessment]) -> Assessment:
+def _worst(out: OutputReport, found: Sequence[Assessment]) -> Assessment:
     """The worst answer; of rows with it that which moves most, of these that with the largest bound."""
     ranks = [ANSWERS.index(assessment.answer) for assessment in found]
     return found[np.lexsort((-np.max(out.bound["best"], axis=0), -out.extents, ranks))[0]]
 
 
-def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
+def _limits(out: OutputReport, tolerance: Any, relative: bool) -> list[float]:
     """The tolerance of each row in its unit."""
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real) or not 0 < tolerance < np.inf:
         needed = (
@@ -92,7 +92,7 @@ def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
     return [float(tolerance) * shown] * out.value.shape[1]
 
 
-def _of_row(report: ReportData, out: OutputData, i: int, limit: float, cause: str | None) -> Assessment:
+def _of_row(report: ReportData, out: OutputReport, i: int, limit: float, cause: str | None) -> Assessment:
     """What is known of one row: what is proved of the whole error first, then what is estimated."""
     row = row_of(report, out, i, Limit(limit, True))
     if cause is None:
@@ -111,7 +111,7 @@ def _without(row: Row) -> Verdict:
     return modes if modes.how == NONE else Verdict(0.0, 0.0, ESTIMATED, Answer.ENOUGH)
 
 
-def _proof(report: ReportData, out: OutputData, i: int, limit: float, row: Row) -> Assessment | None:
+def _proof(report: ReportData, out: OutputReport, i: int, limit: float, row: Row) -> Assessment | None:
     """What bounds of the whole error, time steps included, prove; None: nothing."""
     if widest_scope(report.scope) != COMPLETE or report.time == "sampled" or out.uncertified:
         return None
@@ -125,7 +125,7 @@ def _proof(report: ReportData, out: OutputData, i: int, limit: float, row: Row) 
     return None
 
 
-def _proved(out: OutputData, i: int) -> tuple[float, float]:
+def _proved(out: OutputReport, i: int) -> tuple[float, float]:
     """What the largest error is at most, and at least; nothing, 0, without the corrected output."""
     most = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
     if out.corrected is None:

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from .answers import Tolerances
-    from .data import OutputData, ReportData
+    from .data import OutputReport, ReportData
     from .scope import Doubt
 
 PARTS = {"modes": ("basis",), "interfaces": ("interfaces",), "step": ("time step",), "start": ("initial", "jumps")}
@@ -66,7 +66,7 @@ def rows_of(report: ReportData, tolerances: Tolerances | None = None, solve: int
     ]
 
 
-def limit_of(out: OutputData, tolerances: Tolerances | None = None) -> Limit:
+def limit_of(out: OutputReport, tolerances: Tolerances | None = None) -> Limit:
     """Return what is small enough; a share is one of the largest component: small ones ask for no more."""
     asked = None if tolerances is None else tolerances.of(out.name)
     shown = float(np.max(out.extents, initial=0.0))
@@ -77,7 +77,7 @@ def limit_of(out: OutputData, tolerances: Tolerances | None = None) -> Limit:
     return Limit(Tolerance(SHARE, True).of(shown), False)
 
 
-def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int = 0) -> Row:
+def row_of(report: ReportData, out: OutputReport, i: int, limit: Limit, solve: int = 0) -> Row:
     """Return what is known of one component."""
     is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
     bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
@@ -108,7 +108,7 @@ def _covered(report: ReportData) -> str:
     return "modes" if report.time == "sampled" else ""
 
 
-def _verdicts(report: ReportData, out: OutputData, i: int, limit: float | None, bound: float) -> dict[str, Verdict]:
+def _verdicts(report: ReportData, out: OutputReport, i: int, limit: float | None, bound: float) -> dict[str, Verdict]:
     if out.estimate is None:
         return {"sum": _by_bound(report, out, limit, bound)}
     if estimate_scope(out, report.scope) == FROZEN:
@@ -123,7 +123,7 @@ def _verdicts(report: ReportData, out: OutputData, i: int, limit: float | None, 
     return found
 
 
-def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) -> dict[str, Verdict]:
+def _by_cause(report: ReportData, out: OutputReport, i: int, limit: float | None) -> dict[str, Verdict]:
     """Verdicts on CAUSES of which there is something; vectors check modes and interfaces together."""
     parts, found, but = parts_of(out), {}, _reservation(report, out)
     zero, steps = np.zeros(len(out.value)), steps_of(report)
@@ -136,7 +136,7 @@ def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) 
         if cause == "interfaces" and not own:  # of what vectors say each part has its share
             half *= size / (size + (found["modes"].size or 0.0)) if size else 0.0
         if size > 0 or (cause in ALWAYS and (cause, report.time) != ("step", "static")):
-            cure = cure_of(out, cause, size, half, _by_check(halves), limit, steps)
+            cure = cure_of(cause, size, half, _by_check(halves), limit, steps, out.beside_steps)
             verdict = judge(size, half, limit, ESTIMATED, cure, _largest(out.round_off[:, i]), but)
             found[cause] = replace(verdict, time=_when(report.t, part))
     return found
@@ -155,7 +155,7 @@ def _when(t: np.ndarray, error: np.ndarray) -> float:
     return float(t[np.argmax(np.abs(error))])
 
 
-def _by_bound(report: ReportData, out: OutputData, limit: float | None, bound: float) -> Verdict:
+def _by_bound(report: ReportData, out: OutputReport, limit: float | None, bound: float) -> Verdict:
     """The verdict on the whole error where a bound is all there is."""
     if widest_scope(report.scope) != COMPLETE or report.time == "sampled":
         return not_covered(NO_ESTIMATE, MEASURE_IT)
@@ -164,14 +164,14 @@ def _by_bound(report: ReportData, out: OutputData, limit: float | None, bound: f
         return Verdict(None, None, ESTIMATED, Answer.NO_TOLERANCE)
     if bound <= limit and not out.uncertified and not but.why:
         return Verdict(None, None, ESTIMATED, Answer.ENOUGH)
-    cure = cures_of(out.uncertified) or but.cure or cure_of_bound(out)
+    cure = cures_of(out.uncertified) or but.cure or cure_of_bound(out.causes)
     why = causes_of(out.uncertified) or but.why or NO_ESTIMATE
     return Verdict(None, None, ESTIMATED, Answer.NOT_KNOWN, why, cure)
 
 
 def _of_all(
     report: ReportData,
-    out: OutputData,
+    out: OutputReport,
     i: int,
     limit: float | None,
     bound: float,
@@ -193,7 +193,7 @@ def _of_all(
     return replace(verdict, cure=cure)
 
 
-def _reservation(report: ReportData, out: OutputData) -> Reservation:
+def _reservation(report: ReportData, out: OutputReport) -> Reservation:
     doubts = of_estimates(out.uncertified)
     if doubts:
         return Reservation(causes_of(doubts), cures_of(doubts))

@@ -182,8 +182,8 @@ class _Child:
         """What a watched run says of itself, as --json has it."""
         if self.watched is None:
             return []
-        from ..judgement.judgement import rows_of_solve
         from ..report.answers import Tolerances
+        from ..report.judgement import rows_of_solve
 
         return [row.as_json() for solve in self.watched.solves for row in rows_of_solve(solve, Tolerances())]
 

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from types import ModuleType
 
-    from ..judgement.judgement import Judgement
-    from ..judgement.solve import Solve
     from ..report.answers import Tolerances
+    from ..report.judgement import Judgement, Solve
     from ..report.report import BoundReport
 
 NO_EXUDYN = "the script does not import exudyn, so there is nothing to tell"
@@ -60,7 +59,7 @@ class Run:
     @cached_property
     def judgement(self) -> Judgement:
         """Verdicts on every sensor, component and cause."""
-        from ..judgement.judgement import Judgement, rows_of_solve
+        from ..report.judgement import Judgement, rows_of_solve
 
         rows = [row for solve in self.solves for row in rows_of_solve(solve, self.tolerances)]
         return Judgement(rows, self.solves, self.notes)
@@ -86,7 +85,7 @@ class Run:
         return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
 
     def __str__(self) -> str:
-        from ..judgement.judgement import text
+        from ..report.judgement import text
 
         return "\n".join([*self.misspelt, text(self.judgement, self.script, MEASURE)])
 

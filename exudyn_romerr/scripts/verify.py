@@ -16,10 +16,9 @@ from typing import Any
 from .._version import __version__
 from ..checks import check_choice
 from ..errors import InputError, RunError
-from ..judgement.judgement import Judgement, text
-from ..judgement.solve import Solve
 from ..process.interrupts import interrupt_deferred
 from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of, worst
+from ..report.judgement import Judgement, Solve, text
 from ..report.verdicts import CAUSES, Verdict, beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
 from .compared import rows_of_signal, two_ways

@@ -25,8 +25,8 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
+from exudyn_romerr.report.data import made_here
 from exudyn_romerr.report.formats import csv_table
-from exudyn_romerr.report.formats.provenance import made_here
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
 from models import floating
 from tests.helpers.bad_input import T, trajectory

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ..answers import Tolerances
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
 
 RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
 MOST = 6  # figures: each takes a third of a second to draw and 0.25 MB
 
 
-def rows_of(report: ReportData) -> Iterator[tuple[OutputData, int, str]]:
+def rows_of(report: ReportData) -> Iterator[tuple[OutputReport, int, str]]:
     """Yield every row of every output, and its name."""
     for out in report.outputs.values():
         yield from ((out, row, name) for row, name in enumerate(out.row_names))
@@ -49,7 +49,7 @@ def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterato
         )
 
 
-def _worst(report: ReportData, rows: list[tuple[OutputData, int, str]]) -> list[tuple[OutputData, int, str]]:
+def _worst(report: ReportData, rows: list[tuple[OutputReport, int, str]]) -> list[tuple[OutputReport, int, str]]:
     """At most MOST rows, in their order: the worst of as many outputs as there is room for, then others.
 
     What nobody asked for comes last.
@@ -61,7 +61,7 @@ def _worst(report: ReportData, rows: list[tuple[OutputData, int, str]]) -> list[
     return [rows[i] for i in sorted((firsts + others)[:MOST])]
 
 
-def _share(out: OutputData, row: int) -> float:
+def _share(out: OutputReport, row: int) -> float:
     """The error of a row as far as it is known, a share of the largest value of its output."""
     known = is_known(out, row)
     error = np.max(np.abs(out.estimate[:, row]) + out.uncertainty[:, row] if known else out.bound["best"][:, row])
@@ -69,7 +69,7 @@ def _share(out: OutputData, row: int) -> float:
     return float(error / size) if size > 0 else float(error > 0)
 
 
-def _has_causes(out: OutputData, row: int) -> bool:
+def _has_causes(out: OutputReport, row: int) -> bool:
     return bool(np.isfinite(out.bound["best"][:, row]).any()) or out.estimate is None
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..data import is_beside
+from ..data import is_beside, made_here
 from ..report_rows import rows_of as verdicts_of
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
 from ..table import ASSESS, by_sensor, first_sentences, reasons, summary
@@ -32,13 +32,12 @@ from ..wording import (
 from .atomic_write import write_whole
 from .html_elements import CSS, items, numbers, paragraph, section, table
 from .html_figures import figures, rows_of
-from .provenance import made_here
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ..answers import Tolerances
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
 
 MEANINGS = {
     COMPLETE: "loads and supports do not depend on how the body deforms: the bound is that of the full body",
@@ -133,7 +132,7 @@ def _verdicts(report: ReportData, tolerances: Tolerances | None) -> Iterator[str
         yield items(notes)
 
 
-def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
+def _notes(report: ReportData, out: OutputReport, row: int) -> Iterator[str]:
     """What stands beside a verdict: which bound, what the corrected output is worth, how far a truth is away."""
     best = min(widest(report.scope), key=lambda e: np.max(out.bound[e][:, row], initial=0.0))
     if not np.isfinite(np.max(out.bound["best"][:, row])):
@@ -196,7 +195,7 @@ def _tables(report: ReportData) -> Iterator[str]:
         yield numbers(f"The whole body, {what}, in the units of the model", head, rows)
 
 
-def _output_row(report: ReportData, out: OutputData, row: int, name: str, estimators: list[str]) -> list[str]:
+def _output_row(report: ReportData, out: OutputReport, row: int, name: str, estimators: list[str]) -> list[str]:
     bounds = []
     for e in estimators:
         truth = f"\n/ true error: {digits(out.effectivity[e][row])}" if out.effectivity else ""
@@ -206,7 +205,7 @@ def _output_row(report: ReportData, out: OutputData, row: int, name: str, estima
     return [name, values, *bounds, corrected, floor]
 
 
-def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> list[str]:
+def _estimate_row(report: ReportData, out: OutputReport, row: int, name: str) -> list[str]:
     parts, checks = (
         "\n".join(
             f"{check_name(key, out.uncertified)} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items()

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from ..answers import Tolerances
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
     from ..verdicts import Row
 
 MORE = "every component, bounds by all estimators, corrected outputs: print(report.details)"
@@ -79,7 +79,7 @@ def _is_named(row: Row, tolerances: Tolerances | None) -> bool:
     return tolerances is not None and row.name in tolerances.names
 
 
-def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[str]:
+def _of_bounds(report: ReportData, out: OutputReport, is_first: bool) -> Iterator[str]:
     """What bounds say of an output, each with its condition, in full in the first line, and its corrected value."""
     is_frozen, most = widest_scope(report.scope) == FROZEN, "bounded by" if out.uncertified else "at most"
     known = _by_all(report, out)
@@ -95,7 +95,7 @@ def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[
         yield corrected_within(out, out.corrected_bound, report.scope, in_full=False)
 
 
-def _times_the_estimate(report: ReportData, out: OutputData) -> float:
+def _times_the_estimate(report: ReportData, out: OutputReport) -> float:
     """How far a bound of the modes is above the estimate of what it bounds; 0 where vectors lower none."""
     if not is_known(out) or widest_scope(report.scope) != COUPLED:
         return 0.0
@@ -103,7 +103,7 @@ def _times_the_estimate(report: ReportData, out: OutputData) -> float:
     return float(bound / error) if error > 0 and np.isfinite(bound) else 0.0
 
 
-def _by_all(report: ReportData, out: OutputData) -> str:
+def _by_all(report: ReportData, out: OutputReport) -> str:
     """The largest bound of each estimator, and what it holds under."""
     return ", ".join(
         f"{with_unit(rounded_up(np.max(out.bound[e])), out.unit)} by {e!r}{under(report.scope, e, out.uncertified)}"
@@ -112,7 +112,7 @@ def _by_all(report: ReportData, out: OutputData) -> str:
     )
 
 
-def _tells_nothing(out: OutputData) -> bool:
+def _tells_nothing(out: OutputReport) -> bool:
     """Whether the corrected output may be as far off as the output is large, for all that is known."""
     left = np.max(out.corrected_bound)
     return np.isfinite(left) and bool(left >= np.max(np.abs(out.value)) > 0)
@@ -137,7 +137,7 @@ def _messages(report: ReportData) -> Iterator[str]:
         yield f"! {'bounds: ' if only_bounds else ''}{SAMPLED}"
 
 
-def _compared(out: OutputData, time: str, begin: str) -> Iterator[str]:
+def _compared(out: OutputReport, time: str, begin: str) -> Iterator[str]:
     """What a truth says that was compared."""
     if not out.effectivity:
         return

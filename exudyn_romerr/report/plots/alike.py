@@ -11,7 +11,7 @@ from ..scope import NOT_CERTIFIED, SCOPES
 from ..wording import covers_time, estimate_scope, under, widest, widest_scope
 
 if TYPE_CHECKING:
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
 
 WHOLE, OF_MODES = "error", "error of the modes"
 
@@ -36,21 +36,21 @@ def kind_of_bound(report: ReportData) -> str:
     return OF_MODES if report.time == "sampled" else WHOLE
 
 
-def has_estimate(report: ReportData, out: OutputData) -> bool:
+def has_estimate(report: ReportData, out: OutputReport) -> bool:
     """Return whether there is an estimate of all that the bound is of, or of more."""
     if out.estimate is None:
         return False
     return SCOPES.index(estimate_scope(out, report.scope)) <= SCOPES.index(widest_scope(report.scope))
 
 
-def bound_covers(report: ReportData, out: OutputData) -> bool:
+def bound_covers(report: ReportData, out: OutputReport) -> bool:
     """Return whether the bound is of all that the estimate is of, the whole error if there is no estimate."""
     if not has_estimate(report, out):
         return True
     return _same_scope(report, out) and not _has_steps_alone(report, out)
 
 
-def alike(report: ReportData, out: OutputData, row: int) -> Alike:
+def alike(report: ReportData, out: OutputReport, row: int) -> Alike:
     """Return what is drawn together of a row: of the modes where the bound is of these alone.
 
     Of the whole error where a truth was compared that has other steps, where the bound takes forces as they are, or
@@ -74,11 +74,11 @@ def alike(report: ReportData, out: OutputData, row: int) -> Alike:
     return Alike(WHOLE, {}, whole, half, error, (f"bound {why}{doubt}: not drawn",))
 
 
-def _same_scope(report: ReportData, out: OutputData) -> bool:
+def _same_scope(report: ReportData, out: OutputReport) -> bool:
     return estimate_scope(out, report.scope) == widest_scope(report.scope)
 
 
-def _has_steps_alone(report: ReportData, out: OutputData) -> bool:
+def _has_steps_alone(report: ReportData, out: OutputReport) -> bool:
     """Whether the estimate has time steps in it, which the bound has not."""
     return report.time == "sampled" and covers_time(out, report.time)
 
@@ -89,7 +89,7 @@ def _narrower(report: ReportData) -> tuple[str, ...]:
     return tuple(f"'{e}'{under(report.scope, e)}: not drawn" for e in names)
 
 
-def _of_modes(out: OutputData, row: int) -> tuple[np.ndarray, np.ndarray]:
+def _of_modes(out: OutputReport, row: int) -> tuple[np.ndarray, np.ndarray]:
     """Estimate and half width of a row without time steps."""
     steps = out.estimate_parts.get("time step", np.zeros_like(out.estimate))
     halves = [x[:, row] for check, x in out.uncertainty_parts.items() if check not in BY_STEPS]

@@ -9,7 +9,7 @@ import numpy as np
 from ...checks import check_count
 from ...trajectory.estimate import RESOLVED
 from ..scope import NOT_CERTIFIED
-from ..wording import at_round_off, rounded_up, under, with_unit
+from ..wording import rounded_up, under, with_unit
 from .alike import Alike, alike, bound_covers, has_estimate, kind_of_bound
 from .readable_axes import (
     OF_BOUND,
@@ -39,7 +39,7 @@ from .style import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
@@ -123,7 +123,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     if error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, error, label="|true error|", **style)
-    if drawn.bounds and at_round_off(out)[row]:
+    if drawn.bounds and out.at_round_off()[row]:
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label="rounding: nothing below is known", **style)
     if tolerance is not None:
@@ -171,7 +171,7 @@ def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
     return np.where((error > 0) & (error < np.finfo(float).eps * np.max(np.abs(value))), np.nan, error)
 
 
-def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
+def _corrected(report: ReportData, out: OutputReport, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
     """Best guess of the full model's output, half width, name, label; where it is proved the corrected output."""
     if has_estimate(report, out) and _is_estimated(out):
         value, estimate, half = (x[:, row] for x in (out.value, out.estimate, out.uncertainty))
@@ -182,7 +182,7 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarra
     return out.corrected[:, row], half, "corrected output", f"corrected{_within(half)}{_doubt(out)}"
 
 
-def _is_estimated(out: OutputData) -> bool:
+def _is_estimated(out: OutputReport) -> bool:
     """Whether there is an estimate that no proof stands behind."""
     return out.estimate is not None and set(out.uncertainty_parts) != {"proved"}
 
@@ -198,7 +198,7 @@ def _estimate(ax: Any, t: np.ndarray, drawn: Alike, label: str, limits: tuple | 
     log_line(ax, t, size, label=label, zorder=2.5, **style)  # above the other lines
 
 
-def _beyond(report: ReportData, out: OutputData, drawn: Alike, limits: tuple | None) -> Iterator[str]:
+def _beyond(report: ReportData, out: OutputReport, drawn: Alike, limits: tuple | None) -> Iterator[str]:
     """What is not to be seen of the bounds."""
     for e, bound in drawn.bounds.items():
         by = f" by '{e}'" if drawn.bounds.keys() - {e} else ""
@@ -207,11 +207,11 @@ def _beyond(report: ReportData, out: OutputData, drawn: Alike, limits: tuple | N
         yield leaves and f"{_bound(out)}{by} {leaves}"
 
 
-def _bound(out: OutputData) -> str:
+def _bound(out: OutputReport) -> str:
     return f"bound{_doubt(out)}"
 
 
-def _most(out: OutputData, bound: np.ndarray) -> str:
+def _most(out: OutputReport, bound: np.ndarray) -> str:
     """How large a bound gets, in the unit of the axis."""
     return largest_in_words(bound, "", "up to" if out.uncertified else "at most")
 
@@ -221,7 +221,7 @@ def _within(half: np.ndarray) -> str:
     return f" {largest_in_words(half, '', '±')}" if np.isfinite(half).any() else ", half width not known"
 
 
-def _colour(report: ReportData, out: OutputData, row: int) -> str:
+def _colour(report: ReportData, out: OutputReport, row: int) -> str:
     """That of the sharpest of the bounds that the best one is made of."""
     bounds = alike(report, out, row).bounds
     return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest(bounds[e])))]
@@ -233,18 +233,18 @@ def _not_resolved(*row: np.ndarray) -> str:
     return " (not resolved)" if half > max(RESOLVED * size, value) else ""
 
 
-def _doubt(out: OutputData) -> str:
+def _doubt(out: OutputReport) -> str:
     """What is said of bounds beside what they are of."""
     return f", {NOT_CERTIFIED}" if out.uncertified else ""
 
 
-def _said_of_bounds(report: ReportData, out: OutputData) -> str:
+def _said_of_bounds(report: ReportData, out: OutputReport) -> str:
     """What a title says of bounds: what they hold under, and that they are not certified."""
     said = under(report.scope, doubts=out.uncertified).removeprefix(", ")
     return said and f" (bound {said})"
 
 
-def _row_of(report: ReportData, name: str, row: int) -> OutputData:
+def _row_of(report: ReportData, name: str, row: int) -> OutputReport:
     out = report.output(name)
     check_count(f"row of output {name!r}", row, out.value.shape[1] - 1, "its rows, from 0", least=0)
     return out
@@ -296,7 +296,7 @@ def _percent(share: float) -> str:
     return "> 99 %" if 99.5 <= share < 100 else f"{share:.0f} %"
 
 
-def _worst(report: ReportData, out: OutputData, row: int, at: int) -> str:
+def _worst(report: ReportData, out: OutputReport, row: int, at: int) -> str:
     name, unit = _axis(report)
     bound = with_unit(rounded_up(out.bound["best"][at, row]), out.unit)
     return f"worst, {name} = {report.t[at]:.4g} {unit}".rstrip() + f": {bound}"

@@ -1,14 +1,14 @@
-"""Judgement: all verdicts on a script's solves, and the text of them that the command line prints."""
+"""Verdicts on the solves of a script: what was found of each Solve, all rows, and the text that commands print."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ..report.answers import Answer, worst
-from ..report.data import is_beside
-from ..report.report_rows import limit_of, row_of
-from ..report.table import (
+from .answers import Answer, worst
+from .data import is_beside
+from .report_rows import limit_of, row_of
+from .table import (
     TITLES,
     UNSURE,
     YOURS,
@@ -22,17 +22,42 @@ from ..report.table import (
     summary,
     table,
 )
-from ..report.verdicts import ALWAYS, CAUSES, NONE, Row, not_covered
+from .verdicts import ALWAYS, CAUSES, NONE, Row, not_covered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from ..report.answers import Tolerances
-    from .solve import Solve
+    from .answers import Tolerances
+    from .report import BoundReport
 
 FEW_SOLVES = 3  # of these each has its own table; of more a line each
 NO_SENSOR = "all bodies"  # stands for outputs of a scene without sensors
 NO_NUMBER = "nothing is known of its error"
+
+
+@dataclass
+class Solve:
+    """A solve that moved reduced flexible bodies, as found from outside.
+
+    number : from 0. kind : "dynamic" or "static". bodies : how many. report : None where there is none; failure says
+    why then. refused : (body, why) of bodies that are not watched. sensors : names of all sensors of the mbs.
+    chosen : whether outputs were chosen for a scene without sensors. notes : what else is to be said.
+    until : of a solve without report that ended early, when and by what.
+    seconds, our_seconds : CPU time of the solve with us, and of what we do before and after it.
+    """
+
+    number: int
+    kind: str
+    bodies: int
+    report: BoundReport | None = None
+    failure: Exception | None = None
+    refused: list[tuple[str, str]] = field(default_factory=list)
+    sensors: list[str] = field(default_factory=list)
+    chosen: bool = False
+    notes: list[str] = field(default_factory=list)
+    until: str = ""
+    seconds: float = 0.0
+    our_seconds: float = 0.0
 
 
 @dataclass
