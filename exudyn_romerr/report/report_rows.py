@@ -17,7 +17,7 @@ from ..trajectory.estimate import (
 )
 from .answers import SHARE, Answer, Tolerance
 from .cures import OF_CAUSES, Steps, cure_of, cure_of_bound
-from .data import is_rate
+from .data import is_beside, is_rate
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
 from .verdicts import (
     ALWAYS,
@@ -64,6 +64,12 @@ def rows_of(report: ReportData, tolerances: Tolerances | None = None, solve: int
         for out in report.outputs.values()
         for i in range(out.value.shape[1])
     ]
+
+
+def asked_for(report: ReportData, rows: Iterable[Row], tolerances: Tolerances | None = None) -> list[Row]:
+    """Return rows without those of outputs nobody asked for, but where a tolerance names them."""
+    named = set() if tolerances is None else tolerances.names
+    return [row for row in rows if not is_beside(report, row.name) or row.name in named]
 
 
 def limit_of(out: OutputReport, tolerances: Tolerances | None = None) -> Limit:

@@ -128,9 +128,9 @@ class Verification:
 
     def plot(self, path: str | os.PathLike) -> None:
         """Draw the measured errors of all sensors by cause, with half widths, and the estimate beside them."""
-        from .plots import draw_causes
+        from ..report.plots.comparisons import plot_verdicts
 
-        draw_causes(self.judgement.rows, path, title=f"{os.path.basename(self.script)}: errors measured")
+        plot_verdicts(self.judgement.rows, path, title=f"{os.path.basename(self.script)}: errors measured")
 
     def __str__(self) -> str:
         lost = [f"{name} ({one.failure})" for name, one in self.results.items() if one.failure]

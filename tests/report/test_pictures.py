@@ -19,6 +19,7 @@ from examples import pictures as example
 from exudyn_romerr.report.answers import Tolerances
 from exudyn_romerr.report.data import NodeFields, Plan
 from exudyn_romerr.report.plots.body_surface import draw_body, plot_body, surface_triangles
+from exudyn_romerr.report.plots.comparisons import draw_convergence, draw_run_time, front
 from exudyn_romerr.report.plots.over_time import (
     BAR,
     RASTER_FROM,
@@ -27,7 +28,6 @@ from exudyn_romerr.report.plots.over_time import (
     draw_signal,
 )
 from exudyn_romerr.report.plots.panels import PANELS, SCREEN, plot_causes, plot_report
-from exudyn_romerr.report.plots.run_comparison import draw_convergence, draw_run_time, front
 from exudyn_romerr.report.plots.style import (
     CAUSE_STYLES,
     COLOURS,
@@ -892,7 +892,7 @@ QUIET = """
 import sys, json
 import numpy as np
 import exudyn_romerr as romerr
-from exudyn_romerr.report.plots import run_comparison as pictures, over_time as plot, style, body_surface as surface
+from exudyn_romerr.report.plots import comparisons as pictures, over_time as plot, style, body_surface as surface
 before = "matplotlib" in sys.modules
 romerr.plot_convergence([(2, 1.0)], "tip", "mm")
 print(json.dumps([before, "matplotlib" in sys.modules, "matplotlib.pyplot" in sys.modules]))

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..cures import FAR, SHARPER
-from ..data import is_beside
-from ..report_rows import rows_of
+from ..report_rows import asked_for, rows_of
 from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..table import ASSESS, aligned, by_sensor, first_sentences, reasons, table
 from ..table import summary as first_sentence
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
 
     from ..answers import Tolerances
     from ..data import OutputReport, ReportData
-    from ..verdicts import Row
 
 MORE = "every component, bounds by all estimators, corrected outputs: print(report.details)"
 OUTPUT = "output"  # what a line of its tables is of
@@ -67,16 +65,11 @@ def _answers(report: ReportData, tolerances: Tolerances | None) -> list[str]:
     rows = rows_of(report, tolerances)
     if not rows:
         return []
-    asked = [row for row in rows if not is_beside(report, row.name) or (row.is_asked and _is_named(row, tolerances))]
+    asked = asked_for(report, rows, tolerances)
     known = any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
     tables = [*first_sentences(asked), "", *aligned(table(by_sensor(rows), OUTPUT)), ""] if known else []
     what = OUTPUT if len(asked) == len(rows) else f"{OUTPUT} asked for"
     return [first_sentence(asked, what, ASSESS), *tables, *reasons(asked)]
-
-
-def _is_named(row: Row, tolerances: Tolerances | None) -> bool:
-    """Whether a tolerance was given for it by its name."""
-    return tolerances is not None and row.name in tolerances.names
 
 
 def _of_bounds(report: ReportData, out: OutputReport, is_first: bool) -> Iterator[str]:

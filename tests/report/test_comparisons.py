@@ -5,8 +5,8 @@ import pytest
 from matplotlib.markers import CARETUP, CARETUPBASE
 
 from exudyn_romerr.report.answers import Answer
+from exudyn_romerr.report.plots.comparisons import plot_verdicts
 from exudyn_romerr.report.verdicts import Row, Verdict
-from exudyn_romerr.scripts.plots import draw_causes
 
 
 def verdict(size, half, how="measured"):
@@ -23,7 +23,7 @@ def row(axis, size, half, **more):
 @pytest.fixture
 def axes(tmp_path):
     def drawn(*rows):
-        figure = draw_causes(rows, tmp_path / "v.png", title="run.py: errors measured")
+        figure = plot_verdicts(rows, tmp_path / "v.png", title="run.py: errors measured")
         assert figure.get_suptitle() == "run.py: errors measured"
         assert (tmp_path / "v.png").read_bytes().startswith(b"\x89PNG")
         return figure.axes[0]
@@ -63,3 +63,10 @@ def test_tolerances_that_were_given_are_lines(axes, asked):
 def test_legends_have_two_lines(axes):
     legend = axes(row("y", 0.02, None)).figure.legends[0]
     assert len(legend.get_texts()) <= 2 * legend._ncols
+
+
+def test_where_nothing_is_known_the_picture_is_empty(axes):
+    """Without a warning: those are errors here."""
+    unknown = Verdict(None, None, "not covered", Answer.NOT_COVERED)
+    ax = axes(Row("tip", 0, 0, "m", 0.01, 2.0, {"modes": unknown, "sum": unknown}))
+    assert (ax.patches[:], ax.figure.legends) == ([], [])
