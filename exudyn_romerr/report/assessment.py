@@ -13,7 +13,7 @@ from ..errors import InputError
 from .answers import ASSESSED, Answer
 from .report_rows import row_of
 from .scope import COMPLETE
-from .table import TITLES, said, share_in_brackets
+from .table import TITLES, size_in_words
 from .verdicts import CAUSES, ESTIMATED, NO_ESTIMATE, NONE, Limit, Verdict, not_covered
 from .wording import digits, listed, rounded_down, rounded_up, widest_scope, with_unit
 
@@ -139,7 +139,7 @@ def _estimated(row: Row, verdict: Verdict, what: str, limit: float) -> Assessmen
     if verdict.size is None:
         told = f"{what} is not known, and so not whether it is within {_tolerance(row, limit)}"
     else:
-        size = f"{said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)}"
+        size = size_in_words(verdict, row.unit, row.extent)
         told = f"{what} is about {size}, {WHERE[answer]} {_tolerance(row, limit)}"
     if verdict.reason and answer != "likely":
         told = f"{told} ({verdict.reason})"

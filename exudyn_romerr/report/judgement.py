@@ -17,8 +17,7 @@ from .table import (
     first_sentences,
     how,
     reasons,
-    said,
-    share_in_brackets,
+    size_in_words,
     summary,
     table,
 )
@@ -157,4 +156,4 @@ def _worst_cell(rows: Sequence[Row], cause: str) -> str:
     if not known:
         return Answer.NOT_COVERED.value
     row = max(known, key=lambda row: row.share(cause))
-    return f"{said(row.of[cause], row.unit)}{share_in_brackets(row.of[cause], row.extent)}, {row.label or row.name}"
+    return f"{size_in_words(row.of[cause], row.unit, row.extent)}, {row.label or row.name}"

@@ -32,7 +32,7 @@ from .verdicts import (
     Row,
     Verdict,
     judge,
-    judged,
+    judged_together,
     not_covered,
     until,
     until_load,
@@ -88,6 +88,7 @@ def row_of(report: ReportData, out: OutputReport, i: int, limit: Limit, solve: i
     is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
     bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
     shown, early = out.extents, until_of(report)
+    verdicts = _verdicts(report, out, i, limit.size, bound)
     still = report.time == "static" and is_rate(out.of) and not early
     return Row(
         out.name,
@@ -96,7 +97,7 @@ def row_of(report: ReportData, out: OutputReport, i: int, limit: Limit, solve: i
         out.unit,
         float(shown[i]),
         float(shown.max()),
-        judged(_verdicts(report, out, i, limit.size, bound), None if still else float(shown.max()), limit.size),
+        judged_together(verdicts, None if still else float(shown.max()), limit.size),
         bound if is_bounded and np.isfinite(bound) else None,
         _covered(report),
         limit.size,

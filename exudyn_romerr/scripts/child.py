@@ -161,7 +161,7 @@ class _Child:
         for order, found in self.vectors.items():
             if found is not None:
                 arrays |= {f"P {order}": found.P, f"keeps {order}": found.keeps}
-        told = {
+        facts = {
             "status": ending.status,
             "error": "" if ending.error is None else _in_a_line(ending.error),
             "seconds": seconds,
@@ -176,7 +176,7 @@ class _Child:
             "notes": [*self.notes, *(f"refused to write {path}" for path in dict.fromkeys(self.overlay.refused))],
             "rows": self._rows(),
         }
-        _write_all(path, told, arrays)
+        _write_all(path, facts, arrays)
 
     def _rows(self) -> list[dict[str, Any]]:
         """What a watched run says of itself, as --json has it."""
@@ -193,12 +193,12 @@ def _in_a_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".partition("\n\nAt:")[0].split())
 
 
-def _write_all(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
+def _write_all(path: str, facts: dict[str, Any], arrays: dict[str, Any]) -> None:
     import numpy as np
 
     np.savez(f"{path}.npz", **arrays)
     with open(f"{path}.json", "w", encoding="utf-8") as file:
-        json.dump(told, file)
+        json.dump(facts, file)
 
 
 def _peak_memory() -> int:

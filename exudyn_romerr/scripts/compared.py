@@ -12,7 +12,17 @@ import numpy as np
 from ..report.answers import Answer
 from ..report.cures import AGAIN, OF_CAUSES, SECOND_ORDER, Steps, shorter_steps, times_as_short
 from ..report.data import UNITS, extents, is_rate, units_of_length
-from ..report.verdicts import CAUSES, MEASURED, NONE, Row, Verdict, judge, judged, not_covered, not_the_rest
+from ..report.verdicts import (
+    CAUSES,
+    MEASURED,
+    NONE,
+    Row,
+    Verdict,
+    judge,
+    judged_together,
+    not_covered,
+    of_a_run_cut_short,
+)
 from .signals import Signal, signals
 
 if TYPE_CHECKING:
@@ -43,7 +53,7 @@ DISAGREE = (
 NO_VECTORS = "no vectors for its bodies, and no number of modes in a call of the script's"
 
 
-def two_ways(results: Mapping[str, Result]) -> list[str]:
+def disagreements(results: Mapping[str, Result]) -> list[str]:
     """Return a line for each sensor of which our vectors and modes by the script's own call tell different things."""
     lines = []
     for signal in signals(results):
@@ -72,7 +82,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
     of = {cause: verdict for cause in CAUSES if (verdict := one.verdict(cause, limit)) is not None}
     of["sum"] = one.whole(limit, of)
     if signal.until and not signal.on_purpose:
-        of = not_the_rest(of, signal.until)
+        of = of_a_run_cut_short(of, signal.until)
     still = signal.is_static and is_rate(signal.shows) and not signal.until
     return Row(
         signal.name,
@@ -81,7 +91,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
         unit,
         float(shown[c]),
         float(shown.max()),
-        judged(of, None if still else float(shown.max()), limit),
+        judged_together(of, None if still else float(shown.max()), limit),
         tolerance=limit,
         order=one.order,
         noise=one.noise,
@@ -205,7 +215,7 @@ class _Component:
         otherwise = 0.0 if cause == "modes" and self._is_by_call else _largest(self._apart)
         verdict = self._judged((found[0], found[1] + otherwise), limit, OF_CAUSES[cause])
         differ = self._unsettled() if cause == "modes" else 0.0
-        return _or_more(verdict, differ, limit, UNSETTLED, OF_CAUSES[cause]) if differ else verdict
+        return _at_least_apart(verdict, differ, limit, UNSETTLED, OF_CAUSES[cause]) if differ else verdict
 
     def _judged(self, found: tuple[np.ndarray, float], limit: float | None, cure: str = "") -> Verdict:
         time = float(self._signal.t[np.argmax(np.abs(found[0]))])
@@ -229,7 +239,7 @@ class _Component:
         steps = Steps(self._signal.steps, self.order or SECOND_ORDER)
         if not np.isfinite(self._steps[1]):
             verdict = Verdict(_largest(self._steps[0]), None, MEASURED, Answer.NOT_KNOWN)
-            told = _or_more(verdict, self.differ, limit, self.unshrunk, ONE_DIFFERENCE)
+            told = _at_least_apart(verdict, self.differ, limit, self.unshrunk, ONE_DIFFERENCE)
             cure = shorter_steps(2 * self.differ, limit, steps, False)
             return replace(told, cure=cure) if told.answer is Answer.TOO_LARGE else told
         most = _largest(self._steps[0]) + self._steps[1]
@@ -237,7 +247,7 @@ class _Component:
         again = f"{times_as_short(4, steps)}, {AGAIN}"
         cure = OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else again
         if self.unshrunk:
-            return _or_more(verdict, self.differ, limit, self.unshrunk, cure)
+            return _at_least_apart(verdict, self.differ, limit, self.unshrunk, cure)
         is_off = limit is not None and verdict.answer is Answer.NOT_KNOWN and self.differ > 2 * limit
         return replace(verdict, answer=Answer.TOO_LARGE) if is_off else verdict
 
@@ -265,7 +275,7 @@ class _Component:
         return Verdict(max(sizes, default=None), None, how, answer, unknown.reason, unknown.cure)
 
 
-def _or_more(verdict: Verdict, differ: float, limit: float | None, reason: str, cure: str) -> Verdict:
+def _at_least_apart(verdict: Verdict, differ: float, limit: float | None, reason: str, cure: str) -> Verdict:
     """The verdict where no limit is known that runs tend to: too large if two of them differ by twice the tolerance.
 
     One of these is off by more than it then, most likely the coarser one. differ : by how much they do.

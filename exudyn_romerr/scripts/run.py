@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Any
 
-from ..report.answers import STATUS, WRONG_USAGE, tolerances_of
+from ..report.answers import tolerances_of
 from .after_import import after_import
 from .execute import Ending, check_script, execute
+from .files import Judged, tried
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -33,7 +34,7 @@ CHOSEN = "the scene has no sensors; outputs chosen for it: interfaces, and the n
 
 
 @dataclass
-class Run:
+class Run(Judged):
     """What came of a run of a script.
 
     Attributes
@@ -65,24 +66,28 @@ class Run:
         return Judgement(rows, self.solves, self.notes)
 
     @property
-    def misspelt(self) -> list[str]:
-        """A line for each name in a tolerance that no sensor has."""
-        return self.tolerances.misspelt(row.name for row in self.judgement.rows)
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """What --json writes of sensors: a dict for every component of every sensor in every solve."""
-        return [row.as_json() for row in self.judgement.rows]
-
-    @property
     def status(self) -> int:
         """Exit status: the script's own; if it ended well and a tolerance was asked for, that of the answer.
 
         A name in a tolerance that no sensor has is wrong usage.
         """
-        if self.ending.status or not self.tolerances.is_given:
-            return self.ending.status
-        return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
+        return self.ending.status or self._status()
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what --json writes; docs/answer.schema.json has the fields."""
+        solves = [
+            {
+                "number": solve.number,
+                "kind": solve.kind,
+                "bodies": solve.bodies,
+                "refused": [{"body": which, "reason": why} for which, why in solve.refused],
+                "failure": None if solve.failure is None else str(solve.failure),
+                "cpu_s": solve.seconds,
+            }
+            for solve in self.solves
+        ]
+        of_solves = {"bodies": sum(solve.bodies for solve in self.solves), "solves": solves}
+        return self._json(of_solves, sum(solve.seconds + solve.our_seconds for solve in self.solves))
 
     def __str__(self) -> str:
         from ..report.judgement import text
@@ -213,6 +218,37 @@ def _in_a_line(error: BaseException) -> str:
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def write_files(run: Run, files: dict[str, str]) -> list[str]:
+    """Write what was asked for; return a line for each file: where it is, or why it is not."""
+    return [line for option, path in files.items() for line in _written(run, option, path)]
+
+
+def _written(run: Run, option: str, path: str) -> list[str]:
+    if option == "json":
+        return [tried(path, lambda: run.write_json(path))]
+    if not run.reports:
+        return [f"not written: {path}: no solve has a report"]
+    return [tried(to, lambda r=report, to=to: _write(run, r, option, to)) for report, to in _numbered(run, path)]
+
+
+def _numbered(run: Run, path: str) -> list[tuple[BoundReport, str]]:
+    """Reports with the names of their files; of several solves each has its number."""
+    if len(run.reports) == 1:
+        return [(run.reports[0], path)]
+    stem, ending = os.path.splitext(path)
+    return [(solve.report, f"{stem}_{solve.number}{ending}") for solve in run.solves if solve.report is not None]
+
+
+def _write(run: Run, report: BoundReport, option: str, path: str) -> None:
+    from ..report.formats.html_page import write_page
+    from ..report.plots.panels import plot_report
+
+    if option == "save":
+        report.save(path)
+    else:
+        {"plot": plot_report, "html": write_page}[option](report, path, tolerances=run.tolerances)
 
 
 def show(text: str) -> None:

@@ -82,14 +82,14 @@ def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dic
         t,
         of,
         missing,
-        bool(base.told["bodies"]),
+        bool(base.facts["bodies"]),
         _left(results, name, i, data.shape[1] - 1),
-        is_stress or bool(base.told.get("without_vectors")),
+        is_stress or bool(base.facts.get("without_vectors")),
         _unseen(base, is_stress),
         _steps(solve, t),
         solve.get("until", ""),
         solve.get("on_purpose", False),
-        base.told.get("has_controllers", False),
+        base.facts.get("has_controllers", False),
     )
 
 
@@ -122,15 +122,15 @@ def _why_missing(run: str, result: Result, i: int, j: int, solve: dict[str, Any]
 
 def _unseen(base: Result, is_stress: bool) -> str:
     """Why rigid interfaces, if there may be some, are in no run."""
-    if base.vectors and not base.told.get("without_vectors"):
+    if base.vectors and not base.facts.get("without_vectors"):
         is_rigid = any(not keeps.all() for _, keeps in base.vectors.values())
         return OF_STRESS if is_stress and is_rigid else ""
-    return OF_CALL if base.told["bodies"] and base.told.get("may_be_rigid", True) else ""
+    return OF_CALL if base.facts["bodies"] and base.facts.get("may_be_rigid", True) else ""
 
 
 def estimates(result: Result | None) -> list[dict[str, Any]]:
     """Return what a watched run says of itself, as --json has it."""
-    return [] if result is None else result.told.get("rows", [])
+    return [] if result is None else result.facts.get("rows", [])
 
 
 def _left(results: Mapping[str, Result], name: str, solve: int, count: int) -> tuple[float, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -13,16 +12,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from .._version import __version__
 from ..checks import check_choice
 from ..errors import InputError, RunError
 from ..process.interrupts import interrupt_deferred
-from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of, worst
+from ..report.answers import Answer, Tolerances, tolerances_of, worst
 from ..report.judgement import Judgement, Solve, text
 from ..report.verdicts import CAUSES, Verdict, beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
-from .compared import rows_of_signal, two_ways
+from .compared import disagreements, rows_of_signal
 from .execute import check_script
+from .files import Judged
 from .forecast import Forecast, forecast_of
 from .signals import STRESS, estimates, signals
 
@@ -43,7 +42,7 @@ NOT_HELD = "steps that adapt: PreStep functions are called at each of them; ther
 
 
 @dataclass
-class Verification:
+class Verification(Judged):
     """What runs of one script have told; print it.
 
     Attributes
@@ -67,24 +66,12 @@ class Verification:
         estimated = {(x["name"], x["component"], x["solve"]): x["sum"] for x in estimates(self.results.get("again"))}
         rows = [beside_estimate(row, _verdict(estimated.get((row.name, row.component, row.solve)))) for row in rows]
         solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
-        return Judgement(rows, solves, [*self.notes, *two_ways(self.results)])
-
-    @property
-    def misspelt(self) -> list[str]:
-        """A line for each name in a tolerance that no sensor has."""
-        return self.tolerances.misspelt(row.name for row in self.judgement.rows)
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """A dict for every component of every sensor in every solve, as --json has it."""
-        return [row.as_json() for row in self.judgement.rows]
+        return Judgement(rows, solves, [*self.notes, *disagreements(self.results)])
 
     @property
     def status(self) -> int:
         """Exit status: 0, or with a tolerance that of the answer."""
-        if not self.tolerances.is_given:
-            return 0
-        return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
+        return self._status()
 
     def answer(self, name: str, tolerance: float | str, cause: str | None = None) -> str:
         """Return "enough", "too large", "not known" or "not covered" for a sensor, of the whole error or one cause.
@@ -104,27 +91,20 @@ class Verification:
         return worst(of or [Answer.NOT_COVERED]).value
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write all numbers and answers as JSON."""
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+        """Write all numbers and answers as JSON; InputError if the file cannot be written."""
+        self.write_json(path)
 
     def as_json(self) -> dict[str, Any]:
         """Return what --json writes; docs/answer.schema.json has the fields."""
-        runs = [
-            {"name": name, "failure": one.failure or None, "cpu_s": one.seconds} for name, one in self.results.items()
-        ]
-        return {
-            "script": self.script,
-            "answer": self.judgement.answer.value if self.judgement.rows else None,
-            "sensors": self.rows,
-            "bodies": self.results["unchanged"].told["bodies"],
+        of_solves = {
+            "bodies": self.results["unchanged"].facts["bodies"],
             "solves": [{"number": x.number, "kind": x.kind} for x in self.judgement.solves],
-            "runs": runs,
-            "misspelt": self.misspelt,
-            "notes": self.judgement.notes,
-            "cpu_s": sum(one.seconds for one in self.results.values()),
-            "version": __version__,
+            "runs": [
+                {"name": name, "failure": one.failure or None, "cpu_s": one.seconds}
+                for name, one in self.results.items()
+            ],
         }
+        return self._json(of_solves, sum(one.seconds for one in self.results.values()))
 
     def plot(self, path: str | os.PathLike) -> None:
         """Draw the measured errors of all sensors by cause, with half widths, and the estimate beside them."""
@@ -203,8 +183,8 @@ def verify(
     first = run_child(replace(plain, make_vectors=True))
     if first.failure or not first.solves:
         raise RunError(f"the unchanged run has nothing to compare: {first.failure or 'no solve of a mechanism'}")
-    results, notes = {"unchanged": first}, [*first.told["notes"]]
-    if first.told["has_controllers"]:
+    results, notes = {"unchanged": first}, [*first.facts["notes"]]
+    if first.facts["has_controllers"]:
         notes.append(NOTES[controllers])
         if controllers == "hold" and not all(solve["fixed"] for solve in first.solves):
             notes.append(NOT_HELD)
@@ -229,9 +209,9 @@ def _endings(results: Mapping[str, Result]) -> list[str]:
 
 
 def _ending(one: Result) -> str:
-    if one.failure or not one.told["status"]:
+    if one.failure or not one.facts["status"]:
         return ""
-    return one.told["error"] or f"status {one.told['status']}"
+    return one.facts["error"] or f"status {one.facts['status']}"
 
 
 def _place(script: Any) -> tuple[str, str]:
@@ -265,8 +245,8 @@ def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> 
             found.append(replace(plain, name="free", vectors=every, watch=True))
         found.append(replace(held, name="all", vectors=every, steps=2))
     shows_stress = any(shows.startswith(STRESS) for solve in first.solves for shows in solve.get("shows", ()))
-    is_by_call = by_call or first.told["without_vectors"] or not first.vectors or shows_stress
-    if first.told["bodies"] and is_by_call:
+    is_by_call = by_call or first.facts["without_vectors"] or not first.vectors or shows_stress
+    if first.facts["bodies"] and is_by_call:
         found += [replace(plain, name=name, factor=n) for name, n in (("twice", 2), ("four times", 4))]
     return found
 
@@ -274,7 +254,7 @@ def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> 
 def _jobs(first: Result, count: int) -> int:
     """How many runs fit into processors and memory."""
     fit = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    peak, free = MORE_MEMORY * first.told["peak"], _free_memory()
+    peak, free = MORE_MEMORY * first.facts["peak"], _free_memory()
     if peak and free:
         fit = min(fit, int(MEMORY_SHARE * free / peak))
     return max(1, min(fit, count))

@@ -9,7 +9,14 @@ import pytest
 
 from exudyn_romerr.report.answers import STATUS, Answer, Tolerances, worst
 from exudyn_romerr.report.data import extents
-from exudyn_romerr.report.table import by_sensor, first_sentences, reasons, said, share_in_brackets, summary, table
+from exudyn_romerr.report.table import (
+    by_sensor,
+    first_sentences,
+    reasons,
+    size_in_words,
+    summary,
+    table,
+)
 from exudyn_romerr.report.verdicts import (
     ESTIMATED,
     MEASURED,
@@ -17,9 +24,9 @@ from exudyn_romerr.report.verdicts import (
     Verdict,
     beside_estimate,
     judge,
-    judged,
+    judged_together,
     not_covered,
-    not_the_rest,
+    of_a_run_cut_short,
 )
 
 
@@ -32,7 +39,7 @@ def row(name, axis, limit=0.01, extent=1.0, how=ESTIMATED, is_asked=True, **size
     }
     known = [pair for pair in sizes.values() if pair is not None]
     of["sum"] = judge(*(whole or max(known)), limit, how) if len(known) == len(sizes) else not_covered("nobody knows")
-    of = judged(of, extent, limit)
+    of = judged_together(of, extent, limit)
     label, component = f"{name} {axis}".strip(), "xyz".find(axis) if axis else 0
     return Row(name, component, 0, "", extent, extent, of, tolerance=limit, label=label, axis=axis, is_asked=is_asked)
 
@@ -172,7 +179,7 @@ def test_a_run_that_ended_early_says_so_first():
     """Nothing is enough then; what is too large until then is."""
     early = "until 0.105 of 0.25 s: the solve failed"
     rows = [row("tip", "", modes=(1e-5, 1e-8)), row("end", "", modes=(0.5, 1e-3))]
-    rows = [replace(one, until=early, of=not_the_rest(one.of, early)) for one in rows]
+    rows = [replace(one, until=early, of=of_a_run_cut_short(one.of, early)) for one in rows]
     assert (
         summary(rows)
         == "Until 0.105 of 0.25 s: the solve failed. Too large, by modes: end. Not known, by modes: tip."
@@ -221,20 +228,20 @@ def test_of_two_components_the_larger_contradiction_is_told():
 
 @pytest.mark.parametrize("half", [1.1e-3, 1.01e-3, 9.9e-3, 0.0123456])
 def test_half_widths_are_rounded_up_to_two_digits(half):
-    told = float(said(Verdict(0.123, half, ESTIMATED, Answer.ENOUGH)).split("+- ")[1])
+    told = float(size_in_words(Verdict(0.123, half, ESTIMATED, Answer.ENOUGH)).split("+- ")[1])
     assert half <= told <= 1.1 * half
 
 
 def test_a_size_without_a_half_width_is_that_or_more():
-    assert said(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), "m") == "0.12 m or more"
-    assert share_in_brackets(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), 1.0) == " (12 %)"
+    assert size_in_words(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), "m") == "0.12 m or more"
+    assert size_in_words(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), "", 1.0).endswith(" (12 %)")
 
 
 def test_shares_are_of_what_is_said():
     """Rounding, too."""
     rounded = Verdict(1e-6, 1e-9, ESTIMATED, Answer.NOT_KNOWN, floor=0.02)
-    assert said(rounded) == "0.03 or less, at round-off"
-    assert share_in_brackets(rounded, 1.0) == " (2 %)"
+    assert size_in_words(rounded) == "0.03 or less, at round-off"
+    assert size_in_words(rounded, "", 1.0).endswith(" (2 %)")
 
 
 def test_one_definition_of_what_a_share_is_of():
