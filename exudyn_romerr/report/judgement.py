@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from .answers import Answer, worst
 from .data import is_beside
-from .report_rows import limit_of, row_of
+from .report_rows import limit_of, rows_of_output
 from .table import (
     TITLES,
     UNSURE,
@@ -85,8 +85,7 @@ def rows_of_solve(solve: Solve, tolerances: Tolerances) -> list[Row]:
     for out in report.outputs.values() if report is not None else ():
         still = solve.chosen and not out.value.any()  # the interface that holds the frame: nobody asked for it
         if not is_beside(report, out.name) and not still:
-            limit = limit_of(out, tolerances)
-            rows += [row_of(report, out, i, limit, solve.number) for i in range(out.value.shape[1])]
+            rows += rows_of_output(report, out, limit_of(out, tolerances), solve.number)
     seen = {row.name for row in rows}
     missing = [name for name in solve.sensors if name not in seen]
     if not rows and not missing:

@@ -17,7 +17,7 @@ from .data import OutputReport, ReportData
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
-from .report_rows import limit_of, row_of
+from .report_rows import limit_of, rows_of_output
 from .table import worst_by_cause
 from .wording import estimator_lines, reason_of
 
@@ -47,8 +47,7 @@ class BoundReport(ReportData):
     def output(self, name: str) -> OutputReport:
         """Return the output of that name, with its verdicts; InputError lists the known ones."""
         out = super().output(name)
-        limit = limit_of(out)
-        out.verdict = worst_by_cause([row_of(self, out, i, limit) for i in range(out.value.shape[1])])
+        out.verdict = worst_by_cause(rows_of_output(self, out, limit_of(out)))
         return out
 
     def reason(self, e: str) -> str:

@@ -37,7 +37,16 @@ from .verdicts import (
     until,
     until_load,
 )
-from .wording import MEASURE_IT, NOT_THE_MECHANISM, covers_time, estimate_scope, instant, parts_of, widest_scope
+from .wording import (
+    MEASURE_IT,
+    NOT_THE_MECHANISM,
+    covers_time,
+    estimate_scope,
+    instant,
+    largest,
+    parts_of,
+    widest_scope,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,13 +66,10 @@ FIRST_INSTANT = "only the first instant of the run is known"
 OF_BOUNDS_ALONE = {Reason.UNCHECKED.name}  # doubts that speak of no estimate
 
 
-def rows_of(report: ReportData, tolerances: Tolerances | None = None, solve: int = 0) -> list[Row]:
+def rows_of(report: ReportData, tolerances: Tolerances | None = None) -> list[Row]:
     """Return a row for every component of every output; tolerances : None: those that attach was given, or SHARE."""
-    return [
-        row_of(report, out, i, limit_of(out, tolerances), solve)
-        for out in report.outputs.values()
-        for i in range(out.value.shape[1])
-    ]
+    outputs = report.outputs.values()
+    return [row for out in outputs for row in rows_of_output(report, out, limit_of(out, tolerances))]
 
 
 def asked_for(report: ReportData, rows: Iterable[Row], tolerances: Tolerances | None = None) -> list[Row]:
@@ -83,8 +89,12 @@ def limit_of(out: OutputReport, tolerances: Tolerances | None = None) -> Limit:
     return Limit(Tolerance(SHARE, True).of(shown), False)
 
 
-def row_of(report: ReportData, out: OutputReport, i: int, limit: Limit, solve: int = 0) -> Row:
-    """Return what is known of one component."""
+def rows_of_output(report: ReportData, out: OutputReport, limit: Limit, solve: int = 0) -> list[Row]:
+    """Return what is known of each component of an output beside a limit."""
+    return [_row(report, out, i, limit, solve) for i in range(out.value.shape[1])]
+
+
+def _row(report: ReportData, out: OutputReport, i: int, limit: Limit, solve: int) -> Row:
     is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
     bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
     shown, early = out.extents, until_of(report)
@@ -139,12 +149,13 @@ def _by_cause(report: ReportData, out: OutputReport, i: int, limit: float | None
         own = cause == "interfaces" and OF_INTERFACES[0] in out.uncertainty_parts
         checks = OF_INTERFACES if own else CHECKS[cause]
         halves = {x: out.uncertainty_parts[x][:, i] for x in checks if x in out.uncertainty_parts}
-        size, half = _largest(part), _half_width(part, zero + sum(halves.values()))
+        size, half = largest(part), _half_width(part, zero + sum(halves.values()))
         if cause == "interfaces" and not own:  # of what vectors say each part has its share
             half *= size / (size + (found["modes"].size or 0.0)) if size else 0.0
         if size > 0 or (cause in ALWAYS and (cause, report.time) != ("step", "static")):
-            cure = cure_of(cause, size, half, _by_check(halves), limit, steps, out.beside_steps)
-            verdict = judge(size, half, limit, ESTIMATED, cure, _largest(out.round_off[:, i]), but)
+            by_check = {check: largest(x) for check, x in halves.items()}
+            cure = cure_of(cause, size, half, by_check, limit, steps, out.beside_steps)
+            verdict = judge(size, half, limit, ESTIMATED, cure, largest(out.round_off[:, i]), but)
             found[cause] = replace(verdict, time=_when(report.t, part))
     return found
 
@@ -185,8 +196,8 @@ def _of_all(
     found: dict[str, Verdict],
 ) -> Verdict:
     """The verdict on the whole error: by its bound where that is one, else by the estimate."""
-    floor, but = _largest(out.round_off[:, i]), _reservation(report, out)
-    size, half = _largest(out.estimate[:, i]), _half_width(out.estimate[:, i], out.uncertainty[:, i])
+    floor, but = largest(out.round_off[:, i]), _reservation(report, out)
+    size, half = largest(out.estimate[:, i]), _half_width(out.estimate[:, i], out.uncertainty[:, i])
     verdict = replace(
         judge(size, half, limit, ESTIMATED, floor=floor, but=but), time=_when(report.t, out.estimate[:, i])
     )
@@ -230,14 +241,6 @@ def of_estimates(doubts: Iterable[Doubt]) -> list[Doubt]:
 
 def _half_width(x: np.ndarray, half: np.ndarray) -> float:
     """How far the largest |error| over time may be from the largest |x|, each instant's within its half width."""
-    size, most = _largest(x), float(np.max(np.abs(x) + half, initial=0.0))
+    size, most = largest(x), float(np.max(np.abs(x) + half, initial=0.0))
     least = max(float(np.max(np.abs(x) - half, initial=0.0)), 0.0)
     return max(most - size, size - least)
-
-
-def _by_check(halves: dict[str, np.ndarray]) -> dict[str, float]:
-    return {check: _largest(half) for check, half in halves.items()}
-
-
-def _largest(x: np.ndarray) -> float:
-    return float(np.max(np.abs(x), initial=0.0))

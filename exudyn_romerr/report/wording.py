@@ -140,9 +140,9 @@ def bound_column(scope: dict[str, str], e: str = "best") -> str:
     return f"{'reduction error ' if of == COUPLED else ''}bound"
 
 
-def largest(x: np.ndarray, row: int) -> float:
-    """Return the largest absolute value of a row over time."""
-    return np.max(np.abs(x[:, row]), initial=0.0)
+def largest(x: np.ndarray) -> float:
+    """Return the largest absolute value; 0 of nothing."""
+    return float(np.max(np.abs(x), initial=0.0))
 
 
 def corrected_within(out: OutputReport, bound: np.ndarray, scope: dict[str, str], in_full: bool = True) -> str:
@@ -266,8 +266,8 @@ def off_by(out: OutputReport, row: int | None = None) -> str:
     """
     rows = slice(None) if row is None else slice(row, row + 1)
     true, of_steps = out.error[:, rows], out.estimate_parts.get("time step", np.zeros_like(out.estimate))[:, rows]
-    off, without = (_largest(true - out.estimate[:, rows] + part) for part in (0.0, of_steps))
-    said, other = (_share_of_it(x, _largest(true), out.unit) for x in (off, without))
+    off, without = (largest(true - out.estimate[:, rows] + part) for part in (0.0, of_steps))
+    said, other = (_share_of_it(x, largest(true), out.unit) for x in (off, without))
     beside = f", without its time steps by {other}" if without < off else ""
     return f"the estimate is off by up to {said}{beside}"
 
@@ -275,7 +275,3 @@ def off_by(out: OutputReport, row: int | None = None) -> str:
 def _share_of_it(x: float, of: float, unit: str) -> str:
     share = (percent(x / of) or "more than 1000 %") if of > 0 else ""
     return f"{with_unit(digits(x, 2), unit)}{share and f' ({share} of it)'}"
-
-
-def _largest(x: np.ndarray) -> float:
-    return float(np.max(np.abs(x), initial=0.0))

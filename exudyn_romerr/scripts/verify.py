@@ -17,7 +17,7 @@ from ..errors import InputError, RunError
 from ..process.interrupts import interrupt_deferred
 from ..report.answers import Answer, Tolerances, tolerances_of, worst
 from ..report.judgement import Judgement, Solve, text
-from ..report.verdicts import CAUSES, Verdict, beside_estimate
+from ..report.verdicts import CAUSES, beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
 from .compared import disagreements, rows_of_signal
 from .execute import check_script
@@ -63,8 +63,10 @@ class Verification(Judged):
     def judgement(self) -> Judgement:
         """Verdicts on every sensor, component and cause; all measured."""
         rows = [row for one in signals(self.results) for row in rows_of_signal(one, self.tolerances, self.units)]
-        estimated = {(x["name"], x["component"], x["solve"]): x["sum"] for x in estimates(self.results.get("again"))}
-        rows = [beside_estimate(row, _verdict(estimated.get((row.name, row.component, row.solve)))) for row in rows]
+        estimated = estimates(self.results.get("again"))
+        rows = [
+            beside_estimate(row, estimated.get((row.name, row.component, row.solve), {}).get("sum")) for row in rows
+        ]
         solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
         return Judgement(rows, solves, [*self.notes, *disagreements(self.results)])
 
@@ -116,10 +118,6 @@ class Verification(Judged):
         lost = [f"{name} ({one.failure})" for name, one in self.results.items() if one.failure]
         missing = [f"Runs that were not had: {', '.join(lost)}."] if lost else []
         return "\n".join([*self.misspelt, *missing, text(self.judgement, self.script)])
-
-
-def _verdict(told: dict[str, Any] | None) -> Verdict | None:
-    return None if told is None else Verdict(told["size"], told["half_width"], told["how"], Answer(told["answer"]))
 
 
 def verify(
@@ -178,7 +176,8 @@ def verify(
     """
     tolerances = tolerances_of(tolerance)
     check_choice("controllers", controllers, CONTROLLERS)
-    plain = Request("unchanged", *_place(script), tuple(arguments), _name(script), timeout=timeout)
+    path, function = _located(script)
+    plain = Request("unchanged", path, os.getcwd(), tuple(arguments), function, timeout=timeout)
     tell = progress or (lambda said: None)
     first = run_child(replace(plain, make_vectors=True))
     if first.failure or not first.solves:
@@ -214,20 +213,14 @@ def _ending(one: Result) -> str:
     return one.facts["error"] or f"status {one.facts['status']}"
 
 
-def _place(script: Any) -> tuple[str, str]:
-    """The file, and the working folder."""
-    if callable(script):
-        path = inspect.getsourcefile(script)
-        if path is None or "<locals>" in script.__qualname__ or not script.__qualname__.isidentifier():
-            raise InputError(
-                f"build={script!r}; needed: a function at the top of a file, which another process imports"
-            )
-        return os.path.abspath(path), os.getcwd()
-    return os.path.abspath(check_script(script)), os.getcwd()
-
-
-def _name(script: Any) -> str:
-    return script.__name__ if callable(script) else ""
+def _located(script: Any) -> tuple[str, str]:
+    """The file, and the name of the function in it that is to be called; empty: the file is a script."""
+    if not callable(script):
+        return os.path.abspath(check_script(script)), ""
+    path = inspect.getsourcefile(script)
+    if path is None or "<locals>" in script.__qualname__ or not script.__qualname__.isidentifier():
+        raise InputError(f"build={script!r}; needed: a function at the top of a file, which another process imports")
+    return os.path.abspath(path), script.__name__
 
 
 def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> list[Request]:

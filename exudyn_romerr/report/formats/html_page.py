@@ -219,7 +219,7 @@ def _tables(report: ReportData) -> Iterator[str]:
     rows = [
         (
             f"'{e}'{under(report.scope, e, report.uncertified)}",
-            *(_largest(report, bound[e] / divisor) for bound in norms),
+            *(_largest_and_when(report, bound[e] / divisor) for bound in norms),
         )
         for e in report.position_bound
     ]
@@ -232,8 +232,8 @@ def _output_row(report: ReportData, out: OutputReport, row: int, name: str, esti
     bounds = []
     for e in estimators:
         truth = f"\n/ true error: {digits(out.effectivity[e][row])}" if out.effectivity else ""
-        bounds.append(_largest(report, out.bound[e][:, row], out.unit) + truth)
-    corrected = "" if out.corrected is None else _largest(report, out.corrected_bound[:, row], out.unit)
+        bounds.append(_largest_and_when(report, out.bound[e][:, row], out.unit) + truth)
+    corrected = "" if out.corrected is None else _largest_and_when(report, out.corrected_bound[:, row], out.unit)
     values, floor = (with_unit(digits(np.max(np.abs(x[:, row]))), out.unit) for x in (out.value, out.round_off))
     return [name, values, *bounds, corrected, floor]
 
@@ -256,7 +256,7 @@ def _estimate_row(report: ReportData, out: OutputReport, row: int, name: str) ->
     ]
 
 
-def _largest(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
+def _largest_and_when(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
     when = instant(report.time, report.t[np.argmax(bound)])
     if not np.isfinite(np.max(bound)):
         return f"infinite\nfrom {when}"

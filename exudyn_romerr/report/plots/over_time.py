@@ -9,7 +9,7 @@ import numpy as np
 from ...checks import check_count
 from ...trajectory.estimate import BY_STEPS, RESOLVED
 from ..scope import NOT_CERTIFIED, SCOPES
-from ..wording import covers_time, estimate_scope, rounded_up, under, widest, widest_scope, with_unit
+from ..wording import covers_time, estimate_scope, largest, rounded_up, under, widest, widest_scope, with_unit
 from .style import (
     CAUSE_STYLES,
     COLOURS,
@@ -23,7 +23,7 @@ from .style import (
     finish,
     infinite,
     isolated,
-    largest,
+    largest_finite,
     largest_in_words,
     limits_of_errors,
     limits_of_signal,
@@ -221,7 +221,7 @@ def _within(half: np.ndarray) -> str:
 def _colour(report: ReportData, out: OutputReport, row: int) -> str:
     """That of the sharpest of the bounds that the best one is made of."""
     bounds = _same_error(report, out, row).bounds
-    return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest(bounds[e])))]
+    return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest_finite(bounds[e])))]
 
 
 def _not_resolved(*row: np.ndarray) -> str:
@@ -385,4 +385,4 @@ def _of_modes(out: OutputReport, row: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _off(error: np.ndarray, estimate: np.ndarray) -> float:
-    return float(np.max(np.abs(error - estimate), initial=0.0))
+    return largest(error - estimate)

@@ -242,8 +242,8 @@ def limits_of_errors(bounds: dict[str, np.ndarray], others: Sequence[np.ndarray]
 
     None: nothing is to be drawn. Bounds whose largest finite value is above them leave the axis.
     """
-    most = {name: largest(x) for name, x in bounds.items()}
-    reads = [x for x in map(largest, others) if x > 0]
+    most = {name: largest_finite(x) for name, x in bounds.items()}
+    reads = [x for x in map(largest_finite, others) if x > 0]
     known = [x for x in most.values() if x > 0]
     if not reads and not known:
         return None
@@ -254,7 +254,7 @@ def limits_of_errors(bounds: dict[str, np.ndarray], others: Sequence[np.ndarray]
     return lowest / 2, 2 * max(shown)
 
 
-def largest(x: np.ndarray) -> float:
+def largest_finite(x: np.ndarray) -> float:
     """Return the largest finite value; 0: there is none."""
     return float(np.max(x, where=np.isfinite(x), initial=0.0))
 
@@ -268,7 +268,7 @@ def largest_in_words(bound: np.ndarray, unit: str, words: str) -> str:
 
 def above(limits: tuple | None, x: np.ndarray, unit: str) -> str:
     """Return how large what leaves the axes at their upper edge gets; empty: it does not."""
-    leaves = limits is not None and largest(x) > limits[1]
+    leaves = limits is not None and largest_finite(x) > limits[1]
     return f"above the axis, {largest_in_words(x, unit, 'up to')}" if leaves else ""
 
 
