@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from .after_import import after_import
 from .execute import Ending, execute
-from .overlay import Overlay
-from .write_guard import write_only_in
+from .overlay import Overlay, write_only_in
 
 if TYPE_CHECKING:
     from types import ModuleType

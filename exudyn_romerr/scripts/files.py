@@ -83,7 +83,7 @@ class Judged:
             "version": __version__,
         }
 
-    def write_json(self, path: str | os.PathLike) -> None:
+    def _write_json(self, path: str | os.PathLike) -> None:
         """Write all numbers and answers as JSON; InputError if the file cannot be written."""
         text = json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False)
         write_whole(path, lambda stream: stream.write(f"{text}\n".encode()))

@@ -227,7 +227,7 @@ def write_files(run: Run, files: dict[str, str]) -> list[str]:
 
 def _written(run: Run, option: str, path: str) -> list[str]:
     if option == "json":
-        return [tried(path, lambda: run.write_json(path))]
+        return [tried(path, lambda: run._write_json(path))]
     if not run.reports:
         return [f"not written: {path}: no solve has a report"]
     return [tried(to, lambda r=report, to=to: _write(run, r, option, to)) for report, to in _numbered(run, path)]

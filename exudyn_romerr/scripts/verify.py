@@ -94,7 +94,7 @@ class Verification(Judged):
 
     def save(self, path: str | os.PathLike) -> None:
         """Write all numbers and answers as JSON; InputError if the file cannot be written."""
-        self.write_json(path)
+        self._write_json(path)
 
     def as_json(self) -> dict[str, Any]:
         """Return what --json writes; docs/answer.schema.json has the fields."""

@@ -304,7 +304,7 @@ import exudyn
 
 def write_guard_holds():
     """Whether this system lets a process give up its right to write."""
-    code = "from exudyn_romerr.scripts.write_guard import write_only_in; print(write_only_in([]))"
+    code = "from exudyn_romerr.scripts.overlay import write_only_in; print(write_only_in([]))"
     return "True" in subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True).stdout
 
 
