@@ -175,7 +175,11 @@ class _Child:
             "notes": [*self.notes, *(f"refused to write {path}" for path in dict.fromkeys(self.overlay.refused))],
             "rows": self._rows(),
         }
-        _write_all(path, facts, arrays)
+        import numpy as np
+
+        np.savez(f"{path}.npz", **arrays)
+        with open(f"{path}.json", "w", encoding="utf-8") as file:
+            json.dump(facts, file)
 
     def _rows(self) -> list[dict[str, Any]]:
         """What a watched run says of itself, as --json has it."""
@@ -190,14 +194,6 @@ class _Child:
 def _in_a_line(error: BaseException) -> str:
     """What Python prints of an error; without the places that Exudyn adds to those of user functions."""
     return " ".join(f"{type(error).__name__}: {error}".partition("\n\nAt:")[0].split())
-
-
-def _write_all(path: str, facts: dict[str, Any], arrays: dict[str, Any]) -> None:
-    import numpy as np
-
-    np.savez(f"{path}.npz", **arrays)
-    with open(f"{path}.json", "w", encoding="utf-8") as file:
-        json.dump(facts, file)
 
 
 def _peak_memory() -> int:

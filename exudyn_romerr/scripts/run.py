@@ -136,7 +136,7 @@ def run(
         ending = execute(path, arguments)
         for solve in watching.solves if units else ():
             _name_units(solve, units)
-        notes = watching.notes() if ending.began else [NOT_READ.format(_in_a_line(ending.error))]
+        notes = [*watching.notes()] if ending.began else [NOT_READ.format(_in_a_line(ending.error))]
         return Run(path, ending, watching.solves, notes, tolerances)
 
 
@@ -169,11 +169,8 @@ class _Watching:
     def solves(self) -> list[Solve]:
         return [] if self._watched is None else self._watched.solves
 
-    def notes(self) -> list[str]:
-        """Return what is to be said beside the numbers."""
-        return list(self._notes())
-
-    def _notes(self) -> Iterator[str]:
+    def notes(self) -> Iterator[str]:
+        """Yield what is to be said beside the numbers."""
         elsewhere = os.path.getsize(self._elsewhere)
         if elsewhere or self._processes:
             yield NOT_WATCHED.format(_count(elsewhere, "solve") if elsewhere else "solves", self._processes)

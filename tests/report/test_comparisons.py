@@ -6,7 +6,7 @@ from matplotlib.markers import CARETUP, CARETUPBASE
 
 import exudyn_romerr as romerr
 from exudyn_romerr.report.answers import Answer
-from exudyn_romerr.report.plots.comparisons import draw_convergence, draw_run_time, front, plot_verdicts
+from exudyn_romerr.report.plots.comparisons import draw_convergence, draw_run_time, pareto_front, plot_verdicts
 from exudyn_romerr.report.verdicts import Row, Verdict
 from tests.report.made_up import ZERO, axes_of, edge, legend, line
 
@@ -36,8 +36,8 @@ def test_front_is_what_no_other_run_beats():
     rng = np.random.default_rng(3)
     seconds, bounds = rng.uniform(1, 2, (2, 200))
     beaten = (seconds[:, None] < seconds) & (bounds[:, None] < bounds)
-    assert sorted(front(seconds, bounds)) == np.flatnonzero(~beaten.any(axis=0)).tolist()
-    assert np.all(np.diff(seconds[front(seconds, bounds)]) > 0)
+    assert sorted(pareto_front(seconds, bounds)) == np.flatnonzero(~beaten.any(axis=0)).tolist()
+    assert np.all(np.diff(seconds[pareto_front(seconds, bounds)]) > 0)
 
 
 def test_runs_of_growing_size():

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import Output, load_report
+from exudyn_romerr.report.answers import Tolerances
 from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.report_rows import rows_of
 from exudyn_romerr.report.scope import NOT_CERTIFIED, Doubt, with_doubts
@@ -173,6 +174,17 @@ def test_answers_come_first_then_tables_of_outputs_and_components(report):
         for line in table(made, "output")[1:]:
             assert "".join(line) in found.words.replace("  ", " ")  # cells have nothing between them
     assert found.words.index("All components") < found.words.index("Messages")
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_a_tolerance_names_is_asked_for(report):
+    """Though it stands beside another output alone: as it is printed."""
+    beside = replace(report.output("corner"), name="tip z in the frame")
+    report.outputs = {"tip z": report.output("tip z"), beside.name: beside}
+    asked = ["tip z=1e9", "tip z in the frame=1e-30"]
+    first = report.summary(asked).splitlines()[1]
+    assert "tip z in the frame" in first
+    assert first in Strict(page.page(report, Tolerances(asked))).words
 
 
 @pytest.mark.usefixtures("quick")

@@ -164,6 +164,8 @@ def test_answers_files_and_pictures(bar, tmp_path):
         bar.answer("sensor9", 1.0)
     bar.save(tmp_path / "a.json")
     told = json.loads((tmp_path / "a.json").read_text(), parse_constant=pytest.fail)
+    with pytest.raises(InputError, match="does not exist: make it"):
+        bar.save(tmp_path / "none" / "a.json")
     assert {run["name"] for run in told["runs"]} == {*bar.results}
     assert told["sensors"] == bar.rows
     validate(told, json.loads((ROOT / "docs" / "answer.schema.json").read_text()))

@@ -144,7 +144,7 @@ def draw_convergence(ax: Any, rows: Sequence[tuple], name: str, unit: str) -> No
     finish(ax, f"{name}: error against the number of modes", _infinite(runs))
 
 
-def front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
+def pareto_front(seconds: Sequence[float], bounds: Sequence[float]) -> list[int]:
     """Return the places of runs that no other one beats in both, the fastest first."""
     best, found = np.inf, []
     for i in sorted(range(len(bounds)), key=lambda i: (seconds[i], bounds[i])):
@@ -169,7 +169,7 @@ def _write_labels(ax: Any, runs: list[TimedRun], kinds: list[str]) -> None:
 
 
 def _draw_front(ax: Any, runs: list[TimedRun]) -> None:
-    best = [runs[i] for i in front([run.seconds for run in runs], [run.bound for run in runs])]
+    best = [runs[i] for i in pareto_front([run.seconds for run in runs], [run.bound for run in runs])]
     best = [run for run in best if run.bound > 0]  # a bound of zero has no place on the axis
     style = {"drawstyle": "steps-post", "color": "#BBBBBB", "linewidth": 3 * WIDE, "zorder": 0}
     ax.plot([r.seconds for r in best], [r.bound for r in best], label="Pareto front of the bounds", **style)

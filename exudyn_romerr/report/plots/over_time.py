@@ -335,7 +335,8 @@ def _bound_covers(report: ReportData, out: OutputReport) -> bool:
     """Return whether the bound is of all that the estimate is of, the whole error if there is no estimate."""
     if not _has_estimate(report, out):
         return True
-    return _same_scope(report, out) and not _has_steps_alone(report, out)
+    has_steps_alone = report.time == "sampled" and covers_time(out, report.time)
+    return _same_scope(report, out) and not has_steps_alone
 
 
 def _same_error(report: ReportData, out: OutputReport, row: int) -> SameError:
@@ -355,7 +356,7 @@ def _same_error(report: ReportData, out: OutputReport, row: int) -> SameError:
     if not any(np.isfinite(bound).any() for bound in bounds.values()):
         return SameError(WHOLE, {}, whole, half, error, ("no finite bound",))
     modes, half_of_modes = _of_modes(out, row)
-    if _same_scope(report, out) and (error is None or _off(error, modes) < _off(error, whole)):
+    if _same_scope(report, out) and (error is None or largest(error - modes) < largest(error - whole)):
         return SameError(OF_MODES, bounds, modes, half_of_modes, error, _narrower(report))
     why = "of the modes alone" if _same_scope(report, out) else under(report.scope).removeprefix(", ")
     doubt = f", {NOT_CERTIFIED}" if out.uncertified else ""
@@ -364,11 +365,6 @@ def _same_error(report: ReportData, out: OutputReport, row: int) -> SameError:
 
 def _same_scope(report: ReportData, out: OutputReport) -> bool:
     return estimate_scope(out, report.scope) == widest_scope(report.scope)
-
-
-def _has_steps_alone(report: ReportData, out: OutputReport) -> bool:
-    """Whether the estimate has time steps in it, which the bound has not."""
-    return report.time == "sampled" and covers_time(out, report.time)
 
 
 def _narrower(report: ReportData) -> tuple[str, ...]:
@@ -382,7 +378,3 @@ def _of_modes(out: OutputReport, row: int) -> tuple[np.ndarray, np.ndarray]:
     steps = out.estimate_parts.get("time step", np.zeros_like(out.estimate))
     halves = [x[:, row] for check, x in out.uncertainty_parts.items() if check not in BY_STEPS]
     return out.estimate[:, row] - steps[:, row], np.zeros(len(out.value)) + sum(halves)
-
-
-def _off(error: np.ndarray, estimate: np.ndarray) -> float:
-    return largest(error - estimate)

@@ -19,37 +19,19 @@ if TYPE_CHECKING:
 LETTERS = 10  # points
 # Okabe and Ito, and two of Tol for what these leave open: told apart by the colour-blind; line styles, markers and
 # hatches tell them apart in grey print. Green is a bound, and nothing else
-COLOURS = {
-    "value": "#000000",
-    "error": "#D55E00",
-    "estimate": "#5D3A9B",
-    "tolerance": "#444444",
-    "state-space": "#999999",
-    "fast": "#56B4E9",
-    "convolution": "#0072B2",
-    "output-kernel": "#E69F00",
-    "energy": "#CC79A7",
-    "auxiliary": "#009E73",
-    "static": "#009E73",
+LOOKS = {  # of estimators: colour, line, marker
+    "state-space": ("#999999", ":", "x"),
+    "fast": ("#56B4E9", "--", "s"),
+    "convolution": ("#0072B2", "-", "D"),
+    "output-kernel": ("#E69F00", (0, (5, 1, 1, 1, 1, 1)), "P"),
+    "energy": ("#CC79A7", "-.", "^"),
+    "auxiliary": ("#009E73", "-", "o"),
+    "static": ("#009E73", "-", "o"),
 }
-STYLES = {
-    "state-space": ":",
-    "fast": "--",
-    "convolution": "-",
-    "output-kernel": (0, (5, 1, 1, 1, 1, 1)),
-    "energy": "-.",
-    "auxiliary": "-",
-    "static": "-",
-}
-MARKERS = {
-    "state-space": "x",
-    "fast": "s",
-    "convolution": "D",
-    "output-kernel": "P",
-    "energy": "^",
-    "auxiliary": "o",
-    "static": "o",
-}
+COLOURS = {"value": "#000000", "error": "#D55E00", "estimate": "#5D3A9B", "tolerance": "#444444"}
+COLOURS |= {e: colour for e, (colour, _, _) in LOOKS.items()}
+STYLES = {e: line for e, (_, line, _) in LOOKS.items()}
+MARKERS = {e: marker for e, (_, _, marker) in LOOKS.items()}
 CAUSE_STYLES = {  # name in words, colour, hatch
     "basis": ("basis", "#0072B2", ""),
     "interfaces": ("rigid interfaces", "#882255", "\\\\"),
