@@ -44,8 +44,8 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .online.evaluate import Trajectory, evaluate
     from .report.assessment import Assessment
     from .report.formats.load import load_report
+    from .report.plots.comparisons import plot_convergence, plot_run_time
     from .report.plots.overlay import add_bands
-    from .report.plots.run_comparison import plot_convergence, plot_run_time
     from .report.report import BoundReport, OutputReport
     from .report.von_mises import VonMises, von_mises
     from .residual.residual import initial_coordinates, initial_error
@@ -96,8 +96,8 @@ _MODULES = {
     "node_strain": "model.stress_outputs",
     "node_stress": "model.stress_outputs",
     "node_velocity": "model.outputs",
-    "plot_convergence": "report.plots.run_comparison",
-    "plot_run_time": "report.plots.run_comparison",
+    "plot_convergence": "report.plots.comparisons",
+    "plot_run_time": "report.plots.comparisons",
     "read_body": "fe_files.read_body",
     "relative_displacement": "model.outputs",
     "run": "scripts.run",

@@ -15,8 +15,8 @@ from . import __version__
 from .errors import InputError, RomErrError
 from .report.answers import WRONG_USAGE, Tolerances
 from .scripts.execute import INTERRUPTED
-from .scripts.files import checked_files, tried, write_files
-from .scripts.run import run, show
+from .scripts.files import checked_files, tried
+from .scripts.run import run, show, write_files
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..report.formats.provenance import made_here
+from ..report.data import made_here
 from ..report.report import BoundReport, OutputReport
 from ..report.scope import with_doubts
 from ..residual.interface_stiffening import interface_share

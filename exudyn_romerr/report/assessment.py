@@ -11,16 +11,14 @@ import numpy as np
 from ..checks import check_choice
 from ..errors import InputError
 from .answers import ASSESSED, Answer
-from .report_rows import row_of
+from .report_rows import rows_of_output
 from .scope import COMPLETE
-from .table import TITLES, said, share_in_brackets
+from .table import TITLES, size_in_words
 from .verdicts import CAUSES, ESTIMATED, NO_ESTIMATE, NONE, Limit, Verdict, not_covered
 from .wording import digits, listed, rounded_down, rounded_up, widest_scope, with_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from .data import OutputData, ReportData
+    from .data import OutputReport, ReportData
     from .verdicts import Row
 
 ANSWERS = ("disproven", "unlikely", "unknown", "likely", "proven")  # of several rows the worst counts, which is first
@@ -66,21 +64,16 @@ def assess(
     out = report.output(name)
     if cause is not None:
         check_choice("cause", cause, CAUSES)
-    limits = _limits(out, tolerance, relative)
-    found = [_of_row(report, out, i, limit, cause) for i, limit in enumerate(limits)]
-    return replace(
-        _worst(out, found), rows={name: row.answer for name, row in zip(out.row_names, found, strict=True)}
-    )
-
-
-def _worst(out: OutputData, found: Sequence[Assessment]) -> Assessment:
-    """The worst answer; of rows with it that which moves most, of these that with the largest bound."""
+    rows = rows_of_output(report, out, Limit(_limit(out, tolerance, relative), True))
+    found = [_of_row(report, out, row, cause) for row in rows]
+    # the worst answer; of rows with it that which moves most, of these that with the largest bound
     ranks = [ANSWERS.index(assessment.answer) for assessment in found]
-    return found[np.lexsort((-np.max(out.bound["best"], axis=0), -out.extents, ranks))[0]]
+    worst = np.lexsort((-np.max(out.bound["best"], axis=0), -out.extents, ranks))[0]
+    return replace(found[worst], rows={row.label: one.answer for row, one in zip(rows, found, strict=True)})
 
 
-def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
-    """The tolerance of each row in its unit."""
+def _limit(out: OutputReport, tolerance: Any, relative: bool) -> float:
+    """The tolerance of all rows in their unit."""
     if isinstance(tolerance, bool) or not isinstance(tolerance, Real) or not 0 < tolerance < np.inf:
         needed = (
             "as a share of the largest value, such as 0.01"
@@ -88,19 +81,17 @@ def _limits(out: OutputData, tolerance: Any, relative: bool) -> list[float]:
             else f"in {out.unit or 'the unit of its values'}"
         )
         raise InputError(f"tolerance={tolerance!r} of {out.name!r}; pass a positive finite number, {needed}")
-    shown = float(out.extents.max()) if relative else 1.0
-    return [float(tolerance) * shown] * out.value.shape[1]
+    return float(tolerance) * (float(out.extents.max()) if relative else 1.0)
 
 
-def _of_row(report: ReportData, out: OutputData, i: int, limit: float, cause: str | None) -> Assessment:
+def _of_row(report: ReportData, out: OutputReport, row: Row, cause: str | None) -> Assessment:
     """What is known of one row: what is proved of the whole error first, then what is estimated."""
-    row = row_of(report, out, i, Limit(limit, True))
     if cause is None:
-        verdict, proof = row.of["sum"], _proof(report, out, i, limit, row)
+        verdict, proof = row.of["sum"], _proof(report, out, row)
         if proof is not None and not (proof.answer == "proven" and verdict.reason):
             return proof
-        return _estimated(row, verdict, "its error", limit)
-    return _estimated(row, row.of.get(cause) or _without(row), f"its error by {TITLES[cause]}", limit)
+        return _estimated(row, verdict, "its error")
+    return _estimated(row, row.of.get(cause) or _without(row), f"its error by {TITLES[cause]}")
 
 
 def _without(row: Row) -> Verdict:
@@ -111,51 +102,41 @@ def _without(row: Row) -> Verdict:
     return modes if modes.how == NONE else Verdict(0.0, 0.0, ESTIMATED, Answer.ENOUGH)
 
 
-def _proof(report: ReportData, out: OutputData, i: int, limit: float, row: Row) -> Assessment | None:
+def _proof(report: ReportData, out: OutputReport, row: Row) -> Assessment | None:
     """What bounds of the whole error, time steps included, prove; None: nothing."""
     if widest_scope(report.scope) != COMPLETE or report.time == "sampled" or out.uncertified:
         return None
-    most, least = _proved(out, i)
-    if most <= limit:
-        told = f"its error is at most {with_unit(rounded_up(most), row.unit)}, within {_tolerance(row, limit)}"
-        return _made(row, "proven", told, NOTHING)
-    if least > limit:
-        told = f"its error is at least {with_unit(rounded_down(least), row.unit)}, above {_tolerance(row, limit)}"
-        return _made(row, "disproven", told, _cure(row))
+    i = row.component
+    bound, floor = out.bound["best"][:, i], out.round_off[:, i]
+    most, least = float(np.max(bound + floor)), 0.0
+    if out.corrected is not None:
+        known = np.abs(out.corrected - out.value)[:, i]
+        least = max(float(np.max(known - (out.corrected_bound[:, i] + floor))), 0.0)
+    if most <= row.tolerance:
+        told = f"its error is at most {with_unit(rounded_up(most), row.unit)}, within {_tolerance(row)}"
+        return Assessment("proven", row.label, told, NOTHING)
+    if least > row.tolerance:
+        told = f"its error is at least {with_unit(rounded_down(least), row.unit)}, above {_tolerance(row)}"
+        return Assessment("disproven", row.label, told, _cure(row))
     return None
 
 
-def _proved(out: OutputData, i: int) -> tuple[float, float]:
-    """What the largest error is at most, and at least; nothing, 0, without the corrected output."""
-    most = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
-    if out.corrected is None:
-        return most, 0.0
-    doubt = out.corrected_bound[:, i] + out.round_off[:, i]
-    return most, max(float(np.max(np.abs(out.corrected - out.value)[:, i] - doubt)), 0.0)
-
-
-def _estimated(row: Row, verdict: Verdict, what: str, limit: float) -> Assessment:
+def _estimated(row: Row, verdict: Verdict, what: str) -> Assessment:
     answer = ASSESSED[verdict.answer]
     if verdict.size is None:
-        told = f"{what} is not known, and so not whether it is within {_tolerance(row, limit)}"
+        told = f"{what} is not known, and so not whether it is within {_tolerance(row)}"
     else:
-        size = f"{said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)}"
-        told = f"{what} is about {size}, {WHERE[answer]} {_tolerance(row, limit)}"
+        told = f"{what} is about {size_in_words(verdict, row.unit, row.extent)}, {WHERE[answer]} {_tolerance(row)}"
     if verdict.reason and answer != "likely":
         told = f"{told} ({verdict.reason})"
-    return _made(row, answer, told, NOTHING if answer == "likely" else verdict.cure or _cure(row))
+    return Assessment(answer, row.label, told, NOTHING if answer == "likely" else verdict.cure or _cure(row))
 
 
-def _tolerance(row: Row, limit: float) -> str:
-    return f"the tolerance of {with_unit(digits(limit), row.unit)}"
+def _tolerance(row: Row) -> str:
+    return f"the tolerance of {with_unit(digits(row.tolerance), row.unit)}"
 
 
 def _cure(row: Row) -> str:
     """What lowers the largest part of an error."""
     parts = [verdict for cause, verdict in row.of.items() if cause != "sum" and verdict.cure]
-    worst = max(parts, key=lambda verdict: verdict.most, default=row.of["sum"])
-    return worst.cure or NOTHING
-
-
-def _made(row: Row, answer: str, told: str, todo: str) -> Assessment:
-    return Assessment(answer, row.label, told, todo)
+    return max(parts, key=lambda verdict: verdict.most, default=row.of["sum"]).cure or NOTHING

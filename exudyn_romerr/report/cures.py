@@ -10,9 +10,7 @@ import numpy as np
 from ..trajectory.estimate import LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from .data import OutputData
+    from collections.abc import Mapping, Sequence
 
 OF_CAUSES = {
     "modes": "more modes",
@@ -46,24 +44,25 @@ class Steps(NamedTuple):
 
 
 def cure_of(
-    out: OutputData,
     cause: str,
     size: float,
     half: float,
     halves: Mapping[str, float],
     limit: float | None,
     steps: Steps,
+    beside_steps: Sequence[str] = (),
 ) -> str:
     """Return what to do about one cause of an error, with a number where there is one.
 
     size, half : of the error, and its half width. halves : parts of that by check. limit : what is allowed.
+    beside_steps : what helps beside shorter steps where these resolve nothing.
     """
     if half <= RESOLVED * size or cause == "interfaces":
         return shorter_steps(size + half, limit, steps) if cause == "step" else OF_CAUSES[cause]
     # What starts at once rings in modes that neither steps nor vectors resolve: a smooth start makes half widths 50
     # to 7000 times smaller; shorter steps, damping, vectors 0.5 to 3 times (tests: test_cures.py)
-    if out.beside_steps:
-        return out.beside_steps[0]
+    if beside_steps:
+        return beside_steps[0]
     check = max(halves, key=halves.get)
     if check in (LINEAR, LINEAR_MODES, LINEAR_STEPS):
         return f"{shorter_steps(size + half, limit, steps) if cause == 'step' else OF_CAUSES[cause]}, {NOT_LINEAR}"
@@ -72,9 +71,9 @@ def cure_of(
     return OF_CHECKS.get(check, OF_CAUSES[cause])
 
 
-def cure_of_bound(out: OutputData) -> str:
+def cure_of_bound(causes: Mapping[str, np.ndarray]) -> str:
     """Return what lowers the largest cause of a bound beside which there is no estimate."""
-    return OF_BOUNDS[max(out.causes, key=lambda name: np.max(np.abs(out.causes[name]), initial=0.0))]
+    return OF_BOUNDS[max(causes, key=lambda name: np.max(np.abs(causes[name]), initial=0.0))]
 
 
 def shorter_steps(most: float, limit: float | None, steps: Steps, is_resolved: bool = True) -> str:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import platform
+import sys
 from dataclasses import dataclass, field
+from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from .._version import __version__
 from ..checks import check_choice
 from ..errors import InputError
 
@@ -14,14 +18,21 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from .scope import Doubt
+    from .verdicts import Verdict
 
 UNITS = {  # of what Exudyn's sensors show, by OutputVariableType without "Local": the same in every system of units
     "Rotation": "rad",
     "AngularVelocity": "rad/s",
     "AngularAcceleration": "rad/s^2",
 }
-# powers of time that units of quantities have beside one of length, by what OutputData.quantity says
+# powers of time that units of quantities have beside one of length, by what OutputReport.quantity says
 OF_LENGTH = {"displacement": "", "position": "", "distance": "", "velocity": "/s", "acceleration": "/s^2"}
+MODULES = ("numpy", "scipy", "exudyn")
+SYSTEM = platform.platform()  # it starts a program, which is better done here than within a solve
+# fields of an output that are dicts of arrays, and fields that may be None; those of nodes that are dicts
+DICTS = ("bound", "reduction_bound", "causes", "effectivity", "estimate_parts", "uncertainty_parts")
+OPTIONAL = ("corrected", "corrected_bound", "estimate", "uncertainty", "estimate_off", "error")
+NODE_DICTS = ("estimate", "displacement", "instant")
 IN_THE_FRAME = " in the frame"  # ends the name of what the body's frame sees of an output in global axes, beside it
 
 
@@ -46,7 +57,7 @@ def extents(value: np.ndarray, is_position: bool = False) -> np.ndarray:
 
 
 def is_rate(shows: str) -> bool:
-    """Return whether a quantity, as Exudyn or OutputData.of names it, is 0 where nothing moves: in static solves."""
+    """Return whether a quantity, as Exudyn or an output names it, is 0 where nothing moves: in static solves."""
     return shows.removesuffix("Local").lower().endswith(("velocity", "acceleration"))
 
 
@@ -96,9 +107,31 @@ class NodeFields:
     positions: np.ndarray | None = None
 
 
-@dataclass
-class OutputData:
-    """The fields of OutputReport, which describes them."""
+@dataclass(repr=False)
+class OutputReport:
+    """One output along a run.
+
+    value : (T, r) output of the reduced body. bound[e] : (T, r) bound of its error by estimator e, bound["best"]
+    the smallest. reduction_bound[e] : the same for the residual at the samples only, which does not see the time
+    integration. corrected (T, r) : the output with the known part of its error taken out, within corrected_bound of
+    the truth; None without auxiliary modes. round_off (T, r) : what rounding of the matrices, loads and samples, as
+    they came in, may move the output by; a bound below it says nothing about the body. causes[cause] : (T, r), shares
+    of bound["best"]: "basis", "interfaces" (what rigid interfaces stiffen), "time step", "initial", "jumps".
+    estimate (T, r) : the error y_full - y_reduced as well as it can be told, signed, within about uncertainty (T, r);
+    no bound. None where nothing of it is known. estimate_parts[cause] : (T, r), signed, sum `estimate`, keys as in
+    causes. uncertainty_parts[check] : (T, r), what each check adds to uncertainty: "steps", "vectors",
+    "linearisation" (of what vectors predict), "linearisation of steps", "loads"; "proved" where a bound of the rest
+    is all of it. estimate_scope : what the estimate covers, as in BoundReport.scope: "coupled (linearised)": motion
+    of the frame and answers of joints are in it, to first order; "inputs frozen": the body alone, under the frame
+    motion, loads and joint forces of this run.
+    error (T, r), effectivity[e] (r,) = max_t bound / max_t |error| and, with an estimate, estimate_off (r,) =
+    max_t |error - estimate| / max_t |error| once a truth was compared. labels : names of the rows, or ().
+    tolerance : what attach, or choose_modes, was asked to keep the bound below, None: nothing. stopped : instant at
+    which such a tolerance, of this or another output, stopped the run before its end; None: none did. beside_steps :
+    what helps beside shorter steps where these do not resolve what starts at once. uncertified : see BoundReport.
+    verdict[cause] : "modes", "interfaces", "step", "start" where there is something of them, and "sum": size, half
+    width, answer, reason and cure beside `tolerance`, of the component where that is worst; of BoundReport.output.
+    """
 
     name: str
     unit: str
@@ -124,6 +157,25 @@ class OutputData:
     beside_steps: tuple[str, ...] = ()
     uncertified: tuple[Doubt, ...] = ()
     quantity: str = ""
+    verdict: dict[str, Verdict] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """In a line what it is and which arrays it has: they would fill screens, and need the report's scope."""
+        of_all = (f"bound[{e!r}]" for e in self.bound)
+        known = (
+            name for name in ("estimate", "uncertainty", "corrected", "error") if getattr(self, name) is not None
+        )
+        arrays = ", ".join(["value", *of_all, *known])
+        what = f"{self.of}{self.unit and f' in {self.unit}'}"
+        return (
+            f"<OutputReport {', '.join(map(repr, self.row_names))}: {what}, {len(self.value)} instants; {arrays}; "
+            "print(report) says what they mean>"
+        )
+
+    def at_round_off(self) -> np.ndarray:
+        """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
+        bound, floor = (np.max(x, axis=0, initial=0.0) for x in (self.bound["best"], self.round_off))
+        return bound < 2 * floor
 
     @property
     def extents(self) -> np.ndarray:
@@ -145,7 +197,7 @@ class ReportData:
     t: np.ndarray
     position_bound: dict[str, np.ndarray]
     velocity_bound: dict[str, np.ndarray]
-    outputs: dict[str, OutputData]
+    outputs: dict[str, OutputReport]
     scope: dict[str, str]
     scope_reason: str
     reasons: dict[str, str]
@@ -187,14 +239,14 @@ class ReportData:
         """Leave out what would compute node_bound: it holds the whole run, and cannot be pickled."""
         return {**self.__dict__, "nodes": None if callable(self.nodes) else self.nodes}
 
-    def output(self, name: str) -> OutputData:
+    def output(self, name: str) -> OutputReport:
         """Return the output of that name; InputError lists the known ones."""
         check_choice("output", name, self.outputs)
         return self.outputs[name]
 
 
 def units_of_length(length: str) -> dict[str, str]:
-    """Return the units of all quantities that have one of length, by OutputData.quantity: "mm" -> "mm", "mm/s", ...
+    """Return the units of all quantities that have one of length, by OutputReport.quantity: "mm" -> "mm", "mm/s", ...
 
     Parameters
     ----------
@@ -210,7 +262,7 @@ def units_of_length(length: str) -> dict[str, str]:
     return {quantity: length and f"{length}{per}" for quantity, per in OF_LENGTH.items()}
 
 
-def name_units(outputs: Iterable[OutputData], length: str) -> None:
+def name_units(outputs: Iterable[OutputReport], length: str) -> None:
     """Give outputs the units that follow from one of length, but for those that have one, in place."""
     units = units_of_length(length)
     for out in outputs:
@@ -220,3 +272,16 @@ def name_units(outputs: Iterable[OutputData], length: str) -> None:
 def is_beside(report: ReportData, name: str) -> bool:
     """Return whether an output is there for another one's sake: nobody asked for it by its name."""
     return name.removesuffix(IN_THE_FRAME) in report.outputs.keys() - {name}
+
+
+def made_here() -> dict[str, str]:
+    """Return date, script and versions of this process; Exudyn's only if it is loaded."""
+    loaded = {name: sys.modules[name] for name in MODULES if sys.modules.get(name) is not None}
+    return {
+        "date": datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),
+        "script": sys.argv[0] if sys.argv[0] not in ("", "-", "-c") else "interactive session",
+        "system": SYSTEM,
+        "exudyn_romerr": __version__,
+        "python": platform.python_version(),
+        **{name: str(module.__version__) for name, module in loaded.items()},
+    }

@@ -1,19 +1,19 @@
-"""MechanismReport: the reports of several bodies of one mbs as one, with sensors that are on none of them."""
+"""Reports joined: of several bodies of one mbs, a MechanismReport; of intervals of time that follow each other."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from ..errors import InputError, RunError
-from .data import Plan, Watched, line_of
+from .data import DICTS, OPTIONAL, Plan, Watched, line_of
 from .report import BoundReport, OutputReport
 from .scope import SCOPES
-from .wording import NO_OUTPUTS, is_uncertified, scope_lines, widest_scope
+from .wording import NO_OUTPUTS, scope_lines, widest_scope
 
 if TYPE_CHECKING:
     from .assessment import Assessment
@@ -81,7 +81,7 @@ def joined(
     scope = _scope(bodies)
     stopped = next((out.stopped for body in bodies for out in body.outputs.values()), None)
     none = [_infinite(out, scope) for out in others]
-    doubts = tuple({doubt.cause: doubt for body in reversed(bodies) for doubt in body.uncertified}.values())
+    doubts = _doubts(bodies[::-1])
     at_once = (out.beside_steps for body in bodies for out in body.outputs.values() if out.beside_steps)
     beside = next(at_once, ())  # what rings in one body is felt by all
     common = {"stopped": stopped, "uncertified": doubts}
@@ -92,6 +92,7 @@ def joined(
     made = (replace(out, bound={**_infinite(out, scope), **out.bound}, beside_steps=beside) for _, out in places)
     outputs = {out.name: out for out in made}
     times = {body.time for body in bodies}
+    certified_first = sorted(bodies, key=lambda body: bool(body.uncertified))
     unbounded = [NO_BOUND.format(", ".join(out.name for out in others))] if others else []
     unbounded += [LEFT_OUT.format(", ".join(_once(name for name, _ in left_out)))] if left_out else []
     return MechanismReport(
@@ -100,7 +101,7 @@ def joined(
         velocity_bound=OfBodies(),
         outputs=outputs,
         scope=scope,
-        scope_reason="; ".join(_once(b.scope_reason for b in sorted(bodies, key=is_uncertified))),
+        scope_reason="; ".join(_once(body.scope_reason for body in certified_first)),
         reasons={e: "; ".join(_once(b.reasons[e] for b in bodies if e in b.reasons)) for e in scope},
         plan=joined_plan([body.plan for body in bodies], others, left_out),
         messages=[*_numbered([_heard(body, bool(outputs)) for body in bodies]), *unbounded],
@@ -158,3 +159,60 @@ def _numbered(lines: Sequence[Sequence[str]]) -> list[str]:
     """Lines that are those of all bodies once, others with the number of their body."""
     shared = [line for line in _once(lines[0]) if all(line in of for of in lines)]
     return shared + [f"bodies[{i}]: {line}" for i, of in enumerate(lines) for line in of if line not in shared]
+
+
+def joined_in_time(reports: Sequence[BoundReport]) -> BoundReport:
+    """Return one report of all; the first instant of each is the last of the one before, and is taken once.
+
+    Parameters
+    ----------
+    reports : at least one, in the order of time
+        Of the same bodies; an output counts that all have.
+
+    Returns
+    -------
+    BoundReport
+        Of the type of the last. Does not cover: bounds at nodes.
+    """
+    last = reports[-1]
+    if len(reports) == 1:
+        return last
+    names = [name for name in last.outputs if all(name in report.outputs for report in reports)]
+    bodies = [getattr(report, "bodies", ()) for report in reports]
+    mechanism = {"bodies": tuple(map(joined_in_time, zip(*bodies, strict=True)))} if bodies[0] else {}
+    return replace(
+        last,
+        t=_in_a_row([report.t for report in reports]),
+        position_bound=_of_keys([report.position_bound for report in reports]),
+        velocity_bound=_of_keys([report.velocity_bound for report in reports]),
+        outputs={name: _output([report.outputs[name] for report in reports]) for name in names},
+        scope={e: max((of.scope[e] for of in reports if e in of.scope), key=SCOPES.index) for e in last.scope},
+        messages=list(dict.fromkeys(message for report in reports for message in report.messages)),
+        uncertified=_doubts(reports),
+        nodes=None,
+        **mechanism,
+    )
+
+
+def _output(outs: Sequence[OutputReport]) -> OutputReport:
+    last = outs[-1]
+    optional = {name: [getattr(out, name) for out in outs] for name in OPTIONAL}
+    given = {name: None if any(x is None for x in of) else _in_a_row(of) for name, of in optional.items()}
+    dicts = {name: _of_keys([getattr(out, name) for out in outs]) for name in DICTS}
+    arrays = {name: _in_a_row([getattr(out, name) for out in outs]) for name in ("value", "round_off")}
+    beside = next((out.beside_steps for out in outs if out.beside_steps), ())
+    return replace(last, **arrays, **given, **dicts, beside_steps=beside, uncertified=_doubts(outs))
+
+
+def _in_a_row(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate([arrays[0], *(array[1:] for array in arrays[1:])])
+
+
+def _of_keys(dicts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Arrays of the keys that all have; a mechanism's dict of none stays what it is."""
+    keys = [key for key in dicts[-1] if all(key in of for of in dicts)]
+    return {key: _in_a_row([of[key] for of in dicts]) for key in keys} if keys else dicts[-1]
+
+
+def _doubts(of: Sequence[Any]) -> tuple:
+    return tuple({doubt.cause: doubt for one in of for doubt in one.uncertified}.values())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,63 +13,16 @@ from ..errors import InputError
 from ..trajectory.samples import instants_in
 from .answers import Tolerances, tolerances_of
 from .assessment import Assessment, assess
-from .data import OutputData, ReportData
+from .data import OutputReport, ReportData
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
-from .report_rows import limit_of, row_of
+from .report_rows import limit_of, rows_of_output
 from .table import worst_by_cause
-from .verdicts import Verdict
-from .wording import at_round_off, estimator_lines, reason_of
+from .wording import estimator_lines, reason_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-
-@dataclass(repr=False)
-class OutputReport(OutputData):
-    """One output along a run.
-
-    value : (T, r) output of the reduced body. bound[e] : (T, r) bound of its error by estimator e, bound["best"]
-    the smallest. reduction_bound[e] : the same for the residual at the samples only, which does not see the time
-    integration. corrected (T, r) : the output with the known part of its error taken out, within corrected_bound of
-    the truth; None without auxiliary modes. round_off (T, r) : what rounding of the matrices, loads and samples, as
-    they came in, may move the output by; a bound below it says nothing about the body. causes[cause] : (T, r), shares
-    of bound["best"]: "basis", "interfaces" (what rigid interfaces stiffen), "time step", "initial", "jumps".
-    estimate (T, r) : the error y_full - y_reduced as well as it can be told, signed, within about uncertainty (T, r);
-    no bound. None where nothing of it is known. estimate_parts[cause] : (T, r), signed, sum `estimate`, keys as in
-    causes. uncertainty_parts[check] : (T, r), what each check adds to uncertainty: "steps", "vectors",
-    "linearisation" (of what vectors predict), "linearisation of steps", "loads"; "proved" where a bound of the rest
-    is all of it. estimate_scope : what the estimate covers, as in BoundReport.scope: "coupled (linearised)": motion
-    of the frame and answers of joints are in it, to first order; "inputs frozen": the body alone, under the frame
-    motion, loads and joint forces of this run.
-    error (T, r), effectivity[e] (r,) = max_t bound / max_t |error| and, with an estimate, estimate_off (r,) =
-    max_t |error - estimate| / max_t |error| once a truth was compared. labels : names of the rows, or ().
-    tolerance : what attach, or choose_modes, was asked to keep the bound below, None: nothing. stopped : instant at
-    which such a tolerance, of this or another output, stopped the run before its end; None: none did. beside_steps :
-    what helps beside shorter steps where these do not resolve what starts at once. uncertified : see BoundReport.
-    verdict[cause] : "modes", "interfaces", "step", "start" where there is something of them, and "sum": size, half
-    width, answer, reason and cure beside `tolerance`, of the component where that is worst; of BoundReport.output.
-    """
-
-    verdict: dict[str, Verdict] = field(default_factory=dict)
-
-    def __repr__(self) -> str:
-        """In a line what it is and which arrays it has: they would fill screens, and need the report's scope."""
-        of_all = (f"bound[{e!r}]" for e in self.bound)
-        known = (
-            name for name in ("estimate", "uncertainty", "corrected", "error") if getattr(self, name) is not None
-        )
-        arrays = ", ".join(["value", *of_all, *known])
-        what = f"{self.of}{self.unit and f' in {self.unit}'}"
-        return (
-            f"<OutputReport {', '.join(map(repr, self.row_names))}: {what}, {len(self.value)} instants; {arrays}; "
-            "print(report) says what they mean>"
-        )
-
-    def at_round_off(self) -> np.ndarray:
-        """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
-        return at_round_off(self)
 
 
 @dataclass(repr=False)
@@ -94,8 +47,7 @@ class BoundReport(ReportData):
     def output(self, name: str) -> OutputReport:
         """Return the output of that name, with its verdicts; InputError lists the known ones."""
         out = super().output(name)
-        limit = limit_of(out)
-        out.verdict = worst_by_cause([row_of(self, out, i, limit) for i in range(out.value.shape[1])])
+        out.verdict = worst_by_cause(rows_of_output(self, out, limit_of(out)))
         return out
 
     def reason(self, e: str) -> str:

@@ -17,7 +17,7 @@ from ..trajectory.estimate import (
 )
 from .answers import SHARE, Answer, Tolerance
 from .cures import OF_CAUSES, Steps, cure_of, cure_of_bound
-from .data import is_rate
+from .data import is_beside, is_rate
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
 from .verdicts import (
     ALWAYS,
@@ -32,18 +32,27 @@ from .verdicts import (
     Row,
     Verdict,
     judge,
-    judged,
+    judged_together,
     not_covered,
     until,
     until_load,
 )
-from .wording import MEASURE_IT, NOT_THE_MECHANISM, covers_time, estimate_scope, instant, parts_of, widest_scope
+from .wording import (
+    MEASURE_IT,
+    NOT_THE_MECHANISM,
+    covers_time,
+    estimate_scope,
+    instant,
+    largest,
+    parts_of,
+    widest_scope,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from .answers import Tolerances
-    from .data import OutputData, ReportData
+    from .data import OutputReport, ReportData
     from .scope import Doubt
 
 PARTS = {"modes": ("basis",), "interfaces": ("interfaces",), "step": ("time step",), "start": ("initial", "jumps")}
@@ -57,16 +66,19 @@ FIRST_INSTANT = "only the first instant of the run is known"
 OF_BOUNDS_ALONE = {Reason.UNCHECKED.name}  # doubts that speak of no estimate
 
 
-def rows_of(report: ReportData, tolerances: Tolerances | None = None, solve: int = 0) -> list[Row]:
+def rows_of(report: ReportData, tolerances: Tolerances | None = None) -> list[Row]:
     """Return a row for every component of every output; tolerances : None: those that attach was given, or SHARE."""
-    return [
-        row_of(report, out, i, limit_of(out, tolerances), solve)
-        for out in report.outputs.values()
-        for i in range(out.value.shape[1])
-    ]
+    outputs = report.outputs.values()
+    return [row for out in outputs for row in rows_of_output(report, out, limit_of(out, tolerances))]
 
 
-def limit_of(out: OutputData, tolerances: Tolerances | None = None) -> Limit:
+def asked_for(report: ReportData, rows: Iterable[Row], tolerances: Tolerances | None = None) -> list[Row]:
+    """Return rows without those of outputs nobody asked for, but where a tolerance names them."""
+    named = set() if tolerances is None else tolerances.names
+    return [row for row in rows if not is_beside(report, row.name) or row.name in named]
+
+
+def limit_of(out: OutputReport, tolerances: Tolerances | None = None) -> Limit:
     """Return what is small enough; a share is one of the largest component: small ones ask for no more."""
     asked = None if tolerances is None else tolerances.of(out.name)
     shown = float(np.max(out.extents, initial=0.0))
@@ -77,11 +89,16 @@ def limit_of(out: OutputData, tolerances: Tolerances | None = None) -> Limit:
     return Limit(Tolerance(SHARE, True).of(shown), False)
 
 
-def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int = 0) -> Row:
-    """Return what is known of one component."""
+def rows_of_output(report: ReportData, out: OutputReport, limit: Limit, solve: int = 0) -> list[Row]:
+    """Return what is known of each component of an output beside a limit."""
+    return [_row(report, out, i, limit, solve) for i in range(out.value.shape[1])]
+
+
+def _row(report: ReportData, out: OutputReport, i: int, limit: Limit, solve: int) -> Row:
     is_bounded = not out.uncertified and widest_scope(report.scope) != FROZEN  # else it is of this run's forces alone
     bound = float(np.max(out.bound["best"][:, i] + out.round_off[:, i]))
     shown, early = out.extents, until_of(report)
+    verdicts = _verdicts(report, out, i, limit.size, bound)
     still = report.time == "static" and is_rate(out.of) and not early
     return Row(
         out.name,
@@ -90,7 +107,7 @@ def row_of(report: ReportData, out: OutputData, i: int, limit: Limit, solve: int
         out.unit,
         float(shown[i]),
         float(shown.max()),
-        judged(_verdicts(report, out, i, limit.size, bound), None if still else float(shown.max()), limit.size),
+        judged_together(verdicts, None if still else float(shown.max()), limit.size),
         bound if is_bounded and np.isfinite(bound) else None,
         _covered(report),
         limit.size,
@@ -108,7 +125,7 @@ def _covered(report: ReportData) -> str:
     return "modes" if report.time == "sampled" else ""
 
 
-def _verdicts(report: ReportData, out: OutputData, i: int, limit: float | None, bound: float) -> dict[str, Verdict]:
+def _verdicts(report: ReportData, out: OutputReport, i: int, limit: float | None, bound: float) -> dict[str, Verdict]:
     if out.estimate is None:
         return {"sum": _by_bound(report, out, limit, bound)}
     if estimate_scope(out, report.scope) == FROZEN:
@@ -123,7 +140,7 @@ def _verdicts(report: ReportData, out: OutputData, i: int, limit: float | None, 
     return found
 
 
-def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) -> dict[str, Verdict]:
+def _by_cause(report: ReportData, out: OutputReport, i: int, limit: float | None) -> dict[str, Verdict]:
     """Verdicts on CAUSES of which there is something; vectors check modes and interfaces together."""
     parts, found, but = parts_of(out), {}, _reservation(report, out)
     zero, steps = np.zeros(len(out.value)), steps_of(report)
@@ -132,12 +149,13 @@ def _by_cause(report: ReportData, out: OutputData, i: int, limit: float | None) 
         own = cause == "interfaces" and OF_INTERFACES[0] in out.uncertainty_parts
         checks = OF_INTERFACES if own else CHECKS[cause]
         halves = {x: out.uncertainty_parts[x][:, i] for x in checks if x in out.uncertainty_parts}
-        size, half = _largest(part), _half_width(part, zero + sum(halves.values()))
+        size, half = largest(part), _half_width(part, zero + sum(halves.values()))
         if cause == "interfaces" and not own:  # of what vectors say each part has its share
             half *= size / (size + (found["modes"].size or 0.0)) if size else 0.0
         if size > 0 or (cause in ALWAYS and (cause, report.time) != ("step", "static")):
-            cure = cure_of(out, cause, size, half, _by_check(halves), limit, steps)
-            verdict = judge(size, half, limit, ESTIMATED, cure, _largest(out.round_off[:, i]), but)
+            by_check = {check: largest(x) for check, x in halves.items()}
+            cure = cure_of(cause, size, half, by_check, limit, steps, out.beside_steps)
+            verdict = judge(size, half, limit, ESTIMATED, cure, largest(out.round_off[:, i]), but)
             found[cause] = replace(verdict, time=_when(report.t, part))
     return found
 
@@ -155,7 +173,7 @@ def _when(t: np.ndarray, error: np.ndarray) -> float:
     return float(t[np.argmax(np.abs(error))])
 
 
-def _by_bound(report: ReportData, out: OutputData, limit: float | None, bound: float) -> Verdict:
+def _by_bound(report: ReportData, out: OutputReport, limit: float | None, bound: float) -> Verdict:
     """The verdict on the whole error where a bound is all there is."""
     if widest_scope(report.scope) != COMPLETE or report.time == "sampled":
         return not_covered(NO_ESTIMATE, MEASURE_IT)
@@ -164,22 +182,22 @@ def _by_bound(report: ReportData, out: OutputData, limit: float | None, bound: f
         return Verdict(None, None, ESTIMATED, Answer.NO_TOLERANCE)
     if bound <= limit and not out.uncertified and not but.why:
         return Verdict(None, None, ESTIMATED, Answer.ENOUGH)
-    cure = cures_of(out.uncertified) or but.cure or cure_of_bound(out)
+    cure = cures_of(out.uncertified) or but.cure or cure_of_bound(out.causes)
     why = causes_of(out.uncertified) or but.why or NO_ESTIMATE
     return Verdict(None, None, ESTIMATED, Answer.NOT_KNOWN, why, cure)
 
 
 def _of_all(
     report: ReportData,
-    out: OutputData,
+    out: OutputReport,
     i: int,
     limit: float | None,
     bound: float,
     found: dict[str, Verdict],
 ) -> Verdict:
     """The verdict on the whole error: by its bound where that is one, else by the estimate."""
-    floor, but = _largest(out.round_off[:, i]), _reservation(report, out)
-    size, half = _largest(out.estimate[:, i]), _half_width(out.estimate[:, i], out.uncertainty[:, i])
+    floor, but = largest(out.round_off[:, i]), _reservation(report, out)
+    size, half = largest(out.estimate[:, i]), _half_width(out.estimate[:, i], out.uncertainty[:, i])
     verdict = replace(
         judge(size, half, limit, ESTIMATED, floor=floor, but=but), time=_when(report.t, out.estimate[:, i])
     )
@@ -193,7 +211,7 @@ def _of_all(
     return replace(verdict, cure=cure)
 
 
-def _reservation(report: ReportData, out: OutputData) -> Reservation:
+def _reservation(report: ReportData, out: OutputReport) -> Reservation:
     doubts = of_estimates(out.uncertified)
     if doubts:
         return Reservation(causes_of(doubts), cures_of(doubts))
@@ -223,14 +241,6 @@ def of_estimates(doubts: Iterable[Doubt]) -> list[Doubt]:
 
 def _half_width(x: np.ndarray, half: np.ndarray) -> float:
     """How far the largest |error| over time may be from the largest |x|, each instant's within its half width."""
-    size, most = _largest(x), float(np.max(np.abs(x) + half, initial=0.0))
+    size, most = largest(x), float(np.max(np.abs(x) + half, initial=0.0))
     least = max(float(np.max(np.abs(x) - half, initial=0.0)), 0.0)
     return max(most - size, size - least)
-
-
-def _by_check(halves: dict[str, np.ndarray]) -> dict[str, float]:
-    return {check: _largest(half) for check, half in halves.items()}
-
-
-def _largest(x: np.ndarray) -> float:
-    return float(np.max(np.abs(x), initial=0.0))

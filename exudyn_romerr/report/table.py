@@ -40,10 +40,10 @@ def by_sensor(rows: Sequence[Row]) -> list[Row]:
     found: dict[tuple, list[Row]] = {}
     for row in rows:
         found.setdefault((row.solve, row.name), []).append(row)
-    return [row for of in found.values() for row in _told(of)]
+    return [row for of in found.values() for row in _worst_components(of)]
 
 
-def _told(rows: Sequence[Row]) -> list[Row]:
+def _worst_components(rows: Sequence[Row]) -> list[Row]:
     first = max(rows, key=lambda row: (row.share("sum"), _known_share(row)))
     told = [first]
     for cause in CAUSES:
@@ -154,7 +154,7 @@ def _contradictions(rows: Sequence[Row]) -> list[str]:
         largest = told.get(row.name)
         if row.is_contradicted and row.answer not in FINE:
             told[row.name] = row if largest is None or row.estimated.size > largest.estimated.size else largest
-    both = ((row, said(row.of["sum"], row.unit), said(row.estimated, row.unit)) for row in told.values())
+    both = ((row, *(size_in_words(x, row.unit) for x in (row.of["sum"], row.estimated))) for row in told.values())
     return [CONTRADICTION.format(one, other, row.label or row.name) for row, one, other in both]
 
 
@@ -174,15 +174,15 @@ def first_sentences(rows: Sequence[Row]) -> list[str]:
     """
     named = {row.name for row in rows if row.answer not in FINE and not _are_enough_alone(row)}
     together = [row for row in rows if row.answer not in FINE and row.name not in named]
-    told = [("sum", together), *((cause, _told_of(rows, cause)) for cause in _largest_first(rows))]
+    told = [("sum", together), *((cause, _worth_a_sentence(rows, cause)) for cause in _largest_first(rows))]
     in_solves = len({row.solve for row in rows}) > 1
     return [_of_cause(of, cause, in_solves) for cause, of in told if of]
 
 
-def _told_of(rows: Sequence[Row], cause: str) -> list[Row]:
+def _worth_a_sentence(rows: Sequence[Row], cause: str) -> list[Row]:
     """The rows that a cause's sentence is about; none where those that would have to be judged are not."""
     of = _with(rows, cause)
-    told = [row for row in of if _is_told(row, cause)]
+    told = [row for row in of if _is_worth_a_sentence(row, cause)]
     is_open = any(row.is_coarse for row in of) and cause != "step"
     is_said = any(row.of[cause].answer not in FINE for row in told)
     return told if is_said or not is_open else []
@@ -194,7 +194,7 @@ def _are_enough_alone(row: Row) -> bool:
     return has_causes and not row.shows_nothing and not _has_cause(row, (Answer.TOO_LARGE, *UNSURE))
 
 
-def _is_told(row: Row, cause: str) -> bool:
+def _is_worth_a_sentence(row: Row, cause: str) -> bool:
     """Whether a cause is worth a sentence: where steps resolve nothing, they come first, alone."""
     if row.shows_nothing:
         return row.of[cause].answer is Answer.TOO_LARGE
@@ -221,7 +221,7 @@ def _clause(rows: Sequence[Row], cause: str, in_solves: bool) -> str:
     verdict = row.of[cause]
     word = "measured" if verdict.how == MEASURED else "about"
     where = f"{row.label or row.name}{f' in solve {row.solve}' if in_solves else ''}"
-    size = f"{word} {said(verdict, row.unit)}{share_in_brackets(verdict, row.extent)} at {where}"
+    size = f"{word} {size_in_words(verdict, row.unit, row.extent)} at {where}"
     if cause == "interfaces" and verdict.answer not in FINE and not verdict.reason:
         return f"{_word(verdict)}, {size}, {NOT_RIGID}"
     return f"{_word(verdict)}, {size}{cure and f'; {cure}'}"
@@ -266,7 +266,7 @@ def _line(row: Row, causes: Sequence[str], with_bound: bool) -> tuple[str, ...]:
 def _beside(row: Row) -> tuple[str, ...]:
     """What stands beside a measured error: order of the step's, noise, the run's own estimate."""
     order = "" if row.order is None else digits(row.order, 2)
-    estimated = "not covered" if row.estimated is None or row.estimated.size is None else said(row.estimated)
+    estimated = "not covered" if row.estimated is None or row.estimated.size is None else size_in_words(row.estimated)
     return order, "" if row.noise is None else digits(row.noise, 1), estimated
 
 
@@ -277,28 +277,24 @@ def _cell(row: Row, cause: str) -> str:
         return ""
     if verdict.size is None:
         return verdict.answer.value
-    return f"{said(verdict)}{share_in_brackets(verdict, row.extent)}"
+    return size_in_words(verdict, "", row.extent)
 
 
-def said(verdict: Verdict, unit: str = "") -> str:
-    """Return size and half width in as many digits as these leave."""
-    unit = unit and f" {unit}"
-    if verdict.half_width is None:
-        return f"{digits(verdict.size, 2)}{unit} or more"
-    if verdict.is_at_round_off:
-        return f"{rounded_up(verdict.most, 1)}{unit} or less, at round-off"
-    if not verdict.is_resolved:
-        return f"{rounded_up(verdict.most, 2)}{unit} or less"
-    off = float(f"{verdict.half_width:.3g}")  # a difference, whose last digits are rounding
-    half = f" +- {rounded_up(off, 2)}" if off > SHOWN * verdict.size else ""
-    return f"{digits(verdict.size, 2)}{half}{unit}"
-
-
-def share_in_brackets(verdict: Verdict, of: float | None) -> str:
-    """Return what `said` says as a share of what the sensor shows."""
+def size_in_words(verdict: Verdict, unit: str = "", of: float | None = None) -> str:
+    """Return size and half width in as many digits as these leave; of : what it is a share of, in brackets."""
     is_size = verdict.half_width is None or (verdict.is_resolved and not verdict.is_at_round_off)
-    size = verdict.size if is_size else verdict.most
-    return f" ({percent(size / of) or 'more than 10 times'})" if of else ""
+    size, unit = verdict.size if is_size else verdict.most, unit and f" {unit}"
+    if verdict.half_width is None:
+        said = f"{digits(size, 2)}{unit} or more"
+    elif verdict.is_at_round_off:
+        said = f"{rounded_up(size, 1)}{unit} or less, at round-off"
+    elif not verdict.is_resolved:
+        said = f"{rounded_up(size, 2)}{unit} or less"
+    else:
+        off = float(f"{verdict.half_width:.3g}")  # a difference, whose last digits are rounding
+        half = f" +- {rounded_up(off, 2)}" if off > SHOWN * size else ""
+        said = f"{digits(size, 2)}{half}{unit}"
+    return f"{said} ({percent(size / of) or 'more than 10 times'})" if of else said
 
 
 def reasons(rows: Sequence[Row], script: str = YOURS) -> list[str]:

@@ -144,6 +144,12 @@ class Row:
         return {name: getattr(self, name) for name in names} | {"axis": self.axis or None} | verdicts
 
 
+def verdicts_in(row: dict[str, Any]) -> dict[str, Verdict]:
+    """Return the verdicts that Row.as_json wrote, by cause."""
+    found = {cause: row[cause] for cause in (*CAUSES, "sum") if row.get(cause) is not None}
+    return {c: Verdict(x["size"], x["half_width"], x["how"], Answer(x["answer"])) for c, x in found.items()}
+
+
 class Limit(NamedTuple):
     """A tolerance of one component in its unit, None: none; is_asked : by the user."""
 
@@ -193,7 +199,7 @@ def not_covered(reason: str, cure: str = "") -> Verdict:
     return Verdict(None, None, NONE, Answer.NOT_COVERED, reason, cure)
 
 
-def judged(of: dict[str, Verdict], shown: float | None, limit: float | None) -> dict[str, Verdict]:
+def judged_together(of: dict[str, Verdict], shown: float | None, limit: float | None) -> dict[str, Verdict]:
     """Return verdicts on all causes and the sum beside one another: what one of them says may leave another nothing.
 
     shown : the extent of the sensor; None: it is 0 whatever the model. limit : what is allowed.
@@ -237,7 +243,7 @@ def until_begun(why: str) -> str:
     return f"until its first step: {why}"
 
 
-def not_the_rest(of: dict[str, Verdict], early: str) -> dict[str, Verdict]:
+def of_a_run_cut_short(of: dict[str, Verdict], early: str) -> dict[str, Verdict]:
     """Return verdicts on a run that ended early: of the rest nothing is enough, what is too large until then is."""
     return {
         c: _doubted(x, KNOWN.format(early), TO_THE_END) if x.answer is Answer.ENOUGH else x for c, x in of.items()

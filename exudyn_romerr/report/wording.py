@@ -24,7 +24,7 @@ from .scope import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from .data import OutputData, ReportData
+    from .data import OutputReport, ReportData
     from .scope import Doubt
 
 NAMES = 8  # of outputs or rows of which the same is said
@@ -117,7 +117,7 @@ def for_run_alone(scope: dict[str, str]) -> str:
     return f"{AS_IN_THIS_RUN}; {NOT_THE_MECHANISM}" if widest_scope(scope) == FROZEN else ""
 
 
-def at_most(out: OutputData, bound: str, share: str = "", in_full: bool = True) -> str:
+def at_most(out: OutputReport, bound: str, share: str = "", in_full: bool = True) -> str:
     """Return the largest bound of an output in words, with why it is not certified: "at most" is said if it is."""
     notes = "; ".join(filter(None, [share, not_certified(out.uncertified, in_full)]))
     return f"{'bounded by' if out.uncertified else 'at most'} {bound}{notes and f' ({notes})'}"
@@ -140,12 +140,12 @@ def bound_column(scope: dict[str, str], e: str = "best") -> str:
     return f"{'reduction error ' if of == COUPLED else ''}bound"
 
 
-def largest(x: np.ndarray, row: int) -> float:
-    """Return the largest absolute value of a row over time."""
-    return np.max(np.abs(x[:, row]), initial=0.0)
+def largest(x: np.ndarray) -> float:
+    """Return the largest absolute value; 0 of nothing."""
+    return float(np.max(np.abs(x), initial=0.0))
 
 
-def corrected_within(out: OutputData, bound: np.ndarray, scope: dict[str, str], in_full: bool = True) -> str:
+def corrected_within(out: OutputReport, bound: np.ndarray, scope: dict[str, str], in_full: bool = True) -> str:
     """Return in words how far the corrected output is from the full model: "within ..." only if the scope says so."""
     if not np.isfinite(bound).all():
         return "how far the corrected output is from the full model is not known at all instants"
@@ -202,17 +202,7 @@ def reason_of(report: ReportData, e: str) -> str:
     return "; ".join(filter(None, [report.reasons[e], why]))
 
 
-def is_uncertified(report: ReportData) -> bool:
-    """Return whether something speaks against all of its bounds."""
-    return bool(report.uncertified)
-
-
-def at_round_off(out: OutputData) -> np.ndarray:
-    """Return for each row (r,) whether the largest bound is below twice what rounding of the input may move."""
-    return np.max(out.bound["best"], axis=0, initial=0.0) < 2 * np.max(out.round_off, axis=0, initial=0.0)
-
-
-def outside(out: OutputData, row: int, time: str) -> str:
+def outside(out: OutputReport, row: int, time: str) -> str:
     """Return in words that the truth compared is farther away than bound and rounding allow; empty if it is not."""
     allowed = out.bound["best"][:, row] + out.round_off[:, row]
     count = np.count_nonzero(np.abs(out.error[:, row]) > allowed)
@@ -223,13 +213,13 @@ def outside(out: OutputData, row: int, time: str) -> str:
     return f"{where}: {steps}that truth is not the full model's, or the bound fails" if count else ""
 
 
-def is_known(out: OutputData, row: int | None = None) -> bool:
+def is_known(out: OutputReport, row: int | None = None) -> bool:
     """Return whether there is an estimate of one row, or of all, at every instant."""
     rows = slice(None) if row is None else slice(row, row + 1)
     return out.estimate is not None and bool(np.isfinite(out.estimate[:, rows]).all())
 
 
-def parts_of(out: OutputData) -> dict[str, np.ndarray]:
+def parts_of(out: OutputReport) -> dict[str, np.ndarray]:
     """Return the estimate by cause; rigid interfaces that it does not tell from missing modes as the bound does."""
     parts, zero = dict(out.estimate_parts), np.zeros_like(out.estimate)
     stiff, modes = (out.causes.get(cause, zero) for cause in ("interfaces", "basis"))
@@ -239,17 +229,17 @@ def parts_of(out: OutputData) -> dict[str, np.ndarray]:
     return {**parts, "basis": (1 - share) * parts["basis"], "interfaces": share * parts["basis"]}
 
 
-def covers_time(out: OutputData, time: str) -> bool:
+def covers_time(out: OutputReport, time: str) -> bool:
     """Return whether the estimate has the error of the time steps in it, which sampled bounds have not."""
     return time != "sampled" or bool(np.any(out.estimate_parts.get("time step", 0.0)))
 
 
-def estimated_kind(out: OutputData, time: str) -> str:
+def estimated_kind(out: OutputReport, time: str) -> str:
     """Return what the estimate is an estimate of."""
     return "error" if covers_time(out, time) else error_kind(time)
 
 
-def estimate_scope(out: OutputData, scope: dict[str, str]) -> str:
+def estimate_scope(out: OutputReport, scope: dict[str, str]) -> str:
     """Return what the estimate covers."""
     return out.estimate_scope or widest_scope(scope)
 
@@ -264,20 +254,20 @@ def said_first(report: ReportData) -> str:
     return FROZEN_FIRST
 
 
-def estimated_under(out: OutputData, scope: dict[str, str]) -> str:
+def estimated_under(out: OutputReport, scope: dict[str, str]) -> str:
     """Return what must be said with an estimate, in two words; "about" says that it is of first order."""
     return SHORT[FROZEN] if estimate_scope(out, scope) == FROZEN else ""
 
 
-def off_by(out: OutputData, row: int | None = None) -> str:
+def off_by(out: OutputReport, row: int | None = None) -> str:
     """Return in words how far the estimate of one row, or of all, is from the true error that was compared.
 
     A truth with the same time steps has nothing of their error: then of the estimate without it, too.
     """
     rows = slice(None) if row is None else slice(row, row + 1)
     true, of_steps = out.error[:, rows], out.estimate_parts.get("time step", np.zeros_like(out.estimate))[:, rows]
-    off, without = (_largest(true - out.estimate[:, rows] + part) for part in (0.0, of_steps))
-    said, other = (_share_of_it(x, _largest(true), out.unit) for x in (off, without))
+    off, without = (largest(true - out.estimate[:, rows] + part) for part in (0.0, of_steps))
+    said, other = (_share_of_it(x, largest(true), out.unit) for x in (off, without))
     beside = f", without its time steps by {other}" if without < off else ""
     return f"the estimate is off by up to {said}{beside}"
 
@@ -285,7 +275,3 @@ def off_by(out: OutputData, row: int | None = None) -> str:
 def _share_of_it(x: float, of: float, unit: str) -> str:
     share = (percent(x / of) or "more than 1000 %") if of > 0 else ""
     return f"{with_unit(digits(x, 2), unit)}{share and f' ({share} of it)'}"
-
-
-def _largest(x: np.ndarray) -> float:
-    return float(np.max(np.abs(x), initial=0.0))

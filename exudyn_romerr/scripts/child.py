@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from .after_import import after_import
 from .execute import Ending, execute
-from .overlay import Overlay
-from .write_guard import write_only_in
+from .overlay import Overlay, write_only_in
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -161,7 +160,7 @@ class _Child:
         for order, found in self.vectors.items():
             if found is not None:
                 arrays |= {f"P {order}": found.P, f"keeps {order}": found.keeps}
-        told = {
+        facts = {
             "status": ending.status,
             "error": "" if ending.error is None else _in_a_line(ending.error),
             "seconds": seconds,
@@ -176,14 +175,18 @@ class _Child:
             "notes": [*self.notes, *(f"refused to write {path}" for path in dict.fromkeys(self.overlay.refused))],
             "rows": self._rows(),
         }
-        _write_all(path, told, arrays)
+        import numpy as np
+
+        np.savez(f"{path}.npz", **arrays)
+        with open(f"{path}.json", "w", encoding="utf-8") as file:
+            json.dump(facts, file)
 
     def _rows(self) -> list[dict[str, Any]]:
         """What a watched run says of itself, as --json has it."""
         if self.watched is None:
             return []
-        from ..judgement.judgement import rows_of_solve
         from ..report.answers import Tolerances
+        from ..report.judgement import rows_of_solve
 
         return [row.as_json() for solve in self.watched.solves for row in rows_of_solve(solve, Tolerances())]
 
@@ -191,14 +194,6 @@ class _Child:
 def _in_a_line(error: BaseException) -> str:
     """What Python prints of an error; without the places that Exudyn adds to those of user functions."""
     return " ".join(f"{type(error).__name__}: {error}".partition("\n\nAt:")[0].split())
-
-
-def _write_all(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
-    import numpy as np
-
-    np.savez(f"{path}.npz", **arrays)
-    with open(f"{path}.json", "w", encoding="utf-8") as file:
-        json.dump(told, file)
 
 
 def _peak_memory() -> int:

@@ -63,13 +63,13 @@ class Result:
     failure: str = ""
     solves: list[dict[str, Any]] = field(default_factory=list)
     vectors: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
-    told: dict[str, Any] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
     elapsed: float = 0.0
 
     @property
     def seconds(self) -> float:
         """CPU time."""
-        return self.told.get("seconds", 0.0)
+        return self.facts.get("seconds", 0.0)
 
 
 _RUNNING: dict[subprocess.Popen, str] = {}
@@ -166,19 +166,19 @@ def _read(name: str, path: str, log: str, status: int) -> Result:
     if not os.path.exists(f"{path}.result.json"):
         return Result(name, _failure(status, log))
     with open(f"{path}.result.json", encoding="utf-8") as file:
-        told = json.load(file)
+        facts = json.load(file)
     with np.load(f"{path}.result.npz") as file:
         arrays = dict(file)
     solves = [
         {**solve, "data": [arrays[f"solve {i} {j}"] for j in range(len(solve["names"]))]}
-        for i, solve in enumerate(told["solves"])
+        for i, solve in enumerate(facts["solves"])
     ]
     orders = [int(key[2:]) for key in arrays if key.startswith("P ")]
     vectors = {order: (arrays[f"P {order}"], arrays[f"keeps {order}"]) for order in orders}
     failure = ""
-    if told["status"] and not solves:
-        failure = ASKS if told["error"].startswith(ASKED) else (told["error"] or _failure(told["status"], log))
-    return Result(name, failure, solves, vectors, told)
+    if facts["status"] and not solves:
+        failure = ASKS if facts["error"].startswith(ASKED) else (facts["error"] or _failure(facts["status"], log))
+    return Result(name, failure, solves, vectors, facts)
 
 
 def _failure(status: int, log: str) -> str:

@@ -12,7 +12,18 @@ import numpy as np
 from ..report.answers import Answer
 from ..report.cures import AGAIN, OF_CAUSES, SECOND_ORDER, Steps, shorter_steps, times_as_short
 from ..report.data import UNITS, extents, is_rate, units_of_length
-from ..report.verdicts import CAUSES, MEASURED, NONE, Row, Verdict, judge, judged, not_covered, not_the_rest
+from ..report.verdicts import (
+    CAUSES,
+    MEASURED,
+    NONE,
+    Row,
+    Verdict,
+    judge,
+    judged_together,
+    not_covered,
+    of_a_run_cut_short,
+)
+from ..report.wording import largest
 from .signals import Signal, signals
 
 if TYPE_CHECKING:
@@ -43,15 +54,15 @@ DISAGREE = (
 NO_VECTORS = "no vectors for its bodies, and no number of modes in a call of the script's"
 
 
-def two_ways(results: Mapping[str, Result]) -> list[str]:
+def disagreements(results: Mapping[str, Result]) -> list[str]:
     """Return a line for each sensor of which our vectors and modes by the script's own call tell different things."""
     lines = []
     for signal in signals(results):
         if {"modes", "twice", "four times"} <= {*signal.of}:
             components = [_Component(signal, c) for c in range(signal.of["unchanged"].shape[1])]
             both = [(one.by_vectors(), one.by_call()) for one in components]
-            ours, theirs = max(both, key=lambda pair: _largest(pair[0][0]))
-            sizes, halves = [_largest(one[0]) for one in (ours, theirs)], ours[1] + theirs[1]
+            ours, theirs = max(both, key=lambda pair: largest(pair[0][0]))
+            sizes, halves = [largest(one[0]) for one in (ours, theirs)], ours[1] + theirs[1]
             if abs(sizes[0] - sizes[1]) > halves:
                 lines.append(DISAGREE.format(signal.name, sizes[0], sizes[1], theirs[1]))
     return lines
@@ -72,7 +83,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
     of = {cause: verdict for cause in CAUSES if (verdict := one.verdict(cause, limit)) is not None}
     of["sum"] = one.whole(limit, of)
     if signal.until and not signal.on_purpose:
-        of = not_the_rest(of, signal.until)
+        of = of_a_run_cut_short(of, signal.until)
     still = signal.is_static and is_rate(signal.shows) and not signal.until
     return Row(
         signal.name,
@@ -81,7 +92,7 @@ def _row(signal: Signal, c: int, shown: np.ndarray, limit: float | None, is_aske
         unit,
         float(shown[c]),
         float(shown.max()),
-        judged(of, None if still else float(shown.max()), limit),
+        judged_together(of, None if still else float(shown.max()), limit),
         tolerance=limit,
         order=one.order,
         noise=one.noise,
@@ -99,7 +110,7 @@ class _Component:
         self._signal, self._turns = signal, signal.shows.startswith(TURNS)
         self._y = {run: values[:, c] for run, values in signal.of.items()}
         self._left = signal.left[c] if signal.left else 0.0
-        self.noise = _largest(self._change("unchanged", "again")) if "again" in self._y else 0.0
+        self.noise = largest(self._change("unchanged", "again")) if "again" in self._y else 0.0
         self.order: float | None = None
         self.differ = 0.0  # largest difference of two runs of which one has half the step of the other
         self.unshrunk = ""  # why no limit is known that these tend to
@@ -119,12 +130,12 @@ class _Component:
             return NO_STEPS
         missing = [run for run in STEPS if run not in self._y]
         if missing and "half" in self._y:  # one difference is had, and no order
-            self.differ, self.unshrunk = _largest(self._change("unchanged", "half")), self._not_run(missing[0])
+            self.differ, self.unshrunk = largest(self._change("unchanged", "half")), self._not_run(missing[0])
             return self._change("unchanged", "half"), math.inf
         if missing:
             return self._not_run(missing[0])
         first, second = self._change("unchanged", "half"), self._change("half", "quarter")
-        d1, d2 = _largest(first), _largest(second)
+        d1, d2 = largest(first), largest(second)
         if not np.isfinite(d1 + d2):
             return DO_NOT_SHRINK
         self.differ = max(d1, d2)
@@ -137,8 +148,8 @@ class _Component:
         least = FIRST_ORDER if self._signal.is_sampled else SECOND_ORDER
         left = second / (2 ** min(max(self.order, least), SECOND_ORDER) - 1)  # what steps shorter still would change
         ends = first / 2**least, first / 2**SECOND_ORDER
-        otherwise = _largest(second - np.clip(second, np.minimum(*ends), np.maximum(*ends)))
-        return first + second + left, _largest(left) + min(OTHER_ORDER * otherwise, d2) + self._floor()
+        otherwise = largest(second - np.clip(second, np.minimum(*ends), np.maximum(*ends)))
+        return first + second + left, largest(left) + min(OTHER_ORDER * otherwise, d2) + self._floor()
 
     def _not_run(self, run: str) -> str:
         return NOT_RUN.format(STEPS[run], self._signal.missing.get(run, "it was not made"))
@@ -151,18 +162,18 @@ class _Component:
     def by_call(self) -> tuple[np.ndarray, float] | None:
         """What four times the modes by the script's own call change; half width: what from two to four times does."""
         if "four times" in self._y:
-            last = _largest(self._change("twice", "four times")) if "twice" in self._y else 0.0
+            last = largest(self._change("twice", "four times")) if "twice" in self._y else 0.0
             return self._change("unchanged", "four times"), last + self._floor()
         if "twice" in self._y:
             change = self._change("unchanged", "twice")
-            return change, _largest(change)  # nothing tells how much more is missing
+            return change, largest(change)  # nothing tells how much more is missing
         return None
 
     def _unsettled(self) -> float:
         """How far runs with more modes are apart where doubling them again changes as much; 0: they settle."""
         if not (self._is_by_call and {"twice", "four times"} <= {*self._y}):
             return 0.0
-        first, last = (_largest(self._change(*pair)) for pair in (("unchanged", "twice"), ("twice", "four times")))
+        first, last = (largest(self._change(*pair)) for pair in (("unchanged", "twice"), ("twice", "four times")))
         return max(first, last) if last > max(self._floor(), first / 2**LEAST_ORDER) else 0.0
 
     def _by_modes(self, run: str, before: str) -> tuple[np.ndarray, float] | None:
@@ -202,14 +213,14 @@ class _Component:
         found = {"modes": self.modes, "interfaces": self.interfaces}[cause]()
         if found is None:
             return self._unmeasured(cause)
-        otherwise = 0.0 if cause == "modes" and self._is_by_call else _largest(self._apart)
+        otherwise = 0.0 if cause == "modes" and self._is_by_call else largest(self._apart)
         verdict = self._judged((found[0], found[1] + otherwise), limit, OF_CAUSES[cause])
         differ = self._unsettled() if cause == "modes" else 0.0
-        return _or_more(verdict, differ, limit, UNSETTLED, OF_CAUSES[cause]) if differ else verdict
+        return _at_least_apart(verdict, differ, limit, UNSETTLED, OF_CAUSES[cause]) if differ else verdict
 
     def _judged(self, found: tuple[np.ndarray, float], limit: float | None, cure: str = "") -> Verdict:
         time = float(self._signal.t[np.argmax(np.abs(found[0]))])
-        return replace(judge(_largest(found[0]), found[1], limit, MEASURED, cure), time=time)
+        return replace(judge(largest(found[0]), found[1], limit, MEASURED, cure), time=time)
 
     def _unmeasured(self, cause: str) -> Verdict | None:
         """Why nothing was measured of a cause; None: there is nothing of it."""
@@ -228,16 +239,16 @@ class _Component:
             return None if self._steps == NO_STEPS else not_covered(self._steps)
         steps = Steps(self._signal.steps, self.order or SECOND_ORDER)
         if not np.isfinite(self._steps[1]):
-            verdict = Verdict(_largest(self._steps[0]), None, MEASURED, Answer.NOT_KNOWN)
-            told = _or_more(verdict, self.differ, limit, self.unshrunk, ONE_DIFFERENCE)
+            verdict = Verdict(largest(self._steps[0]), None, MEASURED, Answer.NOT_KNOWN)
+            told = _at_least_apart(verdict, self.differ, limit, self.unshrunk, ONE_DIFFERENCE)
             cure = shorter_steps(2 * self.differ, limit, steps, False)
             return replace(told, cure=cure) if told.answer is Answer.TOO_LARGE else told
-        most = _largest(self._steps[0]) + self._steps[1]
+        most = largest(self._steps[0]) + self._steps[1]
         verdict = self._judged(self._steps, limit, shorter_steps(most, limit, steps))
         again = f"{times_as_short(4, steps)}, {AGAIN}"
         cure = OTHER_INSTANTS if self.unshrunk == DO_NOT_SHRINK else again
         if self.unshrunk:
-            return _or_more(verdict, self.differ, limit, self.unshrunk, cure)
+            return _at_least_apart(verdict, self.differ, limit, self.unshrunk, cure)
         is_off = limit is not None and verdict.answer is Answer.NOT_KNOWN and self.differ > 2 * limit
         return replace(verdict, answer=Answer.TOO_LARGE) if is_off else verdict
 
@@ -251,7 +262,7 @@ class _Component:
         total = sum(part[0] for part in parts if part is not None) + np.zeros(len(self._signal.t))
         half = sum(part[1] for part in parts if part is not None)
         apart = self._apart
-        total, half = total + apart, half + _largest(apart)  # that is at half the step; shorter ones may add as much
+        total, half = total + apart, half + largest(apart)  # that is at half the step; shorter ones may add as much
         cause = max(of, key=lambda cause: of[cause].most, default="modes")
         return self._judged((total, half), limit, of[cause].cure or OF_CAUSES[cause] if of else "")
 
@@ -265,7 +276,7 @@ class _Component:
         return Verdict(max(sizes, default=None), None, how, answer, unknown.reason, unknown.cure)
 
 
-def _or_more(verdict: Verdict, differ: float, limit: float | None, reason: str, cure: str) -> Verdict:
+def _at_least_apart(verdict: Verdict, differ: float, limit: float | None, reason: str, cure: str) -> Verdict:
     """The verdict where no limit is known that runs tend to: too large if two of them differ by twice the tolerance.
 
     One of these is off by more than it then, most likely the coarser one. differ : by how much they do.
@@ -274,7 +285,3 @@ def _or_more(verdict: Verdict, differ: float, limit: float | None, reason: str, 
         return verdict
     answer = Answer.TOO_LARGE if limit is not None and differ > 2 * limit else Answer.NOT_KNOWN
     return replace(verdict, size=max(differ, verdict.size), half_width=None, answer=answer, reason=reason, cure=cure)
-
-
-def _largest(x: np.ndarray) -> float:
-    return float(np.max(np.abs(x), initial=0.0))

@@ -1,4 +1,7 @@
-"""Files that an answer is written to: looked at before a script starts, written after it has ended."""
+"""Answers of runs and measurements: names, status and JSON, and the files that they are written to.
+
+Files are looked at before a script starts, and written after it has ended.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from .._version import __version__
 from ..errors import InputError
+from ..report.answers import STATUS, WRONG_USAGE
+from ..report.formats.atomic_write import write_whole
 
 if TYPE_CHECKING:
-    from ..report.report import BoundReport
-    from .run import Run
+    from collections.abc import Callable
+
+    from ..report.answers import Tolerances
+    from ..report.judgement import Judgement
 
 ENDINGS = {"save": (".npz",), "html": (".html", ".htm"), "plot": (".png", ".svg", ".pdf"), "json": (".json",)}
 
@@ -39,73 +46,53 @@ def checked_files(given: dict[str, str | None]) -> dict[str, str]:
     return found
 
 
-def write_files(run: Run, files: dict[str, str]) -> list[str]:
-    """Write what was asked for; return a line for each file: where it is, or why it is not."""
-    return [line for option, path in files.items() for line in _written(run, option, path)]
+class Judged:
+    """What a Run and a Verification answer alike, by their judgement and the tolerances that were asked for."""
+
+    script: str
+    tolerances: Tolerances
+    judgement: Judgement
+    as_json: Callable[[], dict[str, Any]]
+
+    @property
+    def misspelt(self) -> list[str]:
+        """A line for each name in a tolerance that no sensor has."""
+        return self.tolerances.misspelt(row.name for row in self.judgement.rows)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """What --json writes of sensors: a dict for every component of every sensor in every solve."""
+        return [row.as_json() for row in self.judgement.rows]
+
+    def _status(self) -> int:
+        """That of the answer; a name in a tolerance that no sensor has is wrong usage; without a tolerance 0."""
+        if not self.tolerances.is_given:
+            return 0
+        return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
+
+    def _json(self, of_solves: dict[str, Any], seconds: float) -> dict[str, Any]:
+        """What --json writes, with what is said of solves, and CPU time of all."""
+        return {
+            "script": self.script,
+            "answer": self.judgement.answer.value if self.judgement.rows else None,
+            "sensors": self.rows,
+            **of_solves,
+            "misspelt": self.misspelt,
+            "notes": self.judgement.notes,
+            "cpu_s": seconds,
+            "version": __version__,
+        }
+
+    def _write_json(self, path: str | os.PathLike) -> None:
+        """Write all numbers and answers as JSON; InputError if the file cannot be written."""
+        text = json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False)
+        write_whole(path, lambda stream: stream.write(f"{text}\n".encode()))
 
 
-def _written(run: Run, option: str, path: str) -> list[str]:
-    if option == "json":
-        return [tried(path, lambda: _write_json(run, path))]
-    if not run.reports:
-        return [f"not written: {path}: no solve has a report"]
-    return [tried(to, lambda r=report, to=to: _write(run, r, option, to)) for report, to in _numbered(run, path)]
-
-
-def _numbered(run: Run, path: str) -> list[tuple[BoundReport, str]]:
-    """Reports with the names of their files; of several solves each has its number."""
-    if len(run.reports) == 1:
-        return [(run.reports[0], path)]
-    stem, ending = os.path.splitext(path)
-    return [(solve.report, f"{stem}_{solve.number}{ending}") for solve in run.solves if solve.report is not None]
-
-
-def _write(run: Run, report: BoundReport, option: str, path: str) -> None:
-    from ..report.formats.html_page import write_page
-    from ..report.plots.panels import plot_report
-
-    if option == "save":
-        report.save(path)
-    else:
-        {"plot": plot_report, "html": write_page}[option](report, path, tolerances=run.tolerances)
-
-
-def tried(path: str, write: Any) -> str:
+def tried(path: str, write: Callable[[], None]) -> str:
     """Call what writes a file; return a line: where it is, or why it is not."""
     try:
         write()
     except Exception as error:  # disk full, a picture of nothing: the other files and the exit status stay
         return f"not written: {path}: {error}"
     return f"written: {path}"
-
-
-def _write_json(run: Run, path: str) -> None:
-    text = json.dumps(as_json(run), indent=1, allow_nan=False, ensure_ascii=False)
-    with open(path, "w", encoding="utf-8") as file:
-        file.write(text + "\n")
-
-
-def as_json(run: Run) -> dict[str, Any]:
-    """Return what --json writes; docs/answer.schema.json has the fields."""
-    solves = [
-        {
-            "number": solve.number,
-            "kind": solve.kind,
-            "bodies": solve.bodies,
-            "refused": [{"body": which, "reason": why} for which, why in solve.refused],
-            "failure": None if solve.failure is None else str(solve.failure),
-            "cpu_s": solve.seconds,
-        }
-        for solve in run.solves
-    ]
-    return {
-        "script": run.script,
-        "answer": run.judgement.answer.value if run.judgement.rows else None,
-        "sensors": run.rows,
-        "bodies": sum(solve.bodies for solve in run.solves),
-        "solves": solves,
-        "misspelt": run.misspelt,
-        "notes": run.judgement.notes,
-        "cpu_s": sum(solve.seconds + solve.our_seconds for solve in run.solves),
-        "version": __version__,
-    }

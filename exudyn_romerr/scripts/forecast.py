@@ -49,7 +49,7 @@ class Forecast:
 
 def forecast_of(request: Request, first: Result) -> float:
     """Return about how many s a run takes: Python's start, the script's own work, and its solves."""
-    solves = first.told["solve_seconds"]
-    start = max(first.elapsed - solves - first.told.get("vector_seconds", 0.0), 0.0)
+    solves = first.facts["solve_seconds"]
+    start = max(first.elapsed - solves - first.facts.get("vector_seconds", 0.0), 0.0)
     more = request.steps * (WITH_VECTORS if request.vectors or request.factor > 1 else 1.0)
     return start + solves * more * (WATCHED if request.watch else 1.0)

@@ -2,18 +2,19 @@
 
 The file tree stands in it once more: links to what lies beside the way to the user's folders, and these themselves.
 What is about to be written to is made a private copy first: Python tells of it by audit events, before it happens.
-What a script would write elsewhere is refused.
+What a script would write elsewhere is refused, by the system what compiled code and other processes would, too.
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
 import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = {  # events, and which of their arguments are paths that change
@@ -34,6 +35,14 @@ ON_LINKS = ("os.remove", "os.rename")  # links go or move, what they lead to sta
 REFUSED = "{} is outside the folder of this run, in which alone it may write"
 DEVICES = "/dev"
 CACHES = ("~/.cache", "~/.config/matplotlib")  # of libraries
+# linux/landlock.h, the same on all processors
+CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
+VERSION_FLAG, PATH_BENEATH = 1, 1
+TRUNCATE_VERSION = 3  # before it files could be emptied, and not be moved to another folder
+WRITE_FILE, TRUNCATE = 1 << 1, 1 << 14
+OF_FOLDERS = sum(1 << bit for bit in range(4, 14))  # remove, make files and folders of all kinds, move
+GUARDED = WRITE_FILE | OF_FOLDERS | TRUNCATE
+NO_NEW_PRIVILEGES = 38  # prctl: without it only root may restrict itself
 
 
 class Overlay:
@@ -197,3 +206,40 @@ def _parts(path: str) -> list[str]:
 
 def _within(path: str, folder: str) -> bool:
     return path == folder or path.startswith(folder.rstrip(os.sep) + os.sep)
+
+
+class _Rule(ctypes.Structure):
+    _pack_ = 1
+    _fields_ = (("allowed", ctypes.c_uint64), ("folder", ctypes.c_int32))
+
+
+def write_only_in(folders: Iterable[str]) -> bool:
+    """Let this process, and what it starts, change files in these folders only; whether that holds now.
+
+    Python tells nothing of what HDF5, VTK or a mesh generator write. Linux (from 6.2 on) lets a process give up
+    rights for itself and all that it starts: Landlock. Elsewhere this does nothing.
+    """
+    if not sys.platform.startswith("linux"):
+        return False
+    library = ctypes.CDLL(None)
+    if library.syscall(CREATE_RULESET, None, ctypes.c_size_t(0), VERSION_FLAG) < TRUNCATE_VERSION:
+        return False
+    handled = ctypes.c_uint64(GUARDED)
+    rules = library.syscall(CREATE_RULESET, ctypes.byref(handled), ctypes.c_size_t(ctypes.sizeof(handled)), 0)
+    if rules < 0:
+        return False
+    for folder in folders:
+        if os.path.isdir(folder):
+            _add_rule(library, rules, folder)
+    library.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
+    is_held = library.syscall(RESTRICT_SELF, rules, 0) == 0
+    os.close(rules)
+    return is_held
+
+
+def _add_rule(library: ctypes.CDLL, rules: int, folder: str) -> None:
+    place = os.open(folder, os.O_PATH | os.O_CLOEXEC)
+    try:
+        library.syscall(ADD_RULE, rules, PATH_BENEATH, ctypes.byref(_Rule(GUARDED, place)), 0)
+    finally:
+        os.close(place)

@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Any
 
-from ..report.answers import STATUS, WRONG_USAGE, tolerances_of
+from ..report.answers import tolerances_of
 from .after_import import after_import
 from .execute import Ending, check_script, execute
+from .files import Judged, tried
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from types import ModuleType
 
-    from ..judgement.judgement import Judgement
-    from ..judgement.solve import Solve
     from ..report.answers import Tolerances
+    from ..report.judgement import Judgement, Solve
     from ..report.report import BoundReport
 
 NO_EXUDYN = "the script does not import exudyn, so there is nothing to tell"
@@ -34,7 +34,7 @@ CHOSEN = "the scene has no sensors; outputs chosen for it: interfaces, and the n
 
 
 @dataclass
-class Run:
+class Run(Judged):
     """What came of a run of a script.
 
     Attributes
@@ -60,20 +60,10 @@ class Run:
     @cached_property
     def judgement(self) -> Judgement:
         """Verdicts on every sensor, component and cause."""
-        from ..judgement.judgement import Judgement, rows_of_solve
+        from ..report.judgement import Judgement, rows_of_solve
 
         rows = [row for solve in self.solves for row in rows_of_solve(solve, self.tolerances)]
         return Judgement(rows, self.solves, self.notes)
-
-    @property
-    def misspelt(self) -> list[str]:
-        """A line for each name in a tolerance that no sensor has."""
-        return self.tolerances.misspelt(row.name for row in self.judgement.rows)
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """What --json writes of sensors: a dict for every component of every sensor in every solve."""
-        return [row.as_json() for row in self.judgement.rows]
 
     @property
     def status(self) -> int:
@@ -81,12 +71,26 @@ class Run:
 
         A name in a tolerance that no sensor has is wrong usage.
         """
-        if self.ending.status or not self.tolerances.is_given:
-            return self.ending.status
-        return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
+        return self.ending.status or self._status()
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what --json writes; docs/answer.schema.json has the fields."""
+        solves = [
+            {
+                "number": solve.number,
+                "kind": solve.kind,
+                "bodies": solve.bodies,
+                "refused": [{"body": which, "reason": why} for which, why in solve.refused],
+                "failure": None if solve.failure is None else str(solve.failure),
+                "cpu_s": solve.seconds,
+            }
+            for solve in self.solves
+        ]
+        of_solves = {"bodies": sum(solve.bodies for solve in self.solves), "solves": solves}
+        return self._json(of_solves, sum(solve.seconds + solve.our_seconds for solve in self.solves))
 
     def __str__(self) -> str:
-        from ..judgement.judgement import text
+        from ..report.judgement import text
 
         return "\n".join([*self.misspelt, text(self.judgement, self.script, MEASURE)])
 
@@ -132,7 +136,7 @@ def run(
         ending = execute(path, arguments)
         for solve in watching.solves if units else ():
             _name_units(solve, units)
-        notes = watching.notes() if ending.began else [NOT_READ.format(_in_a_line(ending.error))]
+        notes = [*watching.notes()] if ending.began else [NOT_READ.format(_in_a_line(ending.error))]
         return Run(path, ending, watching.solves, notes, tolerances)
 
 
@@ -165,11 +169,8 @@ class _Watching:
     def solves(self) -> list[Solve]:
         return [] if self._watched is None else self._watched.solves
 
-    def notes(self) -> list[str]:
-        """Return what is to be said beside the numbers."""
-        return list(self._notes())
-
-    def _notes(self) -> Iterator[str]:
+    def notes(self) -> Iterator[str]:
+        """Yield what is to be said beside the numbers."""
         elsewhere = os.path.getsize(self._elsewhere)
         if elsewhere or self._processes:
             yield NOT_WATCHED.format(_count(elsewhere, "solve") if elsewhere else "solves", self._processes)
@@ -214,6 +215,37 @@ def _in_a_line(error: BaseException) -> str:
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def write_files(run: Run, files: dict[str, str]) -> list[str]:
+    """Write what was asked for; return a line for each file: where it is, or why it is not."""
+    return [line for option, path in files.items() for line in _written(run, option, path)]
+
+
+def _written(run: Run, option: str, path: str) -> list[str]:
+    if option == "json":
+        return [tried(path, lambda: run._write_json(path))]
+    if not run.reports:
+        return [f"not written: {path}: no solve has a report"]
+    return [tried(to, lambda r=report, to=to: _write(run, r, option, to)) for report, to in _numbered(run, path)]
+
+
+def _numbered(run: Run, path: str) -> list[tuple[BoundReport, str]]:
+    """Reports with the names of their files; of several solves each has its number."""
+    if len(run.reports) == 1:
+        return [(run.reports[0], path)]
+    stem, ending = os.path.splitext(path)
+    return [(solve.report, f"{stem}_{solve.number}{ending}") for solve in run.solves if solve.report is not None]
+
+
+def _write(run: Run, report: BoundReport, option: str, path: str) -> None:
+    from ..report.formats.html_page import write_page
+    from ..report.plots.panels import plot_report
+
+    if option == "save":
+        report.save(path)
+    else:
+        {"plot": plot_report, "html": write_page}[option](report, path, tolerances=run.tolerances)
 
 
 def show(text: str) -> None:

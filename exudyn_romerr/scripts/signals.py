@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ..report.verdicts import NONE
+from ..report.verdicts import NONE, Verdict, verdicts_in
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -82,14 +81,14 @@ def _signal(results: Mapping[str, Result], i: int, j: int, name: str, solve: dic
         t,
         of,
         missing,
-        bool(base.told["bodies"]),
+        bool(base.facts["bodies"]),
         _left(results, name, i, data.shape[1] - 1),
-        is_stress or bool(base.told.get("without_vectors")),
+        is_stress or bool(base.facts.get("without_vectors")),
         _unseen(base, is_stress),
         _steps(solve, t),
         solve.get("until", ""),
         solve.get("on_purpose", False),
-        base.told.get("has_controllers", False),
+        base.facts.get("has_controllers", False),
     )
 
 
@@ -122,30 +121,25 @@ def _why_missing(run: str, result: Result, i: int, j: int, solve: dict[str, Any]
 
 def _unseen(base: Result, is_stress: bool) -> str:
     """Why rigid interfaces, if there may be some, are in no run."""
-    if base.vectors and not base.told.get("without_vectors"):
+    if base.vectors and not base.facts.get("without_vectors"):
         is_rigid = any(not keeps.all() for _, keeps in base.vectors.values())
         return OF_STRESS if is_stress and is_rigid else ""
-    return OF_CALL if base.told["bodies"] and base.told.get("may_be_rigid", True) else ""
+    return OF_CALL if base.facts["bodies"] and base.facts.get("may_be_rigid", True) else ""
 
 
-def estimates(result: Result | None) -> list[dict[str, Any]]:
-    """Return what a watched run says of itself, as --json has it."""
-    return [] if result is None else result.told.get("rows", [])
+def estimates(result: Result | None) -> dict[tuple[str, int, int], dict[str, Verdict]]:
+    """Return what a watched run says of itself: verdicts by cause, of each (sensor, component, solve)."""
+    rows = [] if result is None else result.facts.get("rows", [])
+    return {(row["name"], row["component"], row["solve"]): verdicts_in(row) for row in rows}
 
 
 def _left(results: Mapping[str, Result], name: str, solve: int, count: int) -> tuple[float, ...]:
+    """What vectors leave out of each component; 0 where nothing is said of it."""
     if results["unchanged"].solves[solve].get("until"):  # an estimate of a failed step is one of nothing
         return (0.0,) * count
-    rows = estimates(results.get("free") or results.get("modes"))
-    of = {row["component"]: row["modes"] for row in rows if (row["name"], row["solve"]) == (name, solve)}
-    return tuple(_most(of.get(c)) for c in range(count))
-
-
-def _most(told: dict[str, Any] | None) -> float:
-    """Size and half width of an error as --json has it; 0 where nothing is said of it."""
-    if told is None or told["how"] == NONE:
-        return 0.0
-    return math.inf if told["half_width"] is None else told["size"] + told["half_width"]
+    of = estimates(results.get("free") or results.get("modes"))
+    found = [of.get((name, c, solve), {}).get("modes") for c in range(count)]
+    return tuple(0.0 if one is None or one.how == NONE else one.most for one in found)
 
 
 def _at(t: np.ndarray, data: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -13,17 +12,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from .._version import __version__
 from ..checks import check_choice
 from ..errors import InputError, RunError
-from ..judgement.judgement import Judgement, text
-from ..judgement.solve import Solve
 from ..process.interrupts import interrupt_deferred
-from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of, worst
-from ..report.verdicts import CAUSES, Verdict, beside_estimate
+from ..report.answers import Answer, Tolerances, tolerances_of, worst
+from ..report.judgement import Judgement, Solve, text
+from ..report.verdicts import CAUSES, beside_estimate
 from .child_run import Request, Result, run_child, stop_all, used_by_running
-from .compared import rows_of_signal, two_ways
+from .compared import disagreements, rows_of_signal
 from .execute import check_script
+from .files import Judged
 from .forecast import Forecast, forecast_of
 from .signals import STRESS, estimates, signals
 
@@ -44,7 +42,7 @@ NOT_HELD = "steps that adapt: PreStep functions are called at each of them; ther
 
 
 @dataclass
-class Verification:
+class Verification(Judged):
     """What runs of one script have told; print it.
 
     Attributes
@@ -65,27 +63,17 @@ class Verification:
     def judgement(self) -> Judgement:
         """Verdicts on every sensor, component and cause; all measured."""
         rows = [row for one in signals(self.results) for row in rows_of_signal(one, self.tolerances, self.units)]
-        estimated = {(x["name"], x["component"], x["solve"]): x["sum"] for x in estimates(self.results.get("again"))}
-        rows = [beside_estimate(row, _verdict(estimated.get((row.name, row.component, row.solve)))) for row in rows]
+        estimated = estimates(self.results.get("again"))
+        rows = [
+            beside_estimate(row, estimated.get((row.name, row.component, row.solve), {}).get("sum")) for row in rows
+        ]
         solves = [Solve(i, solve["kind"], 1) for i, solve in enumerate(self.results["unchanged"].solves)]
-        return Judgement(rows, solves, [*self.notes, *two_ways(self.results)])
-
-    @property
-    def misspelt(self) -> list[str]:
-        """A line for each name in a tolerance that no sensor has."""
-        return self.tolerances.misspelt(row.name for row in self.judgement.rows)
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """A dict for every component of every sensor in every solve, as --json has it."""
-        return [row.as_json() for row in self.judgement.rows]
+        return Judgement(rows, solves, [*self.notes, *disagreements(self.results)])
 
     @property
     def status(self) -> int:
         """Exit status: 0, or with a tolerance that of the answer."""
-        if not self.tolerances.is_given:
-            return 0
-        return WRONG_USAGE if self.misspelt else STATUS[self.judgement.answer]
+        return self._status()
 
     def answer(self, name: str, tolerance: float | str, cause: str | None = None) -> str:
         """Return "enough", "too large", "not known" or "not covered" for a sensor, of the whole error or one cause.
@@ -105,42 +93,31 @@ class Verification:
         return worst(of or [Answer.NOT_COVERED]).value
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write all numbers and answers as JSON."""
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(json.dumps(self.as_json(), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+        """Write all numbers and answers as JSON; InputError if the file cannot be written."""
+        self._write_json(path)
 
     def as_json(self) -> dict[str, Any]:
         """Return what --json writes; docs/answer.schema.json has the fields."""
-        runs = [
-            {"name": name, "failure": one.failure or None, "cpu_s": one.seconds} for name, one in self.results.items()
-        ]
-        return {
-            "script": self.script,
-            "answer": self.judgement.answer.value if self.judgement.rows else None,
-            "sensors": self.rows,
-            "bodies": self.results["unchanged"].told["bodies"],
+        of_solves = {
+            "bodies": self.results["unchanged"].facts["bodies"],
             "solves": [{"number": x.number, "kind": x.kind} for x in self.judgement.solves],
-            "runs": runs,
-            "misspelt": self.misspelt,
-            "notes": self.judgement.notes,
-            "cpu_s": sum(one.seconds for one in self.results.values()),
-            "version": __version__,
+            "runs": [
+                {"name": name, "failure": one.failure or None, "cpu_s": one.seconds}
+                for name, one in self.results.items()
+            ],
         }
+        return self._json(of_solves, sum(one.seconds for one in self.results.values()))
 
     def plot(self, path: str | os.PathLike) -> None:
         """Draw the measured errors of all sensors by cause, with half widths, and the estimate beside them."""
-        from .plots import draw_causes
+        from ..report.plots.comparisons import plot_verdicts
 
-        draw_causes(self.judgement.rows, path, title=f"{os.path.basename(self.script)}: errors measured")
+        plot_verdicts(self.judgement.rows, path, title=f"{os.path.basename(self.script)}: errors measured")
 
     def __str__(self) -> str:
         lost = [f"{name} ({one.failure})" for name, one in self.results.items() if one.failure]
         missing = [f"Runs that were not had: {', '.join(lost)}."] if lost else []
         return "\n".join([*self.misspelt, *missing, text(self.judgement, self.script)])
-
-
-def _verdict(told: dict[str, Any] | None) -> Verdict | None:
-    return None if told is None else Verdict(told["size"], told["half_width"], told["how"], Answer(told["answer"]))
 
 
 def verify(
@@ -199,13 +176,14 @@ def verify(
     """
     tolerances = tolerances_of(tolerance)
     check_choice("controllers", controllers, CONTROLLERS)
-    plain = Request("unchanged", *_place(script), tuple(arguments), _name(script), timeout=timeout)
+    path, function = _located(script)
+    plain = Request("unchanged", path, os.getcwd(), tuple(arguments), function, timeout=timeout)
     tell = progress or (lambda said: None)
     first = run_child(replace(plain, make_vectors=True))
     if first.failure or not first.solves:
         raise RunError(f"the unchanged run has nothing to compare: {first.failure or 'no solve of a mechanism'}")
-    results, notes = {"unchanged": first}, [*first.told["notes"]]
-    if first.told["has_controllers"]:
+    results, notes = {"unchanged": first}, [*first.facts["notes"]]
+    if first.facts["has_controllers"]:
         notes.append(NOTES[controllers])
         if controllers == "hold" and not all(solve["fixed"] for solve in first.solves):
             notes.append(NOT_HELD)
@@ -230,25 +208,19 @@ def _endings(results: Mapping[str, Result]) -> list[str]:
 
 
 def _ending(one: Result) -> str:
-    if one.failure or not one.told["status"]:
+    if one.failure or not one.facts["status"]:
         return ""
-    return one.told["error"] or f"status {one.told['status']}"
+    return one.facts["error"] or f"status {one.facts['status']}"
 
 
-def _place(script: Any) -> tuple[str, str]:
-    """The file, and the working folder."""
-    if callable(script):
-        path = inspect.getsourcefile(script)
-        if path is None or "<locals>" in script.__qualname__ or not script.__qualname__.isidentifier():
-            raise InputError(
-                f"build={script!r}; needed: a function at the top of a file, which another process imports"
-            )
-        return os.path.abspath(path), os.getcwd()
-    return os.path.abspath(check_script(script)), os.getcwd()
-
-
-def _name(script: Any) -> str:
-    return script.__name__ if callable(script) else ""
+def _located(script: Any) -> tuple[str, str]:
+    """The file, and the name of the function in it that is to be called; empty: the file is a script."""
+    if not callable(script):
+        return os.path.abspath(check_script(script)), ""
+    path = inspect.getsourcefile(script)
+    if path is None or "<locals>" in script.__qualname__ or not script.__qualname__.isidentifier():
+        raise InputError(f"build={script!r}; needed: a function at the top of a file, which another process imports")
+    return os.path.abspath(path), script.__name__
 
 
 def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> list[Request]:
@@ -266,8 +238,8 @@ def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> 
             found.append(replace(plain, name="free", vectors=every, watch=True))
         found.append(replace(held, name="all", vectors=every, steps=2))
     shows_stress = any(shows.startswith(STRESS) for solve in first.solves for shows in solve.get("shows", ()))
-    is_by_call = by_call or first.told["without_vectors"] or not first.vectors or shows_stress
-    if first.told["bodies"] and is_by_call:
+    is_by_call = by_call or first.facts["without_vectors"] or not first.vectors or shows_stress
+    if first.facts["bodies"] and is_by_call:
         found += [replace(plain, name=name, factor=n) for name, n in (("twice", 2), ("four times", 4))]
     return found
 
@@ -275,7 +247,7 @@ def _planned(plain: Request, first: Result, controllers: str, by_call: bool) -> 
 def _jobs(first: Result, count: int) -> int:
     """How many runs fit into processors and memory."""
     fit = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    peak, free = MORE_MEMORY * first.told["peak"], _free_memory()
+    peak, free = MORE_MEMORY * first.facts["peak"], _free_memory()
     if peak and free:
         fit = min(fit, int(MEMORY_SHARE * free / peak))
     return max(1, min(fit, count))

@@ -2,7 +2,6 @@
 
 import csv
 import errno
-import json
 import os
 import re
 from dataclasses import replace
@@ -25,12 +24,13 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
+from exudyn_romerr.report.data import made_here
 from exudyn_romerr.report.formats import csv_table
-from exudyn_romerr.report.formats.provenance import made_here
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN
 from models import floating
 from tests.helpers.bad_input import T, trajectory
 from tests.helpers.theorem import random_case
+from tests.report.saved_files import rewritten
 
 ESTIMATORS = ("fast", "energy")
 
@@ -110,24 +110,23 @@ def test_columns_have_estimates_where_there_are_any(report, scope, said):
     assert "tip z estimate [m]" in report.to_dict()
 
 
-@pytest.mark.parametrize(("scope", "of"), [(COMPLETE, ""), (COUPLED, "reduction error "), (FROZEN, "")])
-def test_columns_of_bounds_without_time_steps_say_what_they_are_of(report, scope, of):
-    """Beside an estimate with time steps, which may be larger; other names are those of 0.1."""
-    other = replace(report, scope=dict.fromkeys(report.scope, scope))
-    said = {COMPLETE: "", COUPLED: ", to first order", FROZEN: ", inputs frozen"}[scope]
-    assert f"tip z {of}bound{said} [m]" in other.to_dict()
-    assert all(f"tip z {of}bound {e}{said} [m]" in other.to_dict() for e in report.scope)
-    assert f"tip z {of}bound{said} largest [m]" in csv_table.largest(other)
+@pytest.mark.parametrize(
+    ("scope", "of", "said"),
+    [(COMPLETE, "", ""), (COUPLED, "reduction error ", ", to first order"), (FROZEN, "", ", inputs frozen")],
+)
+def test_columns_of_bounds_say_what_they_are_of_and_hold_under(report, scope, of, said):
+    """A table has no scope beside it; estimates beside bounds without time steps have these, and may be larger.
 
-
-@pytest.mark.parametrize(("scope", "said"), [(COUPLED, ", to first order"), (FROZEN, ", inputs frozen")])
-def test_columns_of_bounds_say_what_they_hold_under(report, scope, said):
-    """A table has no scope beside it: a bound with frozen inputs is no column called "y bound"."""
+    Other names are those of 0.1.
+    """
     other = replace(report, scope=dict.fromkeys(report.scope, scope))
     bounds = [name for name in other.to_dict() if "bound" in name]
     assert bounds
     assert all(said in name for name in bounds)
-    assert not any(said in name for name in report.to_dict())
+    assert not any("frozen" in name or "first order" in name for name in report.to_dict())
+    assert f"tip z {of}bound{said} [m]" in other.to_dict()
+    assert all(f"tip z {of}bound {e}{said} [m]" in other.to_dict() for e in report.scope)
+    assert f"tip z {of}bound{said} largest [m]" in csv_table.largest(other)
 
 
 def test_no_column_hides_another(report):
@@ -183,7 +182,7 @@ def test_csv_says_inf_where_there_is_no_finite_bound(report, tmp_path):
     assert np.all(np.isfinite(found[:3]))
 
 
-@pytest.mark.parametrize("name", ["run.csv", "run.html", "run.npz"])
+@pytest.mark.parametrize("name", ["run.csv", "run.html", "run.npz", "run.png"])
 def test_a_failed_write_leaves_the_older_file(report, tmp_path, monkeypatch, name):
     """The disk is found full when all was handed over to it."""
     path = tmp_path / name
@@ -193,7 +192,7 @@ def test_a_failed_write_leaves_the_older_file(report, tmp_path, monkeypatch, nam
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    write = {".csv": report.to_csv, ".html": report.to_html, ".npz": report.save}[path.suffix]
+    write = {".csv": report.to_csv, ".html": report.to_html, ".npz": report.save, ".png": report.plot}[path.suffix]
     with pytest.raises(InputError, match="No space left on device"):
         write(path)
     assert path.read_bytes() == b"older"
@@ -287,11 +286,7 @@ def test_estimates_are_saved_and_files_without_are_still_read(report, case, tmp_
         assert all(np.array_equal(kept[key], saved[key]) for key in saved)
     assert again.estimate_scope == COUPLED
     assert str(load_report(path)) == str(report)
-    with np.load(path) as file:
-        arrays = {key: file[key] for key in file.files if "estimate" not in key and "uncertainty" not in key}
-    meta = json.loads(str(arrays.pop("meta")))
-    del meta["estimate_scopes"]
-    np.savez(path, meta=np.array(json.dumps(meta)), **arrays)
+    rewritten(path, without=["estimate_scopes"], words=("estimate", "uncertainty"))
     old = load_report(path)
     assert (old.output("tip z").estimate, old.output("tip z").estimate_scope) == (None, "")
     assert " about " not in str(old)
@@ -302,11 +297,7 @@ def test_files_without_labels_are_still_read(report, tmp_path):
     """As versions before this one wrote them."""
     path = tmp_path / "run.npz"
     report.save(path)
-    with np.load(path) as file:
-        arrays = {key: file[key] for key in file.files}
-    meta = json.loads(str(arrays.pop("meta")))
-    del meta["labels"], meta["made"]
-    np.savez(path, meta=np.array(json.dumps(meta)), **arrays)
+    rewritten(path, without=("labels", "made"))
     again = load_report(path)
     assert again.output("corner").row_names == ["corner row 1", "corner row 2"]
     assert again.made == {}

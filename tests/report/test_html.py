@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import Output, load_report
-from exudyn_romerr.report.formats import html_figures
+from exudyn_romerr.report.answers import Tolerances
 from exudyn_romerr.report.formats import html_page as page
 from exudyn_romerr.report.report_rows import rows_of
 from exudyn_romerr.report.scope import NOT_CERTIFIED, Doubt, with_doubts
@@ -100,7 +100,7 @@ def report(case):
 @pytest.fixture
 def quick(monkeypatch):
     """Pages without drawing."""
-    monkeypatch.setattr(html_figures, "_picture", lambda *_: PICTURE)
+    monkeypatch.setattr(page, "_picture", lambda *_: PICTURE)
 
 
 def read(report):
@@ -132,7 +132,7 @@ def test_the_style_asks_for_nothing_and_for_print(report, quick):
 
 def test_long_runs_have_pictures_of_pixels(report, monkeypatch):
     """As vectors they would make the page large and slow."""
-    monkeypatch.setattr(html_figures, "RASTER_FROM", len(report.t) - 1)
+    monkeypatch.setattr(page, "RASTER_FROM", len(report.t) - 1)
     del report.outputs["corner"]
     (image,) = read(report).images
     kind, _, data = image.partition(",")
@@ -147,7 +147,7 @@ def test_pages_of_many_rows_have_figures_of_the_worst(case):
     outputs = [Output(name, C, labels=("x", "y", "z")) for name in ("one", "two", "three")]
     report = case.report(outputs=outputs, estimators=("fast", "energy"))
     found = read(report)
-    assert len(found.images) == html_figures.MOST == 6
+    assert len(found.images) == page.MOST == 6
     (left,) = [text for text in found.of("p") if "Not drawn" in text]
     assert "one y, two y, three y. report.plot(" in left
     del report.outputs["three"]
@@ -174,6 +174,17 @@ def test_answers_come_first_then_tables_of_outputs_and_components(report):
         for line in table(made, "output")[1:]:
             assert "".join(line) in found.words.replace("  ", " ")  # cells have nothing between them
     assert found.words.index("All components") < found.words.index("Messages")
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_a_tolerance_names_is_asked_for(report):
+    """Though it stands beside another output alone: as it is printed."""
+    beside = replace(report.output("corner"), name="tip z in the frame")
+    report.outputs = {"tip z": report.output("tip z"), beside.name: beside}
+    asked = ["tip z=1e9", "tip z in the frame=1e-30"]
+    first = report.summary(asked).splitlines()[1]
+    assert "tip z in the frame" in first
+    assert first in Strict(page.page(report, Tolerances(asked))).words
 
 
 @pytest.mark.usefixtures("quick")

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from copy import deepcopy
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,8 +15,8 @@ from matplotlib.figure import Figure
 import exudyn_romerr as romerr
 from examples import pictures as example
 from exudyn_romerr.report.answers import Tolerances
-from exudyn_romerr.report.data import NodeFields, Plan
 from exudyn_romerr.report.plots.body_surface import draw_body, plot_body, surface_triangles
+from exudyn_romerr.report.plots.comparisons import draw_convergence
 from exudyn_romerr.report.plots.over_time import (
     BAR,
     RASTER_FROM,
@@ -26,7 +25,6 @@ from exudyn_romerr.report.plots.over_time import (
     draw_signal,
 )
 from exudyn_romerr.report.plots.panels import PANELS, SCREEN, plot_causes, plot_report
-from exudyn_romerr.report.plots.run_comparison import draw_convergence, draw_run_time, front
 from exudyn_romerr.report.plots.style import (
     CAUSE_STYLES,
     COLOURS,
@@ -39,84 +37,30 @@ from exudyn_romerr.report.plots.style import (
     ends,
     isolated,
     log_line,
-    picture,
-    save,
     spread,
 )
-from exudyn_romerr.report.report import BoundReport, OutputReport
+from exudyn_romerr.report.report import BoundReport
 from exudyn_romerr.report.scope import COUPLED, FROZEN, Doubt
 from exudyn_romerr.report.wording import NOT_THE_MECHANISM
+from tests.report.made_up import (
+    ZERO,
+    area,
+    axes_of,
+    drawn,
+    edge,
+    legend,
+    line,
+    made_up,
+    notes,
+    several,
+    with_estimate,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
-ZERO = "zero"  # marks at the lower edge of a logarithmic axis
 OVER_TIME = (draw_signal, draw_bounds, draw_causes)
 FORMATS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 POSITIONS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
 TETS = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])  # they share one face
-
-
-def made_up(best=None, t=None, truth=True, corrected=True, time="reconstructed", rows=1, labels=(), **nodes):
-    """A report whose numbers are easily told apart; best: (T,) bound of its first row."""
-    t = np.linspace(0, 1, 5 if best is None else len(best)) if t is None else np.asarray(t, dtype=float)
-    best = np.linspace(1, 2, len(t)) if best is None else np.asarray(best, dtype=float)
-    best = np.column_stack([best * (1 + row) for row in range(rows)])
-    value, zero = np.full_like(best, 10.0) + t[:, None], np.zeros_like(best)
-    with np.errstate(invalid="ignore"):
-        shares = {"basis": 0.25 * best, "time step": 0.75 * best}
-    shares = {cause: np.where(np.isfinite(x), x, 0.0) for cause, x in shares.items()} | {
-        "initial": zero,
-        "jumps": zero,
-    }
-    bound = {"energy": 3 * best, "auxiliary": best, "best": best}
-    known = {"corrected": value + 0.5, "corrected_bound": zero + 0.1} if corrected else {}
-    known = {"corrected": None, "corrected_bound": None} | known
-    error = np.full_like(best, -0.5) if truth else None
-    out = OutputReport("tip", "mm", "displacement", value, zero, bound, bound, causes=shares, error=error, **known)
-    out.labels = labels
-    norms = {e: best[:, 0] for e in ("energy", "auxiliary")}
-    scope = dict.fromkeys(norms, "complete")
-    head = {"scope_reason": "", "reasons": dict.fromkeys(norms, ""), "plan": Plan((), ()), "messages": []}
-    return BoundReport(
-        t,
-        norms,
-        norms,
-        {"tip": out},
-        scope,
-        **head,
-        time=time,
-        total_mass=1.0,
-        nodes=NodeFields(nodes) if nodes else None,
-    )
-
-
-def axes_of(draw, *arguments, **options):
-    """Axes with one picture, drawn to the last artist: warnings are errors."""
-    figure = picture(draw, None, *arguments, **options)
-    figure.draw_without_rendering()
-    return figure.axes[0]
-
-
-def legend(ax):
-    """Labels, however many lines they take."""
-    return [" ".join(text.get_text().split("\n")) for text in ax.get_legend().get_texts()]
-
-
-def line(ax, label):
-    """The (x, y) of the line with this label."""
-    (found,) = [found for found in ax.lines if found.get_label() == label]
-    return found.get_data()
-
-
-def edge(ax, words):
-    """Where the marks at an edge are, for each curve that has some."""
-    return [np.flatnonzero(~np.isnan(mark.get_ydata())) for mark in ax.lines if mark.get_gid() == words]
-
-
-def area(ax, label):
-    """Lowest and highest y of a filled area, by its label."""
-    (found,) = [found for found in ax.collections if found.get_label().startswith(label)]
-    y = np.concatenate([path.vertices[:, 1] for path in found.get_paths()])
-    return y.min(), y.max()
 
 
 # --- over time --------------------------------------------------------------
@@ -135,16 +79,6 @@ def test_signal_has_bands_of_both_outputs_and_the_truth():
 def test_signal_without_auxiliary_modes_and_truth_promises_neither():
     ax = axes_of(draw_signal, made_up(truth=False, corrected=False), "tip")
     assert legend(ax) == ["reduced model", "± bound, at most 2"]
-
-
-def with_estimate(report, half, checks=("steps",)):
-    """Estimate 0.25 t less 0.1 of the first output; its half width."""
-    out = report.output("tip")
-    out.estimate = np.column_stack([0.25 * report.t - 0.1] * out.value.shape[1])
-    out.uncertainty = np.full_like(out.value, half)
-    out.estimate_parts = {"basis": out.estimate}
-    out.uncertainty_parts = dict.fromkeys(checks, out.uncertainty / len(checks))
-    return report
 
 
 def test_signal_has_the_best_guess_where_it_is_not_the_corrected_output():
@@ -361,12 +295,8 @@ def test_zeros_are_at_the_edge_and_in_the_legend():
     assert ZERO in legend(ax)
     drawn = line(ax, "bound 'auxiliary'")[1]
     np.testing.assert_array_equal(np.isnan(drawn), [True, False, True, False, True])
-
-
-def test_bounds_without_zeros_have_no_such_marks():
     ax = axes_of(draw_bounds, made_up(), "tip")
-    assert ZERO not in legend(ax)
-    assert edge(ax, ZERO) == []
+    assert (ZERO in legend(ax), edge(ax, ZERO)) == (False, [])
 
 
 def test_signal_without_a_bound_has_its_estimate_alone():
@@ -450,27 +380,6 @@ def test_figures_of_a_report_have_all_its_rows(plot, panels, tmp_path):
     assert (tmp_path / "run.svg").read_bytes().startswith(FORMATS[".svg"])
     with pytest.raises(romerr.InputError, match="no outputs to plot"):
         plot(BoundReport(**{**vars(made_up()), "outputs": {}}))
-
-
-def several(count, rows):
-    """A report of outputs "out 0", "out 1" ...; the last row of each and the last output have the largest bounds."""
-    report = made_up(rows=rows, labels="xyz"[:rows] if rows > 1 else ())
-    outputs = [deepcopy(report.output("tip")) for _ in range(count)]
-    for number, out in enumerate(outputs):
-        out.name = f"out {number}"
-        out.bound = {e: (1 + number) * x for e, x in out.bound.items()}
-    report.outputs = {out.name: out for out in outputs}
-    return report
-
-
-def notes(figure):
-    """The lines below all panels: every space and end of line the same."""
-    return " ".join(figure.get_supxlabel().split())
-
-
-def drawn(figure):
-    """What panels show, by their titles."""
-    return list(dict.fromkeys(ax.get_title().split(":")[0] for ax in figure.axes))
 
 
 @pytest.mark.parametrize(
@@ -638,67 +547,6 @@ def test_large_areas_are_pixels_in_vector_pictures():
         assert {area.get_rasterized() for area in ax.collections} == {expected}
 
 
-# --- several runs -----------------------------------------------------------
-
-RUNS = [("a", 1, 1e-2, 1e-3, "4"), ("a", 4, 1e-5, None), ("b", 2, 1e-3, 1e-4), ("b", 3, 1e-2, 5e-3)]
-
-
-def test_runs_of_a_kind_are_one_curve_and_the_front_is_marked():
-    ax = axes_of(draw_run_time, RUNS, "tip", "mm")
-    assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", "run time / s")
-    assert ax.get_ylabel() == "largest error of tip / mm"
-    assert legend(ax) == ["Pareto front of the bounds", "a", "b", "filled: bound", "hollow: true error"]
-    assert [x.tolist() for x in line(ax, "Pareto front of the bounds")] == [[1, 2, 4], [1e-2, 1e-3, 1e-5]]
-    assert [x.tolist() for x in line(ax, "a")] == [[1, 4], [1e-2, 1e-5]]
-    hollow = [found.get_data() for found in ax.lines if found.get_linestyle() == ":" and len(found.get_xdata())]
-    assert [x.tolist() for pair in hollow for x in pair] == [[1], [1e-3], [2, 3], [1e-4, 5e-3]]
-    assert [text.get_text() for text in ax.texts] == ["4"]
-
-
-def test_runs_without_a_finite_bound_are_a_note_and_those_without_error_have_no_mark():
-    ax = axes_of(draw_run_time, [("a", 1, np.inf), ("a", 2, 0.0)], "tip", "mm")
-    assert [x.tolist() for x in edge(ax, ZERO)] == [[1]]
-    assert ax.get_title().endswith("1 of 2 bounds infinite")
-    assert "hollow: true error" not in legend(ax)
-
-
-def test_front_is_what_no_other_run_beats():
-    rng = np.random.default_rng(3)
-    seconds, bounds = rng.uniform(1, 2, (2, 200))
-    beaten = (seconds[:, None] < seconds) & (bounds[:, None] < bounds)
-    assert sorted(front(seconds, bounds)) == np.flatnonzero(~beaten.any(axis=0)).tolist()
-    assert np.all(np.diff(seconds[front(seconds, bounds)]) > 0)
-
-
-def test_runs_of_growing_size():
-    ax = axes_of(draw_convergence, [(4, 1e-3, None), (2, 1e-1, 1e-2), (8, 0.0, 0.0)], "tip", "mm")
-    assert (ax.get_xlabel(), ax.get_yscale(), ax.get_ylabel()) == (
-        "number of modes",
-        "log",
-        "largest error of tip / mm",
-    )
-    assert legend(ax) == ["bound", "|true error|", ZERO]
-    assert line(ax, "bound")[0].tolist() == [2, 4, 8]
-    assert line(ax, "|true error|")[0].tolist() == [2, 8]
-
-
-@pytest.mark.parametrize(
-    ("draw", "rows", "message"),
-    [
-        (draw_run_time, [], "rows is empty"),
-        (draw_run_time, [("a", 1)], "needed: 3 to 5 of"),
-        (draw_run_time, [("a", 0.0, 1.0)], "seconds of every row"),
-        (draw_run_time, [("a", 1.0, np.nan)], "bound of nan"),
-        (draw_run_time, [(str(i), 1.0, 1.0) for i in range(7)], "7 kinds of basis"),
-        (draw_convergence, [(2, 1.0, -1.0)], "error of -1.0"),
-        (draw_convergence, [(2,)], "needed: 2 to 3 of"),
-    ],
-)
-def test_rows_that_cannot_be_drawn_are_refused(draw, rows, message):
-    with pytest.raises(romerr.InputError, match=message):
-        axes_of(draw, rows, "tip", "mm")
-
-
 # --- the body ---------------------------------------------------------------
 
 
@@ -837,12 +685,7 @@ def test_single_samples_between_others_that_are_not_drawn_have_a_marker():
     ax = Figure().add_subplot()
     log_line(ax, np.arange(100.0), y, every=spread(100, 1), color="k", marker="o")
     assert ax.lines[0].get_markevery() == [*range(3, 50, 10), 51, *range(53, 100, 10)]
-
-
-def test_logarithmic_lines_leave_the_data_as_they_are():
-    y = np.array([0.0, 1.0, np.inf])
-    log_line(Figure().add_subplot(), np.arange(3.0), y, color="k")
-    np.testing.assert_array_equal(y, [0.0, 1.0, np.inf])
+    assert (y[50], y[52]) == (0.0, np.inf)  # the data are left as they are
 
 
 @pytest.mark.parametrize(
@@ -855,7 +698,7 @@ def test_pictures_are_saved_by_the_ending_of_their_name(tmp_path, ending, kind):
         "report": lambda: report.plot(path),
         "causes": lambda: report.plot_causes(path),
         "body": lambda: report.plot_body((POSITIONS, TETS), path),
-        "run_time": lambda: romerr.plot_run_time(RUNS, "tip", "mm", path),
+        "run_time": lambda: romerr.plot_run_time([("a", 1, 1e-2, 1e-3, "4"), ("b", 2, 1e-3)], "tip", "mm", path),
         "convergence": lambda: romerr.plot_convergence([(2, 1.0)], "tip", "mm", path),
     }[kind]()
     assert isinstance(made, Figure)
@@ -869,27 +712,11 @@ def test_unknown_endings_are_refused(tmp_path, name):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_failed_write_leaves_the_picture_that_was_there(tmp_path):
-    path, figure = tmp_path / "picture.png", Figure()
-    save(figure, path)
-    before = path.read_bytes()
-
-    def fails(stream, **options):
-        stream.write(b"half")
-        raise OSError(28, "No space left on device")
-
-    figure.savefig = fails
-    with pytest.raises(romerr.InputError, match="No space left"):
-        save(figure, path)
-    assert path.read_bytes() == before
-    assert [x.name for x in tmp_path.iterdir()] == ["picture.png"]
-
-
 QUIET = """
 import sys, json
 import numpy as np
 import exudyn_romerr as romerr
-from exudyn_romerr.report.plots import run_comparison as pictures, over_time as plot, style, body_surface as surface
+from exudyn_romerr.report.plots import comparisons as pictures, over_time as plot, style, body_surface as surface
 before = "matplotlib" in sys.modules
 romerr.plot_convergence([(2, 1.0)], "tip", "mm")
 print(json.dumps([before, "matplotlib" in sys.modules, "matplotlib.pyplot" in sys.modules]))

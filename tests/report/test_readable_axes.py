@@ -5,7 +5,7 @@ import pytest
 
 from exudyn_romerr.report.plots.over_time import draw_bounds, draw_signal
 from exudyn_romerr.report.plots.panels import plot_report
-from tests.report.test_pictures import axes_of, drawn, legend, made_up, several, with_estimate
+from tests.report.made_up import axes_of, drawn, legend, made_up, several, with_estimate
 
 
 def grown(report, times, estimators):

@@ -1,6 +1,5 @@
 """BoundReport: saved and loaded, compared, printed, plotted; all of it where Exudyn cannot be imported."""
 
-import json
 import pickle
 import re
 import subprocess
@@ -17,6 +16,7 @@ from exudyn_romerr.report.scope import COUPLED, FROZEN
 from exudyn_romerr.report.wording import AS_IN_THIS_RUN, NOT_THE_MECHANISM, rounded_up
 from tests.helpers import tolerances as tol
 from tests.helpers.theorem import random_case
+from tests.report.saved_files import rewritten
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = ("fast", "convolution")
@@ -75,11 +75,7 @@ def test_tolerances_are_kept_and_files_without_still_load(report, tmp_path):
     report.save(path)
     again = load_report(path)
     assert [out.tolerance for out in again.outputs.values()] == [1e3, None]
-    with np.load(path) as file:
-        arrays = {key: file[key] for key in file.files}
-    meta = json.loads(str(arrays.pop("meta")))
-    del meta["tolerances"], meta["stopped"]
-    np.savez(path, meta=np.array(json.dumps(meta)), **arrays)
+    rewritten(path, without=("tolerances", "stopped"))
     older = load_report(path).outputs.values()
     assert [(out.tolerance, out.stopped) for out in older] == [(None, None)] * 2
 
@@ -227,10 +223,7 @@ def test_foreign_files_are_refused(tmp_path):
 def test_another_version_is_refused(report, tmp_path, version):
     """The message names both versions and what to do."""
     report.save(tmp_path / "run.npz")
-    with np.load(tmp_path / "run.npz") as file:
-        arrays = {key: file[key] for key in file.files}
-    meta = {**json.loads(str(arrays.pop("meta"))), "format": version}
-    np.savez(tmp_path / "run.npz", meta=np.array(json.dumps(meta)), **arrays)
+    rewritten(tmp_path / "run.npz", {"format": version})
     with pytest.raises(InputError, match=rf"format {version!r}; this version reads format \d+: save it again"):
         load_report(tmp_path / "run.npz")
 
@@ -317,20 +310,6 @@ def test_summary_says_what_is_not_covered(report, case):
     text = report.details
     assert f"its reduction error is at most {rounded_up(report.output('y').bound['fast'].max())} m by 'fast'" in text
     assert "bound / error: " in text
-
-
-@pytest.mark.parametrize("with_truth", [False, True])
-def test_plot_writes_a_picture(report, case, tmp_path, with_truth):
-    """One column for each row of the outputs asked for: the signal above, the bounds below."""
-    if with_truth:
-        compared(report, case)
-    figure = report.plot(tmp_path / "run.png", outputs=["y"])
-    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
-    assert len(figure.axes) == 4
-    assert figure.axes[2].get_yscale() == "log"
-    labels = figure.axes[2].get_legend_handles_labels()[1]
-    assert any("true error" in label for label in labels) == with_truth
-    assert "bound 'fast'" in labels
 
 
 WITHOUT_EXUDYN = """

@@ -9,7 +9,14 @@ import pytest
 
 from exudyn_romerr.report.answers import STATUS, Answer, Tolerances, worst
 from exudyn_romerr.report.data import extents
-from exudyn_romerr.report.table import by_sensor, first_sentences, reasons, said, share_in_brackets, summary, table
+from exudyn_romerr.report.table import (
+    by_sensor,
+    first_sentences,
+    reasons,
+    size_in_words,
+    summary,
+    table,
+)
 from exudyn_romerr.report.verdicts import (
     ESTIMATED,
     MEASURED,
@@ -17,9 +24,9 @@ from exudyn_romerr.report.verdicts import (
     Verdict,
     beside_estimate,
     judge,
-    judged,
+    judged_together,
     not_covered,
-    not_the_rest,
+    of_a_run_cut_short,
 )
 
 
@@ -32,7 +39,7 @@ def row(name, axis, limit=0.01, extent=1.0, how=ESTIMATED, is_asked=True, **size
     }
     known = [pair for pair in sizes.values() if pair is not None]
     of["sum"] = judge(*(whole or max(known)), limit, how) if len(known) == len(sizes) else not_covered("nobody knows")
-    of = judged(of, extent, limit)
+    of = judged_together(of, extent, limit)
     label, component = f"{name} {axis}".strip(), "xyz".find(axis) if axis else 0
     return Row(name, component, 0, "", extent, extent, of, tolerance=limit, label=label, axis=axis, is_asked=is_asked)
 
@@ -61,36 +68,61 @@ def test_a_row_with_something_unknown_comes_first():
     assert by_sensor([SURE_AND_SMALL, unknown])[0] is unknown
 
 
-def test_the_first_line_names_all_that_is_too_large_then_all_that_is_not_known():
-    rows = [
-        SURE_AND_SMALL,
-        LARGE_AND_UNSURE,
-        row("tip", "", modes=(0.5, 0.01), step=None),
-        row("end", "", modes=(0.5, 0.01), step=(1e-3, 1e-6)),
-        row("hub", "", modes=(1e-5, 1e-8), step=(1e-5, 1e-8)),
-    ]
-    assert summary(rows) == "Too large, by step: mid; by modes: tip, end. Not known, by step: tip."
-    assert worst(one.answer for one in rows) is Answer.TOO_LARGE
+GOOD = row("hub", "", modes=(1e-5, 1e-8), step=(1e-5, 1e-8))
+NOT_ASKED = row("tip", "", None, modes=(9.0, 0.1))
+STILL = row("tip", "", 0.0, 0.0, modes=(0.0, 0.0), step=(0.0, 0.0))
+TOGETHER = row("tip", "", modes=(8e-3, 1e-5), step=(8e-3, 1e-5), whole=(0.016, 1e-5))
+WITHIN = "the error of {} is within its tolerance"
 
 
-def test_enough_is_said_of_what_has_a_tolerance():
-    good, none = row("hub", "", modes=(1e-5, 1e-8), step=(1e-5, 1e-8)), row("tip", "", None, modes=(9.0, 0.1))
-    assert summary([good]) == "Enough: the error of every sensor is within its tolerance."
-    assert summary([good, none]) == "Enough: the error of hub is within its tolerance. No tolerance: tip."
-    assert summary([none]) == "No tolerance: tip."
-    assert STATUS[none.answer] == 2  # only names that no sensor has
-    assert first_sentences([none]) == ["Modes: no tolerance, about 9 +- 0.1 (900 %) at tip."]
+@pytest.mark.parametrize(
+    ("rows", "status", "said"),
+    [
+        (
+            [
+                SURE_AND_SMALL,
+                LARGE_AND_UNSURE,
+                row("tip", "", modes=(0.5, 0.01), step=None),
+                row("end", "", modes=(0.5, 0.01), step=(1e-3, 1e-6)),
+                GOOD,
+            ],
+            3,
+            "Too large, by step: mid; by modes: tip, end. Not known, by step: tip.",
+        ),
+        ([GOOD], 0, f"Enough: {WITHIN.format('every sensor')}."),
+        ([GOOD, NOT_ASKED], 0, f"Enough: {WITHIN.format('hub')}. No tolerance: tip."),
+        ([NOT_ASKED], 2, "No tolerance: tip."),  # only names that no sensor has
+        ([replace(GOOD, is_asked=False)], 0, f"Enough: {WITHIN.format('every sensor')} (1 % assumed; --tolerance)."),
+        ([TOGETHER], 3, "Too large: tip."),
+        (
+            [GOOD, row("ground", "", modes=None)],
+            4,
+            f"Not covered by any estimate: ground. Enough: {WITHIN.format('hub')}.",
+        ),
+        ([STILL], 4, "Shows 0 throughout: tip."),
+    ],
+)
+def test_the_first_line_names_what_is_too_large_then_what_is_not_known(rows, status, said):
+    assert (summary(rows), STATUS[worst(one.answer for one in rows)]) == (said, status)
 
 
-def test_an_assumed_tolerance_is_said_to_be_one():
-    good = row("hub", "", modes=(1e-5, 1e-8), is_asked=False)
-    assert summary([good]).endswith(" is within its tolerance (1 % assumed; --tolerance).")
+@pytest.mark.parametrize(
+    ("one", "sentences"),
+    [
+        (NOT_ASKED, ["Modes: no tolerance, about 9 +- 0.1 (900 %) at tip."]),
+        (STILL, []),
+        (
+            row("tip", "", modes=(0.0101, 1e-3)),
+            ["Modes: not known (too close to the tolerance), about 0.01 +- 0.001 (1 %) at tip; cure of modes."],
+        ),
+    ],
+)
+def test_sentences_of_one_sensor(one, sentences):
+    assert first_sentences([one]) == sentences
 
 
 def test_what_all_causes_make_together_may_be_too_large_alone():
-    both = row("tip", "", modes=(8e-3, 1e-5), step=(8e-3, 1e-5), whole=(0.016, 1e-5))
-    assert summary([both]) == "Too large: tip."
-    assert first_sentences([both])[0].startswith("Whole error: too large, about 0.016 (1.6 %) at tip")
+    assert first_sentences([TOGETHER])[0].startswith("Whole error: too large, about 0.016 (1.6 %) at tip")
 
 
 def test_a_sentence_tells_what_is_too_large_and_what_is_not_known():
@@ -124,14 +156,6 @@ def test_what_is_not_resolved_contradicts_what_is_above_it_alone():
     assert (other.is_contradicted, other.answer) == (True, Answer.ENOUGH)
 
 
-def test_the_rest_is_enough_beside_what_nothing_covers():
-    good, ground = row("hub", "", modes=(1e-5, 1e-8)), row("ground", "", modes=None)
-    assert (
-        summary([good, ground])
-        == "Not covered by any estimate: ground. Enough: the error of hub is within its tolerance."
-    )
-
-
 def test_what_is_largest_is_told_first():
     steps = row("tip", "", modes=(0.05, 1e-4), step=(0.08, 1e-3))
     modes = row("tip", "", modes=(0.09, 1e-4), step=(0.08, 1e-3))
@@ -156,23 +180,11 @@ def test_where_steps_resolve_nothing_that_is_all_that_is_told():
     assert coarse.of["modes"].answer is Answer.NOT_KNOWN
 
 
-def test_what_is_close_to_the_tolerance_is_not_known():
-    (line,) = first_sentences([row("tip", "", modes=(0.0101, 1e-3))])
-    assert line == "Modes: not known (too close to the tolerance), about 0.01 +- 0.001 (1 %) at tip; cure of modes."
-
-
-def test_what_shows_nothing_is_said_in_the_first_line():
-    still = row("tip", "", 0.0, 0.0, modes=(0.0, 0.0), step=(0.0, 0.0))
-    assert summary([still]) == "Shows 0 throughout: tip."
-    assert first_sentences([still]) == []
-    assert STATUS[still.answer] == 4
-
-
 def test_a_run_that_ended_early_says_so_first():
     """Nothing is enough then; what is too large until then is."""
     early = "until 0.105 of 0.25 s: the solve failed"
     rows = [row("tip", "", modes=(1e-5, 1e-8)), row("end", "", modes=(0.5, 1e-3))]
-    rows = [replace(one, until=early, of=not_the_rest(one.of, early)) for one in rows]
+    rows = [replace(one, until=early, of=of_a_run_cut_short(one.of, early)) for one in rows]
     assert (
         summary(rows)
         == "Until 0.105 of 0.25 s: the solve failed. Too large, by modes: end. Not known, by modes: tip."
@@ -221,20 +233,20 @@ def test_of_two_components_the_larger_contradiction_is_told():
 
 @pytest.mark.parametrize("half", [1.1e-3, 1.01e-3, 9.9e-3, 0.0123456])
 def test_half_widths_are_rounded_up_to_two_digits(half):
-    told = float(said(Verdict(0.123, half, ESTIMATED, Answer.ENOUGH)).split("+- ")[1])
+    told = float(size_in_words(Verdict(0.123, half, ESTIMATED, Answer.ENOUGH)).split("+- ")[1])
     assert half <= told <= 1.1 * half
 
 
 def test_a_size_without_a_half_width_is_that_or_more():
-    assert said(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), "m") == "0.12 m or more"
-    assert share_in_brackets(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), 1.0) == " (12 %)"
+    assert size_in_words(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), "m") == "0.12 m or more"
+    assert size_in_words(Verdict(0.123, None, MEASURED, Answer.TOO_LARGE), "", 1.0).endswith(" (12 %)")
 
 
 def test_shares_are_of_what_is_said():
     """Rounding, too."""
     rounded = Verdict(1e-6, 1e-9, ESTIMATED, Answer.NOT_KNOWN, floor=0.02)
-    assert said(rounded) == "0.03 or less, at round-off"
-    assert share_in_brackets(rounded, 1.0) == " (2 %)"
+    assert size_in_words(rounded) == "0.03 or less, at round-off"
+    assert size_in_words(rounded, "", 1.0).endswith(" (2 %)")
 
 
 def test_one_definition_of_what_a_share_is_of():

@@ -26,8 +26,8 @@ from exudyn_romerr.scripts.compared import (
     OTHER_INSTANTS,
     SHRINK_LITTLE,
     UNSETTLED,
+    disagreements,
     rows_of_signal,
-    two_ways,
 )
 from exudyn_romerr.scripts.signals import OF_CALL, SAME_STEPS, Signal, signals
 from exudyn_romerr.scripts.verify import BY_CALL, _planned
@@ -164,6 +164,8 @@ def test_answers_files_and_pictures(bar, tmp_path):
         bar.answer("sensor9", 1.0)
     bar.save(tmp_path / "a.json")
     told = json.loads((tmp_path / "a.json").read_text(), parse_constant=pytest.fail)
+    with pytest.raises(InputError, match="does not exist: make it"):
+        bar.save(tmp_path / "none" / "a.json")
     assert {run["name"] for run in told["runs"]} == {*bar.results}
     assert told["sensors"] == bar.rows
     validate(told, json.loads((ROOT / "docs" / "answer.schema.json").read_text()))
@@ -304,7 +306,7 @@ import exudyn
 
 def write_guard_holds():
     """Whether this system lets a process give up its right to write."""
-    code = "from exudyn_romerr.scripts.write_guard import write_only_in; print(write_only_in([]))"
+    code = "from exudyn_romerr.scripts.overlay import write_only_in; print(write_only_in([]))"
     return "True" in subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True).stdout
 
 
@@ -324,9 +326,9 @@ def test_nothing_of_the_users_is_changed(tmp_path):
         (home / name).write_text(text)
     before = snapshot(tmp_path)
     result = run_child(request(path))
-    assert result.told["status"] == 0, result.told["error"]
+    assert result.facts["status"] == 0, result.facts["error"]
     assert snapshot(tmp_path) == before
-    assert any("table.txt" in note for note in result.told["notes"])
+    assert any("table.txt" in note for note in result.facts["notes"])
 
 
 WRITES = """
@@ -364,7 +366,7 @@ def test_what_exudyn_writes_stays_in_the_runs_folder(tmp_path):
             path = written(home, Path(path).read_text().replace(f"fileName={str(away)!r},", ""))
         before = snapshot(tmp_path)
         result = run_child(request(path))
-        assert (result.failure, result.told["status"]) == ("", 0)
+        assert (result.failure, result.facts["status"]) == ("", 0)
         assert snapshot(tmp_path) == before
 
 
@@ -402,7 +404,7 @@ def test_nothing_to_compare_is_an_error(tmp_path, capsys):
 def test_temporary_files_of_the_script_are_where_it_looks_for_them(tmp_path):
     text = MASS.replace("import sys", "import sys, tempfile\nplace = tempfile.mkdtemp() + '/sensor.txt'", 1)
     text = text.replace('name="mass",', 'name="mass", fileName=place,') + "assert len(open(place).readlines()) > 50\n"
-    told = run_child(request(written(tmp_path, text))).told
+    told = run_child(request(written(tmp_path, text))).facts
     assert (told["status"], told["error"]) == (0, "")
 
 
@@ -739,9 +741,9 @@ def test_two_ways_to_more_modes_are_both_said():
 
     values = {"unchanged": 1.0, "again": 1.0, "modes": 1.1, "twice": 1.01, "four times": 1.011}
     results = {name: result(name, x) for name, x in values.items()}
-    (line,) = two_ways(results)
+    (line,) = disagreements(results)
     assert line.startswith("tip: modes 1.0e-01 by our vectors, 1.1e-02 +- 1e-03 by the script's own call")
-    assert two_ways(results | {"twice": result("twice", 1.1), "four times": result("four times", 1.1)}) == []
+    assert disagreements(results | {"twice": result("twice", 1.1), "four times": result("four times", 1.1)}) == []
 
 
 def test_what_is_below_noise_is_not_measurable():

@@ -21,8 +21,7 @@ from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
 from ...online.run_record import beside_steps
-from ...report.data import Plan, extents, line_of
-from ...report.formats.provenance import made_here
+from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason

@@ -20,7 +20,7 @@ from .chosen_outputs import chosen_outputs, shows_motion
 from .found_bodies import NO_FEM
 
 if TYPE_CHECKING:
-    from ...judgement.solve import Solve
+    from ...report.judgement import Solve
     from ...report.report import BoundReport
     from ..access.endings import EndedBy
     from ..floating.floating_body import FloatingBody

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 from ...errors import RunError
-from ...judgement.solve import Solve
 from ...process.own_frames import without_our_places
+from ...report.judgement import Solve
 from ...report.verdicts import until_begun
 from ..access.endings import INTERRUPTED, TO_ITS_END, EndedBy, ended_by, note_end
 from .stand_in import StandIn
@@ -166,7 +166,7 @@ class WatchedSolves(StandIn):
 
 def _reports(monitor: Any, first: int) -> list[BoundReport]:
     """The reports of the runs from number `first` on; of a run that went on from the one before with that."""
-    from ...report.joined_in_time import joined_in_time
+    from ...report.mechanism_report import joined_in_time
 
     count = len(monitor.runs)
     if count <= first + 1:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import BinaryIO
 
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
 
 
 def columns(report: ReportData) -> dict[str, np.ndarray]:
@@ -92,7 +92,7 @@ def _named(report: ReportData) -> Iterator[tuple[str, np.ndarray]]:
         yield from ((f"{kind} bound {e}{under(report.scope, e, report.uncertified)}", x) for e, x in bounds.items())
 
 
-def _series(out: OutputData, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
+def _series(out: OutputReport, scope: dict[str, str]) -> Iterator[tuple[str, np.ndarray]]:
     yield "", out.value
     doubts = out.uncertified
     holds_under = under(scope, doubts=doubts)

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import os
+import re
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..data import is_beside
-from ..report_rows import rows_of as verdicts_of
+from ..data import is_beside, made_here
+from ..plots.over_time import draw_bounds, draw_causes, draw_signal
+from ..plots.style import DPI, SIZE, new_figure, of_one_size
+from ..report_rows import asked_for, limit_of, rows_of
 from ..scope import COMPLETE, COUPLED, FROZEN, NOT_CERTIFIED, remedies
-from ..table import ASSESS, by_sensor, first_sentences, reasons, summary
-from ..table import table as verdicts_table
+from ..table import ASSESS, by_sensor, first_sentences, reasons, summary, table
 from ..wording import (
     check_name,
     corrected_within,
     digits,
     estimated_under,
+    for_run_alone,
     instant,
     is_known,
     off_by,
@@ -30,16 +35,43 @@ from ..wording import (
     with_unit,
 )
 from .atomic_write import write_whole
-from .html_elements import CSS, items, numbers, paragraph, section, table
-from .html_figures import figures, rows_of
-from .provenance import made_here
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from ..answers import Tolerances
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
 
+NUMBER = re.compile(r"\d[\d.]*e[-+]\d+")
+CSS = """
+:root { color-scheme: light; }
+body { font: 16px/1.5 system-ui, "Segoe UI", Roboto, Arial, sans-serif; color: #1a1a1a; background: #fff;
+  max-width: 60rem; margin: 2rem auto; padding: 0 1rem; overflow-wrap: anywhere; }
+h1 { font-size: 1.6rem; margin-bottom: 0; }
+h2 { font-size: 1.2rem; margin-top: 2rem; border-bottom: 1px solid #bbb; }
+.extent, figcaption { color: #555; font-size: 0.9rem; }
+.extent { margin-top: 0; }
+figure { margin: 1rem 0; }
+img { width: 100%; height: auto; }
+.wide { overflow-x: auto; margin: 1rem 0; }
+table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; overflow-wrap: normal; }
+caption { text-align: left; font-weight: 600; padding: 0.3rem 0; }
+th, td { text-align: left; vertical-align: top; padding: 0.3rem 0.6rem; border-bottom: 1px solid #ccc; }
+thead th { border-bottom: 2px solid #555; }
+.numbers td, .n { white-space: pre; }
+pre { background: #f4f4f4; padding: 0.6rem; white-space: pre-wrap; }
+@page { size: A4; margin: 18mm; }
+@media print {
+  body { font-size: 10pt; max-width: none; margin: 0; padding: 0; print-color-adjust: exact; }
+  h2, caption { break-after: avoid; }
+  figure, tr, pre { break-inside: avoid; }
+  tbody tr:first-child { break-before: avoid; }
+  img { max-height: 235mm; object-fit: contain; }
+  .wide { overflow: visible; }
+}
+"""
+RASTER_FROM = 3000  # samples: as vectors, curves of more would make the page large and slow
+MOST = 6  # figures: each takes a third of a second to draw and 0.25 MB
 MEANINGS = {
     COMPLETE: "loads and supports do not depend on how the body deforms: the bound is that of the full body",
     COUPLED: "joints, springs and other bodies react to the body's error: covered to first order; time steps are not",
@@ -91,17 +123,17 @@ def page(report: ReportData, tolerances: Tolerances | None = None) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{safe}">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',
         f"<style>{CSS}</style>\n</head>\n<body>\n<h1>{escape(title)}</h1>",
-        *([paragraph(f"{first}.", "first")] if (first := said_first(report)) else []),
-        paragraph(_extent(report), "extent"),
+        *([_paragraph(f"{first}.", "first")] if (first := said_first(report)) else []),
+        _paragraph(_extent(report), "extent"),
         *(['<p><a href="#messages">Read the messages below, too.</a></p>'] if report.messages else []),
         *_verdicts(report, tolerances),
-        section("Messages", items(report.messages) if report.messages else paragraph("None.")),
-        section("What the bounds cover", *_scope(report)),
-        section("Figures", *figures(report, tolerances)),
-        section("Tables", *_tables(report)),
-        section("Plan", *_plan(report)),
-        section("Versions", _versions(report)),
-        section("Make it again", *_again(report)),
+        _section("Messages", _items(report.messages) if report.messages else _paragraph("None.")),
+        _section("What the bounds cover", *_scope(report)),
+        _section("Figures", *figures(report, tolerances)),
+        _section("Tables", *_tables(report)),
+        _section("Plan", *_plan(report)),
+        _section("Versions", _versions(report)),
+        _section("Make it again", *_again(report)),
         "</body>\n</html>\n",
     ]
     return "\n".join(parts)
@@ -115,25 +147,25 @@ def _extent(report: ReportData) -> str:
 
 def _verdicts(report: ReportData, tolerances: Tolerances | None) -> Iterator[str]:
     if not report.outputs:
-        yield paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
+        yield _paragraph("No outputs were asked for: only the error of the whole body is bounded, see the tables.")
         return
-    rows = verdicts_of(report, tolerances)
+    rows = rows_of(report, tolerances)
     outputs = by_sensor(rows)
-    asked = [row for row in rows if not is_beside(report, row.name)]
+    asked = asked_for(report, rows, tolerances)
     what = "output" if len(asked) == len(rows) else "output asked for"
-    yield paragraph(summary(asked, what, ASSESS), "first")
-    yield from (paragraph(said) for said in (*first_sentences(asked), *reasons(asked)))
-    head, *lines = verdicts_table(outputs, "output")
-    yield table("All outputs", head, lines)
-    head, *lines = verdicts_table(rows, "component")
+    yield _paragraph(summary(asked, what, ASSESS), "first")
+    yield from (_paragraph(said) for said in (*first_sentences(asked), *reasons(asked)))
+    head, *lines = table(outputs, "output")
+    yield _table("All outputs", head, lines)
+    head, *lines = table(rows, "component")
     if len(rows) > len(outputs):
-        yield table("All components", head, lines)
-    notes = [f"{name}: {note}" for out, row, name in rows_of(report) for note in _notes(report, out, row)]
+        yield _table("All components", head, lines)
+    notes = [f"{name}: {note}" for out, row, name in components_of(report) for note in _notes(report, out, row)]
     if notes:
-        yield items(notes)
+        yield _items(notes)
 
 
-def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
+def _notes(report: ReportData, out: OutputReport, row: int) -> Iterator[str]:
     """What stands beside a verdict: which bound, what the corrected output is worth, how far a truth is away."""
     best = min(widest(report.scope), key=lambda e: np.max(out.bound[e][:, row], initial=0.0))
     if not np.isfinite(np.max(out.bound["best"][:, row])):
@@ -153,16 +185,16 @@ def _notes(report: ReportData, out: OutputData, row: int) -> Iterator[str]:
 
 def _scope(report: ReportData) -> Iterator[str]:
     rows = [(f"'{e}'", scope, MEANINGS[scope], report.reasons[e]) for e, scope in report.scope.items()]
-    yield table("", ("estimator", "scope", "which means", "assumptions"), rows)
+    yield _table("", ("estimator", "scope", "which means", "assumptions"), rows)
     if report.scope_reason:
-        yield paragraph(f"Why: {report.scope_reason}.")
+        yield _paragraph(f"Why: {report.scope_reason}.")
     if report.uncertified:
-        yield paragraph("No bound of this run is certified:")
-        yield items(remedies(report.uncertified))
+        yield _paragraph("No bound of this run is certified:")
+        yield _items(remedies(report.uncertified))
     has_estimates = any(out.estimate is not None for out in report.outputs.values())
     is_of_body = report.time == "reconstructed" and widest_scope(report.scope) == FROZEN
     time = OF_THE_BODY if is_of_body else TIME_WORDS[report.time]
-    yield paragraph(f"{time} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
+    yield _paragraph(f"{time} {NEVER}{f' {ABOUT}' if has_estimates else ''}")
 
 
 def _tables(report: ReportData) -> Iterator[str]:
@@ -175,38 +207,38 @@ def _tables(report: ReportData) -> Iterator[str]:
             f"corrected within{f', {NOT_CERTIFIED}' if report.uncertified else ''}",
             "round-off",
         )
-        rows = [_output_row(report, out, row, name, estimators) for out, row, name in rows_of(report)]
-        yield numbers("Largest bounds of outputs, and when", head, rows)
-    if estimated := [found for found in rows_of(report) if is_known(found[0], found[1])]:
+        rows = [_output_row(report, out, row, name, estimators) for out, row, name in components_of(report)]
+        yield _table("Largest bounds of outputs, and when", head, rows, "numbers")
+    if estimated := [found for found in components_of(report) if is_known(found[0], found[1])]:
         head = ("output", "largest estimate", "half width", "parts", "parts of the half width")
         rows = [_estimate_row(report, out, row, name) for out, row, name in estimated]
-        yield numbers("Estimates of the error, largest values over time", head, rows)
+        yield _table("Estimates of the error, largest values over time", head, rows, "numbers")
     divisor = 1.0 if report.total_mass is None else np.sqrt(report.total_mass)
     what = "in the mass norm" if report.total_mass is None else "mass-weighted RMS over the body"
     norms = (report.position_bound, report.velocity_bound)
     rows = [
         (
             f"'{e}'{under(report.scope, e, report.uncertified)}",
-            *(_largest(report, bound[e] / divisor) for bound in norms),
+            *(_largest_and_when(report, bound[e] / divisor) for bound in norms),
         )
         for e in report.position_bound
     ]
     head = ("estimator", "bound of the error of position", "of velocity")
     if rows:  # a mechanism has none
-        yield numbers(f"The whole body, {what}, in the units of the model", head, rows)
+        yield _table(f"The whole body, {what}, in the units of the model", head, rows, "numbers")
 
 
-def _output_row(report: ReportData, out: OutputData, row: int, name: str, estimators: list[str]) -> list[str]:
+def _output_row(report: ReportData, out: OutputReport, row: int, name: str, estimators: list[str]) -> list[str]:
     bounds = []
     for e in estimators:
         truth = f"\n/ true error: {digits(out.effectivity[e][row])}" if out.effectivity else ""
-        bounds.append(_largest(report, out.bound[e][:, row], out.unit) + truth)
-    corrected = "" if out.corrected is None else _largest(report, out.corrected_bound[:, row], out.unit)
+        bounds.append(_largest_and_when(report, out.bound[e][:, row], out.unit) + truth)
+    corrected = "" if out.corrected is None else _largest_and_when(report, out.corrected_bound[:, row], out.unit)
     values, floor = (with_unit(digits(np.max(np.abs(x[:, row]))), out.unit) for x in (out.value, out.round_off))
     return [name, values, *bounds, corrected, floor]
 
 
-def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> list[str]:
+def _estimate_row(report: ReportData, out: OutputReport, row: int, name: str) -> list[str]:
     parts, checks = (
         "\n".join(
             f"{check_name(key, out.uncertified)} {digits(np.max(np.abs(x[:, row])))}" for key, x in found.items()
@@ -224,7 +256,7 @@ def _estimate_row(report: ReportData, out: OutputData, row: int, name: str) -> l
     ]
 
 
-def _largest(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
+def _largest_and_when(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
     when = instant(report.time, report.t[np.argmax(bound)])
     if not np.isfinite(np.max(bound)):
         return f"infinite\nfrom {when}"
@@ -232,22 +264,126 @@ def _largest(report: ReportData, bound: np.ndarray, unit: str = "") -> str:
 
 
 def _plan(report: ReportData) -> Iterator[str]:
-    yield items(report.plan.computed)
+    yield _items(report.plan.computed)
     if report.plan.left_out:
-        yield table("Left out, and why", ("what", "why"), report.plan.left_out)
+        yield _table("Left out, and why", ("what", "why"), report.plan.left_out)
 
 
 def _versions(report: ReportData) -> str:
     run, here = report.made, made_here()
     rows = [(name, run.get(name, "not recorded"), here.get(name, "not loaded")) for name in {**run, **here}]
-    return table("", ("", "bounds", "this page"), rows)
+    return _table("", ("", "bounds", "this page"), rows)
 
 
 def _again(report: ReportData) -> Iterator[Any]:
     if not report.origin:
-        yield paragraph('This report was not saved: report.save("run.npz") keeps its numbers.')
+        yield _paragraph('This report was not saved: report.save("run.npz") keeps its numbers.')
         return
-    yield paragraph("This page, the summary and all numbers over time, from the saved report:")
+    yield _paragraph("This page, the summary and all numbers over time, from the saved report:")
     commands = [f'romerr {what} "{report.origin}"' for what in ("report", "show", "csv")]
     calls = ["import exudyn_romerr as romerr", f"report = romerr.load_report({report.origin!r})", "print(report)"]
     yield from (f"<pre>{escape(chr(10).join(lines))}</pre>" for lines in (commands, calls))
+
+
+# --- figures ---
+
+
+def components_of(report: ReportData) -> Iterator[tuple[OutputReport, int, str]]:
+    """Yield every row of every output, and its name."""
+    for out in report.outputs.values():
+        yield from ((out, row, name) for row, name in enumerate(out.row_names))
+
+
+def figures(report: ReportData, tolerances: Tolerances | None = None) -> Iterator[str]:
+    """Yield the figures of all rows; where these are many, of the worst rows, the worst of every output first."""
+    condition = for_run_alone(report.scope) and f" (bounds hold {for_run_alone(report.scope)})"
+    drawn = _worst(report, list(components_of(report)))
+    for out, row, name in drawn:
+        text = f"{name}: signal; error over time{'; where the bound comes from' * _has_causes(out, row)}{condition}"
+        source = _picture(report, out.name, row, tolerances)
+        yield f'<figure><img src="{source}" alt="{escape(text)}"><figcaption>{escape(text)}</figcaption></figure>'
+    left = [name for _, _, name in components_of(report) if name not in {name for _, _, name in drawn}]
+    if left:
+        yield _paragraph(
+            "Drawn are the rows whose errors are the largest shares of their outputs, one of every output first, "
+            f"what was not asked for last. Not drawn: {', '.join(left)}. "
+            'report.plot("one.png", outputs=["NAME"]) draws all rows of an output.'
+        )
+
+
+def _worst(report: ReportData, rows: list[tuple[OutputReport, int, str]]) -> list[tuple[OutputReport, int, str]]:
+    """At most MOST rows, in their order: the worst of as many outputs as there is room for, then others.
+
+    What nobody asked for comes last.
+    """
+    by_error = sorted(range(len(rows)), key=lambda i: (is_beside(report, rows[i][0].name), -_share(*rows[i][:2])))
+    names = [rows[i][0].name for i in by_error]
+    firsts = [i for place, i in enumerate(by_error) if names[place] not in names[:place]]
+    others = [i for i in by_error if i not in firsts]
+    return [rows[i] for i in sorted((firsts + others)[:MOST])]
+
+
+def _share(out: OutputReport, row: int) -> float:
+    """The error of a row as far as it is known, a share of the largest value of its output."""
+    known = is_known(out, row)
+    error = np.max(np.abs(out.estimate[:, row]) + out.uncertainty[:, row] if known else out.bound["best"][:, row])
+    size = np.max(np.abs(out.value), initial=0.0)
+    return float(error / size) if size > 0 else float(error > 0)
+
+
+def _has_causes(out: OutputReport, row: int) -> bool:
+    return bool(np.isfinite(out.bound["best"][:, row]).any()) or out.estimate is None
+
+
+@of_one_size
+def _picture(report: ReportData, name: str, row: int, tolerances: Tolerances | None) -> str:
+    """Pairs of axes as a data address."""
+    draws = (draw_signal, draw_bounds, draw_causes)[: 2 + _has_causes(report.output(name), row)]
+    figure = new_figure(1.25 * SIZE[0], len(draws) * SIZE[1])
+    axes = figure.subplots(len(draws), 1, sharex=True)
+    limit = limit_of(report.output(name), tolerances)
+    for ax, draw in zip(axes, draws, strict=True):
+        draw(ax, report, name, row, *([limit.size] if draw is draw_bounds and limit.is_asked else []))
+        ax.tick_params(labelbottom=True)
+    kind, mime = ("svg", "svg+xml") if len(report.t) <= RASTER_FROM else ("png", "png")
+    stream = io.BytesIO()
+    figure.savefig(stream, format=kind, dpi=DPI)
+    return f"data:image/{mime};base64,{base64.b64encode(stream.getvalue()).decode()}"
+
+
+# --- elements: text goes in as it is, and is escaped here ---
+
+
+def _section(title: str, *content: str) -> str:
+    """Return a heading, with an id made of its words, and what follows."""
+    number = title.lower().replace(" ", "-")
+    return "\n".join([f'<section id="{number}">', f"<h2>{escape(title)}</h2>", *content, "</section>"])
+
+
+def _paragraph(text: str, kind: str = "") -> str:
+    """Return a paragraph of a CSS class."""
+    return f'<p class="{kind}">{_words(text)}</p>' if kind else f"<p>{_words(text)}</p>"
+
+
+def _items(texts: Iterable[str]) -> str:
+    """Return a list."""
+    return "<ul>\n" + "\n".join(f"<li>{_words(text)}</li>" for text in texts) + "\n</ul>"
+
+
+def _table(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "prose") -> str:
+    """Return a table of a CSS class; the first cell of a row is its heading."""
+    above = f"<caption>{escape(caption)}</caption>\n" if caption else ""
+    top = "".join(f'<th scope="col">{escape(text)}</th>' for text in head)
+    body = "\n".join(_row(*row) for row in rows)
+    inner = f"{above}<thead><tr>{top}</tr></thead>\n<tbody>\n{body}\n</tbody>"
+    return f'<div class="wide"><table class="{kind}">\n{inner}\n</table></div>'
+
+
+def _words(text: str) -> str:
+    """Return text escaped; 1e-09 is not broken after its sign."""
+    return NUMBER.sub(r'<span class="n">\g<0></span>', escape(text))
+
+
+def _row(first: str, *others: str) -> str:
+    cells = "".join(f"<td>{_words(text)}</td>" for text in others)
+    return f'<tr><th scope="row">{_words(first)}</th>{cells}</tr>'

@@ -10,11 +10,11 @@ from functools import partial
 import numpy as np
 
 from ...errors import InputError
-from ..data import NodeFields, Plan
+from ..data import DICTS, NODE_DICTS, OPTIONAL, NodeFields, Plan
 from ..mechanism_report import MechanismReport, OfBodies
 from ..report import BoundReport, OutputReport
 from ..scope import NOT_CERTIFIED, Doubt
-from .npz_file import DICTS, FORMAT, NODE_DICTS, OPTIONAL
+from .npz_file import FORMAT, OF_OUTPUTS, OF_REPORT
 
 OLDER = Doubt("the messages say why", "see the messages")  # of a run of an older version, which kept no more
 SWEPT = "; of a sweep, romerr collect FOLDER makes a table"
@@ -46,48 +46,43 @@ def load_report(path: str | os.PathLike) -> BoundReport:
 
 
 def report_of(arrays: dict[str, np.ndarray], origin: str) -> BoundReport:
-    """Return the report that npz_file.arrays_of took apart; origin: the file that they were in."""
+    """Return the report that npz_file.arrays_of took apart; origin: the file that they were in.
+
+    What older files lack is as the fields of a new report are.
+    """
     meta = json.loads(str(arrays["meta"]))
-    count = len(meta["outputs"])
-    # what older files lack
-    older = {"labels": (), "tolerances": None, "estimate_scopes": "", "stopped": None, "beside_steps": ()}
-    older["quantities"] = ""
-    more = zip(*(meta.get(key, [nothing] * count) for key, nothing in older.items()), strict=True)
-    doubts = _doubts(meta, "uncertified")
-    of_outputs = [_doubts(meta, "uncertified_outputs", i) for i in range(count)]
-    outputs = [
-        _load_output(arrays, i, *names, *known, of_outputs[i])
-        for i, (names, known) in enumerate(zip(meta["outputs"], more, strict=True))
-    ]
+    outputs = [_output(arrays, meta, i) for i in range(len(meta["outputs"]))]
     computed, left_out = meta["plan"]
     make, bounds = BoundReport, [_under(arrays, kind) for kind in ("position/", "velocity/")]
     if not bounds[0]:  # of a mechanism: bodies have such, if anything has
         make, bounds = partial(MechanismReport, bodies=_bodies(arrays, origin)), [OfBodies(), OfBodies()]
     return make(
-        t=arrays["t"],
-        position_bound=bounds[0],
-        velocity_bound=bounds[1],
+        arrays["t"],
+        *bounds,
         outputs={out.name: out for out in outputs},
         plan=Plan(tuple(computed), tuple(map(tuple, left_out))),
         nodes=_at_nodes(arrays),
-        made=meta.get("made", {}),
-        planned_end=meta.get("planned_end"),
-        ended_by=meta.get("ended_by", [""])[0],
-        on_purpose=meta.get("ended_by", [False])[-1],
         origin=origin,
-        **{key: meta[key] for key in ("scope", "scope_reason", "reasons", "messages", "time", "total_mass")},
-        remainder=meta.get("remainder", {}),
-        uncertified=doubts,
+        uncertified=_doubts(meta, meta.get("uncertified")),
+        **{name: meta[name] for name in OF_REPORT if name in meta},
+        **dict(zip(("ended_by", "on_purpose"), meta.get("ended_by", ()), strict=False)),
     )
 
 
-def _doubts(meta: dict, key: str, *place: int) -> tuple[Doubt, ...]:
+def _output(arrays: dict, meta: dict, i: int) -> OutputReport:
+    known = {name: meta[key][i] for key, name in OF_OUTPUTS.items() if key in meta}
+    known = {name: tuple(x) if isinstance(x, list) else x for name, x in known.items()}
+    doubts = _doubts(meta, meta["uncertified_outputs"][i] if "uncertified_outputs" in meta else None)
+    dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
+    optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
+    plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
+    return OutputReport(*meta["outputs"][i], **plain, **dicts, **optional, **known, uncertified=doubts)
+
+
+def _doubts(meta: dict, found: list | None) -> tuple[Doubt, ...]:
     """Why nothing of a report, or of an output, is certified."""
-    if key not in meta:
+    if found is None:
         return (OLDER,) if meta["scope_reason"].endswith(NOT_CERTIFIED) else ()
-    found = meta[key]
-    for i in place:
-        found = found[i]
     return tuple(Doubt(*parts) for parts in found)
 
 
@@ -103,28 +98,6 @@ def _bodies(arrays: dict, origin: str) -> tuple[BoundReport, ...]:
     """The reports of a mechanism's bodies."""
     count = next(i for i in itertools.count() if f"body/{i}/t" not in arrays)
     return tuple(report_of(_under(arrays, f"body/{i}/"), origin) for i in range(count))
-
-
-def _load_output(
-    arrays: dict,
-    i: int,
-    name: str,
-    unit: str,
-    of: str,
-    labels: list,
-    tolerance: float | None,
-    scope: str,
-    stopped: float | None,
-    beside_steps: list,
-    quantity: str,
-    doubts: tuple[Doubt, ...],
-) -> OutputReport:
-    dicts = {kind: _under(arrays, f"output/{i}/{kind}/") for kind in DICTS}
-    optional = {kind: arrays.get(f"output/{i}/{kind}") for kind in OPTIONAL}
-    plain = {kind: arrays[f"output/{i}/{kind}"] for kind in ("value", "round_off")}
-    known = {"labels": tuple(labels), "tolerance": tolerance, "estimate_scope": scope, "stopped": stopped}
-    known |= {"beside_steps": tuple(beside_steps), "uncertified": doubts, "quantity": quantity}
-    return OutputReport(name, unit, of, **plain, **dicts, **optional, **known)
 
 
 def _under(arrays: dict, prefix: str) -> dict[str, np.ndarray]:

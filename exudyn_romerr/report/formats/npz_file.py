@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..data import NodeFields
+from ..data import DICTS, NODE_DICTS, OPTIONAL, NodeFields
 from .atomic_write import write_whole
 
 if TYPE_CHECKING:
@@ -17,11 +17,17 @@ if TYPE_CHECKING:
     from ..data import ReportData
     from ..scope import Doubt
 
-# fields of an output that are dicts of arrays, and fields that may be None
-DICTS = ("bound", "reduction_bound", "causes", "effectivity", "estimate_parts", "uncertainty_parts")
-OPTIONAL = ("corrected", "corrected_bound", "estimate", "uncertainty", "estimate_off", "error")
-NODE_DICTS = ("estimate", "displacement", "instant")
 FORMAT = 2  # of the saved file; a file of another format is refused
+# fields that the JSON text has: of the report under their own names, of outputs as lists under these
+OF_REPORT = ("made", "planned_end", "scope", "scope_reason", "reasons", "messages", "time", "total_mass", "remainder")
+OF_OUTPUTS = {
+    "quantities": "quantity",
+    "labels": "labels",
+    "estimate_scopes": "estimate_scope",
+    "tolerances": "tolerance",
+    "stopped": "stopped",
+    "beside_steps": "beside_steps",
+}
 
 
 def write_npz(report: ReportData, path: str | os.PathLike) -> None:
@@ -61,26 +67,14 @@ def _plain(doubts: Iterable[Doubt]) -> list[tuple[str, ...]]:
 
 
 def _meta(report: ReportData) -> dict:
+    outputs = report.outputs.values()
     return {
         "format": FORMAT,
-        "outputs": [(out.name, out.unit, out.of) for out in report.outputs.values()],
-        "quantities": [out.quantity for out in report.outputs.values()],
-        "labels": [out.labels for out in report.outputs.values()],
-        "estimate_scopes": [out.estimate_scope for out in report.outputs.values()],
-        "tolerances": [out.tolerance for out in report.outputs.values()],
-        "stopped": [out.stopped for out in report.outputs.values()],
-        "beside_steps": [out.beside_steps for out in report.outputs.values()],
+        "outputs": [(out.name, out.unit, out.of) for out in outputs],
+        **{key: [getattr(out, name) for out in outputs] for key, name in OF_OUTPUTS.items()},
         "uncertified": _plain(report.uncertified),
-        "uncertified_outputs": [_plain(out.uncertified) for out in report.outputs.values()],
-        "made": report.made,
-        "planned_end": report.planned_end,
+        "uncertified_outputs": [_plain(out.uncertified) for out in outputs],
         "ended_by": [report.ended_by, report.on_purpose],
-        "scope": report.scope,
-        "scope_reason": report.scope_reason,
-        "reasons": report.reasons,
         "plan": [report.plan.computed, report.plan.left_out],
-        "messages": report.messages,
-        "time": report.time,
-        "total_mass": report.total_mass,
-        "remainder": report.remainder,
+        **{name: getattr(report, name) for name in OF_REPORT},
     }

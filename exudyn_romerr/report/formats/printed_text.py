@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..cures import FAR, SHARPER
-from ..data import is_beside
-from ..report_rows import rows_of
+from ..report_rows import asked_for, rows_of
 from ..scope import COUPLED, FROZEN, NOT_CERTIFIED
 from ..table import ASSESS, aligned, by_sensor, first_sentences, reasons, table
 from ..table import summary as first_sentence
@@ -35,8 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from ..answers import Tolerances
-    from ..data import OutputData, ReportData
-    from ..verdicts import Row
+    from ..data import OutputReport, ReportData
 
 MORE = "every component, bounds by all estimators, corrected outputs: print(report.details)"
 OUTPUT = "output"  # what a line of its tables is of
@@ -67,19 +65,14 @@ def _answers(report: ReportData, tolerances: Tolerances | None) -> list[str]:
     rows = rows_of(report, tolerances)
     if not rows:
         return []
-    asked = [row for row in rows if not is_beside(report, row.name) or (row.is_asked and _is_named(row, tolerances))]
+    asked = asked_for(report, rows, tolerances)
     known = any(row.bound is not None or verdict.how != NONE for row in rows for verdict in row.of.values())
     tables = [*first_sentences(asked), "", *aligned(table(by_sensor(rows), OUTPUT)), ""] if known else []
     what = OUTPUT if len(asked) == len(rows) else f"{OUTPUT} asked for"
     return [first_sentence(asked, what, ASSESS), *tables, *reasons(asked)]
 
 
-def _is_named(row: Row, tolerances: Tolerances | None) -> bool:
-    """Whether a tolerance was given for it by its name."""
-    return tolerances is not None and row.name in tolerances.names
-
-
-def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[str]:
+def _of_bounds(report: ReportData, out: OutputReport, is_first: bool) -> Iterator[str]:
     """What bounds say of an output, each with its condition, in full in the first line, and its corrected value."""
     is_frozen, most = widest_scope(report.scope) == FROZEN, "bounded by" if out.uncertified else "at most"
     known = _by_all(report, out)
@@ -95,7 +88,7 @@ def _of_bounds(report: ReportData, out: OutputData, is_first: bool) -> Iterator[
         yield corrected_within(out, out.corrected_bound, report.scope, in_full=False)
 
 
-def _times_the_estimate(report: ReportData, out: OutputData) -> float:
+def _times_the_estimate(report: ReportData, out: OutputReport) -> float:
     """How far a bound of the modes is above the estimate of what it bounds; 0 where vectors lower none."""
     if not is_known(out) or widest_scope(report.scope) != COUPLED:
         return 0.0
@@ -103,7 +96,7 @@ def _times_the_estimate(report: ReportData, out: OutputData) -> float:
     return float(bound / error) if error > 0 and np.isfinite(bound) else 0.0
 
 
-def _by_all(report: ReportData, out: OutputData) -> str:
+def _by_all(report: ReportData, out: OutputReport) -> str:
     """The largest bound of each estimator, and what it holds under."""
     return ", ".join(
         f"{with_unit(rounded_up(np.max(out.bound[e])), out.unit)} by {e!r}{under(report.scope, e, out.uncertified)}"
@@ -112,7 +105,7 @@ def _by_all(report: ReportData, out: OutputData) -> str:
     )
 
 
-def _tells_nothing(out: OutputData) -> bool:
+def _tells_nothing(out: OutputReport) -> bool:
     """Whether the corrected output may be as far off as the output is large, for all that is known."""
     left = np.max(out.corrected_bound)
     return np.isfinite(left) and bool(left >= np.max(np.abs(out.value)) > 0)
@@ -137,7 +130,7 @@ def _messages(report: ReportData) -> Iterator[str]:
         yield f"! {'bounds: ' if only_bounds else ''}{SAMPLED}"
 
 
-def _compared(out: OutputData, time: str, begin: str) -> Iterator[str]:
+def _compared(out: OutputReport, time: str, begin: str) -> Iterator[str]:
     """What a truth says that was compared."""
     if not out.effectivity:
         return

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ...checks import check_count
-from ...trajectory.estimate import RESOLVED
-from ..scope import NOT_CERTIFIED
-from ..wording import at_round_off, rounded_up, under, with_unit
-from .alike import Alike, alike, bound_covers, has_estimate, kind_of_bound
-from .readable_axes import (
-    OF_BOUND,
-    OF_HALF_WIDTH,
-    above,
-    infinite,
-    largest,
-    largest_in_words,
-    limits_of_errors,
-    limits_of_signal,
-)
+from ...trajectory.estimate import BY_STEPS, RESOLVED
+from ..scope import NOT_CERTIFIED, SCOPES
+from ..wording import covers_time, estimate_scope, largest, rounded_up, under, widest, widest_scope, with_unit
 from .style import (
     CAUSE_STYLES,
     COLOURS,
     MARKERS,
+    OF_BOUND,
+    OF_HALF_WIDTH,
     STYLES,
     THIN,
     WIDE,
+    above,
     finish,
+    infinite,
     isolated,
+    largest_finite,
+    largest_in_words,
+    limits_of_errors,
+    limits_of_signal,
     log_line,
     mark_zeros,
     quantity,
@@ -39,7 +36,7 @@ from .style import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
 
 RASTER_FROM = 5000  # instants: areas of more are pixels in PDF and SVG too, which have 10 MB and more otherwise
 GAPS = (0, (4, 4))  # dashes of the estimate: a bound or true error that it lies on shows between them
@@ -70,7 +67,7 @@ def draw_signal(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     out, t = _row_of(report, name, row), report.t
     value, bound = out.value[:, row], out.bound["best"][:, row]
     lines = [value, *([] if out.error is None else [value + out.error[:, row]])]
-    has_bound, best = bound_covers(report, out), _corrected(report, out, row)
+    has_bound, best = _bound_covers(report, out), _corrected(report, out, row)
     bands = [((value - bound, value + bound), OF_BOUND)] if has_bound else []
     if best is not None:
         guess, half, word, label = best
@@ -105,7 +102,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     report was made with. Other parameters, and errors, as in draw_signal.
     """
     out, t = _row_of(report, name, row), report.t
-    drawn = alike(report, out, row)
+    drawn = _same_error(report, out, row)
     tolerance = out.tolerance if tolerance is None else tolerance
     error = None if drawn.error is None else _visible(np.abs(drawn.error), out.value[:, row])
     size = None if drawn.estimate is None else np.abs(drawn.estimate)
@@ -123,7 +120,7 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     if error is not None:
         style = {"color": COLOURS["error"], "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, error, label="|true error|", **style)
-    if drawn.bounds and at_round_off(out)[row]:
+    if drawn.bounds and out.at_round_off()[row]:
         style = {"color": "#777777", "linestyle": ":", "linewidth": THIN, "marker": ".", "every": ()}
         log_line(ax, t, out.round_off[:, row], label="rounding: nothing below is known", **style)
     if tolerance is not None:
@@ -160,7 +157,7 @@ def draw_causes(ax: Any, report: ReportData, name: str, row: int = 0) -> None:
     mark_zeros(ax, t, best, COLOURS["value"])
     worst_label = _worst(report, out, row, worst)
     ax.axvline(t[worst], color=COLOURS["value"], linestyle="--", linewidth=THIN, label=worst_label)
-    title = f"{out.row_names[row]}: what the bound of the {kind_of_bound(report)} comes from"
+    title = f"{out.row_names[row]}: what the bound of the {_kind_of_bound(report)} comes from"
     ax.set(xlabel=_time(report), ylabel="share of the bound / %", ylim=(0, 100))
     ax.margins(x=0.01)
     finish(ax, f"{title}{_said_of_bounds(report, out)}", [infinite(t, best, "", _axis(report))])
@@ -171,9 +168,9 @@ def _visible(error: np.ndarray, value: np.ndarray) -> np.ndarray:
     return np.where((error > 0) & (error < np.finfo(float).eps * np.max(np.abs(value))), np.nan, error)
 
 
-def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
+def _corrected(report: ReportData, out: OutputReport, row: int) -> tuple[np.ndarray, np.ndarray, str, str] | None:
     """Best guess of the full model's output, half width, name, label; where it is proved the corrected output."""
-    if has_estimate(report, out) and _is_estimated(out):
+    if _has_estimate(report, out) and _is_estimated(out):
         value, estimate, half = (x[:, row] for x in (out.value, out.estimate, out.uncertainty))
         return value + estimate, half, "estimate", f"+ estimate{_not_resolved(estimate, half, value)}{_within(half)}"
     if out.corrected is None:
@@ -182,12 +179,12 @@ def _corrected(report: ReportData, out: OutputData, row: int) -> tuple[np.ndarra
     return out.corrected[:, row], half, "corrected output", f"corrected{_within(half)}{_doubt(out)}"
 
 
-def _is_estimated(out: OutputData) -> bool:
+def _is_estimated(out: OutputReport) -> bool:
     """Whether there is an estimate that no proof stands behind."""
     return out.estimate is not None and set(out.uncertainty_parts) != {"proved"}
 
 
-def _estimate(ax: Any, t: np.ndarray, drawn: Alike, label: str, limits: tuple | None) -> None:
+def _estimate(ax: Any, t: np.ndarray, drawn: SameError, label: str, limits: tuple | None) -> None:
     """|estimate| as a dashed line in a band, which leaves the axis where it goes to zero: a logarithm has none."""
     size, half = np.abs(drawn.estimate), drawn.half
     style = {"color": COLOURS["estimate"], "linestyle": GAPS, "linewidth": 1.5 * THIN, "marker": ".", "every": ()}
@@ -198,7 +195,7 @@ def _estimate(ax: Any, t: np.ndarray, drawn: Alike, label: str, limits: tuple | 
     log_line(ax, t, size, label=label, zorder=2.5, **style)  # above the other lines
 
 
-def _beyond(report: ReportData, out: OutputData, drawn: Alike, limits: tuple | None) -> Iterator[str]:
+def _beyond(report: ReportData, out: OutputReport, drawn: SameError, limits: tuple | None) -> Iterator[str]:
     """What is not to be seen of the bounds."""
     for e, bound in drawn.bounds.items():
         by = f" by '{e}'" if drawn.bounds.keys() - {e} else ""
@@ -207,11 +204,11 @@ def _beyond(report: ReportData, out: OutputData, drawn: Alike, limits: tuple | N
         yield leaves and f"{_bound(out)}{by} {leaves}"
 
 
-def _bound(out: OutputData) -> str:
+def _bound(out: OutputReport) -> str:
     return f"bound{_doubt(out)}"
 
 
-def _most(out: OutputData, bound: np.ndarray) -> str:
+def _most(out: OutputReport, bound: np.ndarray) -> str:
     """How large a bound gets, in the unit of the axis."""
     return largest_in_words(bound, "", "up to" if out.uncertified else "at most")
 
@@ -221,10 +218,10 @@ def _within(half: np.ndarray) -> str:
     return f" {largest_in_words(half, '', '±')}" if np.isfinite(half).any() else ", half width not known"
 
 
-def _colour(report: ReportData, out: OutputData, row: int) -> str:
+def _colour(report: ReportData, out: OutputReport, row: int) -> str:
     """That of the sharpest of the bounds that the best one is made of."""
-    bounds = alike(report, out, row).bounds
-    return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest(bounds[e])))]
+    bounds = _same_error(report, out, row).bounds
+    return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest_finite(bounds[e])))]
 
 
 def _not_resolved(*row: np.ndarray) -> str:
@@ -233,18 +230,18 @@ def _not_resolved(*row: np.ndarray) -> str:
     return " (not resolved)" if half > max(RESOLVED * size, value) else ""
 
 
-def _doubt(out: OutputData) -> str:
+def _doubt(out: OutputReport) -> str:
     """What is said of bounds beside what they are of."""
     return f", {NOT_CERTIFIED}" if out.uncertified else ""
 
 
-def _said_of_bounds(report: ReportData, out: OutputData) -> str:
+def _said_of_bounds(report: ReportData, out: OutputReport) -> str:
     """What a title says of bounds: what they hold under, and that they are not certified."""
     said = under(report.scope, doubts=out.uncertified).removeprefix(", ")
     return said and f" (bound {said})"
 
 
-def _row_of(report: ReportData, name: str, row: int) -> OutputData:
+def _row_of(report: ReportData, name: str, row: int) -> OutputReport:
     out = report.output(name)
     check_count(f"row of output {name!r}", row, out.value.shape[1] - 1, "its rows, from 0", least=0)
     return out
@@ -296,7 +293,88 @@ def _percent(share: float) -> str:
     return "> 99 %" if 99.5 <= share < 100 else f"{share:.0f} %"
 
 
-def _worst(report: ReportData, out: OutputData, row: int, at: int) -> str:
+def _worst(report: ReportData, out: OutputReport, row: int, at: int) -> str:
     name, unit = _axis(report)
     bound = with_unit(rounded_up(out.bound["best"][at, row]), out.unit)
     return f"worst, {name} = {report.t[at]:.4g} {unit}".rstrip() + f": {bound}"
+
+
+# --- what covers the same: that alone is drawn together, for a bound of the modes is none of the steps ---
+
+WHOLE, OF_MODES = "error", "error of the modes"
+
+
+class SameError(NamedTuple):
+    """Of one row what is of the same error: `kind`; what is None is not known of it, or not drawn.
+
+    bounds : (T,) by estimator, of those that cover most. estimate, error : (T,), signed. half : of the estimate.
+    left_out : what is not drawn beside these, in words.
+    """
+
+    kind: str
+    bounds: dict[str, np.ndarray]
+    estimate: np.ndarray | None
+    half: np.ndarray | None
+    error: np.ndarray | None
+    left_out: tuple[str, ...] = ()
+
+
+def _kind_of_bound(report: ReportData) -> str:
+    """Return what the bounds bound."""
+    return OF_MODES if report.time == "sampled" else WHOLE
+
+
+def _has_estimate(report: ReportData, out: OutputReport) -> bool:
+    """Return whether there is an estimate of all that the bound is of, or of more."""
+    if out.estimate is None:
+        return False
+    return SCOPES.index(estimate_scope(out, report.scope)) <= SCOPES.index(widest_scope(report.scope))
+
+
+def _bound_covers(report: ReportData, out: OutputReport) -> bool:
+    """Return whether the bound is of all that the estimate is of, the whole error if there is no estimate."""
+    if not _has_estimate(report, out):
+        return True
+    has_steps_alone = report.time == "sampled" and covers_time(out, report.time)
+    return _same_scope(report, out) and not has_steps_alone
+
+
+def _same_error(report: ReportData, out: OutputReport, row: int) -> SameError:
+    """Return what is drawn together of a row: of the modes where the bound is of these alone.
+
+    Of the whole error where a truth was compared that has other steps, where the bound takes forces as they are, or
+    where no bound is finite.
+    """
+    bounds = {e: out.bound[e][:, row] for e in widest(report.scope) if e in out.bound}
+    error = None if out.error is None else out.error[:, row]
+    if not _has_estimate(report, out):
+        return SameError(_kind_of_bound(report), bounds, None, None, error, _narrower(report))
+    whole, half = out.estimate[:, row], out.uncertainty[:, row]
+    if _bound_covers(report, out):
+        kind = WHOLE if covers_time(out, report.time) else _kind_of_bound(report)
+        return SameError(kind, bounds, whole, half, error, _narrower(report))
+    if not any(np.isfinite(bound).any() for bound in bounds.values()):
+        return SameError(WHOLE, {}, whole, half, error, ("no finite bound",))
+    modes, half_of_modes = _of_modes(out, row)
+    if _same_scope(report, out) and (error is None or largest(error - modes) < largest(error - whole)):
+        return SameError(OF_MODES, bounds, modes, half_of_modes, error, _narrower(report))
+    why = "of the modes alone" if _same_scope(report, out) else under(report.scope).removeprefix(", ")
+    doubt = f", {NOT_CERTIFIED}" if out.uncertified else ""
+    return SameError(WHOLE, {}, whole, half, error, (f"bound {why}{doubt}: not drawn",))
+
+
+def _same_scope(report: ReportData, out: OutputReport) -> bool:
+    return estimate_scope(out, report.scope) == widest_scope(report.scope)
+
+
+def _narrower(report: ReportData) -> tuple[str, ...]:
+    """Estimators whose bounds cover less than those of others."""
+    names = [e for e in report.scope if e not in widest(report.scope)]
+    return tuple(f"'{e}'{under(report.scope, e)}: not drawn" for e in names)
+
+
+def _of_modes(out: OutputReport, row: int) -> tuple[np.ndarray, np.ndarray]:
+    """Estimate and half width of a row without time steps."""
+    steps = out.estimate_parts.get("time step", np.zeros_like(out.estimate))
+    halves = [x[:, row] for check, x in out.uncertainty_parts.items() if check not in BY_STEPS]
+    return out.estimate[:, row] - steps[:, row], np.zeros(len(out.value)) + sum(halves)

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import InputError
 from ...trajectory.samples import SAME_TIMES
 from ..wording import under
-from .readable_axes import largest_in_words
+from .style import largest_in_words
 
 if TYPE_CHECKING:
     from ..report import BoundReport

@@ -12,13 +12,13 @@ import numpy as np
 from ...errors import InputError
 from ..data import is_beside
 from ..report_rows import limit_of
-from ..wording import at_round_off, for_run_alone, not_certified
+from ..wording import for_run_alone, not_certified
 from .over_time import draw_bounds, draw_causes, draw_signal
 from .style import LETTER, LETTERS, SIZE, new_figure, of_one_size, put_legend, save
 
 if TYPE_CHECKING:
     from ..answers import Tolerances
-    from ..data import OutputData, ReportData
+    from ..data import OutputReport, ReportData
 
 HARDLY = 0.01  # of the largest change of an output's rows: a row that changes less is not the one that is looked at
 PANELS = 4  # of a picture: more are smaller than their legends
@@ -96,23 +96,23 @@ def _chosen(report: ReportData, outputs: str | list[str]) -> tuple[list[tuple[st
     return kept, [report.output(name).row_names[i] for name, i in rows if (name, i) not in kept]
 
 
-def _worst_row(out: OutputData) -> int:
+def _worst_row(out: OutputReport) -> int:
     """The row with the largest error, of those that move: beside a swing of metres nobody looks for micrometres."""
     moves = np.ptp(out.value, axis=0)
     return int(np.argmax(np.where(moves >= HARDLY * moves.max(), [_error(out, i) for i in range(len(moves))], -1.0)))
 
 
-def _error(out: OutputData, row: int) -> float:
+def _error(out: OutputReport, row: int) -> float:
     """The largest bound of a row or the largest estimate with its half width, which may have time steps in it."""
     size = 0.0 if out.estimate is None else np.max(np.abs(out.estimate[:, row]) + out.uncertainty[:, row])
     bound = np.max(out.bound["best"][:, row])
     return float(max(size, bound) if np.isfinite(bound) or out.estimate is None else size)
 
 
-def _for_its_size(out: OutputData, row: int) -> tuple[bool, float]:
+def _for_its_size(out: OutputReport, row: int) -> tuple[bool, float]:
     """The error of a row over the output's largest value; what is at round-off, which says nothing, last."""
     error, largest = _error(out, row), np.max(np.abs(out.value))
-    return not at_round_off(out)[row], error / largest if largest > 0 else error
+    return not out.at_round_off()[row], error / largest if largest > 0 else error
 
 
 def _panels(count: int, high: int) -> tuple[Any, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The one style of all pictures, and how they are saved. Matplotlib is imported when the first one is made."""
+"""The one style of all pictures, how axes stay readable, and files. Matplotlib is imported with the first picture."""
 
 from __future__ import annotations
 
@@ -11,45 +11,27 @@ import numpy as np
 
 from ...errors import InputError
 from ..formats.atomic_write import write_whole
-from ..wording import axis_label
+from ..wording import axis_label, rounded_up, with_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
 LETTERS = 10  # points
 # Okabe and Ito, and two of Tol for what these leave open: told apart by the colour-blind; line styles, markers and
 # hatches tell them apart in grey print. Green is a bound, and nothing else
-COLOURS = {
-    "value": "#000000",
-    "error": "#D55E00",
-    "estimate": "#5D3A9B",
-    "tolerance": "#444444",
-    "state-space": "#999999",
-    "fast": "#56B4E9",
-    "convolution": "#0072B2",
-    "output-kernel": "#E69F00",
-    "energy": "#CC79A7",
-    "auxiliary": "#009E73",
-    "static": "#009E73",
+LOOKS = {  # of estimators: colour, line, marker
+    "state-space": ("#999999", ":", "x"),
+    "fast": ("#56B4E9", "--", "s"),
+    "convolution": ("#0072B2", "-", "D"),
+    "output-kernel": ("#E69F00", (0, (5, 1, 1, 1, 1, 1)), "P"),
+    "energy": ("#CC79A7", "-.", "^"),
+    "auxiliary": ("#009E73", "-", "o"),
+    "static": ("#009E73", "-", "o"),
 }
-STYLES = {
-    "state-space": ":",
-    "fast": "--",
-    "convolution": "-",
-    "output-kernel": (0, (5, 1, 1, 1, 1, 1)),
-    "energy": "-.",
-    "auxiliary": "-",
-    "static": "-",
-}
-MARKERS = {
-    "state-space": "x",
-    "fast": "s",
-    "convolution": "D",
-    "output-kernel": "P",
-    "energy": "^",
-    "auxiliary": "o",
-    "static": "o",
-}
+COLOURS = {"value": "#000000", "error": "#D55E00", "estimate": "#5D3A9B", "tolerance": "#444444"}
+COLOURS |= {e: colour for e, (colour, _, _) in LOOKS.items()}
+STYLES = {e: line for e, (_, line, _) in LOOKS.items()}
+MARKERS = {e: marker for e, (_, _, marker) in LOOKS.items()}
 CAUSE_STYLES = {  # name in words, colour, hatch
     "basis": ("basis", "#0072B2", ""),
     "interfaces": ("rigid interfaces", "#882255", "\\\\"),
@@ -68,6 +50,12 @@ ASIDE = 0.8  # inches of a panel beside its axes
 LETTER = 0.078  # inches, a letter of a title
 SIDEWAYS = 24  # letters in a line of a label of a y axis: more run into the panel above
 LINES = 2  # of a legend
+# times what is shown beside it: a band that is wider is cut off. Bounds are shown up to ten times what the output
+# changes by; half widths, which are no promise, up to three times of all that
+OF_BOUND, OF_HALF_WIDTH = 10.0, 3.0
+MARGIN = 0.1  # of what is shown, on both sides
+USELESS = 1e3  # times output, estimate and error: three decades are read with ease, a larger bound tells nothing
+DEEP = 1e-4  # of the lowest curve's largest value: what is lower, at first instants say, is not worth an axis
 ZERO = "zero"  # marked at the lower edge of a logarithmic axis
 
 
@@ -208,3 +196,70 @@ def _room(ax: Any) -> float:
     """Inches that axes have beside those in the next column."""
     spec = ax.get_subplotspec()
     return ax.figure.get_figwidth() / (1 if spec is None else spec.get_gridspec().ncols) - ASIDE
+
+
+# --- limits: what would leave nothing else to be seen leaves the axes, and the legend says so ---
+
+
+def limits_of_signal(
+    lines: Sequence[np.ndarray], bands: Sequence[tuple[tuple[np.ndarray, np.ndarray], float]]
+) -> tuple[tuple[float, float] | None, list[bool]]:
+    """Return limits of an axis on which lines can be read, and which of the bands leave it; None: none does.
+
+    bands : (low, high), and how many times as wide as what is shown so far a band may be.
+    """
+    low, high = min(map(np.min, lines)), max(map(np.max, lines))
+    leaves = []
+    for (below, above), factor in bands:
+        known = np.isfinite(below) & np.isfinite(above)
+        least, most = (f(x, where=known, initial=of) for f, x, of in ((np.min, below, low), (np.max, above, high)))
+        leaves.append(bool(most - least > factor * (high - low) > 0))
+        low, high = (low, high) if leaves[-1] else (least, most)
+    margin = MARGIN * (high - low)
+    return ((low - margin, high + margin) if any(leaves) else None), leaves
+
+
+def limits_of_errors(bounds: dict[str, np.ndarray], others: Sequence[np.ndarray], size: float) -> tuple | None:
+    """Return limits of a logarithmic axis of bounds (T,), and others, estimate and error, of an output of that size.
+
+    None: nothing is to be drawn. Bounds whose largest finite value is above them leave the axis.
+    """
+    most = {name: largest_finite(x) for name, x in bounds.items()}
+    reads = [x for x in map(largest_finite, others) if x > 0]
+    known = [x for x in most.values() if x > 0]
+    if not reads and not known:
+        return None
+    top = USELESS * max([size, *reads]) if reads else max(USELESS * size, min(known))
+    shown = [*reads, *(x for x in known if x <= top)]
+    drawn = np.concatenate([x[np.isfinite(x) & (x > 0)] for x in (*bounds.values(), *others)])
+    lowest = max(float(drawn.min()), DEEP * min(shown))
+    return lowest / 2, 2 * max(shown)
+
+
+def largest_finite(x: np.ndarray) -> float:
+    """Return the largest finite value; 0: there is none."""
+    return float(np.max(x, where=np.isfinite(x), initial=0.0))
+
+
+def largest_in_words(bound: np.ndarray, unit: str, words: str) -> str:
+    """Return the largest bound in words; half widths of estimates, and bounds not certified, are "up to"."""
+    finite = bound[np.isfinite(bound)]
+    largest = f"{words} {with_unit(rounded_up(np.max(finite), 2), unit)}" if finite.size else "nowhere finite"
+    return largest if finite.size in (0, bound.size) else f"{largest} where finite"
+
+
+def above(limits: tuple | None, x: np.ndarray, unit: str) -> str:
+    """Return how large what leaves the axes at their upper edge gets; empty: it does not."""
+    leaves = limits is not None and largest_finite(x) > limits[1]
+    return f"above the axis, {largest_in_words(x, unit, 'up to')}" if leaves else ""
+
+
+def infinite(t: np.ndarray, bound: np.ndarray, by: str, axis: tuple[str, str]) -> str:
+    """Return that, and when, a bound is infinite; empty: nowhere. by : " by 'energy'"; axis : name and unit of t."""
+    at = np.flatnonzero(~np.isfinite(bound))
+    if at.size in (0, len(t)):
+        return f"no finite bound{by}" if at.size else ""
+    name, unit = axis
+    first, last = t[at[0]], t[at[-1]]
+    when = f"{name} = {first:.4g}" + (f" to {last:.4g}" if last > first else "") + f" {unit}".rstrip()
+    return f"bound{by} infinite at {when}{'' if at[-1] - at[0] < at.size else ', not throughout'}"

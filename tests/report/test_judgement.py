@@ -5,10 +5,9 @@ from dataclasses import replace
 import pytest
 
 from exudyn_romerr.errors import InputError
-from exudyn_romerr.judgement.judgement import Judgement, rows_of_solve, text
-from exudyn_romerr.judgement.solve import Solve
 from exudyn_romerr.report.answers import Answer, Tolerances, worst
 from exudyn_romerr.report.data import Plan
+from exudyn_romerr.report.judgement import Judgement, Solve, rows_of_solve, text
 from exudyn_romerr.report.scope import COUPLED, FROZEN
 from exudyn_romerr.report.table import by_sensor
 from tests.helpers.report_outputs import estimated, report_of

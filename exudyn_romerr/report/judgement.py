@@ -1,14 +1,14 @@
-"""Judgement: all verdicts on a script's solves, and the text of them that the command line prints."""
+"""Verdicts on the solves of a script: what was found of each Solve, all rows, and the text that commands print."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ..report.answers import Answer, worst
-from ..report.data import is_beside
-from ..report.report_rows import limit_of, row_of
-from ..report.table import (
+from .answers import Answer, worst
+from .data import is_beside
+from .report_rows import limit_of, rows_of_output
+from .table import (
     TITLES,
     UNSURE,
     YOURS,
@@ -17,22 +17,46 @@ from ..report.table import (
     first_sentences,
     how,
     reasons,
-    said,
-    share_in_brackets,
+    size_in_words,
     summary,
     table,
 )
-from ..report.verdicts import ALWAYS, CAUSES, NONE, Row, not_covered
+from .verdicts import ALWAYS, CAUSES, NONE, Row, not_covered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from ..report.answers import Tolerances
-    from .solve import Solve
+    from .answers import Tolerances
+    from .report import BoundReport
 
 FEW_SOLVES = 3  # of these each has its own table; of more a line each
 NO_SENSOR = "all bodies"  # stands for outputs of a scene without sensors
 NO_NUMBER = "nothing is known of its error"
+
+
+@dataclass
+class Solve:
+    """A solve that moved reduced flexible bodies, as found from outside.
+
+    number : from 0. kind : "dynamic" or "static". bodies : how many. report : None where there is none; failure says
+    why then. refused : (body, why) of bodies that are not watched. sensors : names of all sensors of the mbs.
+    chosen : whether outputs were chosen for a scene without sensors. notes : what else is to be said.
+    until : of a solve without report that ended early, when and by what.
+    seconds, our_seconds : CPU time of the solve with us, and of what we do before and after it.
+    """
+
+    number: int
+    kind: str
+    bodies: int
+    report: BoundReport | None = None
+    failure: Exception | None = None
+    refused: list[tuple[str, str]] = field(default_factory=list)
+    sensors: list[str] = field(default_factory=list)
+    chosen: bool = False
+    notes: list[str] = field(default_factory=list)
+    until: str = ""
+    seconds: float = 0.0
+    our_seconds: float = 0.0
 
 
 @dataclass
@@ -61,8 +85,7 @@ def rows_of_solve(solve: Solve, tolerances: Tolerances) -> list[Row]:
     for out in report.outputs.values() if report is not None else ():
         still = solve.chosen and not out.value.any()  # the interface that holds the frame: nobody asked for it
         if not is_beside(report, out.name) and not still:
-            limit = limit_of(out, tolerances)
-            rows += [row_of(report, out, i, limit, solve.number) for i in range(out.value.shape[1])]
+            rows += rows_of_output(report, out, limit_of(out, tolerances), solve.number)
     seen = {row.name for row in rows}
     missing = [name for name in solve.sensors if name not in seen]
     if not rows and not missing:
@@ -132,4 +155,4 @@ def _worst_cell(rows: Sequence[Row], cause: str) -> str:
     if not known:
         return Answer.NOT_COVERED.value
     row = max(known, key=lambda row: row.share(cause))
-    return f"{said(row.of[cause], row.unit)}{share_in_brackets(row.of[cause], row.extent)}, {row.label or row.name}"
+    return f"{size_in_words(row.of[cause], row.unit, row.extent)}, {row.label or row.name}"
