@@ -14,7 +14,6 @@ COVERS = {
     "state-space": "initial error; grows with the run",
     "fast": "initial error; grows with the run",
     "convolution": "initial error; forgets (Rayleigh damping)",
-    "output-kernel": "displacement outputs; forgets",
     "energy": "initial error, load jumps; forgets if damping reaches every mode",
     "auxiliary": "as energy; gives a corrected output too",
 }

@@ -35,10 +35,9 @@ from models import exact, linkage, solid_bar
 from models.solid_exact import full_outputs, reduced_motion
 
 ROOT = Path(__file__).resolve().parents[1]
-ONCE = ("state-space", "fast", "convolution", "output-kernel", "energy")
+ONCE = ("state-space", "fast", "convolution", "energy")
 CASES = [(e, 20) for e in ONCE if e in ESTIMATORS] + [("auxiliary", 20), ("auxiliary", 40)]
 TIMES = ("sampled", "reconstructed")
-WITH_MODES = ("output-kernel", "auxiliary")
 SOLID_W = 2 * np.pi * 100.0  # rad/s; the first mode is at 174 Hz
 
 
@@ -149,7 +148,7 @@ def measured(scene: Scene, e: str, m: int, repeats: int) -> Measured:
     reduction = compared(scene, body, scene.exact_trajectory(), e, m, "sampled")
     total = compared(scene, body, stepped, e, m, "reconstructed")
     return Measured(
-        name=f"{e}, {m} modes" if e in WITH_MODES else e,
+        name=f"{e}, {m} modes" if e == "auxiliary" else e,
         reduction=float(reduction.effectivity[e][0]),
         total=float(total.effectivity[e][0]),
         reduction_error=float(np.max(np.abs(reduction.error))),

@@ -41,8 +41,8 @@ class LagTable:
         if cells > MOST_CELLS:
             longest = MOST_CELLS * self.cell
             raise AssumptionError(
-                "sums over all steps before ('output-kernel', or kernels without exponentials) were asked for in a "
-                f"run of more than {longest:.4g} s, {MOST_CELLS // CELLS_PER_RADIAN} rad of the first mode: take "
+                "sums over all steps before ('convolution' of kernels without exponentials) were asked for in a run "
+                f"of more than {longest:.4g} s, {MOST_CELLS // CELLS_PER_RADIAN} rad of the first mode: take "
                 "'auxiliary' or 'energy', or kernels='certified'"
             )
         edges = self.cell * np.arange(have, max(cells, 2 * have) + 1)

@@ -2,9 +2,6 @@
 
 from .auxiliary_modes import Auxiliary
 from .energy import Energy
-from .output_kernel import OutputConvolution
 from .paper import Convolution, Fast, StateSpace
 
-ESTIMATORS = {
-    estimator.name: estimator for estimator in (StateSpace, Fast, Convolution, OutputConvolution, Energy, Auxiliary)
-}
+ESTIMATORS = {estimator.name: estimator for estimator in (StateSpace, Fast, Convolution, Energy, Auxiliary)}

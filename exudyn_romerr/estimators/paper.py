@@ -90,11 +90,8 @@ class Convolution(Fast):
             forced = np.zeros_like(t)
         else:
             forced = self._by_recurrence(block) if self.table is None else self._by_history(block)
-        return np.minimum(fast, self._free_motion(t) + forced), velocity
-
-    def _free_motion(self, t: np.ndarray) -> np.ndarray:
-        """Bounds (S,) of the initial error's share of |e|_M, times t (S,) after the start."""
-        return self.kernel.free_motion(t, self.initial.e_M, self.initial.e_K, self.initial.v_M)
+        free = self.kernel.free_motion(t, self.initial.e_M, self.initial.e_K, self.initial.v_M)
+        return np.minimum(fast, free + forced), velocity
 
     def _by_recurrence(self, block: Block) -> np.ndarray:
         added = block.integral(self.norm)
@@ -105,19 +102,13 @@ class Convolution(Fast):
         return np.min([a * x for (a, _), x in zip(self.kernel.envelopes, sums, strict=True)], axis=0)
 
     def _by_history(self, block: Block) -> np.ndarray:
-        self._remember(block)
-        return self._summed(block, self.table)
-
-    def _remember(self, block: Block) -> None:
+        """Sum over all segments so far of the kernel's maximum over the lag interval times int |R|."""
         new = (block.t, block.h, block.integral(self.norm))
         self.history = tuple(map(np.concatenate, zip(self.history, new, strict=True)))
-
-    def _summed(self, block: Block, table: LagTable) -> np.ndarray:
-        """Sum over all segments so far of the kernel's maximum over the lag interval times int |R|."""
         ends, lengths, added = self.history
         hi = block.t[:, None] - (ends - lengths)
         lo = np.maximum(block.t[:, None] - ends, 0.0)
         past = ends <= block.t[:, None]
         finite = np.isfinite(added)
-        sums = np.where(past, table(lo, np.maximum(hi, lo)), 0.0)[:, finite] @ added[finite]
+        sums = np.where(past, self.table(lo, np.maximum(hi, lo)), 0.0)[:, finite] @ added[finite]
         return np.where(past[:, ~finite].any(axis=1), np.inf, sums)

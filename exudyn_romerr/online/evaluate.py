@@ -91,7 +91,7 @@ def evaluate(
     jumps : sequence of float
         Times in s at which the inputs jump.
     estimators : "auto" or sequence of str
-        Some of "state-space", "fast", "convolution", "output-kernel", "energy", "auxiliary". "auto": "energy", and
+        Some of "state-space", "fast", "convolution", "energy", "auxiliary". "auto": "energy", and
         "auxiliary" if damping is Rayleigh or none.
     residual : {"orthonormal", "direct", "expanded"}
     kernels : {"certified", "spectrum", "envelope"}

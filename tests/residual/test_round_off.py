@@ -17,7 +17,7 @@ from models.precise import DIGITS, PreciseModes
 RELATIVE = 1e-8  # of every entry: large enough to measure, small enough to be linear
 W = 2 * np.pi * linkage.FREQUENCY
 T = np.linspace(0, 0.5, 401)
-ALL = ("state-space", "fast", "convolution", "output-kernel", "energy", "auxiliary")
+ALL = ("state-space", "fast", "convolution", "energy", "auxiliary")
 SINGLE = {"stiffness": "K", "mass": "M", "inputs": "B", "outputs": "C", "samples": "q"}
 
 

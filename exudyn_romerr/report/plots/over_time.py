@@ -25,6 +25,7 @@ from .style import (
     CAUSE_STYLES,
     COLOURS,
     MARKERS,
+    OTHERS,
     STYLES,
     THIN,
     WIDE,
@@ -113,10 +114,12 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     others = [x for x in (size, error, None if tolerance is None else np.array([tolerance])) if x is not None]
     limits = limits_of_errors({**drawn.bounds, **bands}, others, float(np.max(np.abs(out.value[:, row]))))
     for place, e in enumerate(drawn.bounds):
-        style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place), "markersize": 5}
+        kinds = zip((COLOURS, STYLES, MARKERS), OTHERS, strict=True)
+        color, line, marker = (known.get(e, other) for known, other in kinds)
+        style = {"linestyle": line, "marker": marker, "every": spread(len(t), place), "markersize": 5}
         alone = not drawn.bounds.keys() - {e}
         label = f"{_bound(out)}, {_most(out, drawn.bounds[e])}" if alone else f"bound '{e}'{_doubt(out)}"
-        log_line(ax, t, drawn.bounds[e], color=COLOURS[e], linewidth=WIDE, label=label, **style)
+        log_line(ax, t, drawn.bounds[e], color=color, linewidth=WIDE, label=label, **style)
     if drawn.estimate is not None:
         label = f"|estimate|{_not_resolved(size, drawn.half, out.value[:, row])}{_within(drawn.half)}"
         _estimate(ax, t, drawn, label, limits)
@@ -224,7 +227,8 @@ def _within(half: np.ndarray) -> str:
 def _colour(report: ReportData, out: OutputData, row: int) -> str:
     """That of the sharpest of the bounds that the best one is made of."""
     bounds = alike(report, out, row).bounds
-    return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest(bounds[e])))]
+    sharpest = min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest(bounds[e])))
+    return COLOURS.get(sharpest, OTHERS[0])
 
 
 def _not_resolved(*row: np.ndarray) -> str:

@@ -27,7 +27,6 @@ COLOURS = {
     "state-space": "#999999",
     "fast": "#56B4E9",
     "convolution": "#0072B2",
-    "output-kernel": "#E69F00",
     "energy": "#CC79A7",
     "auxiliary": "#009E73",
     "static": "#009E73",
@@ -36,7 +35,6 @@ STYLES = {
     "state-space": ":",
     "fast": "--",
     "convolution": "-",
-    "output-kernel": (0, (5, 1, 1, 1, 1, 1)),
     "energy": "-.",
     "auxiliary": "-",
     "static": "-",
@@ -45,11 +43,11 @@ MARKERS = {
     "state-space": "x",
     "fast": "s",
     "convolution": "D",
-    "output-kernel": "P",
     "energy": "^",
     "auxiliary": "o",
     "static": "o",
 }
+OTHERS = "#E69F00", (0, (5, 1, 1, 1, 1, 1)), "P"  # of estimators that only files of earlier versions have
 CAUSE_STYLES = {  # name in words, colour, hatch
     "basis": ("basis", "#0072B2", ""),
     "interfaces": ("rigid interfaces", "#882255", "\\\\"),
