@@ -37,10 +37,10 @@ from .sensors import Sensors, ShownSensor
 from .vectors import Enriched, enriched, in_shapes_of
 
 if TYPE_CHECKING:
+    from ...mechanism.scheme import Scheme
     from ...mechanism.unknowns import Unknowns
     from ...mechanism_errors.half_widths import CauseEstimate
     from ...model.outputs import Output
-    from ...trajectory.scheme import Scheme
     from ..floating.floating_body import FloatingBody
 
 TURNS = 100.0  # vectors slower than so many times the frame's angular velocity are kept beside the modes

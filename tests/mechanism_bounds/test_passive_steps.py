@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from exudyn_romerr.decay.passive_steps import OF_MODES, Means, PassiveSteps
+from exudyn_romerr.mechanism_bounds.passive_steps import OF_MODES, Means, PassiveSteps
 
 EXACT = 1e-12  # rounding of an identity's terms
 ROUNDING = 1e-8  # of the bound: accelerations of stiff modes are 1e6 times those that count, and steps are 60

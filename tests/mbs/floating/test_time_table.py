@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exudyn_romerr.trajectory.time_table import TimeTable
+from exudyn_romerr.mbs.floating.time_table import TimeTable
 
 
 def test_no_time_is_asked_for_twice():

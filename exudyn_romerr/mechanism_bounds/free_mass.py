@@ -9,10 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cholesky, solve_triangular
 
-from ..decay.passive_steps import Means
 from ..linalg.symmetric_factor import SymmetricFactor
 from ..model.admissible_space import RIGID_MODES, mean_motion, rigid_modes
 from ..model.shared_body import made_once
+from .passive_steps import Means
 
 if TYPE_CHECKING:
     from ..model.body import ElasticBody
