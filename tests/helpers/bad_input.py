@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import Basis, ElasticBody, RomErrError, Trajectory, evaluate
-from exudyn_romerr.offline.options import BoundOptions
-from exudyn_romerr.offline.prepare import prepare
+from exudyn_romerr.linear.run.options import BoundOptions
+from exudyn_romerr.linear.run.prepare import prepare
 from tests.helpers.bodies import model
 
 N = 10

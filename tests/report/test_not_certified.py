@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.linear.run.messages import doubts_of
+from exudyn_romerr.linear.run.record import SolverFacts
+from exudyn_romerr.linear.run.tolerance_check import ToleranceCheck
 from exudyn_romerr.mbs.monitoring.live_output import live_line
 from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice
 from exudyn_romerr.mode_selection.tried_run import TriedRun
-from exudyn_romerr.online.run_messages import doubts_of
-from exudyn_romerr.online.run_record import SolverFacts
-from exudyn_romerr.online.tolerance_check import ToleranceCheck
 from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.mechanism_report import joined

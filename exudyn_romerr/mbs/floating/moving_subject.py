@@ -13,13 +13,13 @@ import numpy as np
 from ...basis.basis import Basis
 from ...errors import AssumptionError
 from ...linalg.blocked_products import consecutive
+from ...linear.residual.problem import Deferred
+from ...linear.run.options import BoundOptions
+from ...linear.run.prepare import prepare
+from ...linear.trajectory.input_signal import SampledSignal
 from ...model.floating_frame import FramePose, Jitter
-from ...offline.options import BoundOptions
-from ...offline.prepare import prepare
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
-from ...residual.problem import Deferred
-from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor, node_coordinates
 from ..access.reduced_damping import damping_text, require_modal_damping
 from .floating_body import read_object
@@ -36,10 +36,10 @@ VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ...linear.run.offline import Offline
     from ...model.body import ElasticBody
     from ...model.global_axes import View
     from ...model.outputs import Output
-    from ...offline.prepared import Offline
     from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
     from .frame_support import Support

@@ -11,6 +11,8 @@ import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError, RunError
+from ...linear.estimators.causes import CAUSES, REDUCTION
+from ...linear.run.record import beside_steps
 from ...mechanism.mechanism import Mechanism, unbalanced_share
 from ...mechanism.readings import Readings
 from ...mechanism.samples import Rows
@@ -20,13 +22,11 @@ from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
-from ...online.run_record import beside_steps
 from ...report.data import Plan, extents, line_of
 from ...report.formats.provenance import made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ...trajectory.estimate import CAUSES, REDUCTION
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
 from ..floating.moving_subject import VECTORS

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
 from ...errors import InputError
-from ...offline.options import BoundOptions
+from ...linear.run.options import BoundOptions
 from ...process.blas_threads import one_thread
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...online.initial_condition import begins_late, loads_jump
-from ...online.run import BLOCK, Run
-from ...online.run_messages import doubts_in, stopped_or_ended
-from ...online.run_record import UNKNOWN, SolverFacts
-from ...online.static_run import StaticRun
-from ...online.tolerance_check import ToleranceCheck
+from ...linear.run.messages import doubts_in, stopped_or_ended
+from ...linear.run.record import UNKNOWN, SolverFacts
+from ...linear.run.run import BLOCK, Run
+from ...linear.run.start import begins_late, loads_jump
+from ...linear.run.static_run import StaticRun
+from ...linear.run.tolerance_check import ToleranceCheck
 from ..access.mbs_items import end_time, newton_tolerance, solver_name
 from .run_succession import Succession
 
 if TYPE_CHECKING:
-    from ...offline.prepared import Offline
+    from ...linear.run.offline import Offline
+    from ...linear.trajectory.samples import Extension
     from ...report.data import Plan
-    from ...trajectory.samples import Extension
     from ..access.linear_adapter import LinearSubject
     from ..floating.moving_subject import MovingSubject
     from .mechanism_run import BodyRun, MechanismRun

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from exudyn.itemInterface import SensorUserFunction
 
-    from ...online.run import Run
-    from ...online.static_run import StaticRun
+    from ...linear.run.run import Run
+    from ...linear.run.static_run import StaticRun
     from ...report.data import Plan
     from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ...offline.prepared import Offline
-    from ...online.run import Run
-    from ...online.static_run import StaticRun
+    from ...linear.run.offline import Offline
+    from ...linear.run.run import Run
+    from ...linear.run.static_run import StaticRun
     from ..access.linear_adapter import LinearSubject
     from ..floating.moving_subject import MovingSubject
 
@@ -55,7 +55,7 @@ class Succession:
             return None, ""
         if before.is_static:
             released = offline.initial is None and not q_t.any()
-            return (before if released and before.inputs == offline.balance.coordinates.p else None), ""
+            return (before if released and before.inputs == offline.coordinates.p else None), ""
         if abs(t - t_last) > SAME_TIME * abs(t_last) or not np.array_equal(q_t, q_t_last):
             return None, ""
         return (before, "") if self._source is offline else (None, _other_bounds(self._source, offline))

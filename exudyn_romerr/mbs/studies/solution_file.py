@@ -9,7 +9,7 @@ import numpy as np
 from exudyn.utilities import LoadSolutionFile
 
 from ...errors import InputError, RunError
-from ...offline.options import BoundOptions
+from ...linear.run.options import BoundOptions
 from ..floating.scope_decision import OF_A_FILE
 from ..monitoring.body_monitor import MonitoredBody
 from ..monitoring.requests import make_subject

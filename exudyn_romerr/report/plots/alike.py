@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...trajectory.estimate import BY_STEPS
+from ...linear.estimators.causes import BY_STEPS
 from ..scope import NOT_CERTIFIED, SCOPES
 from ..wording import covers_time, estimate_scope, under, widest, widest_scope
 

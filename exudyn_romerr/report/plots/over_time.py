@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...checks import check_count
-from ...trajectory.estimate import RESOLVED
+from ...linear.estimators.causes import RESOLVED
 from ..scope import NOT_CERTIFIED
 from ..wording import at_round_off, rounded_up, under, with_unit
 from .alike import Alike, alike, bound_covers, has_estimate, kind_of_bound

@@ -19,9 +19,9 @@ import exudyn_romerr as romerr
 from examples import bound_sensor
 from exudyn_romerr import progress as bars
 from exudyn_romerr.errors import InputError
+from exudyn_romerr.linear.run import galerkin_defect
+from exudyn_romerr.linear.run.run import Run
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
-from exudyn_romerr.online import galerkin_defect
-from exudyn_romerr.online.run import Run
 from exudyn_romerr.report.scope import FROZEN
 from exudyn_romerr.report.wording import NOT_THE_MECHANISM, rounded_up
 from models import floating

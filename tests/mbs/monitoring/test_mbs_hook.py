@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.errors import InputError, RunError
+from exudyn_romerr.linear.run.run import BLOCK
 from exudyn_romerr.mbs import add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring.step_hook import LONGEST, block_rows
-from exudyn_romerr.online.run import BLOCK
 from tests.helpers.mbs_scenes import (
     INPUTS,
     SOLVERS,
