@@ -28,8 +28,7 @@ import numpy as np
 import exudyn_romerr as romerr
 from benchmarks.estimator_pages import Measured, Refined, draw, page
 from exudyn_romerr.linear.estimators import ESTIMATORS
-from exudyn_romerr.linear.run.options import BoundOptions
-from exudyn_romerr.linear.run.prepare import prepare
+from exudyn_romerr.linear.run.prepare import BoundOptions, prepare
 from exudyn_romerr.linear.run.run import BLOCK, Run
 from models import exact, linkage, solid_bar
 from models.solid_exact import full_outputs, reduced_motion

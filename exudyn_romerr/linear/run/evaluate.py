@@ -12,8 +12,7 @@ from ...checks import check_array, check_type, real_array
 from ...errors import InputError
 from ...model.matrix_input import precision
 from ...process.blas_threads import one_thread
-from .options import BoundOptions
-from .prepare import prepare
+from .prepare import BoundOptions, prepare
 from .run import BLOCK, Run
 
 if TYPE_CHECKING:
@@ -118,19 +117,8 @@ def evaluate(
     -----
     Source: docs/theory.md; paper (11), (25)-(30). Does not cover: loads that are not in inputs.
     """
+    options = BoundOptions.of(locals())
     check_type("traj", traj, Trajectory)
-    options = BoundOptions(
-        inputs=inputs,
-        input_function=input_function,
-        outputs=outputs,
-        initial=initial,
-        jumps=jumps,
-        estimators=estimators,
-        residual=residual,
-        kernels=kernels,
-        time=time,
-        auxiliary_modes=auxiliary_modes,
-    )
     offline = prepare(body, basis, options, sampled_inputs=True, samples_precision=traj.precision)
     run = Run(offline)
     u = [traj.u] if offline.signal is None else [None]

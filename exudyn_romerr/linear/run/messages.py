@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from ...report.scope import Doubt
 from ...report.wording import NO_OUTPUTS
 from ..trajectory.reconstruction import ROUNDING_SHARE
-from .galerkin_defect import Balanced, unbalanced
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -30,17 +29,6 @@ def run_messages(run: RunRecord) -> list[str]:
         *_between_samples(run),
         *_single(run),
     ]
-
-
-class Noted(Balanced, Protocol):
-    """What a run under way has of what may speak against its bounds: see run.py."""
-
-    messages: list[str]
-
-
-def doubts_of(run: Noted) -> tuple[Doubt, ...]:
-    """Return why no bound of the run is certified; empty: it is balanced, and they hold from its start on."""
-    return tuple(dict.fromkeys([*unbalanced(run), *doubts_in(run.messages)]))
 
 
 def doubts_in(messages: Iterable[str]) -> list[Doubt]:

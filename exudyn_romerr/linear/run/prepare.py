@@ -1,8 +1,8 @@
-"""prepare: everything that is done once before a run, ending in small constants only."""
+"""BoundOptions: what was asked for; prepare: all that is done once before a run, ending in small constants only."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,6 @@ from ..residual.problem import Deferred, Problem, checked_outputs
 from ..residual.round_off import RoundOff, of_input
 from ..trajectory.input_signal import InputSignal
 from .offline import Offline
-from .options import TIMES, BoundOptions
 from .planning import make_plan
 
 if TYPE_CHECKING:
@@ -32,12 +31,45 @@ if TYPE_CHECKING:
 
     from ...basis.basis import Basis
     from ...model.body import ElasticBody
+    from ...model.outputs import Output
 
 UNMOVED = 1e-9  # of the entries of an output: what rounding leaves of rows that reference conditions hold at zero
 OF_PROBLEM = ("inputs", "outputs", "initial", "residual", "kernels", "auxiliary_modes")
 IN_A_TURNING_FRAME = ("fast", "convolution", "energy", "auxiliary")  # what Turning can add the turning to
 
 ALONE = Scene()  # of a body without a frame
+TIMES = ("reconstructed", "sampled")
+
+
+@dataclass(frozen=True, eq=False)
+class BoundOptions:
+    """Arguments of evaluate and attach, whose docstrings describe them; checked where they are used.
+
+    outputs : None until sensors tell them, of a floating body. inputs, input_function : of a floating body those that
+    its scene makes.
+    """
+
+    inputs: Any = None
+    input_function: Callable | None = None
+    outputs: Sequence[Output] | None = ()
+    initial: Any = None
+    jumps: Sequence[float] = ()
+    estimators: Any = "auto"
+    residual: str = "orthonormal"
+    kernels: str = "certified"
+    time: str = "reconstructed"
+    auxiliary_modes: int | str = "auto"
+    tolerance: Any = None
+
+    @property
+    def live(self) -> bool:
+        """Whether bounds are compared with tolerances, which the plan says."""
+        return self.tolerance is not None
+
+    @classmethod
+    def of(cls, given: dict[str, Any]) -> BoundOptions:
+        """Return those that are among the arguments of a function, its locals()."""
+        return cls(**{field.name: given[field.name] for field in fields(cls) if field.name in given})
 
 
 def prepare(

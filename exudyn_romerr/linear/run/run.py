@@ -1,9 +1,9 @@
-"""Run: bounds of one dynamic solve, fed with blocks of accepted steps; small arrays only."""
+"""Run: bounds of one solve, fed with blocks of accepted steps; small arrays only."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,53 +11,57 @@ from ...errors import RunError
 from ..trajectory.reconstruction import Linear, Quintic
 from ..trajectory.samples import Extension, Samples, checked_states, make_jumps
 from ..trajectory.segments import turn_of
-from .bound_stream import Stream, best_outputs
-from .galerkin_defect import Defect
-from .messages import doubts_of
+from .balance import Balance
+from .messages import doubts_in
 from .record import UNKNOWN, Internal, RecordedSamples, RunRecord, SolverFacts
-from .start import IN_THE_SPAN, start_of
+from .start import IN_THE_SPAN, begins_late, loads_jump, start_of
+from .stream import Stream, best_outputs
 from .summary import assemble, internal_reports
 
 if TYPE_CHECKING:
     from ...report.data import NodeFields
     from ...report.report import BoundReport
+    from ...report.scope import Doubt
     from ..estimators.bounds import Bounds
     from ..residual.round_off import Rounded
-    from ..trajectory.segments import Start
     from .offline import Offline
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
 
 
-class Opening(NamedTuple):
-    """First sample of a run, with its inputs (p,), and the run that it goes on from or what estimators start with.
+class Run:
+    """The bounds along one solve; of a static one the errors at its load steps, exact, for there K e = -R.
 
-    rest : inputs (p,) that the full body is in equilibrium with before, after a static run.
+    Of a static solve t is the load factor, q_t and q_tt are ignored, and no load step depends on another.
+
+    Attributes
+    ----------
+    begins_late : errors before its first sample are in no bound. continues : it has the error that the run before
+    ended with. last : the last sample that was bounded; None before the first.
     """
 
-    first: Samples
-    before: Run | None
-    start: Start | None
-    rest: np.ndarray | None = None
-    inputs: np.ndarray | None = None
+    begins_late = continues = False
+    last: Samples | None = None
 
-
-class Run:
-    """The bounds along one dynamic solve."""
-
-    is_static = begins_late = False  # late: errors before its first sample are in no bound
-    continues = False  # whether it has the error that the run before ended with
-
-    def __init__(self, offline: Offline, solver: SolverFacts = UNKNOWN, tolerances: dict[str, float] | None = None):
-        self.offline, self.solver, self.tolerances = offline, solver, tolerances or {}
+    def __init__(
+        self,
+        offline: Offline,
+        solver: SolverFacts = UNKNOWN,
+        tolerances: dict[str, float] | None = None,
+        is_static: bool = False,
+    ):
+        self.offline, self.solver, self.tolerances, self.is_static = offline, solver, tolerances or {}, is_static
         self.messages: list[str] = []
         self._recorded = RecordedSamples(offline, lambda: self._total.bounds())
-        self._last: Samples | None = None
         self._rest: np.ndarray | None = None  # where a frame at rest is
-        self.balance, self._settled = Defect(), slice(None)
+        self._balance, self._settled = Balance(offline), slice(None)
         self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
         self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
-        self._segmenters = {"reduction": Linear(offline.coordinates, self._jumps)}
+        self._segmenters: dict[str, Linear | Quintic] = {}
+        if is_static:
+            self._streams = {"reduction": Stream({"static": offline.static()})}
+            return
+        self._segmenters["reduction"] = Linear(offline.coordinates, self._jumps)
         if offline.time == "reconstructed":
             known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
             self._segmenters["total"] = Quintic(*known, offline.mass_root if offline.scene.turns else None)
@@ -70,53 +74,61 @@ class Run:
     def _total(self) -> Stream:
         return self._streams.get("total", self._streams["reduction"])
 
-    def start(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None) -> None:
+    def start(
+        self, t: float, q, q_t=None, q_tt=None, u=None, frame=None, after: Run | None = None, is_late: bool = False
+    ) -> None:
         """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
 
-        after: a run that this one goes on from; from a static one (offline: `from_static`) at its own rest.
+        after : a run that this one goes on from; from a static one (offline: `from_static`) at its own rest.
+        is_late : whether the solve began before.
         """
-        self.open(self.opening(t, q, q_t, q_tt, u, frame, after))
+        first = self._checked(np.array([t], dtype=float), *(np.asarray([x]) for x in (q, q_t, q_tt)), u, frame)
+        self.begins_late = is_late
+        if self.is_static:
+            self._take_load_steps(first)
+        elif after is None or after.is_static:
+            self._begin(first, None if after is None else after.last.u[0])
+        else:
+            self._go_on(first, after)
 
-    def opening(self, t: float, q, q_t, q_tt, u=None, frame=None, after: Run | None = None, rest=None) -> Opening:
-        """Check the first sample; `open` begins with what is returned here. rest: see Opening."""
-        first = self._checked(np.array([t], dtype=float), *(np.asarray(x)[None] for x in (q, q_t, q_tt)), u, frame)
-        if after is not None and not after.is_static:
-            return Opening(first, after, None)
-        rest = rest if after is None else after._inputs_given[0]
+    def _begin(self, first: Samples, rest: np.ndarray | None) -> None:
+        """Begin at rest, or anywhere; rest : inputs (p,) that the full body is in equilibrium with before."""
         start = start_of(self.offline, first, self._jumps, rest)
         if start.y0 is None and (first.q.any() or first.q_t.any()):
             self.messages.append(IN_THE_SPAN)
-        return Opening(first, None, start, rest, self._inputs_given[0])
-
-    def open(self, opening: Opening) -> None:
-        """Begin the run."""
-        first, before, start, *_ = opening
-        self.continues = before is not None
-        self._own = self.offline.own_motion(start) if before is None else before._own
+        self.messages += loads_jump(self.offline, first, rest)
+        self.messages += [begins_late(first.t[0])] if self.begins_late else []
+        self._own = self.offline.own_motion(start)
         rounded = self.offline.rounded(first, self._own)
-        if start is not None:
-            for name in self._segmenters:
-                self._streams[name].start(start, rounded)
-            if "initial" in self._streams:
-                self._streams["initial"].start(replace(start, z=0 * start.z))
-        else:
-            for name, stream in self._streams.items():
-                stream.go_on(before._streams[name])
-            self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
-            self.balance.go_on(before.balance)
+        for name in self._segmenters:
+            self._streams[name].start(start, rounded)
+        if "initial" in self._streams:
+            self._streams["initial"].start(replace(start, z=0 * start.z))
         self._record(first, rounded)
 
-    def extend(self, t, q, q_t, q_tt, u=None, frame=None) -> None:
+    def _go_on(self, first: Samples, before: Run) -> None:
+        """Begin where another run ended."""
+        self.messages += [begins_late(first.t[0])] if self.begins_late else []
+        self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
+        self.continues, self._own, self.begins_late = True, before._own, self.begins_late or before.begins_late
+        for name, stream in self._streams.items():
+            stream.go_on(before._streams[name])
+        self._balance.go_on(before._balance)
+        self._record(first, self.offline.rounded(first, self._own))
+
+    def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
-        if self._last is None:
+        if self.last is None:
             raise RunError("extend was called before start; give the first sample to start")
         if np.size(t):
             self.advance(self.extension(t, q, q_t, q_tt, u, frame))
 
-    def extension(self, t, q, q_t, q_tt, u=None, frame=None) -> Extension:
+    def extension(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> Extension:
         """Check further samples and make segments of them; `advance` goes on with what is returned here."""
         new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
-        samples = new.after(self._last)
+        if self.is_static:
+            return Extension(new, {})
+        samples = new.after(self.last)
         segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
         reduction = segments["reduction"][0]
         for block, _ in segments.values():
@@ -127,6 +139,9 @@ class Run:
     def advance(self, extension: Extension) -> None:
         """Go on by checked samples."""
         new, segments = extension
+        if self.is_static:
+            self._take_load_steps(new)
+            return
         rounded = self.offline.rounded(new, self._own)
         for name, (block, step_end) in segments.items():
             skipped = [] if block.skipped is None else [self.offline.distance_of(block.skipped[step_end])]
@@ -136,27 +151,25 @@ class Run:
             self._streams["initial"].advance(block.without_residual(), step_end)
         self._record(new, rounded)
 
+    def _take_load_steps(self, new: Samples) -> None:
+        z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
+        self._own = self.offline.rounding.of_equilibrium(new.u)
+        rounded = self.offline.rounded(new, self._own)
+        self._streams["reduction"].load_steps(z, rounded)
+        self._record(new, rounded)
+
     def best_of_last(self, count: int) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (count, r) at the last steps given."""
         return best_outputs(self.offline, self._total.last(count), self._recorded.read(slice(-count, None)))
 
-    def estimators(self, stream: str) -> dict[str, Any]:
-        """Return the estimators of a stream as they stand now."""
-        return self._streams[stream].estimators
-
     @property
     def defect(self) -> float:
         """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
-        return self.balance.share(self.solver.floor)
+        return self._balance.share(self.solver.floor)
 
-    def doubts(self) -> tuple[str, ...]:
-        """Return why no bound so far is certified, see report.scope.Doubt."""
-        return doubts_of(self)
-
-    @property
-    def inputs(self) -> int:
-        """Number of inputs."""
-        return self._inputs_given.shape[1]
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Return why no bound so far is certified; empty: the run is balanced, and they hold from its start on."""
+        return tuple(dict.fromkeys([*self._balance.doubts(self.solver), *doubts_in(self.messages)]))
 
     @property
     def times(self) -> np.ndarray:
@@ -169,7 +182,7 @@ class Run:
 
     def report(self) -> BoundReport:
         """Return what was bounded so far; RunError before the first sample."""
-        if self._last is None:
+        if self.last is None:
             raise RunError("report was asked before the first sample of the run")
         return assemble(self.record())
 
@@ -214,20 +227,21 @@ class Run:
         """Return what each estimator assumes."""
         return {name: e.assumes for name, e in self._total.estimators.items()}
 
-    def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame=None) -> Samples:
-        last = -np.inf if self._last is None else float(self._last.t[-1])
-        states = checked_states(t, (q, q_t, q_tt), self.offline.coordinates.n, last)
+    def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame: Any = None) -> Samples:
+        before = -np.inf if self.last is None else float(self.last.t[-1])
+        if self.is_static:
+            q_t = q_tt = np.zeros(np.shape(q))
+        states = checked_states(t, (q, q_t, q_tt), self.offline.coordinates.n, before)
         frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
         u = self.offline.checked_inputs(t, u)
-        rows = self.offline.balance_rows
-        z, jitter = self.offline.coordinates(*states, u), self.offline.scene.jitter
+        z, rows = self.offline.coordinates(*states, u), self.offline.balance_rows
+        jitter = self.offline.scene.jitter
         if jitter is not None:
-            self._rest = frame[0] if self._last is None else self._rest
+            self._rest = frame[0] if self.last is None else self._rest
             z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
-        self.balance.measure(rows, z, self.offline.rounding.in_balance(states[0]))
-        self._inputs_given = u[-1:].copy()
+        self._balance.measure(rows, z, self.offline.rounding.in_balance(states[0]))
         return Samples(t, *states, u, frame)
 
     def _record(self, new: Samples, rounded: Rounded) -> None:
         self._recorded.append(new, rounded, self._own)
-        self._last = Samples(*(x[-1:].copy() for x in vars(new).values()))  # or all of a block are kept
+        self.last = Samples(*(x[-1:].copy() for x in vars(new).values()))  # or all of a block are kept

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ...linear.run.offline import Offline
-    from ...linear.run.options import BoundOptions
+    from ...linear.run.prepare import BoundOptions
     from ...model.outputs import Output
     from .reduced_body import ReducedBody
 

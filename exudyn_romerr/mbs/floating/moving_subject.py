@@ -14,8 +14,7 @@ from ...basis.basis import Basis
 from ...errors import AssumptionError
 from ...linalg.blocked_products import consecutive
 from ...linear.residual.problem import Deferred
-from ...linear.run.options import BoundOptions
-from ...linear.run.prepare import prepare
+from ...linear.run.prepare import BoundOptions, prepare
 from ...linear.trajectory.input_signal import SampledSignal
 from ...model.floating_frame import FramePose, Jitter
 from ...report.data import Plan, line_of

@@ -15,8 +15,7 @@ from ...errors import InputError
 from ...linear.residual.kernels import KERNELS
 from ...linear.residual.problem import checked_outputs
 from ...linear.residual.residual import RESIDUALS
-from ...linear.run.options import TIMES, BoundOptions
-from ...linear.run.prepare import checked_names
+from ...linear.run.prepare import TIMES, BoundOptions, checked_names
 from ...model.outputs import Output
 from ...report.mechanism_report import check_names
 from ..access.linear_adapter import LinearSubject

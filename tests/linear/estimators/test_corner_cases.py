@@ -7,8 +7,7 @@ import scipy.linalg as la
 import exudyn_romerr as romerr
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
 from exudyn_romerr.linear.residual.kernels import CertifiedKernel, SpectrumKernel
-from exudyn_romerr.linear.run.options import BoundOptions
-from exudyn_romerr.linear.run.prepare import prepare
+from exudyn_romerr.linear.run.prepare import BoundOptions, prepare
 from exudyn_romerr.linear.run.run import Run
 
 ALL = ("fast", "convolution", "energy", "auxiliary")

@@ -19,8 +19,7 @@ from scipy.integrate import solve_ivp
 
 from exudyn_romerr import Basis, ElasticBody, Output
 from exudyn_romerr.linear.estimators.turning_frame import Turning
-from exudyn_romerr.linear.run.options import BoundOptions
-from exudyn_romerr.linear.run.prepare import prepare
+from exudyn_romerr.linear.run.prepare import BoundOptions, prepare
 from exudyn_romerr.linear.run.run import Run
 from exudyn_romerr.model.floating_frame import FrameMotion, Turn, inertia_columns, inertia_coordinates, skew
 from exudyn_romerr.report.scope import Scene

@@ -16,7 +16,7 @@ from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor
 from exudyn_romerr.linear.residual import decay_rates as forgetting
 from exudyn_romerr.linear.residual.problem import Problem
 from exudyn_romerr.linear.run import prepare as offline
-from exudyn_romerr.linear.run.options import BoundOptions
+from exudyn_romerr.linear.run.prepare import BoundOptions
 from exudyn_romerr.linear.run.run import BLOCK, Run
 from exudyn_romerr.mechanism.mechanism import Mechanism
 from exudyn_romerr.model import body as body_module

@@ -1,8 +1,8 @@
-"""The Galerkin defect: W^T R is zero along a reduced trajectory unless a load is missing or a step was not solved."""
+"""Galerkin's balance: W^T R is zero along a reduced trajectory unless a load is missing or a step was not solved."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,13 +22,13 @@ OF_THE_SOLVER = (
     "velocities; whether a load is missing, too, is not seen beside that"
 )
 OTHER_SOLVER = f"take another solver than {LAGS}, such as solverType=exu.DynamicSolverType.RK44 in SolveDynamic"
-UNCHECKED = Reason.UNCHECKED.doubt()
 
 
-class Defect:
+class Balance:
     """The largest Galerkin residual W^T R = rows z so far, and the largest of its terms."""
 
-    def __init__(self) -> None:
+    def __init__(self, offline: Offline):
+        self._checked, self._precision = offline.scene.checked, offline.samples_precision
         self._left = np.zeros(1)  # the largest, in every mode
         self._terms = 0.0  # the largest term in any mode
         self._noise = 0.0  # what rounding may leave
@@ -42,7 +42,7 @@ class Defect:
             self._terms = max(self._terms, float(np.max(rows_times(np.abs(part), sizes))))
         self._noise = max(self._noise, noise)
 
-    def go_on(self, before: Defect) -> None:
+    def go_on(self, before: Balance) -> None:
         """Begin with what another run has left."""
         self._left = np.maximum(self._left, before._left)
         self._terms, self._noise = max(self._terms, before._terms), max(self._noise, before._noise)
@@ -52,37 +52,24 @@ class Defect:
         terms = max(self._terms, floor)
         return max(float(self._left.max()) - self._noise, 0.0) / terms if terms else 0.0
 
-    @property
-    def worst_mode(self) -> int:
-        """Row of W^T R that most is left in."""
-        return int(np.argmax(self._left))
+    def doubts(self, solver: SolverFacts) -> list[Doubt]:
+        """Return why it speaks against the run's bounds; empty: no more is left than by the solver."""
+        if not self._checked:
+            return [Reason.UNCHECKED.doubt()]
+        defect, limit = self.share(solver.floor), limit_of(solver.newton_tolerance + self._precision)
+        if defect <= limit:
+            return []
+        found = f"Galerkin defect {defect:.1e}"
+        if LAGS in solver.name:
+            return [Reason.UNBALANCED.doubt(said=f"{found} {OF_THE_SOLVER}", beside=found, cure=OTHER_SOLVER)]
+        said = (
+            f"{found} of the largest term, in mode {np.argmax(self._left)} (expected below {limit:.1e}): a load on "
+            "the body is not known here, or depends on more than time, or damping differs, or a step was too long to "
+            "be solved well; bounds hold for the loads known"
+        )
+        return [Reason.UNBALANCED.doubt(said=said, beside=found)]
 
 
-class Balanced(Protocol):
-    """What a run under way has of its balance: see run.py."""
-
-    offline: Offline
-    solver: SolverFacts
-    balance: Defect
-    defect: float
-
-
-def unbalanced(run: Balanced) -> list[Doubt]:
-    """Return why the balance of a run speaks against its bounds; empty: no more is left than by the solver."""
-    if not run.offline.scene.checked:
-        return [UNCHECKED]
-    if run.defect <= (limit := _limit(run)):
-        return []
-    found = f"Galerkin defect {run.defect:.1e}"
-    said = (
-        f"{found} of the largest term, in mode {run.balance.worst_mode} (expected below {limit:.1e}): a load on the "
-        "body is not known here, or depends on more than time, or damping differs, or a step was too long to be "
-        "solved well; bounds hold for the loads known"
-    )
-    if LAGS in run.solver.name:
-        return [Reason.UNBALANCED.doubt(said=f"{found} {OF_THE_SOLVER}", beside=found, cure=OTHER_SOLVER)]
-    return [Reason.UNBALANCED.doubt(said=said, beside=found)]
-
-
-def _limit(run: Balanced) -> float:
-    return GALERKIN_DEFECT + TOLERANCES * (run.solver.newton_tolerance + run.offline.samples_precision)
+def limit_of(tolerance: float) -> float:
+    """Return what may be left in W^T R, of the largest term, by a solver of that relative tolerance."""
+    return GALERKIN_DEFECT + TOLERANCES * tolerance
