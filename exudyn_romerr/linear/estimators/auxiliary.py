@@ -11,7 +11,7 @@ from ...linalg.modal_oscillators import ModalOscillators
 from ..residual.modal_split import NormsAbove
 from ..trajectory.segments import Block, Start
 from .bounds import Bounds
-from .energy import Growth, Smooth, jump_share, output_share, smallest
+from .energy import Energy, smallest
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 EPS = np.finfo(float).eps
 
 
-class Auxiliary:
+class Auxiliary(Energy):
     """The error's lowest m modal coordinates eta are integrated exactly; what is left is bounded by its energy.
 
         |C e| <= |C P eta - C K^-1 R_rest| + |C|_rest g ,   R_rest = (I - M P P^T) R
@@ -30,24 +30,18 @@ class Auxiliary:
 
     name = "auxiliary"
     assumes = "Rayleigh damping (or none)"
-    inside: tuple[np.ndarray, np.ndarray] | None = None
 
     def __init__(self, problem: Problem):
-        split = problem.split
+        split, modes = problem.split, problem.split.modes
         if problem.body.modal is not None:
             self.assumes = "damping ratios by mode"
-        self.oscillators = ModalOscillators(split.modes.omega, problem.body.damping_ratios(split.modes.omega))
-        self.growth = Growth(split.norm_K, split.rates, Smooth.of(problem.body, split.rates))
-        self.rates = self.growth.bounds
-        self.norm_static = split.norm_static
-        self.start_norms = split.start_norms
+        self.oscillators = ModalOscillators(modes.omega, problem.body.damping_ratios(modes.omega))
+        above = NormsAbove(problem.rows, modes)
+        self._take(problem, split, split.rates, above)
         self.forcing = -split.PL[:, : problem.map.coordinates.k]
         self.start_rows = split.PL
-        above = NormsAbove(problem.rows, split.modes)
-        self.CP, self.C_K, self.C_M = above.C @ split.modes.P, above.C_K, above.C_M
-        self.static_rows = above.static_rows
-        self.velocity_rows = problem.rows.velocity_rows
-        self.mode_residual, self.beta = split.modes.residual, problem.body.proportional[1]
+        self.CP = above.C @ modes.P
+        self.mode_residual, self.beta = modes.residual, problem.body.proportional[1]
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
@@ -63,7 +57,7 @@ class Auxiliary:
             # modes are M-orthogonal to rounding: each eta sees that much of all the others
             self.rounding = 8 * EPS * (e + np.linalg.norm(e) + (e_t + np.linalg.norm(e_t)) / omega)
         z = start.z[None]
-        return self._bounds(z, self.norm_static(z), self.state[None], self.growth.at_start(), self.rounding[None])
+        return self._bounds(z, self.norm_static(z), self.growth.at_start(), self.state[None], self.rounding[None])
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
@@ -85,8 +79,7 @@ class Auxiliary:
         # of times: steps follow them but for rounding, which does not add up
         of_times = self.oscillators.drift * (self.oscillators.omega * eta + eta_t)
         inexact = self.rounding + of_times + missed
-        static = block.norms_at_ends(self.norm_static)
-        return self._bounds(block.c[:, -1], static, states, (g, g_jump), inexact)
+        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), (g, g_jump), states, inexact)
 
     def _rounding_of(self, block: Block, eta: np.ndarray, eta_t: np.ndarray, g: np.ndarray) -> np.ndarray:
         """Estimated error (m,) that rounding adds to eta in a block: its largest per segment, times their number.
@@ -104,32 +97,18 @@ class Auxiliary:
         whole = float(row_norms((eta + self.beta * eta_t) * omega)) + d_K + static
         return added + duration * self.mode_residual * whole
 
-    def instant(self, i: int) -> tuple:
-        """Return what bounds the outputs at entry i of the bounds returned last."""
-        (z, static, states, growth, inexact), self._given = self._given, None
-        one = slice(i, i + 1)
-        inexact = inexact[one if len(inexact) > 1 else slice(1)].copy()
-        z, static, states = (x[one].copy() for x in (z, static, states))
-        return z, static, states, tuple(g[:, one].copy() for g in growth), inexact
-
-    def bounds_at(self, instant: tuple) -> Bounds:
-        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
-        return self._bounds(*instant)
-
-    def _bounds(self, z, static, states, growth, inexact) -> Bounds:
-        self._given = z, static, states, growth, inexact
+    def _bounds(self, z, static, growth, states, inexact) -> Bounds:
+        """As in Energy; states (S, 2, m): eta and eta', inexact (S, m): what eta may be off."""
+        self._given = z, static, growth, states, inexact
         g, g_jump = growth
         _, d_M, v_M = rest = smallest(self.rates, g)
         eta, eta_t = states[:, 0], states[:, 1]
         known = np.where(self.velocity_rows, eta_t @ self.CP.T, eta @ self.CP.T - z @ self.static_rows.T)
         omega = np.where(self.velocity_rows[:, None], self.oscillators.omega, 1.0)
-        share = output_share(rest, self.C_K, self.C_M, self.velocity_rows)
-        slack = share + inexact @ (np.abs(self.CP) * omega).T
+        slack = self._share(rest) + inexact @ (np.abs(self.CP) * omega).T
         position = np.hypot(row_norms(eta), static + d_M) + row_norms(inexact)
-        turned = row_norms(inexact * self.oscillators.omega)
-        velocity = np.hypot(row_norms(eta_t), v_M) + turned
-        jumped = jump_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
-        return Bounds(position, velocity, np.abs(known) + slack, jumped, known, slack)
+        velocity = np.hypot(row_norms(eta_t), v_M) + row_norms(inexact * self.oscillators.omega)
+        return Bounds(position, velocity, np.abs(known) + slack, self._jumped(g_jump), known, slack)
 
     def _unresolved(self, block: Block) -> np.ndarray:
         """Bounds (S, m) of eta's response to the part of the inputs that the polynomial does not contain."""

@@ -14,6 +14,7 @@ from .bounds import Bounds, times
 
 if TYPE_CHECKING:
     from ...model.body import ElasticBody
+    from ..residual.dual_norms import DualNorms, OutputNorms
     from ..residual.problem import Problem
     from ..residual.residual import StartNorms
 
@@ -32,20 +33,21 @@ class Energy:
     inside: tuple[np.ndarray, np.ndarray] | None = None
 
     def __init__(self, problem: Problem):
-        rates = body_rates(problem.body)
-        self.growth = Growth(problem.dual.norm_K, rates, Smooth.of(problem.body, rates))
+        self._take(problem, problem.dual, body_rates(problem.body), problem.rows)
+
+    def _take(self, problem: Problem, norms: DualNorms, rates: list[DecayRate], rows: OutputNorms) -> None:
+        """Take what is bounded: R and outputs as they are, or the rest of both above auxiliary modes."""
+        self.growth = Growth(norms.norm_K, rates, Smooth.of(problem.body, rates))
         self.rates = self.growth.bounds
-        self.norm_static = problem.dual.norm_static
-        self.start_norms = problem.dual.start_norms
-        self.static_rows = problem.rows.static_rows
-        self.C_K, self.C_M = problem.rows.C_K, problem.rows.C_M
-        self.velocity_rows = problem.rows.velocity_rows
+        self.norm_static, self.start_norms = norms.norm_static, norms.start_norms
+        self.static_rows, self.C_K, self.C_M = rows.static_rows, rows.C_K, rows.C_M
+        self.velocity_rows = rows.velocity_rows
 
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.growth = self.growth.started(start, self.start_norms)
         z = start.z[None]
-        return self._bounds(z, self.norm_static(z), *self.growth.at_start())
+        return self._bounds(z, self.norm_static(z), self.growth.at_start())
 
     def advance(self, block: Block) -> Bounds:
         """Go on by one block; return the bounds at the ends of its segments."""
@@ -54,26 +56,32 @@ class Energy:
         if block.turn is not None:
             d_M, v_M = before.inside(g, self.growth)
             self.inside = self.growth.static_inside(self.norm_static, before, block) + d_M, v_M
-        static = block.norms_at_ends(self.norm_static)
-        return self._bounds(block.c[:, -1], static, g, g_jump)
+        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), (g, g_jump))
 
     def instant(self, i: int) -> tuple:
         """Return what bounds the outputs at entry i of the bounds returned last."""
-        (z, static, g, g_jump), self._given = self._given, None
+        (z, static, growth, *more), self._given = self._given, None
         one = slice(i, i + 1)
-        return tuple(x.copy() for x in (z[one], static[one], g[:, one], g_jump[:, one]))
+        own = (x[one if len(x) > 1 else slice(1)].copy() for x in more)
+        return z[one].copy(), static[one].copy(), tuple(g[:, one].copy() for g in growth), *own
 
     def bounds_at(self, instant: tuple) -> Bounds:
         """Return the bounds (1, R) at an instant of an estimator with other outputs."""
         return self._bounds(*instant)
 
-    def _bounds(self, z: np.ndarray, static: np.ndarray, g: np.ndarray, g_jump: np.ndarray) -> Bounds:
-        self._given = z, static, g, g_jump
-        _, d_M, v_M = rest = smallest(self.rates, g)
+    def _bounds(self, z: np.ndarray, static: np.ndarray, growth: tuple[np.ndarray, np.ndarray]) -> Bounds:
+        """Bounds of z (S, k), |K^-1 R|_M (S,), g and g_jump (rates, S)."""
+        self._given = z, static, growth
+        _, d_M, v_M = rest = smallest(self.rates, growth[0])
         known = np.abs(z @ self.static_rows.T)
-        outputs = known + output_share(rest, self.C_K, self.C_M, self.velocity_rows)
-        jumped = jump_share(self.rates, g_jump, self.C_K, self.C_M, self.velocity_rows)
-        return Bounds(static + d_M, v_M, outputs, jumped)
+        return Bounds(static + d_M, v_M, known + self._share(rest), self._jumped(growth[1]))
+
+    def _share(self, rest: np.ndarray) -> np.ndarray:
+        return output_share(rest, self.C_K, self.C_M, self.velocity_rows)
+
+    def _jumped(self, g_jump: np.ndarray) -> np.ndarray | None:
+        """What load jumps made of the bounds of outputs; None: there were none."""
+        return self._share(smallest(self.rates, g_jump)) if g_jump.any() else None
 
 
 class Growth:
@@ -211,8 +219,3 @@ def output_share(rest: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
     d_K, _, v_M = rest
     share = times(d_K, C_K)
     return np.where(velocity_rows, times(v_M, C_M), share) if velocity_rows.any() else share
-
-
-def jump_share(rates: Sequence[DecayRate], g_jump: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray | None:
-    """Return output_share of what load jumps made; None: there were none."""
-    return output_share(smallest(rates, g_jump), C_K, C_M, velocity_rows) if g_jump.any() else None

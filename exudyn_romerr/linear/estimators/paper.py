@@ -8,12 +8,59 @@ import numpy as np
 
 from ...linalg import oscillator
 from ...linalg.linear_recurrence import decaying_sums
-from ..residual.lag_table import LagTable
-from ..trajectory.segments import Block
-from .mass_norm import MassNormEstimator
+from ..residual.kernels import LagTable
+from ..trajectory.segments import Block, Start
+from .bounds import Bounds, times
 
 if TYPE_CHECKING:
     from ..residual.problem import Problem
+
+
+class MassNormEstimator:
+    """Shared part of the estimators that bound |e|_M by the integral of |R|_{M^-1} (paper, section 4).
+
+    initial : |e0|_M, |e0|_K, |e0'|_M of the initial error.
+    """
+
+    name: str
+    inside = None
+
+    def __init__(self, problem: Problem):
+        self.norm = problem.dual.norm_M
+        self.C2 = problem.rows.C_M
+        self.velocity_rows = problem.rows.velocity_rows
+        self._start_norms = problem.dual.start_norms
+
+    def start(self, start: Start) -> Bounds:
+        """Begin a run; return the bounds at its first instant."""
+        self.t0, self.integral, self.initial = start.t, 0.0, (0.0, 0.0, 0.0)
+        if start.y0 is not None:
+            norms = self._start_norms
+            self.initial = float(norms.static(start.y0)), float(norms.K(start.y0)), float(norms.M(start.y0_t))
+        return self._bounds(np.array([start.t]), np.zeros(1), None)
+
+    def advance(self, block: Block) -> Bounds:
+        """Go on by one block; return the bounds at the ends of its segments."""
+        total = self.integral + np.cumsum(block.integral(self.norm))
+        self.integral = float(total[-1])
+        return self._bounds(block.t, total, block)
+
+    def _bounds(self, t: np.ndarray, integral: np.ndarray, block: Block | None) -> Bounds:
+        self._position, velocity = self._state_bounds(t - self.t0, integral, block)
+        outputs = np.where(self.velocity_rows, times(velocity, self.C2), times(self._position, self.C2))
+        return Bounds(self._position, velocity, outputs)
+
+    def instant(self, i: int) -> tuple:
+        """Return what bounds displacements at entry i of the bounds returned last."""
+        return (self._position[i],)
+
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) of displacement outputs at an instant of an estimator with other outputs."""
+        return Bounds(None, None, times(np.array(instant), self.C2))
+
+    def _state_bounds(self, t, integral, block) -> tuple[np.ndarray, np.ndarray]:
+        """Bounds of |e|_M and |e'|_M after times t (S,) from the start, with int |R| up to there."""
+        raise NotImplementedError
 
 
 class StateSpace(MassNormEstimator):
@@ -36,8 +83,8 @@ class StateSpace(MassNormEstimator):
         self.C1 = oscillator.largest_state_response(omega / w, s_max * w)
 
     def _state_bounds(self, t, integral, block):
-        w = self.omega_1
-        bound = self.C1 * (np.hypot(self.initial.e_M, self.initial.v_M / w) + integral / w)
+        w, (e_M, _, v_M) = self.omega_1, self.initial
+        bound = self.C1 * (np.hypot(e_M, v_M / w) + integral / w)
         return bound, w * bound
 
 
@@ -56,9 +103,9 @@ class Fast(MassNormEstimator):
         self.kernel = problem.kernel
 
     def _state_bounds(self, t, integral, block):
-        kernel, initial = self.kernel, self.initial
-        displaced = initial.e_K / kernel.omega_1 if kernel.C11 is None else kernel.C11 * initial.e_M
-        return displaced + kernel.C12 * (initial.v_M + integral), initial.energy + integral
+        kernel, (e_M, e_K, v_M) = self.kernel, self.initial
+        displaced = e_K / kernel.omega_1 if kernel.C11 is None else kernel.C11 * e_M
+        return displaced + kernel.C12 * (v_M + integral), float(np.hypot(e_K, v_M)) + integral
 
 
 class Convolution(Fast):
@@ -73,7 +120,6 @@ class Convolution(Fast):
     def __init__(self, problem: Problem):
         super().__init__(problem)
         self.table = None if self.kernel.envelopes else LagTable(self.kernel)
-        self._reset()
 
     def start(self, start):
         """Begin a run; return the bounds at its first instant."""
@@ -90,8 +136,7 @@ class Convolution(Fast):
             forced = np.zeros_like(t)
         else:
             forced = self._by_recurrence(block) if self.table is None else self._by_history(block)
-        free = self.kernel.free_motion(t, self.initial.e_M, self.initial.e_K, self.initial.v_M)
-        return np.minimum(fast, free + forced), velocity
+        return np.minimum(fast, self.kernel.free_motion(t, *self.initial) + forced), velocity
 
     def _by_recurrence(self, block: Block) -> np.ndarray:
         added = block.integral(self.norm)

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import Basis
-from exudyn_romerr.linear.estimators.mass_norm import MassNormEstimator
-from exudyn_romerr.linear.estimators.paper import Convolution, Fast
+from exudyn_romerr.linear.estimators.paper import Convolution, Fast, MassNormEstimator
 from exudyn_romerr.linear.residual.dual_norms import OutputNorms
-from exudyn_romerr.linear.residual.kernels import CertifiedKernel
-from exudyn_romerr.linear.residual.lag_table import LagTable
+from exudyn_romerr.linear.residual.kernels import CertifiedKernel, LagTable
 from tests.helpers.bodies import Model, model
 from tests.helpers.cases import Case
 from tests.helpers.loads import Load

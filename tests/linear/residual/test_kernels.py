@@ -8,8 +8,13 @@ import scipy.linalg as la
 
 from exudyn_romerr import AssumptionError, ElasticBody
 from exudyn_romerr.linalg import oscillator
-from exudyn_romerr.linear.residual.kernels import CertifiedKernel, EnvelopeKernel, SpectrumKernel, make_kernel
-from exudyn_romerr.linear.residual.lag_table import LagTable
+from exudyn_romerr.linear.residual.kernels import (
+    CertifiedKernel,
+    EnvelopeKernel,
+    LagTable,
+    SpectrumKernel,
+    make_kernel,
+)
 from models.matrix_exponential import fundamental_matrix_norms
 from tests.helpers import tolerances as tol
 from tests.helpers.bodies import model
