@@ -1,13 +1,11 @@
-"""Bounds at the instants of a run: those of one estimator, seen in global axes, kept along a run."""
+"""Bounds at the instants of a run: those of one estimator, and of outputs as they are seen in global axes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-
-from ..trajectory.growing_array import GrowingArray
 
 if TYPE_CHECKING:
     from ...model.global_axes import View
@@ -31,7 +29,7 @@ class Bounds:
 
     def at(self, index: np.ndarray | slice) -> Bounds:
         """Return the bounds at some of the instants."""
-        return Bounds(*(None if x is None else x[index] for x in self.arrays()))
+        return Bounds(*(None if x is None else x[index] for x in vars(self).values()))
 
     def widened(self, position: np.ndarray, velocity: np.ndarray, outputs: np.ndarray) -> Bounds:
         """Return the bounds with something added at every instant."""
@@ -43,15 +41,6 @@ class Bounds:
             outputs=self.outputs + outputs,
             correction_bound=left,
         )
-
-    def of_rows(self, part: slice) -> Bounds:
-        """Return the bounds of some of the output rows."""
-        rows = (None if x is None else x[:, part] for x in self.arrays()[2:])
-        return Bounds(self.position, self.velocity, *rows)
-
-    def arrays(self) -> tuple:
-        """Return the fields in their order."""
-        return (self.position, self.velocity, self.outputs, self.jumped, self.correction, self.correction_bound)
 
     def of_outputs(self) -> Bounds:
         """Return the bounds of the outputs alone."""
@@ -66,29 +55,6 @@ class Worst(NamedTuple):
     widened: float
 
 
-class KeptBounds:
-    """The bounds of one estimator so far."""
-
-    def __init__(self) -> None:
-        self._fields: dict[str, GrowingArray] = {}
-        self._count = 0
-
-    def append(self, bounds: Bounds) -> None:
-        """Add bounds at further instants."""
-        for name, x in vars(bounds).items():
-            if x is not None and name not in self._fields:
-                self._fields[name] = GrowingArray()
-                self._fields[name].append(np.zeros((self._count, *x.shape[1:])))  # no jumps before the first
-            if name in self._fields:
-                self._fields[name].append(np.zeros_like(bounds.outputs) if x is None else x)
-        self._count += len(bounds.outputs)
-
-    def read(self) -> Bounds:
-        """Return all of them."""
-        names = (field.name for field in fields(Bounds))
-        return Bounds(*(self._fields[name].read() if name in self._fields else None for name in names))
-
-
 def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:
     """Return bound (S,) times constants (R,) as (S, R); an output that sees nothing has bound 0, also of inf."""
     seen = constants > 0
@@ -97,22 +63,23 @@ def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:
     return product
 
 
+def of_output(bounds: Bounds, part: slice, view: View | None, frame: np.ndarray) -> Bounds:
+    """Return the bounds of one output, rows `part`, as a view of it in global axes sees them; frame (S, 24)."""
+    rows = (bounds.outputs, bounds.jumped, bounds.correction, bounds.correction_bound)
+    own = Bounds(bounds.position, bounds.velocity, *(None if x is None else x[:, part] for x in rows))
+    return own if view is None else seen_in(view, own, frame)
+
+
 def seen_in(view: View, base: Bounds, frame: np.ndarray) -> Bounds:
     """Return the bounds of an output in global axes from those of its base rows, which the view is made of."""
     H = view.matrices(frame)
     if view.blind:
-        return unbounded(replace(base, outputs=np.zeros(H.shape[:2])))
+        return Bounds(base.position, base.velocity, np.full(H.shape[:2], np.inf))
     jumped = None if base.jumped is None else _spread(H, base.jumped)
     if base.correction is None:
         return replace(base, outputs=_spread(H, base.outputs), jumped=jumped)
     known, left = np.einsum("srk,sk->sr", H, base.correction), _spread(H, base.correction_bound)
     return replace(base, outputs=np.abs(known) + left, jumped=jumped, correction=known, correction_bound=left)
-
-
-def unbounded(bounds: Bounds) -> Bounds:
-    """Return bounds of an output that none are known of."""
-    none = np.full_like(bounds.outputs, np.inf)
-    return replace(bounds, outputs=none, jumped=None, correction=None, correction_bound=None)
 
 
 def _spread(H: np.ndarray, bounds: np.ndarray) -> np.ndarray:

@@ -20,11 +20,10 @@ if TYPE_CHECKING:
     from ...report.data import Plan
     from ...report.scope import Scene
     from ..estimators.estimator import Estimator
+    from ..estimators.round_off import RoundOff
     from ..estimators.static import StaticError
     from ..residual.residual import Coordinates
-    from ..residual.round_off import Rounded, RoundOff
     from ..trajectory.input_signal import InputSignal
-    from ..trajectory.samples import Samples
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Offline:
     linear/residual/interface_stiffening.py. measure: norm of R(z) that knots of the reconstruction are chosen by.
     rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single: names of
     what has fewer. initial: None, "equilibrium" or "state". notes: what the reader must know. nodes: what is known
-    of the error at every node, moved: positions and displacements of the nodes at q, on demand. static,
+    of the error at every node, moved: their displacements at q, on demand; positions: where they are. static,
     from_static: made when a static solve, or a run from its end, begins.
     """
 
@@ -69,7 +68,8 @@ class Offline:
     scene: Scene
     notes: tuple[str, ...]
     nodes: Callable[[dict], dict]
-    moved: Callable[[np.ndarray], tuple]
+    moved: Callable[[np.ndarray], np.ndarray]
+    positions: np.ndarray | None
     static: Callable[[], StaticError]
     from_static: Callable[[], Offline]
 
@@ -99,10 +99,6 @@ class Offline:
             raise InputError(f"u has shape {u.shape}; needed: ({len(t)}, {p})")
         check_finite("u", u)
         return u
-
-    def rounded(self, samples: Samples, own: float | np.ndarray) -> Rounded:
-        """Return what rounding of the computation may move at samples; own: see RoundOff."""
-        return self.rounding(samples.q, samples.q_t, samples.q_tt, samples.u, own)
 
     def own_motion(self, start: Start) -> float:
         """Size of what the full body starts with, and may ring in all along, see RoundOff."""

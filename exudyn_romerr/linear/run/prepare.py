@@ -17,11 +17,11 @@ from ...model.shared_body import made_once
 from ...report.scope import COMPLETE, Scene
 from ..estimators import ESTIMATORS
 from ..estimators.node_bounds import node_bounds, node_displacements
+from ..estimators.round_off import RoundOff, of_input
 from ..estimators.static import StaticError
 from ..estimators.turning_frame import Turning
 from ..residual.interface_stiffening import static_errors
 from ..residual.problem import Deferred, Problem, checked_outputs
-from ..residual.round_off import RoundOff, of_input
 from ..trajectory.input_signal import InputSignal
 from .offline import Offline
 from .planning import make_plan
@@ -136,7 +136,8 @@ def prepare(
         ),
         notes=tuple(filter(None, [scene.note, problem.split.modes.left_ringing if with_modes else None, blind])),
         nodes=lambda worst: node_bounds(problem, lambda name, p: _made(name, p, scene), worst),
-        moved=lambda q: (body.positions, node_displacements(problem, q)),
+        moved=lambda q: node_displacements(problem, q),
+        positions=body.positions,
         static=lambda: StaticError(problem),
     )
 

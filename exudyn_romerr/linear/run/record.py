@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...report.scope import Doubt
     from ..estimators.bounds import Bounds
     from ..estimators.node_bounds import AtNodes
-    from ..residual.round_off import Rounded
+    from ..estimators.round_off import Rounded
     from ..trajectory.samples import Samples
     from .offline import Offline
 
@@ -109,34 +109,38 @@ def beside_steps(sizes: np.ndarray, omega_1: float) -> tuple[str, ...]:
 
 
 class RecordedSamples:
-    """What is kept of samples along a run: t, output rows, their round-off, frames if outputs need them.
+    """What is kept of samples along a run: see RunRecord, frames if outputs need them.
 
     q, which many outputs would fit in, only where one of the `bounds` so far is largest, and of the last samples.
     """
 
     def __init__(self, offline: Offline, bounds: Callable[[], dict[str, Bounds]]):
-        self._offline, self._bounds, self._static_errors = offline, bounds, GrowingArray()
-        self.t = GrowingArray()
+        self._offline, self._bounds, self.t = offline, bounds, GrowingArray()
+        names = ("values", "round_off", "frames", "sizes", "static_errors")
+        self._kept = {"t": self.t, **{name: GrowingArray() for name in names}}
         self._motions: list[tuple[int, np.ndarray]] = []  # number of the first sample, q
         self._worst: dict[str, tuple[float, int]] = {}  # estimator -> its largest bound of |e|_M, and where
         self._looked: dict[str, int] = {}
-        self._values, self._round_off, self._frames, self._sizes = (GrowingArray() for _ in range(4))
 
     def append(self, new: Samples, rounded: Rounded, own: float | np.ndarray) -> None:
         """Keep further samples; rounded: what rounding of the computation may move there; own: see RoundOff."""
         self._drop_motions()
         self._motions.append((len(self.t), new.q))
-        self.t.append(new.t)
-        self._values.append(self._offline.outputs_of(new.q, new.q_t))
-        root = self._offline.mass_root.T
-        self._sizes.append(np.stack([norms_times(x, root) for x in (new.q, new.q_tt)], axis=1))
-        of_input = self._offline.input_rounding
-        self._round_off.append((of_input(new.q, new.q_t, new.q_tt, new.u, own) if of_input else rounded).outputs)
-        if self._offline.static_errors is not None:
-            z = self._offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
-            self._static_errors.append(np.einsum("sk,erk->ser", z, self._offline.static_errors, optimize=True))
-        if any(self._offline.views):  # outputs in global axes
-            self._frames.append(new.frame)
+        offline, root = self._offline, self._offline.mass_root.T
+        rounded = offline.input_rounding(new, own) if offline.input_rounding else rounded
+        found = {
+            "t": new.t,
+            "values": offline.outputs_of(new.q, new.q_t),
+            "round_off": rounded.outputs,
+            "sizes": np.stack([norms_times(x, root) for x in (new.q, new.q_tt)], axis=1),
+        }
+        if offline.static_errors is not None:
+            z = offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
+            found["static_errors"] = np.einsum("sk,erk->ser", z, offline.static_errors, optimize=True)
+        if any(offline.views):  # outputs in global axes
+            found["frames"] = new.frame
+        for name, rows in found.items():
+            self._kept[name].append(rows)
 
     def _drop_motions(self) -> None:
         """Forget q of all samples but those where a bound is largest."""
@@ -158,17 +162,14 @@ class RecordedSamples:
     def fields_of(self, found: dict[str, AtNodes], bounds: dict[str, Bounds]) -> NodeFields:
         """Return what is known at nodes, with the displacements where each estimator's bound of |e|_M is largest."""
         worst = {e: int(np.argmax(bounds[e].position)) for e in found}
-        moved = {e: self._offline.moved(self._motion(i)) for e, i in worst.items()}
         return NodeFields(
             bound={e: x.bound for e, x in found.items()},
             estimate={e: x.estimate for e, x in found.items() if x.estimate is not None},
-            displacement={e: x for e, (_, x) in moved.items()},
+            displacement={e: self._offline.moved(self._motion(i)) for e, i in worst.items()},
             instant={e: float(self.t.read()[i]) for e, i in worst.items()},
-            positions=next(iter(moved.values()))[0],
+            positions=self._offline.positions,
         )
 
     def read(self, index: slice) -> dict[str, np.ndarray]:
-        """Return the fields t, values, round_off, frames of a RunRecord."""
-        kept = {"t": self.t, "values": self._values, "round_off": self._round_off, "frames": self._frames}
-        kept |= {"static_errors": self._static_errors, "sizes": self._sizes}
-        return {name: rows.read()[index] for name, rows in kept.items()}
+        """Return these fields of a RunRecord at some samples."""
+        return {name: rows.read()[index] for name, rows in self._kept.items()}

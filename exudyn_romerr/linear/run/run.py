@@ -16,14 +16,14 @@ from .messages import doubts_in
 from .record import UNKNOWN, Internal, RecordedSamples, RunRecord, SolverFacts
 from .start import IN_THE_SPAN, begins_late, loads_jump, start_of
 from .stream import Stream, best_outputs
-from .summary import assemble, internal_reports
+from .summary import assemble, output_reports
 
 if TYPE_CHECKING:
     from ...report.data import NodeFields
     from ...report.report import BoundReport
     from ...report.scope import Doubt
     from ..estimators.bounds import Bounds
-    from ..residual.round_off import Rounded
+    from ..estimators.round_off import Rounded
     from .offline import Offline
 
 BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
@@ -99,7 +99,7 @@ class Run:
         self.messages += loads_jump(self.offline, first, rest)
         self.messages += [begins_late(first.t[0])] if self.begins_late else []
         self._own = self.offline.own_motion(start)
-        rounded = self.offline.rounded(first, self._own)
+        rounded = self.offline.rounding(first, self._own)
         for name in self._segmenters:
             self._streams[name].start(start, rounded)
         if "initial" in self._streams:
@@ -114,7 +114,7 @@ class Run:
         for name, stream in self._streams.items():
             stream.go_on(before._streams[name])
         self._balance.go_on(before._balance)
-        self._record(first, self.offline.rounded(first, self._own))
+        self._record(first, self.offline.rounding(first, self._own))
 
     def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
         """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
@@ -142,7 +142,7 @@ class Run:
         if self.is_static:
             self._take_load_steps(new)
             return
-        rounded = self.offline.rounded(new, self._own)
+        rounded = self.offline.rounding(new, self._own)
         for name, (block, step_end) in segments.items():
             skipped = [] if block.skipped is None else [self.offline.distance_of(block.skipped[step_end])]
             self._streams[name].advance(block, step_end, rounded, *skipped)
@@ -154,13 +154,14 @@ class Run:
     def _take_load_steps(self, new: Samples) -> None:
         z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
         self._own = self.offline.rounding.of_equilibrium(new.u)
-        rounded = self.offline.rounded(new, self._own)
+        rounded = self.offline.rounding(new, self._own)
         self._streams["reduction"].load_steps(z, rounded)
         self._record(new, rounded)
 
     def best_of_last(self, count: int) -> dict[str, np.ndarray]:
         """Return the smallest bound of each output (count, r) at the last steps given."""
-        return best_outputs(self.offline, self._total.last(count), self._recorded.read(slice(-count, None)))
+        frames = self._recorded.read(slice(-count, None))["frames"]
+        return best_outputs(self.offline, self._total.last(count), frames)
 
     @property
     def defect(self) -> float:
@@ -189,7 +190,7 @@ class Run:
     def internal(self) -> Internal:
         """Return outputs beside those that were asked for."""
         record, offline = self.record(), self.offline
-        corrected = {name: out.corrected for name, out in internal_reports(record).items()}
+        corrected = {name: out.corrected for name, out in output_reports(record, is_requested=False).items()}
         return Internal(corrected, record.frames, offline.outputs, offline.views)
 
     def record(self) -> RunRecord:

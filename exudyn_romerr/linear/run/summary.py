@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...report.formats.provenance import made_here
 from ...report.report import BoundReport, OutputReport
 from ...report.scope import with_doubts
-from ..estimators.bounds import seen_in
+from ..estimators.bounds import of_output
 from ..estimators.causes import estimated
 from ..residual.interface_stiffening import interface_share
 from .messages import planned_end, run_messages, stopped_at
@@ -29,7 +29,7 @@ def assemble(run: RunRecord) -> BoundReport:
         t=t,
         position_bound={name: b.position for name, b in total.items()},
         velocity_bound={name: b.velocity for name, b in total.items()},
-        outputs=_output_reports(run, is_requested=True),
+        outputs=output_reports(run, is_requested=True),
         scope=dict.fromkeys(total, scene.scope),
         scope_reason=with_doubts(scene.reason, run.doubts),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
@@ -44,29 +44,22 @@ def assemble(run: RunRecord) -> BoundReport:
     )
 
 
-def internal_reports(run: RunRecord) -> dict[str, OutputReport]:
-    """Return the outputs beside those that were asked for."""
-    return _output_reports(run, is_requested=False)
-
-
-def _output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputReport]:
+def output_reports(run: RunRecord, is_requested: bool) -> dict[str, OutputReport]:
     """Return the outputs that were asked for, or (is_requested=False) the internal ones beside them."""
-    offline, found = run.offline, {}
+    offline, frames, found = run.offline, run.frames, {}
     for out, part, view in zip(offline.outputs, offline.slices, offline.views, strict=True):
-        if out.is_requested == is_requested:
-            rows = _Seen(run.values[:, part], run.round_off[:, part], _rows_of(run.streams, part))
-            seen = rows if view is None else _turned(view, rows, run)
-            share = _interface_share(run, part, view)
-            found[out.name] = _output_report(run, out, seen, share)
+        if out.is_requested != is_requested:
+            continue
+        streams = {
+            stream: {e: of_output(b, part, view, frames) for e, b in bounds.items()}
+            for stream, bounds in run.streams.items()
+        }
+        value, round_off = run.values[:, part], run.round_off[:, part]
+        if view is not None:
+            round_off = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
+            value = view.values(value, frames, offline.scene.pose)
+        found[out.name] = _output_report(run, out, value, round_off, streams, _interface_share(run, part, view))
     return found
-
-
-class _Seen(NamedTuple):
-    """One output as it is shown: values (T, r), what rounding may move them by, stream -> estimator -> bounds."""
-
-    values: np.ndarray
-    round_off: np.ndarray
-    streams: dict[str, dict[str, Bounds]]
 
 
 def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarray | float:
@@ -79,28 +72,23 @@ def _interface_share(run: RunRecord, part: slice, view: View | None) -> np.ndarr
     return interface_share(errors)
 
 
-def _rows_of(streams: dict[str, dict[str, Bounds]], part: slice) -> dict[str, dict[str, Bounds]]:
-    """The bounds of one output's rows."""
-    return {stream: {name: b.of_rows(part) for name, b in bounds.items()} for stream, bounds in streams.items()}
-
-
-def _turned(view: View, rows: _Seen, run: RunRecord) -> _Seen:
-    """An output in global axes."""
-    (values, round_off, streams), frames = rows, run.frames
-    turned = {name: {e: seen_in(view, b, frames) for e, b in bounds.items()} for name, bounds in streams.items()}
-    spread = np.einsum("srk,sk->sr", np.abs(view.matrices(frames)), round_off)
-    return _Seen(view.values(values, frames, run.offline.scene.pose), spread, turned)
-
-
 def _output_report(
     run: RunRecord,
     out: Output,
-    seen: _Seen,
+    value: np.ndarray,
+    round_off: np.ndarray,
+    streams: dict[str, dict[str, Bounds]],
     interfaces: np.ndarray | float,
 ) -> OutputReport:
-    value, round_off, streams = seen
-    bound, known = _with_best(streams["total"]), _sharpest(streams["total"])
-    estimate = None if known is None else estimated(streams, known, interfaces)
+    total = streams["total"]
+    bound, known = _with_best(total), _sharpest(total)
+    of_known: dict[str, Any] = {"corrected": None, "corrected_bound": None}
+    if known is not None:
+        estimate, sharp = estimated(streams, known, interfaces), total[known]
+        of_known = {"corrected": value + sharp.correction, "corrected_bound": sharp.correction_bound}
+        of_known |= {"estimate": estimate.total, "estimate_parts": estimate.parts}
+        of_known |= {"uncertainty": estimate.uncertainty, "uncertainty_parts": estimate.half_widths}
+        of_known["estimate_scope"] = run.offline.scene.scope
     return OutputReport(
         name=out.name,
         unit=out.unit,
@@ -110,19 +98,13 @@ def _output_report(
         round_off=round_off,
         bound=bound,
         reduction_bound=_with_best(streams["reduction"]),
-        corrected=None if known is None else value + streams["total"][known].correction,
-        corrected_bound=None if known is None else streams["total"][known].correction_bound,
         causes=_causes(bound["best"], streams, interfaces),
-        estimate=None if estimate is None else estimate.total,
-        estimate_parts={} if estimate is None else estimate.parts,
-        uncertainty=None if estimate is None else estimate.uncertainty,
-        uncertainty_parts={} if estimate is None else estimate.half_widths,
-        estimate_scope="" if estimate is None else run.offline.scene.scope,
         labels=out.labels,
         tolerance=run.tolerances.get(out.name),
         stopped=stopped_at(run),
         beside_steps=run.beside_steps,
         uncertified=run.doubts,
+        **of_known,
     )
 
 

@@ -11,7 +11,8 @@ from ...model.matrix_input import DOUBLE
 
 if TYPE_CHECKING:
     from ...model.body import ElasticBody
-    from .problem import Problem
+    from ..residual.problem import Problem
+    from ..trajectory.samples import Samples
 
 
 class Rounded(NamedTuple):
@@ -79,18 +80,16 @@ class RoundOff:
         """| |K| |x| |_{K^-1} of every column x of X."""
         return np.linalg.norm(body.stiffness_factor.half_solve(abs(body.K) @ np.abs(X)), axis=0)
 
-    def __call__(
-        self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray, own: float | np.ndarray
-    ) -> Rounded:
-        """Return it at samples q, q_t, q_tt (S, n), u (S, p); own: x, one for all or (S,)."""
-        q, q_t = np.abs(q), np.abs(q_t)
+    def __call__(self, at: Samples, own: float | np.ndarray) -> Rounded:
+        """Return it at samples; own: x, one for all or (S,)."""
+        q, q_t = np.abs(at.q), np.abs(at.q_t)
         r = self.eps_K * np.maximum(q @ self.of_K, own)
         if self.of_M is not None:
-            r += self.eps_M * (np.abs(q_tt) @ self.of_M)
+            r += self.eps_M * (np.abs(at.q_tt) @ self.of_M)
         if self.of_D is not None:
             r += self.eps_D * (q_t @ self.of_D)
         if self.of_B is not None:
-            r += self.eps_B * (np.abs(u) @ self.of_B)
+            r += self.eps_B * (np.abs(at.u) @ self.of_B)
         values = np.where(self.velocity_rows, q_t @ self.value_rows.T, q @ self.value_rows.T)
         return Rounded(r * self.per_mass, r, np.outer(r, self.constants) + values)
 
