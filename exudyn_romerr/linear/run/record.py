@@ -51,6 +51,10 @@ class SolverFacts(NamedTuple):
     is_stopped: bool = False
     name: str = ""
 
+    def ends_early(self, t: float) -> bool | None:
+        """Return whether a run that is at t ends before its solver was to; None: not known."""
+        return None if self.end_time is None else bool(t < self.end_time * (1 - 1e-9))
+
 
 UNKNOWN = SolverFacts()
 # of omega_1^2 max |V qr|_M: with as large a |V qr''|_M at first a body rings with that amplitude; where a load is
@@ -92,6 +96,17 @@ class RunRecord:
     tolerances: dict[str, float]
     rounding_share: float | None
     largest_miss: float | None
+
+    @property
+    def planned_end(self) -> float | None:
+        """Where the solver was to go to, if the run ends before; None: it does not, or that is not known."""
+        return self.solver.end_time if self.solver.ends_early(self.t[-1]) else None
+
+    @property
+    def stopped(self) -> float | None:
+        """Where a tolerance stopped the solver before its end; None: none did."""
+        is_stopped = self.solver.is_stopped and self.solver.ends_early(self.t[-1]) is not False
+        return float(self.t[-1]) if is_stopped else None
 
     @property
     def beside_steps(self) -> tuple[str, ...]:

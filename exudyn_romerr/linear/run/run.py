@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
+from ...report.scope import Doubt, Reason
 from ..trajectory.reconstruction import Linear, Quintic
 from ..trajectory.samples import Extension, Samples, checked_states, make_jumps
 from ..trajectory.segments import turn_of
 from .balance import Balance
 from .messages import doubts_in
 from .record import UNKNOWN, Internal, RecordedSamples, RunRecord, SolverFacts
-from .start import IN_THE_SPAN, begins_late, loads_jump, start_of
+from .start import IN_THE_SPAN, loads_jump, start_of
 from .stream import Stream, best_outputs
 from .summary import assemble, output_reports
 
 if TYPE_CHECKING:
     from ...report.data import NodeFields
     from ...report.report import BoundReport
-    from ...report.scope import Doubt
     from ..estimators.bounds import Bounds
     from ..estimators.round_off import Rounded
     from .offline import Offline
@@ -97,7 +97,7 @@ class Run:
         if start.y0 is None and (first.q.any() or first.q_t.any()):
             self.messages.append(IN_THE_SPAN)
         self.messages += loads_jump(self.offline, first, rest)
-        self.messages += [begins_late(first.t[0])] if self.begins_late else []
+        self.messages += [Reason.NO_ACCELERATIONS.doubt(first.t[0])] if self.begins_late else []
         self._own = self.offline.own_motion(start)
         rounded = self.offline.rounding(first, self._own)
         for name in self._segmenters:
@@ -108,7 +108,7 @@ class Run:
 
     def _go_on(self, first: Samples, before: Run) -> None:
         """Begin where another run ended."""
-        self.messages += [begins_late(first.t[0])] if self.begins_late else []
+        self.messages += [Reason.NO_ACCELERATIONS.doubt(first.t[0])] if self.begins_late else []
         self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
         self.continues, self._own, self.begins_late = True, before._own, self.begins_late or before.begins_late
         for name, stream in self._streams.items():

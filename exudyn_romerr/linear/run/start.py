@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...report.scope import Doubt, Reason
 from ..trajectory.segments import Start
 
 if TYPE_CHECKING:
@@ -25,11 +24,6 @@ OTHER_LOADS = (
     "step size too, and no basis or bound follows that. Give user functions of loads the same value in both"
 )
 JUMP = 1e-6  # of the loads
-
-
-def begins_late(t: float) -> Doubt:
-    """Return why no bound is certified of a run whose bounds begin at t, after its start."""
-    return Reason.NO_ACCELERATIONS.doubt(t)
 
 
 def start_of(offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None) -> Start:

@@ -12,7 +12,7 @@ from ...report.scope import with_doubts
 from ..estimators.bounds import of_output
 from ..estimators.causes import estimated
 from ..residual.interface_stiffening import interface_share
-from .messages import planned_end, run_messages, stopped_at
+from .messages import run_messages
 
 if TYPE_CHECKING:
     from ...model.global_axes import View
@@ -39,7 +39,7 @@ def assemble(run: RunRecord) -> BoundReport:
         total_mass=offline.total_mass,
         nodes=run.nodes,
         made=made_here(),
-        planned_end=planned_end(run),
+        planned_end=run.planned_end,
         uncertified=run.doubts,
     )
 
@@ -101,7 +101,7 @@ def _output_report(
         causes=_causes(bound["best"], streams, interfaces),
         labels=out.labels,
         tolerance=run.tolerances.get(out.name),
-        stopped=stopped_at(run),
+        stopped=run.stopped,
         beside_steps=run.beside_steps,
         uncertified=run.doubts,
         **of_known,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import check_array, check_finite
+from ...checks import check_array
 from ...errors import InputError
 from .array_functions import with_arrays
 
@@ -141,20 +141,3 @@ class InputSignal:
             return self._f(t)
         except Exception as error:
             raise InputError(f"input_function({t:g}) raised {type(error).__name__}: {error}") from error
-
-
-class SampledSignal(InputSignal):
-    """u(t) of a function that takes many times (T,) and returns (T, p)."""
-
-    def __init__(self, f: Callable, p: int):
-        self._f, self.p = f, p
-
-    def __call__(self, t: np.ndarray) -> np.ndarray:
-        """Return u (T, p) at times t (T,)."""
-        u = self._f(np.asarray(t))
-        check_finite("loads over time", u)
-        return u
-
-    def at(self, t: float) -> np.ndarray:
-        """Return u (p,) at one time."""
-        return self(np.array([t]))[0]

@@ -41,9 +41,8 @@ class Linear:
 
     def _smooth(self, s: Samples) -> Block:
         z = self.layout(s.q, s.q_t, s.q_tt, s.u)
-        block = _block(s.t[1:], np.diff(s.t), np.stack([z[:-1], z[1:]], axis=1), self.layout.p)
-        block.chain = z
-        return block
+        missed = np.zeros((2, len(z) - 1, self.layout.p))
+        return Block(s.t[1:], np.diff(s.t), np.stack([z[:-1], z[1:]], axis=1), *missed, chain=z)
 
     def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
         # every jump moves z by dz; without the jumps z is a straight line
@@ -129,26 +128,22 @@ class Quintic:
 
     def _through(self, s: Samples, knots: np.ndarray, inputs: tuple | None = None) -> Block:
         """Segments between all samples, of the interpolant through those at the knots."""
-        h, states = np.diff(s.t), (s.q, s.q_t, s.q_tt)
-        if len(knots) == len(s.t):
-            u, *missed = inputs or self._inputs_of(s)
-            block = Block(s.t[1:], h, self.layout.between(h, (*states, s.u), u), *missed)
-            if self.mass_root is not None:
-                bends = hermite_bends(h, *states)
-                block.bent = np.stack([self._sizes(bend).sum(axis=0) / len(NODES) for bend in bends], axis=1)
-                block.moved = np.stack([self._sizes(np.diff(x, axis=0)) for x in states[:2]], axis=1)
-            return block
-        curves = hermite_controls(np.diff(s.t[knots]), *(x[knots] for x in states))
-        skipped = None
-        if len(knots) < len(s.t):
-            curves = [_cut(s.t, knots, c) for c in curves]
-            skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
+        h, states, skipped = np.diff(s.t), (s.q, s.q_t, s.q_tt), None
         u, *missed = inputs or self._inputs_of(s)
-        u = straight(s.u[:-1], s.u[1:]) if u is None else u
-        block = Block(s.t[1:], h, self.layout(*curves, u), *missed, skipped)
+        if len(knots) == len(s.t):
+            c = self.layout.between(h, (*states, s.u), u)
+        else:
+            curves = [_cut(s.t, knots, c) for c in hermite_controls(np.diff(s.t[knots]), *(x[knots] for x in states))]
+            skipped = np.stack([s.q[1:] - curves[0][:, -1], s.q_t[1:] - curves[1][:, -1]], axis=1)
+            c = self.layout(*curves, straight(s.u[:-1], s.u[1:]) if u is None else u)
+        block = Block(s.t[1:], h, c, *missed, skipped)
         if self.mass_root is not None:
-            offs = [c - straight(x[:-1], x[1:]) for c, x in zip(curves, states[:2], strict=False)]
-            block.bent = np.stack([self._sizes(off).mean(axis=1) for off in offs], axis=1)
+            if skipped is None:
+                bent = [self._sizes(bend).sum(axis=0) / len(NODES) for bend in hermite_bends(h, *states)]
+            else:
+                lines = (straight(x[:-1], x[1:]) for x in states[:2])
+                bent = [self._sizes(x - line).mean(axis=1) for x, line in zip(curves, lines, strict=False)]
+            block.bent = np.stack(bent, axis=1)
             block.moved = np.stack([self._sizes(np.diff(x, axis=0)) for x in states[:2]], axis=1)
         return block
 
@@ -162,15 +157,13 @@ class Quintic:
         if block.skipped is None:
             return size
         dq = block.skipped[:, 0]
-        return size + float(self.measure(self.layout(dq, 0 * dq, 0 * dq, self._no_inputs(dq))).max())
+        return size + float(self.measure(self.layout(dq, 0 * dq, 0 * dq, np.zeros((len(dq), self.layout.p)))).max())
 
     def _rounding_of(self, s: Samples) -> float:
         """Estimated variation of R from rounding of 20 dq/H^2 in the control points of q''."""
         dq_tt = 40 * np.finfo(float).eps * np.abs(s.q[1:]) / np.diff(s.t)[:, None] ** 2
-        return float(self.measure(self.layout(0 * dq_tt, 0 * dq_tt, dq_tt, self._no_inputs(dq_tt))).sum())
-
-    def _no_inputs(self, q: np.ndarray) -> np.ndarray:
-        return np.zeros((len(q), self.layout.p))
+        z = self.layout(0 * dq_tt, 0 * dq_tt, dq_tt, np.zeros((len(dq_tt), self.layout.p)))
+        return float(self.measure(z).sum())
 
     def _with_jumps(self, s: Samples, here: list[Jump]) -> Block:
         # a sample that coincides with a jump has the acceleration of one side: each step takes that of its own side
@@ -212,7 +205,3 @@ def _cut(t: np.ndarray, knots: np.ndarray, c: np.ndarray) -> np.ndarray:
     pieces = subdivided(c[interval], (t[:-1] - start) / length, np.where(last, 1.0, (t[1:] - start) / length))
     pieces[1:, 0] = pieces[:-1, -1]  # continuous to the last bit
     return pieces
-
-
-def _block(t, h, c, p: int) -> Block:
-    return Block(t, h, c, np.zeros((len(h), p)), np.zeros((len(h), p)))

@@ -57,10 +57,7 @@ class Block:
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
-        """Return blocks one after another, as segmenters make them: with t, h, c, unresolved and skipped only."""
-        later = ("turn", "bent", "moved")
-        if any(getattr(block, name) is not None for block in blocks for name in later):
-            raise ValueError(f"blocks are joined before any of {', '.join(later)} is known")
+        """Return blocks one after another: t, h, c, unresolved and skipped, as frames at rest have them alone."""
         fields = ("t", "h", "c", "unresolved", "unresolved_variation")
         joined = cls(*(np.concatenate([getattr(block, name) for block in blocks]) for name in fields))
         shapes = {block.skipped.shape[1:] for block in blocks if block.skipped is not None}

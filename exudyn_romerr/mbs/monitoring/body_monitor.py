@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...linear.run.messages import doubts_in, stopped_or_ended
+from ...linear.run.messages import doubts_in
 from ...linear.run.record import UNKNOWN, SolverFacts
 from ...linear.run.run import BLOCK, Run
 from ...linear.run.tolerance_check import ToleranceCheck
@@ -171,7 +171,8 @@ class MonitoredBody:
             self.stopped, t = True, self.bounded_until()
             if self.told is not None:
                 self.told.stopped = t
-            self.note(f"{stopped_or_ended(t, self.run.solver)} at t = {t:g}: {reason}")
+            ended = "the run ended" if self.run.solver.ends_early(t) is False else "stopped"
+            self.note(f"{ended} at t = {t:g}: {reason}")
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""
