@@ -16,57 +16,37 @@ if TYPE_CHECKING:
     from ...report.scope import Scene
     from ..residual.problem import Problem
 
-ALWAYS_LATER = (
-    ("errors of static solves", "made when a static solve begins"),
-    ("plots", "made, and matplotlib loaded, when report.plot is called"),
-)
-
 
 def make_plan(problem: Problem, names: tuple[str, ...], time: str, asked: Any, scene: Scene, live: bool) -> Plan:
     """Return the plan of estimators `names`, chosen by what was `asked` for; live: a tolerance is watched.
 
     Made last: what a problem makes when first needed, and has not made by then, is left out.
     """
-    computed = [*_body(problem, scene), *_estimators(problem, names), *_extent(problem, time, live)]
     left_out = [
-        *_estimators_not_made(problem, names, asked, scene),
+        *_estimators_not_made(problem, names, asked),
         *scene.left_out,
         *_terms_not_there(problem, scene),
-        *_not_covered(time, live),
+        *([("bound of the error of the time integration", "time='sampled'")] if time == "sampled" else []),
+        *([] if live else [("comparison with a tolerance", "none was given")]),
         ("bounds at nodes", _why_no_nodes(problem.body)),
-        *ALWAYS_LATER,
+        ("errors of static solves", "made when a static solve begins"),
+        ("plots", "made, and matplotlib loaded, when report.plot is called"),
     ]
-    return Plan(tuple(computed), tuple(left_out))
+    return Plan(tuple(_computed(problem, names, time, scene, live)), tuple(left_out))
 
 
-def _body(problem: Problem, scene: Scene) -> Iterator[str]:
+def _computed(problem: Problem, names: tuple[str, ...], time: str, scene: Scene, live: bool) -> Iterator[str]:
     body = problem.body
     yield f"scope: {scene.scope}"
     yield f"body: N = {body.N} coordinates, {body.fixed.size} fixed"
     yield f"basis: {problem.basis.note}"
     yield from scene.computed
     yield f"residual: {problem.map.coordinates.k} columns, {problem.residual}"
-
-
-def _estimators(problem: Problem, names: tuple[str, ...]) -> Iterator[str]:
     for name in names:
         yield f"estimator {name!r}{_details(problem, name)}"
-
-
-def _details(problem: Problem, name: str) -> str:
-    if name == "auxiliary":
-        split = problem.split
-        capped = f"; {split.modes.capped}" if split.modes.capped else ""
-        return f": {split.modes.omega.size} modes up to {split.modes.omega[-1]:.4g} rad/s, none missed{capped}"
-    return f": kernel '{problem.kernels}'" if name in ("fast", "convolution") else ""
-
-
-def _extent(problem: Problem, time: str, live: bool) -> Iterator[str]:
-    yield from (
-        f"output {out.name!r}: {out.of}{out.unit and f' in {out.unit}'}"
-        for out in problem.outputs
-        if out.is_requested
-    )
+    for out in problem.outputs:
+        if out.is_requested:
+            yield f"output {out.name!r}: {out.of}{out.unit and f' in {out.unit}'}"
     if problem.has_initial_error:
         where = "its own static equilibrium" if problem.initial_state is None else "the state given as initial="
         yield f"initial error: the full body starts in {where}"
@@ -76,7 +56,15 @@ def _extent(problem: Problem, time: str, live: bool) -> Iterator[str]:
         yield "a tolerance is to stop the solve: bounds of every step are compared, some steps at a time"
 
 
-def _estimators_not_made(problem: Problem, names, asked: Any, scene: Scene) -> Iterator[tuple[str, str]]:
+def _details(problem: Problem, name: str) -> str:
+    if name == "auxiliary":
+        modes = problem.split.modes
+        capped = f"; {modes.capped}" if modes.capped else ""
+        return f": {modes.omega.size} modes up to {modes.omega[-1]:.4g} rad/s, none missed{capped}"
+    return f": kernel '{problem.kernels}'" if name in ("fast", "convolution") else ""
+
+
+def _estimators_not_made(problem: Problem, names: tuple[str, ...], asked: Any) -> Iterator[tuple[str, str]]:
     why_not = {name: _why_not(name, asked, problem.body) for name in ESTIMATORS if name not in names}
     for why in dict.fromkeys(why_not.values()):
         yield f"estimator {', '.join(repr(name) for name in why_not if why_not[name] == why)}", why
@@ -107,14 +95,6 @@ def _terms_not_there(problem: Problem, scene: Scene) -> Iterator[tuple[str, str]
         yield "damping columns D V", "Rayleigh damping is merged into M V and K V" if merged else "undamped"
     if not problem.has_initial_error:
         yield "initial error, Phi11", "the full body starts in the span of V (initial=None)"
-
-
-def _not_covered(time: str, live: bool) -> Iterator[tuple[str, str]]:
-    if time == "sampled":
-        bound = "bound of the error of the time integration"
-        yield bound, "time='sampled'"
-    if not live:
-        yield "comparison with a tolerance", "none was given"
 
 
 def _why_no_nodes(body: ElasticBody) -> str:
