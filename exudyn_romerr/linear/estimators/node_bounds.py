@@ -37,7 +37,10 @@ def node_bounds(problem: Problem, make: Any, worst: dict[str, Worst]) -> dict[st
     shown = _shown(problem)
     parts: dict[str, list] = {name: [] for name in worst}
     for first in progress(range(0, shown.size, CHUNK), "bounds at nodes"):
-        seen = problem.with_displacements(problem.body.space.rows(_unit_rows(problem, shown[first : first + CHUNK])))
+        coordinates = shown[first : first + CHUNK]
+        rows = np.zeros((len(coordinates), problem.body.N))
+        rows[np.arange(len(coordinates)), coordinates] = 1.0
+        seen = problem.with_displacements(problem.body.space.rows(rows))
         for name, at in worst.items():
             found = make(name, seen).bounds_at(at.instant)
             parts[name].append((found.outputs[0] + at.widened * seen.rows.C_M, found.correction))
@@ -53,12 +56,6 @@ def _shown(problem: Problem) -> np.ndarray:
     """Numbers (3 nodes,) of the coordinates that are displacements of nodes."""
     body = problem.body
     return (body.dofs_per_node * np.arange(len(body.positions))[:, None] + np.arange(3)).ravel()
-
-
-def _unit_rows(problem: Problem, coordinates: np.ndarray) -> np.ndarray:
-    rows = np.zeros((len(coordinates), problem.body.N))
-    rows[np.arange(len(coordinates)), coordinates] = 1.0
-    return rows
 
 
 def _joined(chunks: list) -> AtNodes:

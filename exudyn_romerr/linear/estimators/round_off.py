@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -51,30 +51,27 @@ class RoundOff:
 
     def __init__(self, problem: Problem, eps: dict[str, Any]):
         self.velocity_rows, self.per_mass = problem.rows.velocity_rows, 1 / problem.body.modes(1).omega[0]
-        self.eps_K, self.eps_M, self.eps_D, self.eps_B = (
-            eps[name] for name in ("stiffness", "mass", "damping", "inputs")
-        )
+        self.eps_K = eps["stiffness"]
         body, V = problem.body, np.abs(problem.V)
         norm, KV = body.stiffness_factor.half_solve, abs(body.K) @ V
-        self._responses = lambda: self._of_motion(body, body.stiffness_factor.solve(problem.B))
+        # of a unit of every input (p,)
+        self.of_responses = cache(lambda: self._of_motion(body, body.stiffness_factor.solve(problem.B)))
         self.of_start = 0.0
         if problem.initial_state is not None:
             self.of_start = float(self._of_motion(body, problem.initial_state[0][:, None])[0])
         self.of_K, self.of_balance = np.linalg.norm(norm(KV), axis=0), self.eps_K * np.abs(problem.W).T @ KV
-        self.of_M = np.linalg.norm(norm(abs(body.M) @ V), axis=0) if self.eps_M > DOUBLE else None
-        self.of_D = np.linalg.norm(norm(abs(body.D) @ V), axis=0) if self.eps_D > DOUBLE else None
-        self.of_B = np.linalg.norm(norm(abs(problem.B)), axis=0) if self.eps_B > DOUBLE else None
+        others = (
+            ("q_tt", eps["mass"], lambda: abs(body.M) @ V),
+            ("q_t", eps["damping"], lambda: abs(body.D) @ V),
+            ("u", eps["inputs"], lambda: abs(problem.B)),
+        )
+        self.others = [(x, e, np.linalg.norm(norm(make()), axis=0)) for x, e, make in others if e > DOUBLE]
         self.constants = np.where(problem.rows.velocity_rows, problem.rows.C_M, problem.rows.C_K)
         self.value_rows = (eps["samples"] + eps["outputs"])[:, None] * np.abs(problem.rows.C @ problem.V)
 
     def of_equilibrium(self, u: np.ndarray) -> np.ndarray:
         """Return | |K| |x| |_{K^-1} (S,) of the full body's equilibria x under inputs u (S, p)."""
-        return np.abs(u) @ self.of_responses
-
-    @cached_property
-    def of_responses(self) -> np.ndarray:
-        """The same of a unit of every input (p,)."""
-        return self._responses()
+        return np.abs(u) @ self.of_responses()
 
     def _of_motion(self, body: ElasticBody, X: np.ndarray) -> np.ndarray:
         """| |K| |x| |_{K^-1} of every column x of X."""
@@ -84,12 +81,8 @@ class RoundOff:
         """Return it at samples; own: x, one for all or (S,)."""
         q, q_t = np.abs(at.q), np.abs(at.q_t)
         r = self.eps_K * np.maximum(q @ self.of_K, own)
-        if self.of_M is not None:
-            r += self.eps_M * (np.abs(at.q_tt) @ self.of_M)
-        if self.of_D is not None:
-            r += self.eps_D * (q_t @ self.of_D)
-        if self.of_B is not None:
-            r += self.eps_B * (np.abs(at.u) @ self.of_B)
+        for name, eps, sizes in self.others:
+            r += eps * (np.abs(getattr(at, name)) @ sizes)
         values = np.where(self.velocity_rows, q_t @ self.value_rows.T, q @ self.value_rows.T)
         return Rounded(r * self.per_mass, r, np.outer(r, self.constants) + values)
 

@@ -73,13 +73,12 @@ class Block:
 
     def norms(self, norm: Callable) -> np.ndarray:
         """Norms of the control points (S, d + 1), computed once for all estimators that share `norm`."""
-        return self._once((norm, "norms"), lambda: self._norms(norm))
 
-    def _norms(self, norm: Callable) -> np.ndarray:
-        if self.chain is None:
-            return norm(self.c)
-        size = norm(self.chain)
-        return np.stack([size[:-1], size[1:]], axis=1)
+        def make() -> np.ndarray:
+            size = norm(self.c if self.chain is None else self.chain)
+            return size if self.chain is None else np.stack([size[:-1], size[1:]], axis=1)
+
+        return self._once((norm, "norms"), make)
 
     def norms_at_ends(self, norm: Callable) -> np.ndarray:
         """Norms (S,) of z at the ends of segments, computed once for all estimators and blocks that share them."""
@@ -99,10 +98,8 @@ class Block:
 
     def integral(self, norm: Callable) -> np.ndarray:
         """Upper bounds (S,) of int |R| over each segment: |R| <= sum_j B_j |c_j| and int B_j = h/(d + 1)."""
-        return self._once((norm, "integral"), lambda: self._integral(norm))
-
-    def _integral(self, norm: Callable) -> np.ndarray:
-        return self.h * (self.norms(norm).mean(axis=1) + self.of_inputs(norm, self.unresolved))
+        make = lambda: self.h * (self.norms(norm).mean(axis=1) + self.of_inputs(norm, self.unresolved))  # noqa: E731
+        return self._once((norm, "integral"), make)
 
     def variation(self, norm: Callable, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Upper bounds (S,) of the total variation of R inside each segment, and of the jump at its beginning.
@@ -122,24 +119,14 @@ class Block:
 
     def length(self, norm: Callable) -> np.ndarray:
         """Lengths (S,) of the control polygon."""
-        return norm.lengths(self.c) if hasattr(norm, "lengths") else self.pieces(norm).sum(axis=1)
-
-    def pieces(self, norm: Callable) -> np.ndarray:
-        """Lengths (S, d) of the pieces of the control polygon."""
-        return norm(self._polygon)
-
-    @cached_property
-    def _polygon(self) -> np.ndarray:
-        return np.diff(self.c, axis=1)
+        return norm.lengths(self.c) if hasattr(norm, "lengths") else norm(np.diff(self.c, axis=1)).sum(axis=1)
 
     def of_inputs(self, norm: Callable, u: np.ndarray) -> np.ndarray:
         """Norms (S,) of B u, at most, for sizes u (S, p)."""
-        return u @ self.input_norms(norm) if u.any() else np.zeros(len(u))
-
-    def input_norms(self, norm: Callable) -> np.ndarray:
-        """Norms (p,) of the columns of B."""
-        p = self.unresolved.shape[1]
-        return self._once((norm, "inputs"), lambda: norm(np.eye(self.c.shape[2])[self.c.shape[2] - p :]))
+        if not u.any():
+            return np.zeros(len(u))
+        columns = np.eye(self.c.shape[2])[self.c.shape[2] - u.shape[1] :]
+        return u @ self._once((norm, "inputs"), lambda: norm(columns))
 
     def _once(self, key: tuple, make: Callable) -> np.ndarray:
         if key not in self._made:
