@@ -19,7 +19,7 @@ PICTURE = ROOT / "docs" / "figures" / "architecture.png"
 # A folder imports from itself and from what stands above it, annotations and imports inside functions included.
 ORDER = (
     "_version errors checks progress process compiled linalg model basis linear.residual linear.trajectory "
-    "linear.estimators mechanism mechanism_errors mechanism_bounds report judgement linear.run linear mode_selection "
+    "linear.estimators report judgement linear.run linear mechanism mechanism_errors mechanism_bounds mode_selection "
     "sweeps "
     "mbs.memory mbs.access mbs.floating mbs.sensors mbs.mirror mbs.monitoring mbs.studies mbs.scenes fe_files mbs "
     "scripts __init__ __main__"

@@ -12,8 +12,8 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.linear.run.balance import Balance
-from exudyn_romerr.linear.run.messages import doubts_in
 from exudyn_romerr.linear.run.record import SolverFacts
+from exudyn_romerr.linear.run.run import doubts_in
 from exudyn_romerr.linear.run.tolerance_check import ToleranceCheck
 from exudyn_romerr.mbs.monitoring.live_output import live_line
 from exudyn_romerr.mbs.studies.two_level import LevelOutput

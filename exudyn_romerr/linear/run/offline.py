@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from ...model.outputs import Output
     from ...report.data import Plan
     from ...report.scope import Scene
+    from ..estimators.energy import StaticError
     from ..estimators.estimator import Estimator
     from ..estimators.round_off import RoundOff
-    from ..estimators.static import StaticError
     from ..residual.residual import Coordinates
     from ..trajectory.input_signal import InputSignal
 

@@ -16,9 +16,9 @@ from ...model.outputs import stacked_rows
 from ...model.shared_body import made_once
 from ...report.scope import COMPLETE, Scene
 from ..estimators import ESTIMATORS
+from ..estimators.energy import StaticError
 from ..estimators.node_bounds import node_bounds, node_displacements
 from ..estimators.round_off import RoundOff, of_input
-from ..estimators.static import StaticError
 from ..estimators.turning_frame import Turning
 from ..residual.interface_stiffening import static_errors
 from ..residual.problem import Deferred, Problem, checked_outputs

@@ -1,4 +1,4 @@
-"""From the bounds of a run to its report: the best bound, the corrected output, the causes."""
+"""From the bounds of a run to its report: the best bound, the corrected output, causes, messages at its head."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 from ...report.formats.provenance import made_here
 from ...report.report import BoundReport, OutputReport
 from ...report.scope import with_doubts
+from ...report.wording import NO_OUTPUTS
 from ..estimators.bounds import of_output
 from ..estimators.causes import estimated
 from ..residual.interface_stiffening import interface_share
-from .messages import run_messages
+from ..trajectory.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
     from ...model.global_axes import View
@@ -20,6 +21,14 @@ if TYPE_CHECKING:
     from ..estimators.bounds import Bounds
     from .offline import Offline
     from .record import RunRecord
+
+RESOLVED = 1e-6  # of the largest input: below it what lies between the nodes does not matter
+FROM_SAMPLES = "motion of the frame, loads and wrenches are those at the samples, and linear between them"
+
+FEW_DIGITS = (
+    "came in fewer than 16 digits: bounds are those of the numbers as they are; what their rounding alone may move "
+    "is report.output(name).round_off"
+)
 
 
 def assemble(run: RunRecord) -> BoundReport:
@@ -34,7 +43,7 @@ def assemble(run: RunRecord) -> BoundReport:
         scope_reason=with_doubts(scene.reason, run.doubts),
         reasons={name: _reason(name, text, t, total[name], offline) for name, text in run.assumptions.items()},
         plan=offline.plan,
-        messages=run_messages(run),
+        messages=_messages(run),
         time=run.time,
         total_mass=offline.total_mass,
         nodes=run.nodes,
@@ -163,3 +172,39 @@ def _reason(name: str, assumes: str, t: np.ndarray, bounds: Bounds, offline: Off
             "bound grew beyond all numbers"
         )
     return f"{text}; inf from t = {t[np.argmin(finite)]:g} s: {why}"
+
+
+def _messages(run: RunRecord) -> list[str]:
+    """Return the messages of a run, the gravest first."""
+    offline, is_dynamic, end, few_digits = run.offline, run.time != "static", run.planned_end, run.offline.single
+    found = [
+        is_dynamic and len(run.t) == 1 and "only the first instant was bounded",
+        *(doubt for doubt in run.doubts if doubt not in run.messages),
+        not any(out.is_requested for out in offline.outputs) and NO_OUTPUTS,
+        *dict.fromkeys(run.messages),
+        *(offline.notes if is_dynamic else ()),
+        end is not None and f"the run ends at t = {run.t[-1]:g} s; the solver was to go to {end:g} s",
+        is_dynamic and _between_samples(run),
+        few_digits and f"{', '.join(few_digits)} {FEW_DIGITS}",
+    ]
+    return list(filter(None, found))
+
+
+def _between_samples(run: RunRecord) -> str:
+    offline = run.offline
+    if offline.scene.pose is not None and offline.signal is None:
+        return FROM_SAMPLES
+    if run.rounding_share is None:
+        return ""
+    if run.rounding_share > ROUNDING_SHARE:
+        share = f"{min(100 * run.rounding_share, 100):.0f} %"
+        return f"steps so short that rounding makes about {share} of the bound: longer steps are better"
+    if offline.signal is None and offline.coordinates.p:
+        return "inputs taken as linear between samples: pass input_function to cover what lies between"
+    if run.largest_miss > RESOLVED:
+        return (
+            f"the inputs change within single steps: up to {run.largest_miss:.1e} of their largest value is "
+            "not followed by the reconstruction (estimated, and added to the bounds): give jump times as jumps=, "
+            "or take smaller steps"
+        )
+    return ""

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...linear.run.messages import doubts_in
 from ...linear.run.record import UNKNOWN, SolverFacts
-from ...linear.run.run import BLOCK, Run
+from ...linear.run.run import BLOCK, Run, doubts_in
 from ...linear.run.tolerance_check import ToleranceCheck
 from ..access.mbs_items import end_time, newton_tolerance, solver_name
 from .run_succession import Succession
