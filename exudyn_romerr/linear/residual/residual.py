@@ -100,12 +100,6 @@ class ResidualMap:
         """All columns (n_free, k); of a large body and many inputs they fill the memory: see `seen_by`."""
         return np.hstack([*self.of_motion, -(self.B.toarray() if sp.issparse(self.B) else self.B)])
 
-    def of(self, z: np.ndarray) -> np.ndarray:
-        """Return R (n_free,) of z (k,)."""
-        motion, u = np.split(z, [self.coordinates.input_slot.start])
-        parts = np.split(motion, len(self.of_motion))
-        return sum(block @ part for block, part in zip(self.of_motion, parts, strict=True)) - self.B @ u
-
     def seen_by(self, rows: np.ndarray) -> np.ndarray:
         """Return rows L (r, k) of rows (r, n_free)."""
         return np.hstack([*(rows @ block for block in self.of_motion), -(rows @ self.B)])
