@@ -11,9 +11,9 @@ import numpy as np
 from ...errors import RunError
 from ...linear.run.record import UNKNOWN, SolverFacts
 from ...linear.run.run import BLOCK, Run, doubts_in
-from ...linear.run.tolerance_check import ToleranceCheck
 from ..access.mbs_items import end_time, newton_tolerance, solver_name
 from .run_succession import Succession
+from .tolerance_check import ToleranceCheck
 
 if TYPE_CHECKING:
     from ...linear.run.offline import Offline

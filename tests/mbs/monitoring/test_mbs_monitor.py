@@ -13,11 +13,11 @@ import pytest
 
 from exudyn_romerr.errors import AssumptionError, InputError, RunError
 from exudyn_romerr.linear.run.run import BLOCK, Run
-from exudyn_romerr.linear.run.tolerance_check import FEWEST, MOST
 from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
 from exudyn_romerr.mbs.monitoring.body_monitor import MonitoredBody
+from exudyn_romerr.mbs.monitoring.tolerance_check import FEWEST, MOST
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.report.formats.load import load_report
 from tests.helpers.mbs_scenes import (

@@ -9,7 +9,7 @@ import numpy as np
 from ...report.wording import not_certified
 
 if TYPE_CHECKING:
-    from .run import Run
+    from ...linear.run.run import Run
 
 # Steps that may be made before they are compared, as their evaluation one by one takes as long as tens of steps of
 # the simulation: so many that a bound which rises twice as fast as it ever did among those before stays below its
