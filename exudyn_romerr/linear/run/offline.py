@@ -31,9 +31,8 @@ class Offline:
     """What a run needs of the full model: small arrays, nothing of size N (but for residual='direct').
 
     estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
-    frame. value_rows (R, n): C V. balance_rows (n, k): those of W^T R = rows z,
-    for checks, and for wrenches that follow from it. jump_response (n, p): jump of qr'' per
-    jump of u. modes: number of auxiliary ones. mass_root (n, n): |V qr|_M = |mass_root qr|. static_errors: see
+    frame. value_rows (R, n): C V. balance_rows (n, k): those of W^T R = rows z, for checks, and for wrenches that
+    follow from it. jump_response (n, p): jump of qr'' per jump of u. modes: number of auxiliary ones. mass_root (n, n): |V qr|_M = |mass_root qr|. static_errors: see
     linear/residual/interface_stiffening.py. measure: norm of R(z) that knots of the reconstruction are chosen by.
     rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single: names of
     what has fewer. initial: None, "equilibrium" or "state". notes: what the reader must know. nodes: what is known
