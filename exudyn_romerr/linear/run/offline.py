@@ -32,12 +32,12 @@ class Offline:
 
     estimators : name -> estimator that starts copies of itself. views : how outputs are seen from outside a moving
     frame. value_rows (R, n): C V. balance_rows (n, k): those of W^T R = rows z, for checks, and for wrenches that
-    follow from it. jump_response (n, p): jump of qr'' per jump of u. modes: number of auxiliary ones. mass_root (n, n): |V qr|_M = |mass_root qr|. static_errors: see
-    linear/residual/interface_stiffening.py. measure: norm of R(z) that knots of the reconstruction are chosen by.
-    rounding: of the computation; input_rounding: of the input, None if all of it has 16 digits; single: names of
-    what has fewer. initial: None, "equilibrium" or "state". notes: what the reader must know. nodes: what is known
-    of the error at every node, moved: their displacements at q, on demand; positions: where they are. static,
-    from_static: made when a static solve, or a run from its end, begins.
+    follow from it. jump_response (n, p): jump of qr'' per jump of u. modes: number of auxiliary ones. mass_root (n,
+    n): |V qr|_M = |mass_root qr|. static_errors: see linear/residual/interface_stiffening.py. measure: norm of R(z)
+    that knots of the reconstruction are chosen by. rounding: of the computation; input_rounding: of the input, None
+    if all of it has 16 digits; single: names of what has fewer. initial: None, "equilibrium" or "state". notes: what
+    the reader must know. nodes: what is known of the error at every node, moved: their displacements at q, on demand;
+    positions: where they are. static, from_static: made when a static solve, or a run from its end, begins.
     """
 
     coordinates: Coordinates
