@@ -23,7 +23,7 @@ from exudyn.FEM import FEMinterface
 import exudyn_romerr as romerr
 from models import floating, linkage, mechanisms, wishbone
 
-ALL = ("state-space", "fast", "convolution", "output-kernel", "energy", "auxiliary")
+ALL = ("state-space", "fast", "convolution", "energy", "auxiliary")
 
 
 def keep_eigenmodes(folder: Path) -> None:

@@ -28,17 +28,15 @@ import numpy as np
 import exudyn_romerr as romerr
 from benchmarks import page
 from benchmarks.estimator_pages import Measured, Refined, all_tables, draw
-from exudyn_romerr.estimators import ESTIMATORS
-from exudyn_romerr.offline.options import BoundOptions
-from exudyn_romerr.offline.prepare import prepare
-from exudyn_romerr.online.run import BLOCK, Run
+from exudyn_romerr.linear.estimators import ESTIMATORS
+from exudyn_romerr.linear.run.prepare import BoundOptions, prepare
+from exudyn_romerr.linear.run.run import BLOCK, Run
 from models import exact, linkage, solid_bar
 from models.solid_exact import full_outputs, reduced_motion
 
-ONCE = ("state-space", "fast", "convolution", "output-kernel", "energy")
+ONCE = ("state-space", "fast", "convolution", "energy")
 CASES = [(e, 20) for e in ONCE if e in ESTIMATORS] + [("auxiliary", 20), ("auxiliary", 40)]
 TIMES = ("sampled", "reconstructed")
-WITH_MODES = ("output-kernel", "auxiliary")
 SOLID_W = 2 * np.pi * 100.0  # rad/s; the first mode is at 174 Hz
 
 
@@ -149,7 +147,7 @@ def measured(scene: Scene, e: str, m: int, repeats: int) -> Measured:
     reduction = compared(scene, body, scene.exact_trajectory(), e, m, "sampled")
     total = compared(scene, body, stepped, e, m, "reconstructed")
     return Measured(
-        name=f"{e}, {m} modes" if e in WITH_MODES else e,
+        name=f"{e}, {m} modes" if e == "auxiliary" else e,
         reduction=float(reduction.effectivity[e][0]),
         total=float(total.effectivity[e][0]),
         reduction_error=float(np.max(np.abs(reduction.error))),

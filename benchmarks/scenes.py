@@ -226,9 +226,9 @@ def _options(full, rng):
     """Keywords of attach and evaluate."""
     m = rng.choice(["auto", 1, max(1, full.N // 3), min(full.N, 200)])
     modal = full.rayleigh is not None
-    names = ["energy", "auxiliary", "fast", "convolution", "output-kernel"]
+    names = ["energy", "auxiliary", "fast", "convolution"]
     return {
-        "estimators": names if modal else [name for name in names if name not in ("auxiliary", "output-kernel")],
+        "estimators": names if modal else [name for name in names if name != "auxiliary"],
         "auxiliary_modes": "auto" if m == "auto" else int(m),
         "kernels": "spectrum" if modal and full.N < 20 and rng.random() < 0.1 else "certified",
         "residual": "direct" if full.N < 20 and rng.random() < 0.1 else "orthonormal",

@@ -18,12 +18,13 @@ PACKAGE = ROOT / "exudyn_romerr"
 PICTURE = ROOT / "docs" / "figures" / "architecture.png"
 # A folder imports from itself and from what stands above it, annotations and imports inside functions included.
 ORDER = (
-    "_version errors checks progress process compiled linalg model decay basis residual trajectory estimators "
-    "mechanism mechanism_errors mechanism_bounds report offline online mode_selection sweeps "
+    "_version errors checks progress process compiled linalg model basis linear.residual linear.trajectory "
+    "linear.estimators report linear.run linear mechanism mechanism_errors mechanism_bounds mode_selection "
+    "sweeps "
     "mbs.memory mbs.access mbs.floating mbs.sensors mbs.mirror mbs.monitoring mbs.studies mbs.scenes fe_files mbs "
     "scripts __init__ __main__"
 ).split()
-FOLDERS = [name for name in ORDER if (PACKAGE / name.replace(".", "/")).is_dir() and name != "mbs"]
+FOLDERS = [name for name in ORDER if (PACKAGE / name.replace(".", "/")).is_dir() and name not in ("mbs", "linear")]
 PATHS = {".".join(path.relative_to(PACKAGE).with_suffix("").parts): path for path in PACKAGE.rglob("*.py")}
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#888888"  # Okabe and Ito
 
@@ -68,7 +69,7 @@ def own_imports(name: str) -> set[str]:
 
 
 def room(name: str) -> str | None:
-    """The entry of ORDER that a module belongs to; mbs/__init__.py is above all folders of mbs."""
+    """The entry of ORDER that a module belongs to; mbs/__init__.py is above all folders of mbs, linear/ likewise."""
     module = name.removesuffix(".__init__")
     return max((x for x in ORDER if module == x or module.startswith(f"{x}.")), key=len, default=None)
 

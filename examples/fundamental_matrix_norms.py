@@ -18,8 +18,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import exudyn_romerr as romerr
-from exudyn_romerr.decay.kernels import CertifiedKernel, EnvelopeKernel, Kernel, SpectrumKernel
 from exudyn_romerr.linalg import oscillator
+from exudyn_romerr.linear.residual.kernels import CertifiedKernel, EnvelopeKernel, Kernel, SpectrumKernel
 from exudyn_romerr.report.plots.style import COLOURS
 from models import linkage
 from models.matrix_exponential import fundamental_matrix_norms

@@ -16,6 +16,8 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .errors import AssumptionError, InputError, RomErrError, RunError
     from .fe_files.fe_model import FEModel
     from .fe_files.read_body import read_body
+    from .linear.residual.residual import initial_coordinates, initial_error
+    from .linear.run.evaluate import Trajectory, evaluate
     from .mbs import (
         add_reduced_body,
         attach,
@@ -41,14 +43,12 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
         relative_displacement,
     )
     from .model.stress_outputs import node_strain, node_stress
-    from .online.evaluate import Trajectory, evaluate
     from .report.assessment import Assessment
     from .report.formats.load import load_report
     from .report.plots.comparisons import plot_convergence, plot_run_time
     from .report.plots.overlay import add_bands
     from .report.report import BoundReport, OutputReport
     from .report.von_mises import VonMises, von_mises
-    from .residual.residual import initial_coordinates, initial_error
     from .scripts.run import Run, run
     from .scripts.verify import Verification, verify
 
@@ -69,20 +69,20 @@ _MODULES = {
     "RomErrError": "errors",
     "Run": "scripts.run",
     "RunError": "errors",
-    "Trajectory": "online.evaluate",
+    "Trajectory": "linear.run.evaluate",
     "Verification": "scripts.verify",
     "VonMises": "report.von_mises",
     "add_bands": "report.plots.overlay",
     "add_reduced_body": "mbs",
     "attach": "mbs",
     "choose_modes": "mbs",
-    "evaluate": "online.evaluate",
+    "evaluate": "linear.run.evaluate",
     "evaluate_file": "mbs",
     "floating_body": "mbs",
     "gramian_basis": "basis.gramian",
     "hold_modes": "mbs",
-    "initial_coordinates": "residual.residual",
-    "initial_error": "residual.residual",
+    "initial_coordinates": "linear.residual.residual",
+    "initial_error": "linear.residual.residual",
     "keep_modes": "mbs",
     "krylov_basis": "basis.krylov",
     "load_report": "report.formats.load",

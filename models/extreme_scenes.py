@@ -13,9 +13,7 @@ from models import exact, floating, linkage
 from models import extreme_bodies as bodies
 from models.precise import PreciseModes
 
-ALL = ("fast", "convolution", "output-kernel", "energy", "auxiliary")
-QUADRATIC = 2000  # steps above which "output-kernel", quadratic in their number, is left out
-FAST = tuple(name for name in ALL if name != "output-kernel")
+ALL = ("fast", "convolution", "energy", "auxiliary")
 FIFTY_DIGITS = "modes, 50 digits"
 CLOSED_FORM = "closed form of all modes, 80 bits"
 
@@ -43,8 +41,7 @@ class Scene:
     def report(self) -> romerr.BoundReport:
         """Return the bounds of displacement y and velocity v by all estimators."""
         outputs = [romerr.Output("y", self.row), romerr.Output("v", self.row, of="velocity")]
-        names = ALL if len(self.t) <= QUADRATIC else FAST
-        options = {"outputs": outputs, "estimators": names, "initial": self.start, **self.options}
+        options = {"outputs": outputs, "estimators": ALL, "initial": self.start, **self.options}
         if self.samples is None:
             return self._simulated(options)
         traj = romerr.Trajectory(self.t, *self.samples, self.force(self.t))
@@ -97,7 +94,6 @@ def small(
 
 def scaled_linkage(factor: float, steps: int = 200) -> Scene:
     """Return the suspension linkage of `factor` times steel's modulus, 12 of 114 coordinates, solved by Exudyn."""
-    # without "output-kernel": 32 cells per radian of a first mode at 8 kHz are 6 million for 2 s
     steel, B, tip = linkage.build()
     beta = steel.rayleigh[1] / np.sqrt(factor)  # the same damping ratios
     options = {"rayleigh": (0.0, beta), "fixed": steel.fixed, "positions": steel.positions}
@@ -105,8 +101,7 @@ def scaled_linkage(factor: float, steps: int = 200) -> Scene:
     load, W = linkage.AMPLITUDE * B[:, 0], 2 * np.pi * linkage.FREQUENCY
     truth = exact.full_solution(body, load[:, None], 1.0, W)
     basis, t = romerr.krylov_basis(body, B, 12), np.linspace(0, 2, steps + 1)
-    options = {"estimators": FAST}
-    return Scene(body, basis, load, W, t, None, tip.resolve(body)[0], truth, CLOSED_FORM, options=options)
+    return Scene(body, basis, load, W, t, None, tip.resolve(body)[0], truth, CLOSED_FORM)
 
 
 def chain(zeta: float = 0.0, by: str = "alpha", N: int = 5, **options: Any) -> Scene:

@@ -14,15 +14,15 @@ import scipy.linalg as la
 
 from exudyn_romerr.checks import check_array, check_choice
 from exudyn_romerr.errors import AssumptionError, InputError
+from exudyn_romerr.linear.residual.residual import RESIDUALS, ResidualMap, make_norm
 from exudyn_romerr.model.matrix_input import checked_inputs
-from exudyn_romerr.residual.residual import RESIDUALS, ResidualMap, make_norm
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from exudyn_romerr.basis.basis import Basis
+    from exudyn_romerr.linear.residual.residual import Coordinates
     from exudyn_romerr.model.body import ElasticBody
-    from exudyn_romerr.residual.residual import Coordinates
 
 LIMIT = 500  # coordinates: a 1000 x 1000 exponential and four singular value problems per instant
 

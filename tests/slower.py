@@ -3,15 +3,12 @@
 # Folders in which one theorem is tried on many cases: the first, the middle and the last of them run by default
 MANY_CASES = (
     "basis",
-    "decay",
-    "estimators",
     "linalg",
+    "linear",
     "mbs/floating",
     "mbs/mechanism",
+    "mechanism_bounds/test_passive_steps.py",
     "models",
-    "offline_online",
-    "residual",
-    "trajectory",
 )
 FEW = 3
 
@@ -42,9 +39,9 @@ SLOWER = {  # file -> tests that take seconds, and what is tried without them
         "test_wheel_has_the_package_and_nothing_else",
         "test_wheel_without_a_compiler_lacks_the_compiled_part_only",
     },
-    "estimators/test_mutation.py": {"test_nothing_is_violated_without_mutation"},  # the theorem's own tests
-    "estimators/test_theorem_paper.py": {"test_half_of_the_bounds_are_sharp"},  # of all seeds
-    "estimators/test_turning_frame.py": {"test_half_of_the_bounds_are_sharp"},
+    "linear/estimators/test_mutation.py": {"test_nothing_is_violated_without_mutation"},  # the theorem's own tests
+    "linear/estimators/test_theorem_paper.py": {"test_half_of_the_bounds_are_sharp"},  # of all seeds
+    "linear/estimators/test_turning_frame.py": {"test_half_of_the_bounds_are_sharp"},
     "mbs/floating/test_floating_bounds.py": {  # truths against truths
         "test_both_truths_of_the_clamped_bar_agree",
         "test_half_the_step_does_not_change_the_full_motion",

@@ -65,9 +65,9 @@ def test_only_mbs_imports_exudyn():
 def test_the_reader_of_imports_sees_them():
     """Otherwise the tests above would pass on nothing."""
     assert {"errors", "linalg.symmetric_factor", "linalg.oscillator"} <= own_imports("model.body")
-    assert "estimators.mass_norm" in own_imports("estimators.paper")
+    assert "linear.estimators.bounds" in own_imports("linear.estimators.paper")
     assert "report.plots.panels" in own_imports("report.report")  # inside a function
-    assert "model.body" in own_imports("decay.kernels")  # an annotation
+    assert "model.body" in own_imports("linear.residual.kernels")  # an annotation
     assert "exudyn" in {full.split(".")[0] for full, _ in imported("mbs.monitoring.step_hook")}
 
 

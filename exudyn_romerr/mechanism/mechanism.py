@@ -8,10 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-from ..trajectory.scheme import Scheme
 from .outputs import Outputs
 from .readings import Readings
 from .samples import Rows
+from .scheme import Scheme
 from .unknowns import Unknowns
 
 

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..decay.passive_steps import Means, PassiveSteps
 from ..linalg.blocked_products import row_norms
 from ..mechanism.mechanism import Mechanism
 from ..mechanism_errors.march import is_at_rest
 from ..mechanism_errors.modes import Marched
-from ..residual.free_mass import FreeMass, free_velocity_norms
+from .free_mass import FreeMass, free_velocity_norms
+from .passive_steps import Means, PassiveSteps
 from .residual_norm import ResidualNorm
 from .residuals import Residual, Residuals
 from .sums import Sums

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..linear.estimators.causes import STEPS_OF_MODES
 from ..mechanism_errors.half_widths import CauseEstimate
-from ..trajectory.estimate import STEPS_OF_MODES
 from .bounds import Proved
 
 RESOLVED = 0.5  # of estimates: what they miss may be so much in half of all rows

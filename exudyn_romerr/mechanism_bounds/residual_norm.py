@@ -14,7 +14,7 @@ from ..mechanism.body import Body, Motion
 from ..mechanism.rotations import skew
 from ..model.body import ElasticBody
 from ..model.floating_frame import unit_products
-from ..residual.free_mass import FreeInterfaces, FreeMass
+from .free_mass import FreeInterfaces, FreeMass
 
 RANK = 1e-9  # of a column: what rounding leaves of it on the complement
 OSCILLATORS = 12  # the lowest, whose turning terms are columns; the others' are bounded together

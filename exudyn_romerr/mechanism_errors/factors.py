@@ -10,9 +10,9 @@ import numpy as np
 from ..compiled.loops import loops
 from ..mechanism.rotations import global_rates, parameter_rates
 from ..mechanism.samples import Rows, Samples
+from ..mechanism.scheme import Scheme
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
-from ..trajectory.scheme import Scheme
 
 SMALL = 150  # rows of matrices that are inverted in C: half to two thirds of the time of LAPACK's
 LEAST = 1e-10  # of the largest diagonal entry: Euler parameters have no mass along themselves

@@ -18,9 +18,9 @@ import numpy as np
 
 from ..compiled.loops import loops
 from ..mechanism.samples import Rows
+from ..mechanism.scheme import Scheme
 from ..mechanism.tangents import Block
 from ..mechanism.unknowns import Unknowns
-from ..trajectory.scheme import Scheme
 from .factors import Factors, Turns, bodies_given, bordered_inverses, bordered_pseudoinverses, starts_of_turns
 
 REST = 1e-4  # of the largest acceleration: a run that begins with less begins in an equilibrium

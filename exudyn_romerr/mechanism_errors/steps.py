@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..trajectory.estimate import LINEAR_STEPS
+from ..linear.estimators.causes import LINEAR_STEPS
 from .flow import Flow, in_unknowns
 from .half_widths import CauseEstimate, Largest, unchecked
 from .inner_loads import TrueLoads

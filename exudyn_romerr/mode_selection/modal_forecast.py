@@ -14,8 +14,8 @@ import numpy as np
 import scipy.linalg as la
 
 from ..errors import InputError
+from ..linear.run.record import Internal
 from ..model.outputs import InternalOutput, stacked_rows
-from ..online.run_record import Internal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

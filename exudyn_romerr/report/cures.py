@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..trajectory.estimate import LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
+from ..linear.estimators.causes import LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

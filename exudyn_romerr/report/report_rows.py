@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..trajectory.estimate import (
+from ..linear.estimators.causes import (
     FURTHER,
     FURTHER_INTERFACES,
     LINEAR,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..trajectory.estimate import RESOLVED
+from ..linear.estimators.causes import RESOLVED
 from .answers import Answer, worst
 from .cures import AGAIN, LOWEST_ORDER, SECOND_ORDER
 

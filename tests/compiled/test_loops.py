@@ -11,7 +11,7 @@ from exudyn_romerr.compiled.loops import VERSION
 from exudyn_romerr.linalg import bezier, blocked_products, modal_oscillators
 from exudyn_romerr.linalg.blocked_products import norms_times, polygon_lengths, rows_times
 from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
-from exudyn_romerr.residual.residual import Coordinates
+from exudyn_romerr.linear.residual.residual import Coordinates
 
 # Random numbers: products of up to 60 in another order, 1e-16 each, added up over 20 steps that do not grow.
 SAME = 1e-12

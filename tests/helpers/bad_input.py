@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr import Basis, ElasticBody, RomErrError, Trajectory, evaluate
-from exudyn_romerr.offline.options import BoundOptions
-from exudyn_romerr.offline.prepare import prepare
+from exudyn_romerr.linear.run.prepare import BoundOptions, prepare
 from tests.helpers.bodies import model
 
 N = 10

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from exudyn_romerr.linear.estimators.causes import CAUSES
 from exudyn_romerr.report.data import Plan
 from exudyn_romerr.report.report import BoundReport, OutputReport
 from exudyn_romerr.report.scope import COMPLETE, COUPLED
-from exudyn_romerr.trajectory.estimate import CAUSES
 
 
 def output(value, bounds, scope, round_off=0.0, shares=(0.25, 0.75, 0.0, 0.0), of="displacement", **known):

@@ -12,9 +12,9 @@ from benchmarks import told_and_true
 from exudyn_romerr.mbs.mirror import told_solve as told_solve_module
 from exudyn_romerr.mbs.mirror.recorder import Recorder
 from exudyn_romerr.mbs.mirror.told_solve import BOUNDS, Asked, told_solve
+from exudyn_romerr.mechanism.scheme import Scheme
 from exudyn_romerr.mechanism_bounds import bounds, proved_widths
 from exudyn_romerr.mechanism_bounds.residual_norm import ResidualNorm
-from exudyn_romerr.trajectory.scheme import Scheme
 from models import floating
 
 NODES = range(0, 65, 4)

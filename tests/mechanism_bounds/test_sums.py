@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from exudyn_romerr.decay.passive_steps import PassiveSteps
+from exudyn_romerr.mechanism.scheme import Scheme
+from exudyn_romerr.mechanism_bounds.passive_steps import PassiveSteps
 from exudyn_romerr.mechanism_bounds.sums import Sums
-from exudyn_romerr.trajectory.scheme import Scheme
 
 
 def marched(scheme, h, omega, zeta, f):

@@ -7,12 +7,12 @@ import pytest
 
 from exudyn_romerr.compiled.loops import loops
 from exudyn_romerr.mechanism import tangents
+from exudyn_romerr.mechanism.scheme import Scheme
 from exudyn_romerr.mechanism.tangents import block_of
 from exudyn_romerr.mechanism_errors import factors as of_factors
 from exudyn_romerr.mechanism_errors import march as module
 from exudyn_romerr.mechanism_errors.factors import factors_of
 from exudyn_romerr.mechanism_errors.march import March
-from exudyn_romerr.trajectory.scheme import Scheme
 from tests.helpers.small_mechanism import H, SmallMechanism
 
 SCHEME = Scheme.of_radius(0.6)

@@ -13,8 +13,8 @@ from exudyn_romerr import (
     node_velocity,
     relative_displacement,
 )
+from exudyn_romerr.linear.residual.problem import checked_outputs
 from exudyn_romerr.model.outputs import stacked_rows
-from exudyn_romerr.residual.problem import checked_outputs
 from tests.helpers import tolerances as tol
 
 NODES = 4

@@ -11,9 +11,9 @@ import pytest
 
 import exudyn_romerr as romerr
 from exudyn_romerr.basis.enrichment import Enrichment
+from exudyn_romerr.mechanism_bounds.free_mass import FreeMass
 from exudyn_romerr.model import shared_body as sharing
 from exudyn_romerr.model.shared_body import fingerprint, shared_body
-from exudyn_romerr.residual.free_mass import FreeMass
 from models import floating, mechanisms
 
 RAYLEIGH = (0.5, 1e-4)

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.linear.run.balance import Balance
+from exudyn_romerr.linear.run.record import SolverFacts
+from exudyn_romerr.linear.run.run import doubts_in
 from exudyn_romerr.mbs.monitoring.live_output import live_line
+from exudyn_romerr.mbs.monitoring.tolerance_check import ToleranceCheck
 from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice
 from exudyn_romerr.mode_selection.tried_run import TriedRun
-from exudyn_romerr.online.run_messages import doubts_of
-from exudyn_romerr.online.run_record import SolverFacts
-from exudyn_romerr.online.tolerance_check import ToleranceCheck
 from exudyn_romerr.report.data import NodeFields
 from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.mechanism_report import joined
@@ -32,18 +33,13 @@ from tests.helpers.report_outputs import output
 from tests.helpers.theorem import random_case
 from tests.report.saved_files import rewritten
 
-MISSED = SimpleNamespace(
-    offline=SimpleNamespace(scene=SimpleNamespace(checked=True), samples_precision=0.0),
-    solver=SolverFacts(),
-    messages=[],
-    balance=SimpleNamespace(worst_mode=2),
-    defect=0.01,
-)
+MISSED = Balance(SimpleNamespace(scene=SimpleNamespace(checked=True), samples_precision=0.0))
+MISSED.measure(np.diag([0.0, 0.0, 0.01, 1.0]), np.array([[1.0, 1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1e-9]]), 0.0)
 DOUBTS = {
     "goes on": Reason.GOES_ON.doubt(),
     "begins late": Reason.NO_ACCELERATIONS.doubt(0.1),
     "nothing to check": Reason.UNCHECKED.doubt(),
-    "not balanced": doubts_of(MISSED)[0],
+    "not balanced": MISSED.doubts(SolverFacts())[0],
 }
 CLAIM = re.compile(r"at most|bounded by|<= \d|within \d|error bound|\bbound \d")
 PROMISES = re.compile(r"at most")
@@ -271,15 +267,14 @@ def test_stresses_keep_it():
 class Bounded:
     """A run with bounds that rise to 2; what may speak against them."""
 
-    offline = SimpleNamespace(scene=SimpleNamespace(checked=True, scope=FROZEN))
-    offline.samples_precision, solver, defect = 0.0, SolverFacts(), 0.0
+    offline = SimpleNamespace(scene=SimpleNamespace(scope=FROZEN))
     times = np.array([0.0, 1.0])
 
     def __init__(self, *messages):
         self.messages = list(messages)
 
     def doubts(self):
-        return doubts_of(self)
+        return tuple(doubts_in(self.messages))
 
     def best_of_last(self, count):
         return {"tip": np.array([[0.5], [2.0]])[-count:]}

@@ -279,6 +279,16 @@ def test_bounds_are_told_from_the_true_error():
     np.testing.assert_array_equal(line(ax, "bound 'energy'")[1], 3 * report.output("tip").bound["best"][:, 0])
 
 
+def test_bounds_of_estimators_that_only_earlier_versions_had_are_drawn():
+    """Reports read from their files have such."""
+    report = made_up()
+    report.scope["of 0.2"] = "complete"
+    report.output("tip").bound["of 0.2"] = 0.5 * report.output("tip").bound["best"]
+    bound = line(axes_of(draw_bounds, report, "tip"), "bound 'of 0.2'")[1]
+    np.testing.assert_array_equal(bound, np.linspace(0.5, 1, 5))
+    assert legend(axes_of(draw_signal, report, "tip"))[1] == "± bound, at most 2"
+
+
 def test_what_rounding_alone_makes_of_a_true_error_does_not_set_the_axis():
     report = made_up()
     report.outputs["tip"].error[0] = 1e-25  # of 10 mm

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exudyn_romerr.linear.estimators.causes import CAUSES as PARTS_OF_ESTIMATES
 from exudyn_romerr.report import cures
 from exudyn_romerr.report.answers import ASSESSED, STATUS, Answer, Tolerances, worst
 from exudyn_romerr.report.report_rows import OF_BOUNDS_ALONE, PARTS, of_estimates, rows_of
 from exudyn_romerr.report.scope import COMPLETE, COUPLED, FROZEN, SMOOTHLY, Doubt, Reason
 from exudyn_romerr.report.verdicts import CAUSES, SHOWS_NOTHING, TOO_COARSE, judge
-from exudyn_romerr.trajectory.estimate import CAUSES as PARTS_OF_ESTIMATES
 from tests.helpers.report_outputs import estimated, output, report_of, with_rows
 
 HALVES = {"vectors": 1e-4, "linearisation": 1e-4, "steps": 3e-4, "linearisation of steps": 1e-5, "loads": 0.0}

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ...offline.prepare import prepare
-from ...trajectory.input_signal import InputSignal
+from ...linear.run.prepare import prepare
+from ...linear.trajectory.input_signal import InputSignal
 from ..memory.detached import Detached
 from .mbs_items import require_inputs_only
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     import numpy as np
 
+    from ...linear.run.offline import Offline
+    from ...linear.run.prepare import BoundOptions
     from ...model.outputs import Output
-    from ...offline.options import BoundOptions
-    from ...offline.prepared import Offline
     from .reduced_body import ReducedBody
 
 

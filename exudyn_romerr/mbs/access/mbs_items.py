@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ...trajectory.scheme import Scheme
+from ...mechanism.scheme import Scheme
 
 if TYPE_CHECKING:
     from collections.abc import Callable

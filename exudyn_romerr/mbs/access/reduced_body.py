@@ -11,9 +11,9 @@ from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 from ...basis.basis import Basis
 from ...checks import check_array, check_type
 from ...errors import InputError
+from ...linear.residual.residual import initial_coordinates
 from ...model.body import ElasticBody
 from ...model.matrix_input import checked_inputs
-from ...residual.residual import initial_coordinates
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import AssumptionError
+from ...linear.trajectory.input_signal import FEW, values_at_once
 from ...model.admissible_space import MeanMotion
 from ...model.floating_frame import left_jacobian
-from ...trajectory.input_signal import FEW, values_at_once
-from ...trajectory.time_table import TimeTable
 from ..memory.detached import Detached, OnlyReads
 from ..memory.standstill import look_up, note
+from .time_table import TimeTable
 
 if TYPE_CHECKING:
     from collections.abc import Callable

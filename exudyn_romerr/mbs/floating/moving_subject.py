@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...basis.basis import Basis
+from ...checks import check_finite
 from ...errors import AssumptionError
 from ...linalg.blocked_products import consecutive
+from ...linear.residual.problem import Deferred
+from ...linear.run.prepare import BoundOptions, prepare
+from ...linear.trajectory.input_signal import InputSignal
 from ...model.floating_frame import FramePose, Jitter
-from ...offline.options import BoundOptions
-from ...offline.prepare import prepare
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
-from ...residual.problem import Deferred
-from ...trajectory.input_signal import SampledSignal
 from ..access.mbs_items import load_factor, node_coordinates
 from ..access.reduced_damping import damping_text, require_modal_damping
 from .floating_body import read_object
@@ -34,12 +34,12 @@ BY_MECHANISM = "linearised mechanism: modes by {} vectors, rigid interfaces by t
 VECTORS = 26  # static ones of a body, beside those that deform rigid interfaces
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from ...linear.run.offline import Offline
     from ...model.body import ElasticBody
     from ...model.global_axes import View
     from ...model.outputs import Output
-    from ...offline.prepared import Offline
     from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
     from .frame_support import Support
@@ -55,6 +55,23 @@ class _Seen(NamedTuple):
     reference: Reference
     support: Support
     body: ElasticBody
+
+
+class SampledSignal(InputSignal):
+    """u(t) of a function that takes many times (T,) and returns (T, p)."""
+
+    def __init__(self, f: Callable, p: int):
+        self._f, self.p = f, p
+
+    def __call__(self, t: np.ndarray) -> np.ndarray:
+        """Return u (T, p) at times t (T,)."""
+        u = self._f(np.asarray(t))
+        check_finite("loads over time", u)
+        return u
+
+    def at(self, t: float) -> np.ndarray:
+        """Return u (p,) at one time."""
+        return self(np.array([t]))[0]
 
 
 class MovingSubject:

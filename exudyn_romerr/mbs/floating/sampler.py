@@ -10,8 +10,8 @@ import numpy as np
 from ...errors import AssumptionError
 
 if TYPE_CHECKING:
+    from ...linear.run.offline import Offline
     from ...model.floating_frame import FrameMotion
-    from ...offline.prepared import Offline
     from .actions import Actions
     from .frame_node import FrameNode
     from .input_terms import InputTerms
@@ -58,7 +58,7 @@ class Sampler:
         """
         q, q_t, q_tt, u, frame = rows
         known = self.offline.signal(np.array([t])) if u is None else u
-        layout, G = self.offline.balance
+        layout, G = self.offline.coordinates, self.offline.balance_rows
         terms = layout(q, q_t, q_tt, known)[0] * G
         left = terms.sum(axis=1)
         if np.max(np.abs(left)) <= UNSET * np.max(np.abs(terms).sum(axis=1)):
@@ -78,14 +78,14 @@ class Sampler:
     def balanced(self, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Put into u (S, p), whose wrenches are zero, those that the balance asks for."""
         if self.terms.unknown:
-            left = self.offline.balance.coordinates(q, q_t, q_tt, u) @ self.offline.balance.rows.T
+            left = self.offline.coordinates(q, q_t, q_tt, u) @ self.offline.balance_rows.T
             u[:, -self.terms.unknown :] = left @ self.wrench_rows
         return u
 
 
 def _wrenches_from_balance(offline: Offline, terms: InputTerms, actions: Actions) -> np.ndarray:
     """Return rows (n, unknown): V^T R without wrenches to the wrenches that make it least, in the norm of V^T K V."""
-    layout, G = offline.balance
+    layout, G = offline.coordinates, offline.balance_rows
     if not terms.unknown:
         return np.zeros((len(G), 0))
     root = np.linalg.cholesky(G[:, layout.stiffness_slot])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ...report.scope import COMPLETE, COUPLED, FROZEN
 
 if TYPE_CHECKING:
-    from ...offline.options import BoundOptions
+    from ...linear.run.prepare import BoundOptions
     from .actions import Actions
     from .frame_support import Support
 

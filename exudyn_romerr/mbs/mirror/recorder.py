@@ -10,8 +10,8 @@ from weakref import finalize
 import numpy as np
 
 from ...errors import RunError
+from ...linear.trajectory.growing_array import GrowingArray
 from ...mechanism.samples import Rows
-from ...trajectory.growing_array import GrowingArray
 from ..access.state_guard import state_in_place
 
 LOST = "rows of the run could not be kept: {}"

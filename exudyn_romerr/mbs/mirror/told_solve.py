@@ -11,6 +11,8 @@ import numpy as np
 import scipy.linalg as la
 
 from ...errors import AssumptionError, RunError
+from ...linear.estimators.causes import CAUSES, REDUCTION
+from ...linear.run.record import beside_steps
 from ...mechanism.mechanism import Mechanism, unbalanced_share
 from ...mechanism.readings import Readings
 from ...mechanism.samples import Rows
@@ -20,12 +22,10 @@ from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
-from ...online.run_record import beside_steps
 from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ...trajectory.estimate import CAUSES, REDUCTION
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
 from ..floating.moving_subject import VECTORS
@@ -36,10 +36,10 @@ from .sensors import Sensors, ShownSensor
 from .vectors import Enriched, enriched, in_shapes_of
 
 if TYPE_CHECKING:
+    from ...mechanism.scheme import Scheme
     from ...mechanism.unknowns import Unknowns
     from ...mechanism_errors.half_widths import CauseEstimate
     from ...model.outputs import Output
-    from ...trajectory.scheme import Scheme
     from ..floating.floating_body import FloatingBody
 
 TURNS = 100.0  # vectors slower than so many times the frame's angular velocity are kept beside the modes

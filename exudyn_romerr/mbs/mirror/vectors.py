@@ -15,13 +15,13 @@ import scipy.linalg as la
 
 from ...basis.enrichment import Enrichment
 from ...linalg.orthogonalise import without
+from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...mechanism.body import Body, Place
+from ...mechanism_bounds.free_mass import FreeMass
 from ...mechanism_bounds.residual_norm import ResidualNorm
 from ...mechanism_errors.modes import PARTS
 from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
-from ...residual.free_mass import FreeMass
-from ...residual.interface_stiffening import with_rigid_interfaces
 from ..floating.floating_body import FloatingBody
 from ..floating.frame_support import require_free_node
 from ..floating.reference_search import held_body, seen_body, stiff_space

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...checks import check_choice
 from ...errors import InputError
-from ...offline.options import BoundOptions
+from ...linear.run.prepare import BoundOptions
 from ...process.blas_threads import one_thread
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
@@ -94,19 +94,9 @@ def attach(
     Does not cover: loads, joints and connectors on a body made by add_reduced_body (refused when a solve begins); a
     static solver called with storeSolver=False, which cannot be told from a dynamic one.
     """
+    options = BoundOptions.of(locals())
     if hook is not None and not callable(hook):
         raise InputError(f"hook={hook!r}; needed: a function (mbs, t) -> bool")
-    options = BoundOptions(
-        outputs=outputs,
-        initial=initial,
-        jumps=jumps,
-        estimators=estimators,
-        residual=residual,
-        kernels=kernels,
-        time=time,
-        auxiliary_modes=auxiliary_modes,
-        tolerance=tolerance,
-    )
     check_choice("scope", scope, ASKABLE)
     if isinstance(flex, list | tuple):
         return _attach_all(mbs, flex, hook, options, scope)

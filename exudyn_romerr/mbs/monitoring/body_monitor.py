@@ -9,19 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...online.initial_condition import begins_late, loads_jump
-from ...online.run import BLOCK, Run
-from ...online.run_messages import doubts_in, stopped_or_ended
-from ...online.run_record import UNKNOWN, SolverFacts
-from ...online.static_run import StaticRun
-from ...online.tolerance_check import ToleranceCheck
+from ...linear.run.record import UNKNOWN, SolverFacts
+from ...linear.run.run import BLOCK, Run, doubts_in
 from ..access.mbs_items import end_time, newton_tolerance, solver_name
 from .run_succession import Succession
+from .tolerance_check import ToleranceCheck
 
 if TYPE_CHECKING:
-    from ...offline.prepared import Offline
+    from ...linear.run.offline import Offline
+    from ...linear.trajectory.samples import Extension
     from ...report.data import Plan
-    from ...trajectory.samples import Extension
     from ..access.linear_adapter import LinearSubject
     from ..floating.moving_subject import MovingSubject
     from .mechanism_run import BodyRun, MechanismRun
@@ -45,7 +42,7 @@ class MonitoredBody:
     def __init__(self, subject: LinearSubject | MovingSubject, tolerance: dict[str, float]):
         self.item, self.tolerance, self.check = subject.item, tolerance, ToleranceCheck(tolerance)
         self.succession = Succession()
-        self.runs: list[Run | StaticRun | BodyRun] = []
+        self.runs: list[Run | BodyRun] = []
         self.error: Exception | None = None
         self._pending: Exception | None = None  # an error that counts when the steps before it do
         self.stopped, self.failure = False, ""
@@ -54,9 +51,9 @@ class MonitoredBody:
         self.subject = subject
         self._listens = False  # from the begin of a solve on, until the simulation diverges
         self._late = False  # the run starts later than the solve
-        self.run: Run | StaticRun | None = None
+        self.run: Run | None = None
         # set by begin
-        self._kind: type[Run] = Run
+        self._static = False
         self._offline: Offline | None = None
         self._solver = UNKNOWN
         self._columns: Any = None
@@ -71,7 +68,7 @@ class MonitoredBody:
         """A solve begins: read the mbs. The first row taken will open a run; why_not : no mechanism can tell."""
         self.error, self.failure, self.stopped, self.run, self._listens = None, "", False, None, False
         self._pending, self._late, self.check = None, False, ToleranceCheck(self.tolerance)
-        self._kind, self.is_told, self.told = StaticRun if static else Run, False, None
+        self._static, self.is_told, self.told = static, False, None
         with self.kept_errors():
             self.is_told = self.subject.is_told(mbs, static, why_not)
         if self.error is None and (not self.is_told or self.subject.is_live):
@@ -133,7 +130,7 @@ class MonitoredBody:
         t, *states = self._finite(t, *states)
         if not t.size:
             return
-        if self._kind is StaticRun:  # a static solver leaves old rates behind
+        if self._static:  # a static solver leaves old rates behind
             states = [states[0], 0 * states[1], 0 * states[2]]
         if self.run is None:
             first = t[0], *(state[0].copy() for state in states)
@@ -173,7 +170,8 @@ class MonitoredBody:
             self.stopped, t = True, self.bounded_until()
             if self.told is not None:
                 self.told.stopped = t
-            self.note(f"{stopped_or_ended(t, self.run.solver)} at t = {t:g}: {reason}")
+            ended = "the run ended" if self.run.solver.ends_early(t) is False else "stopped"
+            self.note(f"{ended} at t = {t:g}: {reason}")
 
     def note(self, message: str) -> None:
         """Add a line to the head of the current run's report."""
@@ -204,25 +202,18 @@ class MonitoredBody:
     def _start(self, t: float, *states: np.ndarray) -> bool:
         """Open a run with its first row; return whether it could begin: accelerations may not be set yet."""
         before, why_not = None, ""
-        if self._kind is not StaticRun:
+        if not self._static:
             before, why_not = self.succession.before(self._offline, t, *states[:2])
         if before is None:
             offline = self._offline
         else:
             offline = self._offline.from_static() if before.is_static else before.offline
-        run = self._kind(offline, self._solver, self.tolerance)
+        run = Run(offline, self._solver, self.tolerance, self._static)
         run.messages += [why_not] if why_not else doubts_in(() if before is None else before.messages)
         first = self.succession.first_sample(self.subject, before, t, *states)
         if first is None:
             return False
-        opening = run.opening(t, *first, after=before)
-        if before is not None and before.is_static:
-            run.messages += loads_jump(run.offline, opening.first, opening.rest)
-        if self._late and self._kind is Run:
-            run.messages.append(begins_late(t))
-        goes_on_late = before is not None and not before.is_static and before.begins_late
-        run.begins_late = self._late or goes_on_late
-        run.open(opening)
+        run.start(t, *first, after=before, is_late=self._late)
         self.run = run
         self.succession.add(run, self._offline, (t, *states))
         if self.told is None:

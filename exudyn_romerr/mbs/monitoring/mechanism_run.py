@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
+from ...linear.estimators.causes import REDUCTION
+from ...linear.run.record import Internal
 from ...mechanism.samples import Rows
-from ...online.run_record import Internal
-from ...trajectory.estimate import REDUCTION
 from ..mirror.recorder import StoredRows
 from ..mirror.told_solve import Asked, Ended, Told, told_solve
 from .run_succession import SAME_TIME

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
     from exudyn.itemInterface import SensorUserFunction
 
-    from ...online.run import Run
-    from ...online.static_run import StaticRun
+    from ...linear.run.run import Run
     from ...report.data import Plan
     from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport
@@ -41,7 +40,7 @@ class Monitor:
 
     Attributes
     ----------
-    runs : tuple of Run, StaticRun or BodyRun
+    runs : tuple of Run or BodyRun
         One per solve, oldest first, up to the last accepted step. Never raises: what was bounded stays
         reachable here when report() refuses. Each has report() and messages.
     plan
@@ -60,7 +59,7 @@ class Monitor:
         return self._watch.subject
 
     @property
-    def runs(self) -> tuple[Run | StaticRun | BodyRun, ...]:
+    def runs(self) -> tuple[Run | BodyRun, ...]:
         """All runs so far."""
         self._hook.finish(self._mbs)
         return tuple(self._watch.runs)
@@ -171,7 +170,7 @@ class MechanismMonitor:
         return f"<MechanismMonitor of {count}; {TO_PRINT}>"
 
     @property
-    def runs(self) -> tuple[tuple[Run | StaticRun | BodyRun, ...], ...]:
+    def runs(self) -> tuple[tuple[Run | BodyRun, ...], ...]:
         """All runs so far, oldest first: of each one run for every body."""
         return tuple(zip(*(body.runs for body in self.bodies), strict=False))
 
@@ -218,5 +217,5 @@ class MechanismMonitor:
     def _names(self) -> list[str]:
         return [sensor_name(self._mbs, number) for number in self._numbers()]
 
-    def _runs_of(self, i: int) -> Sequence[Run | StaticRun | BodyRun]:
+    def _runs_of(self, i: int) -> Sequence[Run | BodyRun]:
         return [body.runs[i] for body in self.bodies]

@@ -11,14 +11,13 @@ import exudyn as exu
 import numpy as np
 
 from ...checks import check_choice, check_count, check_type
-from ...decay.kernels import KERNELS
 from ...errors import InputError
+from ...linear.residual.kernels import KERNELS
+from ...linear.residual.problem import checked_outputs
+from ...linear.residual.residual import RESIDUALS
+from ...linear.run.prepare import TIMES, BoundOptions, checked_names
 from ...model.outputs import Output
-from ...offline.options import TIMES, BoundOptions
-from ...offline.prepare import checked_names
 from ...report.mechanism_report import check_names
-from ...residual.problem import checked_outputs
-from ...residual.residual import RESIDUALS
 from ..access.linear_adapter import LinearSubject
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody, read_object

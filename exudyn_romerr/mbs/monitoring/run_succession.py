@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ...offline.prepared import Offline
-    from ...online.run import Run
-    from ...online.static_run import StaticRun
+    from ...linear.run.offline import Offline
+    from ...linear.run.run import Run
     from ..access.linear_adapter import LinearSubject
     from ..floating.moving_subject import MovingSubject
 
@@ -23,12 +22,12 @@ class Succession:
     """
 
     def __init__(self) -> None:
-        self.runs: list[Run | StaticRun] = []
+        self.runs: list[Run] = []
         self.last: tuple | None = None
         self._begins = True  # whether the last run has gone on from no other
         self._source: Offline | None = None  # what the last run was read as; its own may be one from a static run
 
-    def add(self, run: Run | StaticRun, source: Offline, first: tuple) -> None:
+    def add(self, run: Run, source: Offline, first: tuple) -> None:
         """Add a run that has begun with its first row; source: what the mbs was read as."""
         self.runs.append(run)
         self._source, self.last = source, first
@@ -55,7 +54,7 @@ class Succession:
             return None, ""
         if before.is_static:
             released = offline.initial is None and not q_t.any()
-            return (before if released and before.inputs == offline.balance.coordinates.p else None), ""
+            return (before if released and before.last.u.shape[1] == offline.coordinates.p else None), ""
         if abs(t - t_last) > SAME_TIME * abs(t_last) or not np.array_equal(q_t, q_t_last):
             return None, ""
         return (before, "") if self._source is offline else (None, _other_bounds(self._source, offline))

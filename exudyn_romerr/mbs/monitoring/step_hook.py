@@ -10,7 +10,7 @@ import exudyn as exu
 import numpy as np
 
 from ...errors import AssumptionError, InputError, RunError
-from ...online.run import BLOCK
+from ...linear.run.run import BLOCK
 from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
 from ...report.scope import UNATTACHED

@@ -10,8 +10,8 @@ import numpy as np
 from ...basis.enrichment import Enrichment
 from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError, InputError
+from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...model.floating_frame import unit_inertia
-from ...residual.interface_stiffening import with_rigid_interfaces
 from ..access.mbs_items import dense
 from ..access.object_terms import object_terms
 from ..access.reduced_damping import rayleigh_factors

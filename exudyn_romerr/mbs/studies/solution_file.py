@@ -9,7 +9,7 @@ import numpy as np
 from exudyn.utilities import LoadSolutionFile
 
 from ...errors import InputError, RunError
-from ...offline.options import BoundOptions
+from ...linear.run.prepare import BoundOptions
 from ..floating.scope_decision import OF_A_FILE
 from ..monitoring.body_monitor import MonitoredBody
 from ..monitoring.requests import make_subject
@@ -71,16 +71,7 @@ def evaluate_file(
     -----
     Does not cover: steps that were not written. A file of every second step is a trajectory of twice the step size.
     """
-    options = BoundOptions(
-        outputs=outputs,
-        initial=initial,
-        jumps=jumps,
-        estimators=estimators,
-        residual=residual,
-        kernels=kernels,
-        time=time,
-        auxiliary_modes=auxiliary_modes,
-    )
+    options = BoundOptions.of(locals())
     if not getattr(mbs, "systemIsConsistent", True):
         raise RunError("evaluate_file was called before mbs.Assemble(); call it first")
     watch = MonitoredBody(make_subject(mbs, flex, options, OF_A_FILE, alone=False), {})

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...checks import check_choice, check_count
 from ...errors import InputError
+from ...linear.estimators.causes import RESOLVED
 from ...mode_selection.modal_forecast import BOUND, BY, ESTIMATE
 from ...mode_selection.tried_run import outputs_of
 from ...report.scope import COUPLED, FROZEN
@@ -22,7 +23,6 @@ from ...report.wording import (
     widest_scope,
     with_unit,
 )
-from ...trajectory.estimate import RESOLVED
 from .scene_run import build_trial, same_times
 
 if TYPE_CHECKING:

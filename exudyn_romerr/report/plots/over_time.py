@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...checks import check_count
-from ...trajectory.estimate import BY_STEPS, RESOLVED
+from ...linear.estimators.causes import BY_STEPS, RESOLVED
 from ..scope import NOT_CERTIFIED, SCOPES
 from ..wording import covers_time, estimate_scope, largest, rounded_up, under, widest, widest_scope, with_unit
 from .style import (
@@ -16,6 +16,7 @@ from .style import (
     MARKERS,
     OF_BOUND,
     OF_HALF_WIDTH,
+    OTHERS,
     STYLES,
     THIN,
     WIDE,
@@ -110,10 +111,12 @@ def draw_bounds(ax: Any, report: ReportData, name: str, row: int = 0, tolerance:
     others = [x for x in (size, error, None if tolerance is None else np.array([tolerance])) if x is not None]
     limits = limits_of_errors({**drawn.bounds, **bands}, others, float(np.max(np.abs(out.value[:, row]))))
     for place, e in enumerate(drawn.bounds):
-        style = {"linestyle": STYLES[e], "marker": MARKERS[e], "every": spread(len(t), place), "markersize": 5}
+        kinds = zip((COLOURS, STYLES, MARKERS), OTHERS, strict=True)
+        color, line, marker = (known.get(e, other) for known, other in kinds)
+        style = {"linestyle": line, "marker": marker, "every": spread(len(t), place), "markersize": 5}
         alone = not drawn.bounds.keys() - {e}
         label = f"{_bound(out)}, {_most(out, drawn.bounds[e])}" if alone else f"bound '{e}'{_doubt(out)}"
-        log_line(ax, t, drawn.bounds[e], color=COLOURS[e], linewidth=WIDE, label=label, **style)
+        log_line(ax, t, drawn.bounds[e], color=color, linewidth=WIDE, label=label, **style)
     if drawn.estimate is not None:
         label = f"|estimate|{_not_resolved(size, drawn.half, out.value[:, row])}{_within(drawn.half)}"
         _estimate(ax, t, drawn, label, limits)
@@ -221,7 +224,8 @@ def _within(half: np.ndarray) -> str:
 def _colour(report: ReportData, out: OutputReport, row: int) -> str:
     """That of the sharpest of the bounds that the best one is made of."""
     bounds = _same_error(report, out, row).bounds
-    return COLOURS[min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest_finite(bounds[e])))]
+    sharpest = min(bounds, key=lambda e: (np.count_nonzero(np.isinf(bounds[e])), largest_finite(bounds[e])))
+    return COLOURS.get(sharpest, OTHERS[0])
 
 
 def _not_resolved(*row: np.ndarray) -> str:

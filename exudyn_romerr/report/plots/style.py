@@ -23,7 +23,6 @@ LOOKS = {  # of estimators: colour, line, marker
     "state-space": ("#999999", ":", "x"),
     "fast": ("#56B4E9", "--", "s"),
     "convolution": ("#0072B2", "-", "D"),
-    "output-kernel": ("#E69F00", (0, (5, 1, 1, 1, 1, 1)), "P"),
     "energy": ("#CC79A7", "-.", "^"),
     "auxiliary": ("#009E73", "-", "o"),
     "static": ("#009E73", "-", "o"),
@@ -32,6 +31,7 @@ COLOURS = {"value": "#000000", "error": "#D55E00", "estimate": "#5D3A9B", "toler
 COLOURS |= {e: colour for e, (colour, _, _) in LOOKS.items()}
 STYLES = {e: line for e, (_, line, _) in LOOKS.items()}
 MARKERS = {e: marker for e, (_, _, marker) in LOOKS.items()}
+OTHERS = "#E69F00", (0, (5, 1, 1, 1, 1, 1)), "P"  # of estimators that only files of earlier versions have
 CAUSE_STYLES = {  # name in words, colour, hatch
     "basis": ("basis", "#0072B2", ""),
     "interfaces": ("rigid interfaces", "#882255", "\\\\"),

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.errors import InputError
+from exudyn_romerr.linear.residual.residual import initial_coordinates
 from exudyn_romerr.mbs import add_reduced_body
-from exudyn_romerr.residual.residual import initial_coordinates
 from tests.helpers.mbs_scenes import INPUTS, SOLVERS, N, Recorder, chain_body, force, new_mbs, random_basis, settings
 
 NEWTON = 1e-9  # generalised-alpha meets the equations of motion to its Newton tolerance, relative to a load of 1

@@ -13,8 +13,8 @@ import pytest
 import scipy.linalg as la
 
 import exudyn_romerr as romerr
+from exudyn_romerr.linear.residual import modal_split as split
 from exudyn_romerr.mbs.floating.moving_subject import MovingSubject
-from exudyn_romerr.residual import modal_split as split
 from models import estimate_truths, floating
 from models.estimate_scenes import clamped_bar
 from models.floating import GRAVITY, RAYLEIGH

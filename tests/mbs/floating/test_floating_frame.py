@@ -11,6 +11,7 @@ from exudyn import itemInterface
 from scipy.spatial.transform import Rotation
 
 from exudyn_romerr import AssumptionError, mean_rotation, node_displacement
+from exudyn_romerr.linear.estimators.bounds import Bounds, seen_in
 from exudyn_romerr.mbs.floating.frame_node import FrameNode
 from exudyn_romerr.model.floating_frame import (
     FrameMotion,
@@ -22,7 +23,6 @@ from exudyn_romerr.model.floating_frame import (
     skew,
 )
 from exudyn_romerr.model.global_axes import View
-from exudyn_romerr.trajectory.bounds import Bounds, seen_in
 from tests.helpers import tolerances as tol
 from tests.mbs.floating.test_floating_scene import (
     EULER,

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import estimates
 from benchmarks.estimates import Row
-from exudyn_romerr.trajectory.estimate import RESOLVED
+from exudyn_romerr.linear.estimators.causes import RESOLVED
 from models.estimate_scenes import SCENES
 
 SMALL = pytest.mark.xfail(

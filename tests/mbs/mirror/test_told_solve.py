@@ -19,8 +19,8 @@ from exudyn_romerr.mbs.mirror.layout import unknowns_of
 from exudyn_romerr.mbs.mirror.recorder import Recorder
 from exudyn_romerr.mbs.mirror.told_solve import Asked, Ended, told_solve
 from exudyn_romerr.mbs.mirror.vectors import enriched
+from exudyn_romerr.mechanism.scheme import Scheme
 from exudyn_romerr.report.report_rows import rows_of
-from exudyn_romerr.trajectory.scheme import Scheme
 from models import floating
 from models.robot_arm import robot_arm
 from tests.mbs.mechanism.test_units import in_units

@@ -19,9 +19,9 @@ import exudyn_romerr as romerr
 from examples import bound_sensor
 from exudyn_romerr import progress as bars
 from exudyn_romerr.errors import InputError
+from exudyn_romerr.linear.run import balance
+from exudyn_romerr.linear.run.run import Run
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
-from exudyn_romerr.online import galerkin_defect
-from exudyn_romerr.online.run import Run
 from exudyn_romerr.report.scope import FROZEN
 from exudyn_romerr.report.wording import NOT_THE_MECHANISM, rounded_up
 from models import floating
@@ -186,10 +186,10 @@ def test_sensor_is_inf_from_where_evaluation_fails(capfd, monkeypatch):
 def test_sensor_is_inf_if_a_run_cannot_be_opened(monkeypatch):
     """The error is that of the run, not one of the sensor; once the sensor asked for bounds of a run without any."""
 
-    def failing(self, opening):
+    def failing(*_, **options):
         raise ArithmeticError("mine")
 
-    monkeypatch.setattr(Run, "open", failing)
+    monkeypatch.setattr(Run, "start", failing)
     mbs, monitor, sensors = chain()
     mbs.SolveDynamic(written())
     np.testing.assert_array_equal(mbs.GetSensorStoredData(sensors["tip"])[:, 1:], np.inf)
@@ -218,7 +218,7 @@ def test_sensor_says_once_a_run_that_its_numbers_are_not_certified(capfd, monkey
     """They cannot say so themselves; the share in the message changes with every step."""
     mbs, monitor, _ = chain([TIP])
     mbs.SolveDynamic(written())
-    monkeypatch.setattr(galerkin_defect, "_limit", lambda run: 0.0)  # as if a load were not known
+    monkeypatch.setattr(balance, "limit_of", lambda tolerance: 0.0)  # as if a load were not known
     for _ in range(2):
         mbs.SolveDynamic(written())
     assert "Galerkin" in str(monitor.report().uncertified)

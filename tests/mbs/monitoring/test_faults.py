@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
+from exudyn_romerr.linear.run.run import Run
 from exudyn_romerr.mbs.floating import moving_subject as moving
 from exudyn_romerr.mbs.mirror import told_solve as told
 from exudyn_romerr.mbs.monitoring import step_hook as hook
-from exudyn_romerr.online.run import Run
 from models import floating
 from tests.helpers import mbs_scenes
 from tests.helpers import tolerances as tol

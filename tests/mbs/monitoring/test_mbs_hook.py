@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.errors import InputError, RunError
+from exudyn_romerr.linear.run.run import BLOCK
 from exudyn_romerr.mbs import add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring.step_hook import LONGEST, block_rows
-from exudyn_romerr.online.run import BLOCK
 from tests.helpers.mbs_scenes import (
     INPUTS,
     SOLVERS,
@@ -28,21 +28,17 @@ def gathered(monkeypatch):
     """Rows given to runs, one list of (t, q, q_t, q_tt) blocks per run."""
     runs = []
 
-    def recording(kind):
-        class Recording(kind):
-            def opening(self, t, *states, **options):
-                self.given_rows = [([t], *(state[None] for state in states))]
-                runs.append(self.given_rows)
-                return super().opening(t, *states, **options)
+    class Recording(watch.Run):
+        def start(self, t, *states, **options):
+            self.given_rows = [([t], *(state[None] for state in states))]
+            runs.append(self.given_rows)
+            super().start(t, *states, **options)
 
-            def extension(self, t, *states):
-                self.given_rows.append((t, *states))
-                return super().extension(t, *states)
+        def extension(self, t, *states):
+            self.given_rows.append((t, *states))
+            return super().extension(t, *states)
 
-        return Recording
-
-    monkeypatch.setattr(watch, "Run", recording(watch.Run))
-    monkeypatch.setattr(watch, "StaticRun", recording(watch.StaticRun))
+    monkeypatch.setattr(watch, "Run", Recording)
     return runs
 
 

@@ -8,8 +8,8 @@ import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr import add_reduced_body, attach, floating_body, krylov_basis
+from exudyn_romerr.linear.run import prepare
 from exudyn_romerr.mbs.floating import moving_subject
-from exudyn_romerr.offline import prepare
 from models import linkage
 from tests.helpers import mbs_scenes
 from tests.mbs.floating.test_floating_scene import HINGE, TIP, Quantity, add_load, add_spring, settings, supported

@@ -1,0 +1,1 @@
+"""One linear body whose inputs are known: bounds of its error (docs/theory.md)."""

@@ -1,0 +1,89 @@
+"""Bounds at the instants of a run: those of one estimator, and of outputs as they are seen in global axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ...model.global_axes import View
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds at S instants: position (S,) and velocity (S,) in the M-norm, outputs (S, R).
+
+    jumped : (S, R), the share of load jumps in outputs; None: no jumps so far. correction : (S, R), the part of the
+    outputs' error that is known with its sign; correction_bound : (S, R), what is left of the error then. None where
+    an estimator has none. position, velocity: None where nobody asks (of_outputs).
+    """
+
+    position: np.ndarray | None
+    velocity: np.ndarray | None
+    outputs: np.ndarray
+    jumped: np.ndarray | None = None
+    correction: np.ndarray | None = None
+    correction_bound: np.ndarray | None = None
+
+    def at(self, index: np.ndarray | slice) -> Bounds:
+        """Return the bounds at some of the instants."""
+        return Bounds(*(None if x is None else x[index] for x in vars(self).values()))
+
+    def widened(self, position: np.ndarray, velocity: np.ndarray, outputs: np.ndarray) -> Bounds:
+        """Return the bounds with something added at every instant."""
+        left = None if self.correction_bound is None else self.correction_bound + outputs
+        return replace(
+            self,
+            position=None if self.position is None else self.position + position,
+            velocity=None if self.velocity is None else self.velocity + velocity,
+            outputs=self.outputs + outputs,
+            correction_bound=left,
+        )
+
+    def of_outputs(self) -> Bounds:
+        """Return the bounds of the outputs alone."""
+        return Bounds(None, None, self.outputs, None, self.correction, self.correction_bound)
+
+
+class Worst(NamedTuple):
+    """Where |e|_M has its largest bound: that bound, what bounds the outputs there, how much |e|_M was widened."""
+
+    position: float
+    instant: tuple
+    widened: float
+
+
+def times(bound: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    """Return bound (S,) times constants (R,) as (S, R); an output that sees nothing has bound 0, also of inf."""
+    seen = constants > 0
+    product = np.zeros((len(bound), len(constants)))
+    product[:, seen] = np.outer(bound, constants[seen])
+    return product
+
+
+def of_output(bounds: Bounds, part: slice, view: View | None, frame: np.ndarray) -> Bounds:
+    """Return the bounds of one output, rows `part`, as a view of it in global axes sees them; frame (S, 24)."""
+    rows = (bounds.outputs, bounds.jumped, bounds.correction, bounds.correction_bound)
+    own = Bounds(bounds.position, bounds.velocity, *(None if x is None else x[:, part] for x in rows))
+    return own if view is None else seen_in(view, own, frame)
+
+
+def seen_in(view: View, base: Bounds, frame: np.ndarray) -> Bounds:
+    """Return the bounds of an output in global axes from those of its base rows, which the view is made of."""
+    H = view.matrices(frame)
+    if view.blind:
+        return Bounds(base.position, base.velocity, np.full(H.shape[:2], np.inf))
+    jumped = None if base.jumped is None else _spread(H, base.jumped)
+    if base.correction is None:
+        return replace(base, outputs=_spread(H, base.outputs), jumped=jumped)
+    known, left = np.einsum("srk,sk->sr", H, base.correction), _spread(H, base.correction_bound)
+    return replace(base, outputs=np.abs(known) + left, jumped=jumped, correction=known, correction_bound=left)
+
+
+def _spread(H: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """|H| times bounds (S, R); an infinite bound counts only where H sees it."""
+    finite = np.isfinite(bounds)
+    spread = np.einsum("srk,sk->sr", np.abs(H), np.where(finite, bounds, 0.0))
+    return np.where(((H != 0) & ~finite[:, None]).any(axis=2), np.inf, spread)

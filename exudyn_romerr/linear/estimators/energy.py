@@ -1,0 +1,244 @@
+"""Estimator "energy": static reconstruction and the total variation of the residual; static solves (theory.md 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...linalg.linear_recurrence import decaying_sums
+from ..residual.decay_rates import DecayRate, body_rates
+from ..trajectory.segments import Block, Start
+from .bounds import Bounds, times
+
+if TYPE_CHECKING:
+    from ...model.body import ElasticBody
+    from ..residual.dual_norms import DualNorms, OutputNorms
+    from ..residual.problem import Problem
+    from ..residual.residual import StartNorms
+
+
+class Energy:
+    """|e + K^-1 R|_K <= g and |e'|_M <= g, with g growing by the total variation of R in the K^-1 norm.
+
+        |C e| <= |C K^-1 R| + |C|_{K^-1} g ,   |C e'| <= |C|_{M^-1} g ,   |e|_M <= |K^-1 R|_M + g/omega_1
+
+    For a few admissible decay rates r: g <- exp(-r h) g + variation (constants then change a little); the
+    smallest result counts.
+    """
+
+    name = "energy"
+    assumes = "dissipative damping"
+    inside: tuple[np.ndarray, np.ndarray] | None = None
+
+    def __init__(self, problem: Problem):
+        self._take(problem, problem.dual, body_rates(problem.body), problem.rows)
+
+    def _take(self, problem: Problem, norms: DualNorms, rates: list[DecayRate], rows: OutputNorms) -> None:
+        """Take what is bounded: R and outputs as they are, or the rest of both above auxiliary modes."""
+        self.growth = Growth(norms.norm_K, rates, Smooth.of(problem.body, rates))
+        self.rates = self.growth.bounds
+        self.norm_static, self.start_norms = norms.norm_static, norms.start_norms
+        self.static_rows, self.C_K, self.C_M = rows.static_rows, rows.C_K, rows.C_M
+        self.velocity_rows = rows.velocity_rows
+
+    def start(self, start: Start) -> Bounds:
+        """Begin a run; return the bounds at its first instant."""
+        self.growth = self.growth.started(start, self.start_norms)
+        z = start.z[None]
+        return self._bounds(z, self.norm_static(z), self.growth.at_start())
+
+    def advance(self, block: Block) -> Bounds:
+        """Go on by one block; return the bounds at the ends of its segments."""
+        before = self.growth
+        self.growth, g, g_jump = self.growth.advanced(block)
+        if block.turn is not None:
+            d_M, v_M = before.inside(g, self.growth)
+            self.inside = self.growth.static_inside(self.norm_static, before, block) + d_M, v_M
+        return self._bounds(block.c[:, -1], block.norms_at_ends(self.norm_static), (g, g_jump))
+
+    def instant(self, i: int) -> tuple:
+        """Return what bounds the outputs at entry i of the bounds returned last."""
+        (z, static, growth, *more), self._given = self._given, None
+        one = slice(i, i + 1)
+        own = (x[one if len(x) > 1 else slice(1)].copy() for x in more)
+        return z[one].copy(), static[one].copy(), tuple(g[:, one].copy() for g in growth), *own
+
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the bounds (1, R) at an instant of an estimator with other outputs."""
+        return self._bounds(*instant)
+
+    def _bounds(self, z: np.ndarray, static: np.ndarray, growth: tuple[np.ndarray, np.ndarray]) -> Bounds:
+        """Bounds of z (S, k), |K^-1 R|_M (S,), g and g_jump (rates, S)."""
+        self._given = z, static, growth
+        _, d_M, v_M = rest = smallest(self.rates, growth[0])
+        known = np.abs(z @ self.static_rows.T)
+        return Bounds(static + d_M, v_M, known + self._share(rest), self._jumped(growth[1]))
+
+    def _share(self, rest: np.ndarray) -> np.ndarray:
+        return output_share(rest, self.C_K, self.C_M, self.velocity_rows)
+
+    def _jumped(self, g_jump: np.ndarray) -> np.ndarray | None:
+        """What load jumps made of the bounds of outputs; None: there were none."""
+        return self._share(smallest(self.rates, g_jump)) if g_jump.any() else None
+
+
+class StaticError:
+    """|C e| = |C K^-1 R| and |e|_M = |K^-1 R|_M, exact; velocities are zero."""
+
+    assumes = "static equilibrium at every load step (exact, no estimate)"
+
+    def __init__(self, problem: Problem):
+        self.norm = problem.dual.norm_static
+        self.rows = problem.rows.static_rows
+
+    def __call__(self, z: np.ndarray) -> Bounds:
+        """Return the errors at load steps z (S, k)."""
+        self._z, known = z, -(z @ self.rows.T)
+        return Bounds(self.norm(z), np.zeros(len(z)), np.abs(known), None, known, np.zeros_like(known))
+
+    def instant(self, i: int) -> tuple:
+        """Return z at entry i of the errors returned last."""
+        return (self._z[i : i + 1].copy(),)
+
+    def bounds_at(self, instant: tuple) -> Bounds:
+        """Return the errors (1, R) at an instant of an object with other outputs."""
+        return self(*instant)
+
+
+class Growth:
+    """The energy g of every rate along a run: bounds |d|_{K_r}, d = e + K^-1 R.
+
+    norm is |R|_{K^-1} of whatever residual is bounded (the whole, or the rest above auxiliary modes). g_jump is the
+    part of g that load jumps made. smooth: a bound by R' and R'', in one more row; None: there is none.
+
+    Attributes
+    ----------
+    bounds : what follows from each row of g.
+    """
+
+    def __init__(self, norm: Callable, rates: Sequence[DecayRate], smooth: Smooth | None = None):
+        self.norm, self.rates, self.smooth = norm, rates, smooth
+        self._decay = np.array([rate.r for rate in rates], dtype=float)
+        self.bounds = [*rates, *([] if smooth is None else [smooth.bound])]
+        self.g = self.g_jump = [0.0] * len(self.bounds)
+        self._before: np.ndarray | None = None
+        self._varied = np.zeros(0)
+
+    def _next(self, g: list[float], g_jump: list[float], before: np.ndarray, smooth: Smooth | None) -> Growth:
+        following = Growth(self.norm, self.rates, smooth)
+        following.g, following.g_jump, following._before = g, g_jump, before
+        return following
+
+    def at_start(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return g and g_jump now, each (rates, 1)."""
+        return np.array(self.g)[:, None], np.array(self.g_jump)[:, None]
+
+    def started(self, start: Start, norms: StartNorms | None) -> Growth:
+        """Return the growth at a start.
+
+        g(0)^2 = |e0' + r d0|_M^2 + |d0|_{K_r}^2 <= |e0'|_M^2 + 2 r |e0'|_M |d0|_M + |d0|_K^2 since K_r <= K - r^2 M,
+        with K d0 = L (y0 + z0). norms: of the initial error.
+        """
+        if start.y0 is None:  # e0 = e0' = 0, d0 = K^-1 R(0)
+            g = [float(self.norm(start.z))] * len(self.bounds)
+        else:
+            w = start.y0.copy()
+            w[: len(start.z)] += start.z
+            d_K, d_M, v_M = float(norms.K(w)), float(norms.static(w)), float(norms.M(start.y0_t))
+            g = [float(np.hypot(d_K, np.sqrt(v_M * (v_M + 2 * rate.r * d_M)))) for rate in self.bounds]
+        smooth = None if self.smooth is None else Smooth(self.smooth.bound, g[-1])
+        return self._next(g, [0.0] * len(g), start.z, smooth)
+
+    def advanced(self, block: Block) -> tuple[Growth, np.ndarray, np.ndarray]:
+        """Return the growth after a block, and g and g_jump (rates, S) at the ends of its segments."""
+        inside, jumps = block.variation(self.norm, self._before)
+        decays, jumping = np.exp(-self._decay[:, None] * block.h), jumps.any()
+        added = decays * jumps + inside if jumping else np.tile(inside, (len(decays), 1))
+        g = decaying_sums(decays, added, self.g[: len(decays)])
+        if jumping or any(self.g_jump):
+            g_jump = decaying_sums(decays, decays * jumps, self.g_jump[: len(decays)])
+        else:
+            g_jump = np.zeros_like(g)
+        smooth = self.smooth
+        if smooth is not None:
+            more = inside - block.length(self.norm)
+            smooth, last = smooth.advanced(block, self.norm, jumps, more) if smooth.pays(block.h) else (smooth, g[0])
+            g, g_jump = np.vstack([g, last]), np.vstack([g_jump, g_jump[0]])
+            smooth = smooth if smooth is not self.smooth else Smooth(smooth.bound, float(g[0, -1]))
+        following = self._next(g[:, -1].tolist(), g_jump[:, -1].tolist(), block.c[-1, -1].copy(), smooth)
+        following._varied = inside + jumps
+        return following, g, g_jump
+
+    def inside(self, g: np.ndarray, following: Growth) -> np.ndarray:
+        """Return the largest |d|_M and |e'|_M (2, S) within the segments of the block that led to `following`."""
+        start = np.hstack([np.array(self.g)[:, None], g[:, :-1]])[: len(self.rates)]
+        return smallest(self.rates, start + following._varied)[1:]
+
+    def static_inside(self, norm_static: Callable, before: Growth, block: Block) -> np.ndarray:
+        """Return the largest |K^-1 R|_M (S,) within the segments of the block that led here from `before`."""
+        static = np.append(norm_static(before._before), block.norms_at_ends(norm_static))
+        per_mass = self.rates[0].per_mass if self.rates else 0.0  # of r = 0: 1/omega
+        return np.maximum(static[:-1], static[1:]) + per_mass * self._varied
+
+
+class Smooth:
+    """Bounds where R is slow beside what is bounded, without damping: M d'' + K d = M K^-1 R'' =: -R_n.
+
+        |d + K^-1 R_n|_K <= g ,   |d'|_M <= g ,   |R_n|_{K^-1} <= |R''|/omega^2
+
+    g grows by the total variation of R'' over omega^2, at jumps by |[R]| + |[R']|/omega + |[R'']|/omega^2, all in the
+    K^-1 norm; omega : the lowest frequency there is. So |d|_K <= g + |R''|/omega^2 and |e'|_M <= g + |R'|/omega.
+    """
+
+    def __init__(self, bound: DecayRate, g: float = 0.0, last: tuple[np.ndarray | float, ...] = (0.0, 0.0)):
+        """Last: R' and R'' before, the jumps from which come."""
+        self.bound, self._g, self._last = bound, g, last
+
+    @classmethod
+    def of(cls, body: ElasticBody, rates: Sequence[DecayRate]) -> Smooth | None:
+        """Make it for the frequencies that rates are of, the first of which is 0; None: a damped body forgets."""
+        damped = body.D is not None if body.rayleigh is None else any(body.rayleigh)
+        return None if damped or not rates else cls(rates[0])
+
+    def pays(self, h: np.ndarray) -> bool:
+        """Whether R may be slow: its polynomials change from segment to segment."""
+        return bool(np.mean(h) > self.bound.per_mass)
+
+    def advanced(
+        self, block: Block, norm: Callable, steps: np.ndarray, more: np.ndarray
+    ) -> tuple[Smooth, np.ndarray]:
+        """Return what follows a block, and bounds (S,) of |d|_K and |e'|_M at the ends of its segments.
+
+        steps (S,) : jumps of R. more (S,) : variation that control points do not hold.
+        """
+        degree, h, per_rate = block.c.shape[1] - 1, block.h[:, None, None], self.bound.per_mass
+        rate = degree * np.diff(block.c, axis=1) / h
+        bend = (degree - 1) * np.diff(rate, axis=1) / h if degree > 1 else np.zeros_like(rate)
+        jumps = norm(np.stack([_jumps(x, before) for x, before in zip((rate, bend), self._last, strict=True)]))
+        varied = norm(np.diff(bend, axis=1)).sum(axis=1)
+        g = self._g + np.cumsum(more + steps + per_rate * jumps[0] + per_rate**2 * (jumps[1] + varied))
+        ends = norm(np.stack([rate[:, -1], bend[:, -1]]))
+        following = Smooth(self.bound, float(g[-1]), (rate[-1, -1].copy(), bend[-1, -1].copy()))
+        return following, g + np.maximum(per_rate * ends[0], per_rate**2 * ends[1])
+
+
+def _jumps(points: np.ndarray, before: np.ndarray | float) -> np.ndarray:
+    """Jumps (S, k) at the begin of segments with control points (S, d, k)."""
+    return points[:, 0] - np.vstack([np.broadcast_to(before, points[:1, 0].shape), points[:-1, -1]])
+
+
+def smallest(rates: Sequence[DecayRate], g: np.ndarray) -> np.ndarray:
+    """Return the bounds (3, S) of |d|_K, |d|_M and |e'|_M: the smallest over the rates of g (rates, S)."""
+    if not rates:  # nothing is left to bound: all modes are auxiliary
+        return np.zeros((3, g.shape[1]))
+    factors = np.array([(rate.c, rate.per_mass, rate.velocity) for rate in rates])
+    return np.min(factors[:, :, None] * g[:, None, :], axis=0)
+
+
+def output_share(rest: np.ndarray, C_K, C_M, velocity_rows) -> np.ndarray:
+    """Return |C|_{K^-1} |d|_K, or |C|_{M^-1} |e'|_M for velocity rows: (S, R); rest (3, S): see `smallest`."""
+    d_K, _, v_M = rest
+    share = times(d_K, C_K)
+    return np.where(velocity_rows, times(v_M, C_M), share) if velocity_rows.any() else share

@@ -1,0 +1,303 @@
+"""Run: bounds of one solve, fed with blocks of accepted steps; small arrays only."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import RunError
+from ...report.scope import Doubt, Reason
+from ..trajectory.reconstruction import Linear, Quintic
+from ..trajectory.samples import Extension, Jump, Samples, checked_states, make_jumps
+from ..trajectory.segments import Start, turn_of
+from .balance import Balance
+from .record import UNKNOWN, Internal, RecordedSamples, RunRecord, SolverFacts
+from .stream import Stream, best_outputs
+from .summary import assemble, output_reports
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from ...report.data import NodeFields
+    from ...report.report import BoundReport
+    from ..estimators.bounds import Bounds
+    from ..estimators.round_off import Rounded
+    from .offline import Offline
+
+BLOCK = 1024  # steps evaluated at once: 512 cost 8 % more in Python calls, larger blocks leave the cache
+
+IN_THE_SPAN = (
+    "the full body is taken to start exactly in the reduced state (initial=None); if it starts elsewhere, in its own "
+    "equilibrium say, pass initial='equilibrium' or initial=(q0, q0_t)"
+)
+
+OTHER_LOADS = (
+    "loads at the start are not those that the static solve before ended with: a jump rings in all modes, below the "
+    "step size too, and no basis or bound follows that. Give user functions of loads the same value in both"
+)
+JUMP = 1e-6  # of the loads
+
+
+class Run:
+    """The bounds along one solve; of a static one the errors at its load steps, exact, for there K e = -R.
+
+    Of a static solve t is the load factor, q_t and q_tt are ignored, and no load step depends on another.
+
+    Attributes
+    ----------
+    begins_late : errors before its first sample are in no bound. continues : it has the error that the run before
+    ended with. last : the last sample that was bounded; None before the first.
+    """
+
+    begins_late = continues = False
+    last: Samples | None = None
+
+    def __init__(
+        self,
+        offline: Offline,
+        solver: SolverFacts = UNKNOWN,
+        tolerances: dict[str, float] | None = None,
+        is_static: bool = False,
+    ):
+        self.offline, self.solver, self.tolerances, self.is_static = offline, solver, tolerances or {}, is_static
+        self.messages: list[str] = []
+        self._recorded = RecordedSamples(offline, lambda: self._total.bounds())
+        self._rest: np.ndarray | None = None  # where a frame at rest is
+        self._balance, self._settled = Balance(offline), slice(None)
+        self._own: float | np.ndarray = 0.0  # size of the full body's own motion, for its rounding
+        self._jumps = make_jumps(offline.jumps, offline.signal, offline.jump_response) if offline.jumps else []
+        self._segmenters: dict[str, Linear | Quintic] = {}
+        if is_static:
+            self._streams = {"reduction": Stream({"static": offline.static()})}
+            return
+        self._segmenters["reduction"] = Linear(offline.coordinates, self._jumps)
+        if offline.time == "reconstructed":
+            known = (offline.coordinates, self._jumps, offline.signal, offline.measure, offline.omega_1)
+            self._segmenters["total"] = Quintic(*known, offline.mass_root if offline.scene.turns else None)
+        last = list(self._segmenters)[-1]
+        self._streams = {name: Stream(offline.estimators, name != last) for name in self._segmenters}
+        if offline.initial is not None:
+            self._streams["initial"] = Stream(offline.estimators, only_outputs=True)
+
+    @property
+    def _total(self) -> Stream:
+        return self._streams.get("total", self._streams["reduction"])
+
+    def start(
+        self, t: float, q, q_t=None, q_tt=None, u=None, frame=None, after: Run | None = None, is_late: bool = False
+    ) -> None:
+        """Take the first sample: q, q_t, q_tt (n,), u (p,) unless the input function is known, frame (24,) if any.
+
+        after : a run that this one goes on from; from a static one (offline: `from_static`) at its own rest.
+        is_late : whether the solve began before.
+        """
+        first = self._checked(np.array([t], dtype=float), *(np.asarray([x]) for x in (q, q_t, q_tt)), u, frame)
+        self.begins_late = is_late
+        if self.is_static:
+            self._take_load_steps(first)
+        elif after is None or after.is_static:
+            self._begin(first, None if after is None else after.last.u[0])
+        else:
+            self._go_on(first, after)
+
+    def _begin(self, first: Samples, rest: np.ndarray | None) -> None:
+        """Begin at rest, or anywhere; rest : inputs (p,) that the full body is in equilibrium with before."""
+        start = start_of(self.offline, first, self._jumps, rest)
+        if start.y0 is None and (first.q.any() or first.q_t.any()):
+            self.messages.append(IN_THE_SPAN)
+        self.messages += loads_jump(self.offline, first, rest)
+        self.messages += [Reason.NO_ACCELERATIONS.doubt(first.t[0])] if self.begins_late else []
+        self._own = self.offline.own_motion(start)
+        rounded = self.offline.rounding(first, self._own)
+        for name in self._segmenters:
+            self._streams[name].start(start, rounded)
+        if "initial" in self._streams:
+            self._streams["initial"].start(replace(start, z=0 * start.z))
+        self._record(first, rounded)
+
+    def _go_on(self, first: Samples, before: Run) -> None:
+        """Begin where another run ended."""
+        self.messages += [Reason.NO_ACCELERATIONS.doubt(first.t[0])] if self.begins_late else []
+        self.messages.append(f"continues the run before from t = {first.t[0]:g} s")
+        self.continues, self._own, self.begins_late = True, before._own, self.begins_late or before.begins_late
+        for name, stream in self._streams.items():
+            stream.go_on(before._streams[name])
+        self._balance.go_on(before._balance)
+        self._record(first, self.offline.rounding(first, self._own))
+
+    def extend(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> None:
+        """Take further accepted steps: t (S,), q, q_t, q_tt (S, n), u (S, p) unless the input function is known."""
+        if self.last is None:
+            raise RunError("extend was called before start; give the first sample to start")
+        if np.size(t):
+            self.advance(self.extension(t, q, q_t, q_tt, u, frame))
+
+    def extension(self, t, q, q_t=None, q_tt=None, u=None, frame=None) -> Extension:
+        """Check further samples and make segments of them; `advance` goes on with what is returned here."""
+        new = self._checked(np.asarray(t, dtype=float), q, q_t, q_tt, u, frame)
+        if self.is_static:
+            return Extension(new, {})
+        samples = new.after(self.last)
+        segments = {name: segmenter(samples) for name, segmenter in self._segmenters.items()}
+        reduction = segments["reduction"][0]
+        for block, _ in segments.values():
+            block.share_ends(reduction)
+            block.turn = turn_of(block, samples.frame) if self.offline.scene.turns else None
+        return Extension(new, segments)
+
+    def advance(self, extension: Extension) -> None:
+        """Go on by checked samples."""
+        new, segments = extension
+        if self.is_static:
+            self._take_load_steps(new)
+            return
+        rounded = self.offline.rounding(new, self._own)
+        for name, (block, step_end) in segments.items():
+            skipped = [] if block.skipped is None else [self.offline.distance_of(block.skipped[step_end])]
+            self._streams[name].advance(block, step_end, rounded, *skipped)
+        if "initial" in self._streams:
+            block, step_end = segments["reduction"]
+            self._streams["initial"].advance(block.without_residual(), step_end)
+        self._record(new, rounded)
+
+    def _take_load_steps(self, new: Samples) -> None:
+        z = self.offline.coordinates(new.q, new.q_t, new.q_tt, new.u)
+        self._own = self.offline.rounding.of_equilibrium(new.u)
+        rounded = self.offline.rounding(new, self._own)
+        self._streams["reduction"].load_steps(z, rounded)
+        self._record(new, rounded)
+
+    def best_of_last(self, count: int) -> dict[str, np.ndarray]:
+        """Return the smallest bound of each output (count, r) at the last steps given."""
+        frames = self._recorded.read(slice(-count, None))["frames"]
+        return best_outputs(self.offline, self._total.last(count), frames)
+
+    @property
+    def defect(self) -> float:
+        """Galerkin defect so far: the largest W^T R, but for rounding, over the largest of its terms."""
+        return self._balance.share(self.solver.floor)
+
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Return why no bound so far is certified; empty: the run is balanced, and they hold from its start on."""
+        return tuple(dict.fromkeys([*self._balance.doubts(self.solver), *doubts_in(self.messages)]))
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times (T,) of the samples that count."""
+        return self._recorded.t.read()[self._settled]
+
+    def settle(self) -> None:
+        """Let only the samples so far count: later ones may be bounded in part when something fails."""
+        self._settled = slice(len(self._recorded.t))
+
+    def report(self) -> BoundReport:
+        """Return what was bounded so far; RunError before the first sample."""
+        if self.last is None:
+            raise RunError("report was asked before the first sample of the run")
+        return assemble(self.record())
+
+    def internal(self) -> Internal:
+        """Return outputs beside those that were asked for."""
+        record, offline = self.record(), self.offline
+        corrected = {name: out.corrected for name, out in output_reports(record, is_requested=False).items()}
+        return Internal(corrected, record.frames, offline.outputs, offline.views)
+
+    def record(self) -> RunRecord:
+        """Return what was found so far."""
+        quintic = self._segmenters.get("total")
+        return RunRecord(
+            offline=self.offline,
+            solver=self.solver,
+            time="static" if self.is_static else self.offline.time,
+            **self._recorded.read(self._settled),
+            streams=self.streams(),
+            assumptions=self.assumptions(),
+            nodes=self.node_fields,
+            messages=tuple(self.messages),
+            doubts=self.doubts(),
+            begins_late=self.begins_late,
+            tolerances=self.tolerances,
+            rounding_share=None if quintic is None else quintic.rounding_share,
+            largest_miss=None if quintic is None else quintic.largest_miss,
+        )
+
+    def streams(self) -> dict[str, dict[str, Bounds]]:
+        """Return the bounds so far, rounding included: stream -> estimator -> bounds; "total" is what counts."""
+        found = {
+            name: {e: b.at(self._settled) for e, b in stream.bounds().items()}
+            for name, stream in self._streams.items()
+        }
+        return {"total": found["reduction"], **found}
+
+    def node_fields(self) -> NodeFields:
+        """Return what is known at every node at the worst instant, by every estimator; full-size work."""
+        return self._recorded.fields_of(self.offline.nodes(self._total.worst), self.streams()["total"])
+
+    def assumptions(self) -> dict[str, str]:
+        """Return what each estimator assumes."""
+        return {name: e.assumes for name, e in self._total.estimators.items()}
+
+    def _checked(self, t: np.ndarray, q, q_t, q_tt, u, frame: Any = None) -> Samples:
+        before = -np.inf if self.last is None else float(self.last.t[-1])
+        if self.is_static:
+            q_t = q_tt = np.zeros(np.shape(q))
+        states = checked_states(t, (q, q_t, q_tt), self.offline.coordinates.n, before)
+        frame = np.zeros((len(t), 0)) if frame is None else np.asarray(frame, dtype=float).reshape(len(t), -1)
+        u = self.offline.checked_inputs(t, u)
+        z, rows = self.offline.coordinates(*states, u), self.offline.balance_rows
+        jitter = self.offline.scene.jitter
+        if jitter is not None:
+            self._rest = frame[0] if self.last is None else self._rest
+            z, rows = np.hstack([z, jitter.accelerations(frame, self._rest)]), np.hstack([rows, jitter.rows])
+        self._balance.measure(rows, z, self.offline.rounding.in_balance(states[0]))
+        return Samples(t, *states, u, frame)
+
+    def _record(self, new: Samples, rounded: Rounded) -> None:
+        self._recorded.append(new, rounded, self._own)
+        self.last = Samples(*(x[-1:].copy() for x in vars(new).values()))  # or all of a block are kept
+
+
+def start_of(offline: Offline, first: Samples, jumps: Sequence[Jump], rest: np.ndarray | None) -> Start:
+    """Return the start of a run at its first sample; rest: inputs (p,) that the full body was in equilibrium with."""
+    layout = offline.coordinates
+    q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
+    t, z = float(first.t[0]), layout(q, q_t, q_tt, u)
+    if offline.initial is None:
+        return Start(t, z)
+    if offline.initial == "equilibrium":  # K e0 = B u - K V qr
+        u, z = _before_the_first_jump(layout, first, jumps, z) if rest is None else (rest, z)
+        y0, y0_t = -layout(q, 0 * q, 0 * q, u), np.zeros(layout.k)
+    else:  # the last two columns are K q0 and M q0'
+        y0, y0_t = np.zeros((2, layout.k + 2))
+        y0[layout.stiffness_slot] = -q
+        y0[layout.k], y0_t[layout.k + 1] = 1.0, 1.0
+    y0_t[layout.mass_slot] = -q_t
+    return Start(t, z, y0, y0_t)
+
+
+def _before_the_first_jump(layout, first: Samples, jumps: Sequence[Jump], z) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs and z that the body was in equilibrium with: those before a load jump at the start itself."""
+    q, q_t, q_tt, u = (x[0] for x in (first.q, first.q_t, first.q_tt, first.u))
+    for jump in jumps:
+        if jump.t == first.t[0] and not jump.is_before(jump.t, u):
+            return jump.u_left, layout(q, q_t, q_tt - jump.dq_tt, jump.u_left)
+    return u, z
+
+
+def loads_jump(offline: Offline, first: Samples, rest: np.ndarray | None) -> list[str]:
+    """Return what is said where known loads at the start are not those, `rest` (p,), of the equilibrium before."""
+    scene = offline.scene
+    if rest is None or not scene.turns:
+        return []
+    known = slice(scene.first_load, len(rest) - scene.unknown)
+    before, now = rest[known], first.u[0][known]
+    if np.all(np.abs(now - before) <= JUMP * np.max(np.abs([before, now]), initial=0.0)):
+        return []
+    return [OTHER_LOADS]
+
+
+def doubts_in(messages: Iterable[str]) -> list[Doubt]:
+    """Return those messages that say why no bound of a run, or of one that goes on from it, is certified."""
+    return [message for message in messages if isinstance(message, Doubt)]

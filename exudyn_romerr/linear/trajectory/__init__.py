@@ -1,0 +1,1 @@
+"""A reduced trajectory: samples, inputs between them, segments."""

@@ -1,1 +1,0 @@
-"""What is done once before a run, ending in small constants only."""

@@ -1,1 +1,0 @@
-"""Bounds along a run, from samples in to a report out."""

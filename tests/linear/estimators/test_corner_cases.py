@@ -1,0 +1,215 @@
+"""Cases that a review and a new user broke once: small bodies, extreme damping and loads, starts, inf."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+import exudyn_romerr as romerr
+from exudyn_romerr.linalg.modal_oscillators import ModalOscillators
+from exudyn_romerr.linear.residual.kernels import CertifiedKernel, SpectrumKernel
+from exudyn_romerr.linear.run.prepare import BoundOptions, prepare
+from exudyn_romerr.linear.run.run import Run
+
+ALL = ("fast", "convolution", "energy", "auxiliary")
+ROUNDING = 1e-9  # of the largest value: matrix exponentials of these small, well conditioned systems reach 1e-12
+
+
+def chain(n, stiffness=100.0, **damping):
+    """Masses of 1 kg in a row between two walls."""
+    K = stiffness * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    return romerr.ElasticBody(np.eye(n), K, **damping)
+
+
+def step_response(M, D, K, load, x0, t):
+    """Return q, q_t, q_tt (T, n) under a constant load from rest at x0, by matrix exponentials."""
+    n = len(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    end = np.concatenate([np.linalg.solve(K, load), np.zeros(n)])
+    x = np.array([end + la.expm(A * s) @ (np.concatenate([x0, np.zeros(n)]) - end) for s in t])
+    return x[:, :n], x[:, n:], (x - end) @ A.T[:, n:]
+
+
+def released(body, basis, before, t):
+    """Full and reduced motion from their own equilibria under `before` to the load 1 at the last mass."""
+    B = np.eye(body.N)[:, -1:]
+    M, K, D = body.M.toarray(), body.K.toarray(), body.D.toarray()
+    V = basis.V
+    full = step_response(M, D, K, B[:, 0], before * np.linalg.solve(K, B[:, 0]), t)[0]
+    Mr, Dr, Kr, g = V.T @ M @ V, V.T @ D @ V, V.T @ K @ V, V.T @ B[:, 0]
+    return full, step_response(Mr, Dr, Kr, g, before * np.linalg.solve(Kr, g), t), B
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_default_bounds_of_tiny_bodies(n):
+    """'auto' takes every mode of a small body as auxiliary: the bound is the error itself."""
+    body, t = chain(n, rayleigh=(0.1, 1e-3)), np.linspace(0, 1, 101)
+    basis = romerr.modal_basis(body, 1)
+    full, (q, q_t, q_tt), B = released(body, basis, 0.0, t)
+    traj = romerr.Trajectory(t, q, q_t, q_tt, np.ones(101))
+    report = romerr.evaluate(
+        body, basis, traj, inputs=B, outputs=[romerr.Output("x", np.eye(n)[0])], input_function=lambda t: 1.0
+    )
+    found = report.compare("x", t, full[:, 0])
+    floor = ROUNDING * np.abs(full).max()
+    assert np.all(np.abs(found.error) <= found.bound["best"] + floor)
+    assert np.all(found.bound["best"] <= np.abs(found.error) + 1e-3 * np.abs(full).max())
+
+
+def test_indefinite_damping_is_refused_although_its_factorisation_breaks_down():
+    """D has the eigenvalue -1.6 and a leading block that is singular: no pivot says so."""
+    D = np.array([[1.0, 2, -1, -2], [2, 1, 0, -1], [-1, 0, 1, 0], [-2, -1, 0, 1]])
+    with pytest.raises(romerr.AssumptionError, match="damping feeds energy in"):
+        romerr.ElasticBody(np.eye(4), 4 * np.eye(4), damping=D)
+
+
+def test_certified_kernel_of_very_strong_damping():
+    """Alpha = 1e9 1/s: C12 is not zero, and above the spectrum's."""
+    body = chain(4, stiffness=1e8, rayleigh=(1e9, 0.0))
+    certified, spectrum = CertifiedKernel(body).C12, SpectrumKernel(body).C12
+    assert spectrum <= certified * (1 + 1e-12)
+    assert certified <= 1.5 * spectrum
+
+
+@pytest.mark.parametrize("initial", [None, "equilibrium"])
+def test_input_function_without_inputs_is_refused(initial):
+    """A load that cannot act must not be ignored."""
+    body = chain(3, rayleigh=(0.1, 0.0))
+    zero = np.zeros((5, 1))
+    traj = romerr.Trajectory(np.arange(5.0), zero, zero, zero)
+    with pytest.raises(romerr.InputError, match="input_function was given without inputs"):
+        romerr.evaluate(body, romerr.modal_basis(body, 1), traj, input_function=lambda t: 1.0, initial=initial)
+
+
+def test_equilibrium_before_a_jump_at_the_start():
+    """The body is in equilibrium under the load before the jump at t0, not under the one after it."""
+    body, t = chain(5, rayleigh=(0.1, 1e-3)), np.linspace(0, 0.5, 201)
+    basis = romerr.krylov_basis(body, np.eye(5)[:, -1:], 1)
+    full, (q, q_t, q_tt), B = released(body, basis, 0.5, t)
+    traj = romerr.Trajectory(t, q, q_t, q_tt, np.ones(201))
+    report = romerr.evaluate(
+        body,
+        basis,
+        traj,
+        inputs=B,
+        outputs=[romerr.Output("x", np.eye(5)[0])],
+        input_function=lambda t: 1.0 if t >= 0 else 0.5,
+        jumps=(0.0,),
+        initial="equilibrium",
+        estimators=ALL,
+        auxiliary_modes=3,
+    )
+    error = np.abs(full[:, 0] - q @ basis.V[0])
+    for e, bound in report.output("x").bound.items():
+        assert np.all(error <= bound[:, 0] + ROUNDING * np.abs(full).max()), e
+
+
+def test_cancelled_norm_is_inf_and_said_so():
+    """residual='expanded' on the complete basis: where its square is negative, the bound is inf and never nan."""
+    body, t = chain(6, rayleigh=(0.1, 1e-3)), np.linspace(0, 1, 201)
+    basis = romerr.modal_basis(body, 6)
+    _, (q, q_t, q_tt), B = released(body, basis, 0.0, t)
+    traj = romerr.Trajectory(t, q, q_t, q_tt, np.ones(201))
+    options = {"inputs": B, "outputs": [romerr.Output("x", np.eye(6)[0])], "estimators": ALL, "auxiliary_modes": 3}
+    report = romerr.evaluate(body, basis, traj, residual="expanded", **options)
+    out = report.output("x")
+    for arrays in (out.bound, out.reduction_bound, out.causes, report.position_bound):
+        assert not any(np.isnan(x).any() for x in arrays.values())
+    spoilt = [e for e, bound in report.position_bound.items() if np.isinf(bound).any()]
+    assert spoilt
+    assert all("inf from t =" in report.reason(e) for e in spoilt)
+
+
+def test_slow_mode_beside_a_stiff_one_keeps_its_digits():
+    """Undamped, 1 rad/s beside 1e5 rad/s, 4000 steps of 0.3 s: the slow one's phase is right to rounding."""
+    omega = np.array([1.0, 1e5])
+    steps, h = 4000, 0.3
+    state = np.array([[1.0, 0.0], [0.0, 0.0]])
+    t = h * np.arange(1, steps + 1)
+    motion = ModalOscillators(omega, np.zeros(2)).advance(state, t, np.full(steps, h), np.zeros((steps, 2, 2)))
+    # eps per step at random or all the same way: at most 4000 * 8 * 2e-16
+    assert np.max(np.abs(motion[:, 0, 0] - np.cos(t))) < 8 * steps * np.finfo(float).eps
+
+
+@pytest.mark.parametrize("factor", [0.2, 1 + 1e-9, 5.0])
+def test_far_shorter_steps_than_a_mode_are_each_made_anew(factor):
+    """1e-10 rad of the mode a step, another length in each: before, half of the motion was lost."""
+    oscillators, state, t, h = ModalOscillators(np.array([0.1]), np.zeros(1)), np.zeros((2, 1)), 0.0, 1e-9
+    for _ in range(3):
+        t, force = t + h, np.ones((1, 2, 1))
+        state = oscillators.advance(state, np.array([t]), np.array([h]), force)[-1]
+        h *= factor
+    # a constant force: t^2/2 but for (0.1 t)^2 of it; some roundings of the steps, each
+    np.testing.assert_allclose(state[0, 0], t**2 / 2, rtol=1e-14)
+
+
+def test_auto_count_ignores_an_output_that_sees_nothing():
+    """An output row on a fixed coordinate is zero; it neither warns nor asks for more modes."""
+    body = romerr.ElasticBody(np.eye(4), 100 * np.eye(4) + np.ones((4, 4)), fixed=[0], rayleigh=(0.1, 0.0))
+    zero = np.zeros((3, 1))
+    traj = romerr.Trajectory(np.arange(3.0), zero, zero, zero)
+    report = romerr.evaluate(body, romerr.modal_basis(body, 1), traj, outputs=[romerr.Output("held", np.eye(4)[0])])
+    assert np.all(report.output("held").bound["best"] == 0)
+
+
+@pytest.mark.parametrize("scale", [1e-160, 1e160])
+def test_bounds_are_linear_in_extreme_loads(scale):
+    """Squares of norms would vanish or overflow; the bounds scale with the load."""
+    body, t = chain(6, rayleigh=(0.1, 1e-3)), np.linspace(0, 1, 101)
+    basis = romerr.modal_basis(body, 2)
+    _, motion, B = released(body, basis, 0.0, t)
+
+    def bounds(factor):
+        traj = romerr.Trajectory(t, *(factor * x for x in motion), np.full(101, factor))
+        options = {"outputs": [romerr.Output("x", np.eye(6)[0])], "estimators": ("fast", "energy", "auxiliary")}
+        return romerr.evaluate(body, basis, traj, inputs=B, auxiliary_modes=3, **options).output("x").bound
+
+    for e, bound in bounds(1.0).items():
+        np.testing.assert_allclose(bounds(scale)[e] / scale, bound, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mask", [np.array([True, False, False]), [True, False, False]])
+def test_masks_are_no_coordinate_numbers(mask):
+    """A boolean mask would fix coordinates 0 and 1."""
+    with pytest.raises(romerr.InputError, match="fixed holds bools"):
+        romerr.ElasticBody(np.eye(3), np.eye(3), fixed=mask)
+
+
+def test_body_that_stays_at_rest_has_bounds_at_nodes_by_every_estimator():
+    """All of them zero: the first estimator's worst instant once kept the others from having one."""
+    body = chain(6, positions=np.arange(6.0).reshape(2, 3))
+    t, rest = np.linspace(0, 1, 5), np.zeros((5, 2))
+    basis = romerr.modal_basis(body, 2)
+    names = ("energy", "fast")
+    report = romerr.evaluate(body, basis, romerr.Trajectory(t, rest, rest, rest), estimators=names)
+    assert set(report.node_bound) == set(report.position_bound) == set(names)
+    assert all(not bound.any() for bound in report.node_bound.values())
+
+
+def test_too_long_a_run_for_sums_over_all_steps_is_refused():
+    """A table of the kernel over 1e6 rad would take gigabytes."""
+    body, t = chain(2, rayleigh=(0.1, 0.0)), np.linspace(0, 1e5, 4)
+    zero = np.zeros((4, 1))
+    traj = romerr.Trajectory(t, zero, zero, zero)
+    options = {"estimators": "convolution", "kernels": "spectrum"}
+    with pytest.raises(romerr.AssumptionError, match="run of more than"):
+        romerr.evaluate(body, romerr.modal_basis(body, 1), traj, **options)
+
+
+@pytest.mark.parametrize(("block", "steps"), [(1, 500), (1024, 3000), pytest.param(1, 3000, marks=pytest.mark.slow)])
+def test_rounding_of_times_far_from_zero_does_not_add_up(block, steps):
+    """Steps of 0.1 ms across t = 2048 s, summed up as solvers do: rounding changes all lengths the same way."""
+    omega, t = 1e3, np.cumsum(np.r_[2048 - 1e-4 * (steps // 3), np.full(steps, 1e-4)])
+    body = romerr.ElasticBody(np.eye(2), np.diag([1.0, omega**2]))
+    options = {"outputs": [romerr.Output("x", np.eye(2)[1])], "estimators": ("auxiliary",), "auxiliary_modes": 2}
+    options = BoundOptions(initial=(np.array([0, 1e-3]), np.zeros(2)), **options)
+    run = Run(prepare(body, romerr.Basis(np.eye(2)[:, :1]), options))
+    zero = np.zeros((len(t), 1))
+    run.start(t[0], *zero[:3])
+    for first in range(1, len(t), block):
+        part = slice(first, first + block)
+        run.extend(t[part], *[zero[part]] * 3)
+    out, truth = run.report().output("x"), 1e-3 * np.cos(omega * (t - t[0]).astype(np.longdouble))
+    assert np.all(np.abs(truth) <= out.bound["auxiliary"][:, 0])
+    assert np.all(np.abs(truth - out.corrected[:, 0]) <= out.corrected_bound[:, 0])
+    # 1000 rad/s times the spacing of times near 2048 s, 4.5e-13 s, over some blocks: measured 8e-8 of the amplitude
+    assert np.max(out.corrected_bound) < 1e-6 * 1e-3

@@ -1,0 +1,321 @@
+"""Round-off: of the numbers that the input came in, and of the bounds themselves, which hold it."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import exudyn as exu
+import mpmath
+import numpy as np
+import pytest
+from scipy import sparse
+
+import exudyn_romerr as romerr
+from exudyn_romerr.model.matrix_input import precision
+from models import beam3d, exact, extreme_bodies, linkage, solid_bar
+from models.precise import DIGITS, PreciseModes
+
+RELATIVE = 1e-8  # of every entry: large enough to measure, small enough to be linear
+W = 2 * np.pi * linkage.FREQUENCY
+T = np.linspace(0, 0.5, 401)
+ALL = ("state-space", "fast", "convolution", "energy", "auxiliary")
+SINGLE = {"stiffness": "K", "mass": "M", "inputs": "B", "outputs": "C", "samples": "q"}
+
+
+def static_report(body, basis, B, outputs):
+    """One instant of the reduced body in static equilibrium under unit load."""
+    V = basis.V
+    q = np.linalg.solve(V.T @ (body.stiffness @ V), V.T @ B).T
+    zero = np.zeros_like(q)
+    return romerr.evaluate(body, basis, romerr.Trajectory([0.0], q, zero, zero, [1.0]), inputs=B, outputs=outputs)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("build", [linkage.build, lambda: solid_bar.build(0)], ids=["linkage", "solid"])
+def test_perturbed_entries_move_the_output_by_less(build, seed):
+    """Random relative changes of K's entries move C K^-1 B by at most the scaled round-off, and not by much less."""
+    body, B, outputs = build()
+    outputs = outputs if isinstance(outputs, list) else [outputs]
+    report = static_report(body, romerr.krylov_basis(body, B, 3), B, outputs)
+    signs = body.K.copy()
+    signs.data = np.random.default_rng(seed).choice([-1.0, 1.0], signs.nnz)
+    dK = body.K.multiply((signs + signs.T) / 2)
+    u = body.stiffness_factor.solve(B[body.free])
+    for out in outputs:
+        C = out.resolve(body)[:, body.free]
+        moved = RELATIVE * np.abs(C @ body.stiffness_factor.solve(dK @ u))
+        allowed = RELATIVE / np.finfo(float).eps * report.output(out.name).round_off.T
+        assert np.all(moved <= allowed)
+        assert np.all(moved >= 1e-3 * allowed)  # signs at random cancel like the square root of their number
+
+
+@cache
+def true_tip():
+    """The exact motion of the tip of the linkage, modes in extended precision."""
+    body, B, tip = linkage.build()
+    return exact.full_solution(body, B, linkage.AMPLITUDE, W).output(tip.resolve(body), T)
+
+
+def exact_run(body, B, out, basis, single=(), **options):
+    """Bounds of the exact reduced motion; what `single` names is rounded to 7 digits."""
+    solution = exact.reduced_solution(body, basis, B, linkage.AMPLITUDE, W)
+    q = [x.astype(np.float32) if "samples" in single else x for x in solution.motion(T)]
+    rows = out.resolve(body)
+    return romerr.evaluate(
+        body,
+        basis,
+        romerr.Trajectory(T, *q),
+        inputs=B.astype(np.float32) if "inputs" in single else B,
+        outputs=[romerr.Output("tip z", rows.astype(np.float32) if "outputs" in single else rows)],
+        input_function=linkage.force,
+        **options,
+    )
+
+
+@pytest.mark.parametrize("n", [2, 4, 8, 12, 16, 20, 30, 60, 114])
+def test_no_bound_is_below_the_error_not_even_by_rounding(n):
+    """From 1e-4 m down to 1e-16 m, all estimators, no tolerance; near round-off the bound stops and says so."""
+    body, B, out = linkage.build()
+    basis = romerr.krylov_basis(body, B, n) if n < 60 else romerr.modal_basis(body, n)
+    found = exact_run(body, B, out, basis, estimators=ALL, auxiliary_modes=60).compare("tip z", T, true_tip())
+    for e, bound in found.bound.items():
+        assert np.all(np.abs(found.error) <= bound), e
+    # what interpolation over steps of 1.25 ms leaves above the 60 modes: measured 7.8e-10 m
+    assert np.max(found.bound["best"]) < 1.1 * np.max(np.abs(found.error)) + 1e-9
+
+
+@pytest.mark.parametrize("what", [*SINGLE, "all"])
+def test_single_precision_is_taken_and_told(what):
+    """Bounds are those of the numbers as they are; what their rounding has moved is within round_off."""
+    names = tuple(SINGLE) if what == "all" else (what,)
+    (M, K), options = linkage.matrices(), {"rayleigh": linkage.RAYLEIGH, "fixed": linkage.CLAMPED}
+    M, K = (A.astype(np.float32) if name in names else A for name, A in (("mass", M), ("stiffness", K)))
+    body = romerr.ElasticBody(M, K, positions=linkage.mesh()[0], **options)
+    _, B, out = linkage.build()
+    report = exact_run(body, B, out, romerr.krylov_basis(body, B, 8), single=names)
+    found = report.compare("tip z", T, true_tip())
+    assert np.all(np.abs(found.error) <= found.bound["best"] + found.round_off)
+    assert ", ".join(name for name in ("mass", "stiffness", "inputs", "samples", "outputs") if name in names) in str(
+        report
+    )
+    assert ("at round-off" in str(report)) == (what in ("stiffness", "all"))
+    ours = exact_run(*linkage.build(), romerr.krylov_basis(linkage.build()[0], B, 8)).output("tip z")
+    assert np.max(found.round_off) > 100 * np.max(ours.round_off)
+    assert "16 digits" not in str(exact_run(*linkage.build(), romerr.krylov_basis(body, B, 8)))
+
+
+def column_on_moorings():
+    """Mass and stiffness of three heavy links, 2.1e11 N/m, on moorings so soft that 24 bits lose them."""
+    links = np.linspace(1.0, 2.0, 15)
+    K = 2.1e11 / 3 * (np.diag(np.append(links, 0.0) + np.append(0.0, links)) - np.diag(links, 1) - np.diag(links, -1))
+    K[0, 0] += 2e3
+    return np.eye(16), K
+
+
+@pytest.mark.parametrize("passed_on", [lambda A: A.astype(float), sparse.lil_matrix, lambda A: A.tolist()])
+def test_single_precision_is_known_by_its_numbers(passed_on):
+    """As double, sparse or in lists, numbers that were in single precision are taken as they were."""
+    M, K = column_on_moorings()
+    single = K.astype(np.float32)
+    known = romerr.ElasticBody(M, passed_on(single.astype(float)), fixed=[15]).precision
+    assert known == romerr.ElasticBody(M, single, fixed=[15]).precision
+    assert known["stiffness"] > 1e-8 > known["mass"]
+    assert precision(passed_on(K)) < 1e-15
+
+
+def test_what_is_added_later_hides_no_single_precision():
+    """A spring between two nodes, in double precision."""
+    K = column_on_moorings()[1].astype(np.float32).astype(float)
+    K[np.ix_([3, 5], [3, 5])] += 1 / 3 * np.array([[1, -1], [-1, 1]])
+    assert precision(K) > 1e-8
+
+
+@pytest.mark.parametrize("name", ["whole", "halves", "few", "decimal"])
+def test_numbers_that_are_exact_in_single_precision_are_no_rounded_ones(name):
+    """Chosen numbers are short, or few; decimal ones that never were in single precision have all bits."""
+    K = column_on_moorings()[1]
+    numbers = {
+        "whole": np.arange(400.0),
+        "halves": np.arange(400.0) / 2**12,
+        "few": np.tile([1234567.0, -2345677.0], 100),
+        "decimal": np.array([float(f"{x:.6e}") for x in K[K != 0]]),
+    }
+    assert precision(numbers[name]) < 1e-15
+
+
+def test_single_precision_as_double_is_told_as_single_precision_is():
+    """What the report says, and how far rounding may move the top."""
+    M, K = column_on_moorings()
+    load, said = np.eye(16)[:, :1], []
+    for A in (K.astype(np.float32), K.astype(np.float32).astype(float), K):
+        body = romerr.ElasticBody(M, A, fixed=[15])
+        basis = romerr.krylov_basis(body, load, 3)
+        traj = romerr.Trajectory([0.0, 1.0], *np.zeros((3, 2, basis.V.shape[1])), np.ones(2))
+        report = romerr.evaluate(body, basis, traj, inputs=load, outputs=[romerr.Output("top", load.T)])
+        said.append("16 digits" in str(report))
+    assert said == [True, True, False]
+
+
+def test_single_precision_that_spoils_the_stiffness_is_named():
+    """The stiffness of a wire of 1 mm, rounded to 7 digits, is no longer positive definite."""
+    nodes = np.outer(np.linspace(0, 1, 201), [1.0, 2.0, 3.0])
+    elements = np.column_stack([np.arange(200), np.arange(1, 201)])
+    M, K = beam3d.assemble(nodes, elements, beam3d.RoundSection(diameter=1e-3), beam3d.STEEL)
+    assert romerr.ElasticBody(M, K, fixed=range(6)).N == 1206
+    with pytest.raises(romerr.AssumptionError, match="single precision"):
+        romerr.ElasticBody(M, K.astype(np.float32), fixed=range(6))
+
+
+def test_report_says_at_round_off():
+    """36 of 114 modes: the reduction error is below what rounding of the matrices does, and the report says so."""
+    body, B, tip = linkage.build()
+    basis = romerr.krylov_basis(body, B, 36)
+    t = np.linspace(0, 0.05, 2001)
+    W = 2 * np.pi * linkage.FREQUENCY
+    q, q_t, q_tt = exact.reduced_solution(body, basis, B, linkage.AMPLITUDE, W).motion(t)
+    traj = romerr.Trajectory(t, q, q_t, q_tt, linkage.force(t))
+    options = {"inputs": B, "outputs": [tip], "time": "sampled", "auxiliary_modes": 60}
+    assert "at round-off" in str(romerr.evaluate(body, basis, traj, **options))
+    coarse = romerr.krylov_basis(body, B, 4)
+    q, q_t, q_tt = exact.reduced_solution(body, coarse, B, linkage.AMPLITUDE, W).motion(t)
+    traj = romerr.Trajectory(t, q, q_t, q_tt, linkage.force(t))
+    assert "at round-off" not in str(romerr.evaluate(body, coarse, traj, **options))
+
+
+def test_bounds_at_nodes_hold_rounding_too():
+    """A bending chain, all its modes kept, at rest in equilibrium: what is left of the error is rounding."""
+    n = 20
+    bend = np.diff(np.eye(n + 2), 2, axis=0)[:, 2:]
+    stiffness = 1e8 * bend.T @ bend
+    body = romerr.ElasticBody(np.eye(3 * n), np.kron(stiffness, np.eye(3)), positions=np.eye(n, 3))
+    V = np.linalg.qr(np.random.default_rng(0).standard_normal((3 * n, 3 * n)))[0]
+    load = np.eye(3 * n)[:, -1:]
+    q = np.tile(np.linalg.solve(V.T @ (body.stiffness @ V), V.T @ load)[:, 0], (2, 1))
+    traj = romerr.Trajectory([0.0, 1e-6], q, 0 * q, 0 * q, np.ones(2))
+    report = romerr.evaluate(body, romerr.Basis(V), traj, inputs=load, initial="equilibrium")
+    truth = mpmath.lu_solve(mpmath.matrix(stiffness.tolist()), mpmath.matrix([0] * (n - 1) + [1]))
+    error = np.abs(np.array(truth.tolist(), dtype=float)[:, 0] - (V @ q[0])[2::3])
+    assert error.max() > 0
+    for e, bound in report.node_bound.items():
+        assert np.all(error <= bound), e
+
+
+def test_single_precision_of_damping_is_told():
+    """Its entries are off by 6e-8: with the velocity, that is a force."""
+    body = romerr.ElasticBody(np.eye(2), 4 * np.eye(2), damping=np.float32(0.1) * np.eye(2, dtype=np.float32))
+    exact = romerr.ElasticBody(np.eye(2), 4 * np.eye(2), damping=0.1 * np.eye(2))
+    one = np.ones((2, 1))
+    found = []
+    for each in (body, exact):
+        report = romerr.evaluate(
+            each,
+            romerr.modal_basis(each, 1),
+            romerr.Trajectory([0.0, 0.1], 0 * one, one, 0 * one),
+            outputs=[romerr.Output("x", [1.0, 0.0])],
+        )
+        found.append((report.output("x").round_off.max(), any("damping came" in text for text in report.messages)))
+    assert found[0][0] > 1e6 * found[1][0]
+    assert [told for _, told in found] == [True, False]
+
+
+def test_a_report_cannot_be_written_to_where_the_run_goes_on():
+    """A change in place would be in the next report, and in the bounds of a run that continues."""
+    body, B, out = linkage.build()
+    report = exact_run(body, B, out, romerr.krylov_basis(body, B, 4))
+    for array in (report.t, report.output("tip z").value, report.output("tip z").bound["energy"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array *= 2.0
+
+
+# --- what the reduced motion lacks: an equilibrium, a state, a load that no mode follows ---------------------
+
+
+def graded_chain(ratio, seed):
+    """Eight masses in a row, the first one on a soft spring, the others' stiffness up to `ratio` times as large."""
+    rng = np.random.default_rng(seed)
+    k = np.append(ratio ** np.append(0, rng.uniform(0, 1, 7)), 0.0)
+    return np.diag(rng.uniform(0.5, 2, 8)), np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+
+
+ILL = {
+    **{f"chain 1e11, {seed}": graded_chain(1e11, seed) for seed in range(6)},
+    "beam 1e4": extreme_bodies.slender_beam(1e4, turned=True),
+    "beam 1e5": extreme_bodies.slender_beam(1e5, turned=True),
+    "link 1e5": extreme_bodies.stiff_link(1e5),
+}
+LAST = "y"  # the last coordinate
+
+
+@dataclass
+class Ill:
+    """A body of condition 1e10 to 1e13, two of its modes, a load b and its static response to 50 digits."""
+
+    body: romerr.ElasticBody
+    basis: romerr.Basis
+    b: np.ndarray
+    static: np.ndarray
+    t: np.ndarray
+
+    @property
+    def output(self):
+        return romerr.Output(LAST, np.eye(len(self.b))[-1])
+
+    def left_behind(self, load, **options):
+        """The output of a reduced body that stays at zero, under a load that is constant."""
+        zero = np.zeros((len(self.t), 2))
+        traj = romerr.Trajectory(self.t, zero, zero, zero, np.full(len(self.t), load))
+        common = {"inputs": self.b[:, None], "input_function": lambda t: load + 0 * t, "outputs": [self.output]}
+        return romerr.evaluate(self.body, self.basis, traj, **common, **options).output(LAST)
+
+
+@cache
+def ill(name):
+    M, K = ILL[name]
+    body, b = romerr.ElasticBody(M, K, rayleigh=(0.0, 0.0)), np.random.default_rng(1).standard_normal(len(M))
+    with mpmath.workdps(DIGITS):
+        static = mpmath.lu_solve(mpmath.matrix(K.tolist()), mpmath.matrix(b.tolist()))
+    t = np.linspace(0, 6 / float(body.modes(1).omega[0]), 21)
+    return Ill(body, romerr.modal_basis(body, 2), b, np.array([float(x) for x in static]), t)
+
+
+def check_covered(out, true):
+    """By every estimator, without tolerance."""
+    for e, bound in out.bound.items():
+        assert np.all(np.abs(true - out.value[:, 0]) <= bound[:, 0]), e
+
+
+@pytest.mark.parametrize("name", ILL)
+def test_an_equilibrium_is_known_to_its_rounding(name):
+    """The full body stays in it: bounds were up to 9e-6 of it too low, and round_off zero."""
+    case = ill(name)
+    out = case.left_behind(1.0, initial="equilibrium", estimators=("fast", "energy", "auxiliary"))
+    check_covered(out, case.static[-1])
+    assert np.all(np.abs(case.static[-1] - out.corrected[:, 0]) <= out.corrected_bound[:, 0])
+    moved = out.round_off[:, 0] / np.abs(case.static[-1])
+    condition = np.linalg.cond(case.body.K.toarray())
+    assert np.all(moved > 0)
+    assert np.all(moved < 10 * np.finfo(float).eps * condition)  # no more than any solve with K may lose
+
+
+@pytest.mark.parametrize("name", ILL)
+def test_a_given_state_rings_with_its_rounding(name):
+    """Free motion from the static response."""
+    case = ill(name)
+    out = case.left_behind(0.0, initial=(case.static, 0 * case.static), estimators=("fast", "energy", "auxiliary"))
+    truth = PreciseModes(*ILL[name], (0.0, 0.0), 0 * case.b, 1.0, case.static)
+    check_covered(out, truth.motion(case.t)[0][:, -1])
+
+
+@pytest.mark.parametrize("name", ILL)
+def test_a_static_error_and_a_released_run_are_known_to_their_rounding(name):
+    """In Exudyn; the load stays, and so does the full body."""
+    case, mbs = ill(name), exu.SystemContainer().AddSystem()
+    flex = romerr.add_reduced_body(mbs, case.body, case.basis, inputs=case.b[:, None], input_function=lambda t: 1.0)
+    monitor = romerr.attach(mbs, flex, outputs=[case.output])
+    mbs.Assemble()
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    mbs.SolveStatic(settings, updateInitialValues=True)
+    settings.timeIntegration.numberOfSteps, settings.timeIntegration.endTime = 20, case.t[-1]
+    mbs.SolveDynamic(settings)
+    check_covered(monitor.report(0).output(LAST), case.static[-1])
+    check_covered(monitor.report(1).output(LAST), case.static[-1])

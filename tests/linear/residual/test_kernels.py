@@ -1,0 +1,193 @@
+"""Norms of the fundamental matrix: certified >= spectrum, envelopes, lag intervals, the matrix exponential."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from exudyn_romerr import AssumptionError, ElasticBody
+from exudyn_romerr.linalg import oscillator
+from exudyn_romerr.linear.residual.kernels import (
+    CertifiedKernel,
+    EnvelopeKernel,
+    LagTable,
+    SpectrumKernel,
+    make_kernel,
+)
+from models.matrix_exponential import fundamental_matrix_norms
+from tests.helpers import tolerances as tol
+from tests.helpers.bodies import model
+
+KINDS = ("undamped", "under", "critical", "overdamped", "mixed", "mass", "stiffness")
+SPECTRA_PER_KIND = 300
+ON_THE_EDGE = (1 - 1e-12, 1.0, 1 + 1e-12)
+
+
+def spectrum_body(omega, alpha, beta):
+    """Uncoupled modes of unit mass."""
+    return ElasticBody(np.eye(len(omega)), np.diag(np.asarray(omega) ** 2), rayleigh=(alpha, beta))
+
+
+def random_spectrum(kind, rng):
+    """(omega, alpha, beta), frequencies over up to four decades."""
+    omega = np.sort(10 ** rng.uniform(-2, 2) * 10 ** rng.uniform(0, rng.uniform(0.1, 4), 8))
+    low, z = omega[0], 10 ** rng.uniform(-4, -0.1)
+    edge = rng.choice(ON_THE_EDGE)
+    alpha, beta = {
+        "undamped": (0.0, 0.0),
+        "under": (z * low, z / omega[-1]),
+        "critical": ((2 * low * edge, 0.0), (0.0, 2 / low * edge))[rng.integers(0, 2)],
+        "overdamped": (2 * low * rng.uniform(1, 9), rng.uniform(0, 5) / low),
+        "mixed": (2 * z * low, 2 * rng.uniform(0.2, 2) / np.sqrt(omega[0] * omega[-1])),
+        "mass": (2 * low * 10 ** rng.uniform(-3, 1), 0.0),
+        "stiffness": (0.0, 2 / low * 10 ** rng.uniform(-4, 1)),
+    }[kind]
+    return omega, float(alpha), float(beta)
+
+
+@cache
+def spectra(kind):
+    """Seeded random spectra of a kind, as bodies."""
+    rng = np.random.default_rng([KINDS.index(kind), 1])
+    return [spectrum_body(*random_spectrum(kind, rng)) for _ in range(SPECTRA_PER_KIND)]
+
+
+def telling_times(body):
+    """Log-spaced times, every mode's peak and its near side."""
+    omega = body.all_modes().omega
+    peaks = oscillator.peak_time(omega, body.damping_ratios(omega))
+    return np.concatenate([[0.0], np.geomspace(1e-3 / omega[-1], 1e3 / omega[0], 150), peaks, peaks * (1 + 1e-6)])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_certified_is_above_every_mode_at_every_time(kind):
+    """|Phi11(t)|_M and |Phi12(t)|_M of the certified kernel bound the maximum over the spectrum."""
+    for body in spectra(kind):
+        t, kernel, omega = telling_times(body), CertifiedKernel(body), body.all_modes().omega[:, None]
+        zeta, room = body.damping_ratios(omega), 1 + tol.CLOSED_FORM
+        phi11 = np.max(np.abs(oscillator.step_release(omega, zeta, t)), axis=0)
+        phi12 = np.max(np.abs(oscillator.impulse_response(omega, zeta, t)), axis=0)
+        bound = kernel.phi12(t)
+        assert np.all(phi11 <= kernel.phi11(t) * room + 1e-300)  # 1e-300: below it floats lose digits
+        assert np.all(phi12 <= bound * room + 1e-300)
+        assert np.all(bound <= kernel.C12 * room)
+        for amplitude, rate in kernel.envelopes:
+            assert np.all(phi12 <= amplitude * np.exp(-rate * t) * room + 1e-300)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_certified_maximum_is_within_a_factor_of_the_spectrum(kind):
+    """C12 of the certified kernel: at least that of the spectrum, at most 1.5 times it."""
+    ratios = [CertifiedKernel(body).C12 / SpectrumKernel(body).C12 for body in spectra(kind)]
+    assert 1 - tol.CLOSED_FORM <= min(ratios)
+    assert max(ratios) < tol.CERTIFIED_FACTOR
+
+
+@pytest.mark.parametrize("zeta", [0.0, 1e-9, 0.3, *ON_THE_EDGE, 1 + 1e-6, 4.0, 1e3])
+def test_oscillator_closed_forms(zeta):
+    """S and p against the exponential of the scaled 2 x 2 matrix, and the peak against a dense search."""
+    omega, t = 3.0, np.geomspace(1e-4, 8, 200) / 3.0
+    Phi = la.expm(omega * t[:, None, None] * np.array([[0.0, 1.0], [-1.0, -2 * zeta]]))
+    allowed = tol.EXPM * max(1.0, zeta)
+    assert np.max(np.abs(oscillator.impulse_response(omega, zeta, t) * omega - Phi[:, 0, 1])) < allowed
+    assert np.max(np.abs(oscillator.step_release(omega, zeta, t) - Phi[:, 0, 0])) < allowed
+    peak = oscillator.peak_time(omega, zeta)
+    near = oscillator.impulse_response(omega, zeta, peak * np.linspace(0.5, 1.5, 2001))
+    largest = oscillator.largest_impulse_response(omega, zeta)
+    assert near.max() == pytest.approx(largest, rel=tol.CLOSED_FORM)
+    assert np.argmax(near) == 1000 or zeta > 100  # a plateau, when overdamped that much
+
+
+@pytest.mark.parametrize(
+    ("make", "kind"),
+    [
+        *((make, kind) for make in (SpectrumKernel, CertifiedKernel) for kind in ("undamped", "under", "mixed")),
+        *((EnvelopeKernel, kind) for kind in ("undamped", "under")),
+    ],
+)
+def test_maximum_over_a_lag_interval(make, kind):
+    """phi12_on(lo, hi) >= phi12 everywhere in the interval; for the spectrum it is that maximum."""
+    rng = np.random.default_rng(3)
+    for body in spectra(kind)[:40]:
+        kernel = make(body)
+        lo, length = rng.uniform(0, 6, 40) / kernel.omega_1, 10 ** rng.uniform(-3, 0.5, 40) / kernel.omega_1
+        found = kernel.phi12_on(lo, lo + length)
+        dense = kernel.phi12(lo + length * np.linspace(0, 1, 401)[:, None]).max(axis=0)
+        assert np.all(dense <= found * (1 + tol.CLOSED_FORM))
+        if make is SpectrumKernel:
+            missed = (length / 400 * body.modes(8).omega[-1]) ** 2 / 8  # of a peak between two dense points
+            assert np.all(found <= dense * (1 + tol.CLOSED_FORM) + np.minimum(missed, 1.0) * kernel.C12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_lag_table_is_never_below_the_kernel(kind):
+    """Rounded outwards to whole cells: >= the maximum over the interval, and < the one over two cells more."""
+    rng = np.random.default_rng(4)
+    for body in spectra(kind)[:20]:
+        kernel = SpectrumKernel(body)
+        table = LagTable(kernel)
+        lo = rng.uniform(0, 8, (5, 20)) / kernel.omega_1
+        hi = lo + np.where(rng.random((5, 20)) < 0.2, 0.0, 10 ** rng.uniform(-3, 0.5, (5, 20))) / kernel.omega_1
+        exact, wide = kernel.phi12_on(lo, hi), kernel.phi12_on(np.maximum(lo - table.cell, 0), hi + table.cell)
+        found = table(lo, hi)
+        assert np.all(exact <= found * (1 + tol.CLOSED_FORM))
+        assert np.all(found <= wide * (1 + tol.CLOSED_FORM))
+
+
+def test_the_papers_envelope_fails_where_the_first_mode_decays_fastest():
+    """a_1 = 0.9 > 1/beta = 0.556: an overdamped mode outlives the envelope by a factor above 1e6; refused."""
+    body = spectrum_body(np.geomspace(1, 1e3, 12), 0.0, 1.8)
+    envelope, t = EnvelopeKernel(body), np.linspace(0, 60, 400)
+    assert not envelope.certified
+    assert np.max(SpectrumKernel(body).phi12(t) / envelope.phi12(t)) > 1e6
+    assert np.all(SpectrumKernel(body).phi12(t) <= CertifiedKernel(body).phi12(t) * (1 + tol.CLOSED_FORM))
+    with pytest.raises(AssumptionError, match=r"1/beta.*kernels='certified'"):
+        make_kernel(body, "envelope")
+
+
+@pytest.mark.parametrize("kind", ["undamped", "under", "mass"])
+def test_the_papers_envelope_is_a_bound_otherwise(kind):
+    """a_1 <= 1/beta and zeta_1 < 1: above the spectrum at every time, for Phi11 and Phi12."""
+    checked = 0
+    for body in spectra(kind):
+        if body.damping_ratios(body.modes(1).omega)[0] >= 1:
+            with pytest.raises(AssumptionError, match="underdamped"):
+                EnvelopeKernel(body)
+            continue
+        envelope, spectrum, t = EnvelopeKernel(body), SpectrumKernel(body), telling_times(body)
+        assert envelope.certified
+        assert np.all(spectrum.phi12(t) <= envelope.phi12(t) * (1 + tol.CLOSED_FORM) + 1e-300)
+        assert np.all(spectrum.phi11(t) <= envelope.phi11(t) * (1 + tol.CLOSED_FORM) + 1e-300)
+        checked += 1
+    assert checked > 50
+
+
+@pytest.mark.parametrize("damping", ["none", "under", "critical", "overdamped", "stiff"])
+def test_matrix_exponential_agrees_with_the_spectrum(damping):
+    """With G = M the blocks' norms are maxima over the modes."""
+    full = model("pencil", damping, 2)
+    t = np.linspace(0, 3, 40)
+    norms, spectrum = fundamental_matrix_norms(full.body, t), SpectrumKernel(full.body)
+    assert norms.Phi11 == pytest.approx(spectrum.phi11(t), rel=tol.EXPM, abs=tol.EXPM)
+    assert norms.Phi12 == pytest.approx(spectrum.phi12(t), rel=tol.EXPM, abs=tol.EXPM)
+    assert np.all(norms.Phi <= full.body.constants().C1 * (1 + tol.EXPM))
+
+
+@pytest.mark.parametrize("identity", [True, False])
+@pytest.mark.parametrize("damping", ["under", "gyroscopic"])
+def test_matrix_exponential_in_another_norm(damping, identity):
+    """|A|_G^2 is the largest eigenvalue of (A^T G A, G), for G = I and a random one."""
+    full = model("chain", damping, 3)
+    n, t = full.N, np.linspace(0, 1, 6)
+    A = np.random.default_rng(5).standard_normal((n, n))
+    G = np.eye(n) if identity else A @ A.T + np.eye(n)
+    norms = fundamental_matrix_norms(full.body, t, G)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(full.M, full.K), -la.solve(full.M, full.D)]])
+    for k, Phi in enumerate(la.expm(t[:, None, None] * state)):
+        blocks = {"Phi11": Phi[:n, :n], "Phi12": Phi[:n, n:], "Phi21": Phi[n:, :n], "Phi22": Phi[n:, n:]}
+        for name, block in blocks.items():
+            wanted = np.sqrt(max(la.eigvalsh(block.T @ G @ block, G)[-1], 0.0))
+            assert getattr(norms, name)[k] == pytest.approx(wanted, rel=tol.ROOT, abs=tol.EXPM)
+        wanted = np.sqrt(la.eigvalsh(Phi.T @ la.block_diag(G, G) @ Phi, la.block_diag(G, G))[-1])
+        assert norms.Phi[k] == pytest.approx(wanted, rel=tol.ROOT)
