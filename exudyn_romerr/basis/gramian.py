@@ -10,9 +10,9 @@ import numpy as np
 from ..checks import check_array, check_count, check_type
 from ..errors import AssumptionError, InputError
 from ..linalg.eigenmodes import count_below
-from ..linalg.factorisations import solve_with
 from ..linalg.free_mass_matrix import damping_of, explicit
 from ..linalg.orthogonalise import DEFLATION, m_orthonormal
+from ..linalg.symmetric_factor import solve_with
 from ..model.body import ElasticBody
 from ..model.matrix_input import checked_inputs
 from .basis import Basis

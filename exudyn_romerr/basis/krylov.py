@@ -9,10 +9,9 @@ import scipy.sparse as sp
 
 from ..checks import check_array, check_count, check_type
 from ..errors import InputError
-from ..linalg.factorisations import solve_with
 from ..linalg.free_mass_matrix import explicit
 from ..linalg.orthogonalise import m_orthonormal, m_orthonormalised
-from ..linalg.symmetric_factor import SymmetricFactor
+from ..linalg.symmetric_factor import SymmetricFactor, solve_with
 from ..model.body import ElasticBody
 from ..model.matrix_input import checked_inputs
 from .basis import Basis

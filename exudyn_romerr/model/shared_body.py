@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.sparse as sp
 
-from ..linalg.factorisations import MANY
+from ..linalg.symmetric_factor import MANY
 from .admissible_space import MassOrthogonal, MeanMotion
 from .body import ElasticBody
 
