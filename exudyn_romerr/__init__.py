@@ -37,10 +37,11 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
         mean_rotation,
         node_displacement,
         node_rotation,
+        node_strain,
+        node_stress,
         node_velocity,
         relative_displacement,
     )
-    from .model.stress_outputs import node_strain, node_stress
     from .online.evaluate import Trajectory, evaluate
     from .report.assessment import Assessment
     from .report.formats.load import load_report
@@ -93,8 +94,8 @@ _MODULES = {
     "modal_basis": "basis.basis",
     "node_displacement": "model.outputs",
     "node_rotation": "model.outputs",
-    "node_strain": "model.stress_outputs",
-    "node_stress": "model.stress_outputs",
+    "node_strain": "model.outputs",
+    "node_stress": "model.outputs",
     "node_velocity": "model.outputs",
     "plot_convergence": "report.plots.run_comparison",
     "plot_run_time": "report.plots.run_comparison",

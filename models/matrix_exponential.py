@@ -14,7 +14,7 @@ import scipy.linalg as la
 
 from exudyn_romerr.checks import check_array, check_choice
 from exudyn_romerr.errors import AssumptionError, InputError
-from exudyn_romerr.model.matrix_input import checked_inputs
+from exudyn_romerr.model.matrix_checks import checked_inputs
 from exudyn_romerr.residual.residual import RESIDUALS, ResidualMap, make_norm
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from ..linalg.free_mass_matrix import damping_of, explicit
 from ..linalg.orthogonalise import DEFLATION, m_orthonormal
 from ..linalg.symmetric_factor import solve_with
 from ..model.body import ElasticBody
-from ..model.matrix_input import checked_inputs
+from ..model.matrix_checks import checked_inputs
 from .basis import Basis
 
 PER_INTERVAL = 16  # quadrature nodes from the middle between two resonances to one of them

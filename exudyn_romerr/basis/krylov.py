@@ -13,7 +13,7 @@ from ..linalg.free_mass_matrix import explicit
 from ..linalg.orthogonalise import m_orthonormal, m_orthonormalised
 from ..linalg.symmetric_factor import SymmetricFactor, solve_with
 from ..model.body import ElasticBody
-from ..model.matrix_input import checked_inputs
+from ..model.matrix_checks import checked_inputs
 from .basis import Basis
 
 if TYPE_CHECKING:

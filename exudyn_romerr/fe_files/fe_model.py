@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ..checks import check_choice
 from ..errors import InputError
 from ..model.body import ElasticBody
-from ..model.definiteness import check_not_swapped
+from ..model.matrix_checks import check_not_swapped
 from ..report.formats.atomic_write import write_whole
 
 if TYPE_CHECKING:

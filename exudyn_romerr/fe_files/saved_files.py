@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import InputError
-from ..model.mesh_cells import NODES
+from ..model.solid_elements import NODES
 from .fe_model import FEModel, saved_model
 
 if TYPE_CHECKING:

@@ -14,9 +14,8 @@ from ..estimators import ESTIMATORS
 from ..estimators.node_bounds import node_bounds, node_displacements
 from ..estimators.rotating_frame import Turning
 from ..estimators.static import StaticError
-from ..model.global_axes import View
-from ..model.matrix_input import DOUBLE
-from ..model.outputs import stacked_rows
+from ..model.matrix_checks import DOUBLE
+from ..model.outputs import View, stacked_rows
 from ..model.shared_body import made_once
 from ..report.scope import COMPLETE, Scene
 from ..residual.interface_stiffening import static_errors

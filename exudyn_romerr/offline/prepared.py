@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
     from ..estimators.estimator import Estimator
     from ..estimators.static import StaticError
-    from ..model.global_axes import View
-    from ..model.outputs import Output
+    from ..model.outputs import Output, View
     from ..report.data import Plan
     from ..report.scope import Scene
     from ..residual.residual import Coordinates

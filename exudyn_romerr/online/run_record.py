@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from ..estimators.node_bounds import AtNodes
-    from ..model.global_axes import View
-    from ..model.outputs import Output
+    from ..model.outputs import Output, View
     from ..offline.prepared import Offline
     from ..report.scope import Doubt
     from ..residual.round_off import Rounded

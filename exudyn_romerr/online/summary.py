@@ -15,8 +15,7 @@ from ..trajectory.estimate import estimated
 from .run_messages import planned_end, run_messages, stopped_at
 
 if TYPE_CHECKING:
-    from ..model.global_axes import View
-    from ..model.outputs import Output
+    from ..model.outputs import Output, View
     from ..offline.prepared import Offline
     from ..trajectory.bounds import Bounds
     from .run_record import RunRecord

@@ -16,7 +16,7 @@ from ..checks import check_array, check_choice, check_type
 from ..decay.kernels import KERNELS, Kernel, make_kernel
 from ..errors import InputError
 from ..model.body import ElasticBody
-from ..model.matrix_input import checked_inputs, precision
+from ..model.matrix_checks import checked_inputs, precision
 from ..model.outputs import Output, StackedRows, stacked_rows
 from .dual_norms import DualNorms, OutputNorms
 from .modal_split import AuxiliaryModes, Split

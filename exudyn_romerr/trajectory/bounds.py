@@ -10,7 +10,7 @@ import numpy as np
 from .growing_array import GrowingArray
 
 if TYPE_CHECKING:
-    from ..model.global_axes import View
+    from ..model.outputs import View
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ...basis.basis import Basis
 from ...checks import check_array, check_type
 from ...errors import InputError
 from ...model.body import ElasticBody
-from ...model.matrix_input import checked_inputs
+from ...model.matrix_checks import checked_inputs
 from ...residual.residual import initial_coordinates
 
 if TYPE_CHECKING:

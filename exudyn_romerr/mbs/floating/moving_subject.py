@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ...model.body import ElasticBody
-    from ...model.global_axes import View
-    from ...model.outputs import Output
+    from ...model.outputs import Output, View
     from ...offline.prepared import Offline
     from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
