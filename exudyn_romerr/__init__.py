@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ._version import __version__ as __version__
 
 if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
-    from .basis.basis import Basis, modal_basis
-    from .basis.gramian import gramian_basis
-    from .basis.krylov import krylov_basis
+    from .basis.basis import Basis, gramian_basis, krylov_basis, modal_basis
     from .errors import AssumptionError, InputError, RomErrError, RunError
     from .fe_files.fe_model import FEModel
     from .fe_files.read_body import read_body
@@ -80,12 +78,12 @@ _MODULES = {
     "evaluate": "online.evaluate",
     "evaluate_file": "mbs",
     "floating_body": "mbs",
-    "gramian_basis": "basis.gramian",
+    "gramian_basis": "basis.basis",
     "hold_modes": "mbs",
     "initial_coordinates": "residual.residual",
     "initial_error": "residual.residual",
     "keep_modes": "mbs",
-    "krylov_basis": "basis.krylov",
+    "krylov_basis": "basis.basis",
     "load_report": "report.formats.load",
     "mass_orthogonal": "model.admissible_space",
     "mean_displacement": "model.outputs",
