@@ -11,20 +11,19 @@ from ..errors import InputError
 from .abaqus_input import read_input
 from .ansys_files import read_ansys_mesh, read_full
 from .assembled import assembled
-from .calculix_files import MATRICES as OF_CALCULIX
-from .calculix_files import WORDS, nothing_beside
 from .fe_data import Matrix, Mesh
-from .fe_model import FEModel
+from .fe_model import FEModel, read_saved
 from .file_kind import KNOWN, KNOWN_MESHES, MATRICES, MESHES, NASTRAN, known_kind, not_known
-from .matrix_files import read_matrix
+from .matrix_files import OF_CALCULIX, WORDS, read_matrix
 from .nastran_files import read_bulk, read_nastran
-from .saved_files import read_saved
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 ANSYS_MESHES = (".cdb", ".rst")
 SAVED = ("npz", "hdf5", "pickle")
+BY_CALCULIX = re.compile(r"SOLVER *= *MATRIXSTORAGE", re.IGNORECASE)
+BY_ABAQUS = re.compile(r"^\*(MATRIX GENERATE|MATRIX OUTPUT|PART|ASSEMBLY|INSTANCE)\b", re.IGNORECASE | re.MULTILINE)
 
 
 def read_body(
@@ -148,7 +147,7 @@ def _matrix(path: Path, kind: str, given: Any, what: str) -> Matrix:
     if not found and of_calculix.is_file():
         return read_matrix(of_calculix, word)
     if not found:
-        raise InputError(f"{nothing_beside(path, what)}; or pass {word}=, its file")
+        raise InputError(f"{_nothing_beside(path, what)}; or pass {word}=, its file")
     return read_matrix(found[0], word)
 
 
@@ -156,3 +155,20 @@ def _existing(name: str, path: Any) -> Path:
     if not os.path.isfile(path):
         raise InputError(f"{name}={os.fspath(path)!r} is no file")
     return Path(path)
+
+
+def _nothing_beside(path: Path, what: str) -> str:
+    """Return that an .inp lacks a matrix, and how its program, both if it does not tell, writes it.
+
+    what : "MASS" or "STIF".
+    """
+    text = path.read_text(encoding="utf-8", errors="replace")
+    mtx, mas, word = f"{path.stem}_{what}1.mtx", f"{path.stem}{OF_CALCULIX[what]}", WORDS[what]
+    by_calculix = f"CalculiX writes with *Frequency, solver=MatrixStorage, {path.stem}.dof beside it"
+    if BY_CALCULIX.search(text):
+        return f"there is no {mas} beside {path.name}: the {word} matrix, which {by_calculix}"
+    by_both = "" if BY_ABAQUS.search(text) else f" ({mas}, which {by_calculix}, will do, too)"
+    return (
+        f"there is no {mtx} beside {path.name}: the {word} matrix, which Abaqus writes after *Matrix Generate, "
+        f"stiffness, mass and *Matrix Output, stiffness, mass{by_both}"
+    )
