@@ -45,7 +45,7 @@ class FreeCoordinates:
     def loads(self, B: np.ndarray | sp.spmatrix) -> np.ndarray:
         """Return what forces B (N, k) do work with on y, (N - 6, k) or (N - 6,)."""
         rigid = cho_solve(self._gram, (B.T @ self.motions).T)
-        return (B.toarray() if sp.issparse(B) else B)[self.free] - self.carried[self.free] @ rigid
+        return _dense(B)[self.free] - self.carried[self.free] @ rigid
 
     def expand(self, y: np.ndarray) -> np.ndarray:
         """Return u (N, ...) of y (N - 6, ...)."""
@@ -88,9 +88,6 @@ class FreeMassMatrix(LinearOperator):
 
     def _matmat(self, Y: np.ndarray) -> np.ndarray:
         return self._y.loads(self.whole @ self._y.expand(Y))
-
-    def _matvec(self, y: np.ndarray) -> np.ndarray:
-        return self._y.loads(self.whole @ self._y.expand(y.ravel()))
 
     def _adjoint(self) -> FreeMassMatrix:
         return self
