@@ -20,8 +20,7 @@ KNOWN = (
     "format=coordinate of Abaqus, .sti and .mas of CalculiX), and of node, coordinate, node, coordinate, value "
     "(format=matrix input)"
 )
-OF_CALCULIX = {"STIF": ".sti", "MASS": ".mas"}
-WORDS = {"MASS": "mass", "STIF": "stiffness"}
+OF_CALCULIX = {"stiffness": ".sti", "mass": ".mas"}
 COORDINATES = 6
 DIRECTIONS = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
 ROW = re.compile(r"\s*(\d+)\s+(\d+)\s+([A-Z]+)\s*", re.IGNORECASE)  # number of the row, node, direction
