@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from functools import cache
 from math import comb, factorial
 from typing import Any, NamedTuple
@@ -89,15 +88,7 @@ class ModalOscillators:
     def __init__(self, omega: np.ndarray, zeta: np.ndarray):
         self.omega, self.zeta = omega, zeta
         self._made: dict[int, _Step] = {}  # degree -> the step that others of nearly its length follow from
-        self._last: dict[int, tuple[_Step, np.ndarray]] = {}  # degree -> the last step, its weights
-        self._lag = 0.0  # s: time that passed, less that of the steps made: rounding of times, and no sum of it
-        self.drift = 0.0  # s: how far times of the last block were from those of the steps made, and their rounding
-
-    def started(self) -> ModalOscillators:
-        """Return the same oscillators for another run; they share the steps that were made."""
-        other = copy.copy(self)
-        other._lag = 0.0
-        return other
+        self.drift = 0.0  # s: how far times of the last block were from those of equal steps, and their rounding
 
     def advance(self, state: np.ndarray, t: np.ndarray, h: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Return (eta, eta') at the ends of S segments, (S, 2, m), from state (2, m); F is (S, d + 1, m).
@@ -109,21 +100,16 @@ class ModalOscillators:
         if np.max(np.abs(h[:-1] - h[0]), initial=0.0) > rounding:
             return self._different_steps(state, h, F)
         if abs(h[-1] - h[0]) <= rounding:
-            return self._equal_steps(state, h, F, rounding / len(h))
-        before = self._equal_steps(state, h[:-1], F[:-1], rounding / len(h))  # solvers shorten their last step
+            return self._equal_steps(state, h, F)
+        before = self._equal_steps(state, h[:-1], F[:-1])  # solvers shorten their last step
         return np.concatenate([before, self._different_steps(before[-1], h[-1:], F[-1:])])
 
-    def _equal_steps(self, state: np.ndarray, lengths: np.ndarray, F: np.ndarray, rounding: float) -> np.ndarray:
+    def _equal_steps(self, state: np.ndarray, lengths: np.ndarray, F: np.ndarray) -> np.ndarray:
         """Of one length, but for rounding of times: past a power of two all are longer or shorter by the same."""
-        steps, degree = len(F), F.shape[1] - 1
-        mean = float(np.mean(lengths))
+        steps, mean = len(F), float(np.mean(lengths))
         self.drift += float(np.max(np.abs(np.cumsum(lengths - mean))))
-        h = mean + self._lag / steps
-        if degree not in self._last or abs(self._last[degree][0].h - h) > rounding:
-            step = self._of_length(degree, h)
-            self._last[degree] = step, step.weights()
-        step, weights = self._last[degree]
-        self._lag = steps * (h - step.h)
+        step = self._of_length(F.shape[1] - 1, mean)
+        weights = step.weights()
         if loops is not None:
             y = np.empty((steps, 2, F.shape[2]))
             loops.oscillators(*F.shape, *map(np.ascontiguousarray, (state, step.A, weights, F)), y)
