@@ -17,25 +17,11 @@ if TYPE_CHECKING:
 HEAD = 1 << 16  # bytes that are looked at
 ENDINGS = {
     ".inp": "deck",
-    ".mtx": "matrix",
-    ".gz": "matrix",
-    ".sti": "matrix",
-    ".mas": "matrix",
-    ".npz": "npz",
-    ".npy": "npy",
-    ".hdf5": "hdf5",
-    ".h5": "hdf5",
     ".pkl": "pickle",
-    ".full": "full",
-    ".cdb": "cdb",
-    ".rst": "rst",
-    ".pch": "pch",
-    ".op2": "op2",
-    ".op4": "op4",
-    ".bdf": "bulk",
-    ".dat": "bulk",
-    ".nas": "bulk",
-    ".blk": "bulk",
+    **dict.fromkeys((".mtx", ".gz", ".sti", ".mas"), "matrix"),
+    **dict.fromkeys((".hdf5", ".h5"), "hdf5"),
+    **dict.fromkeys((".bdf", ".dat", ".nas", ".blk"), "bulk"),
+    **{f".{kind}": kind for kind in ("npz", "npy", "full", "cdb", "rst", "pch", "op2", "op4")},
 }
 MATRICES = ("matrix", "harwell", "npz", "npy")
 MESHES = ("deck", "cdb", "rst", "bulk")
