@@ -82,8 +82,8 @@ def read_body(
     kind = known_kind("path", path)
     nodes = None if mesh is None else _mesh(Path(mesh))
     if kind in NASTRAN:
-        found = read_nastran(path, kind, mass, stiffness)
-        return assembled(found.stiffness, found.mass, nodes or found.mesh, **options)
+        *pair, own = read_nastran(path, kind, mass, stiffness)
+        return assembled(*pair, nodes or own, **options)
     if kind == "full":
         return assembled(*read_full(path), nodes or _beside(path, ANSYS_MESHES), **options)
     if kind in MESHES:

@@ -37,17 +37,12 @@ ITERATIONS = 4  # of the inverse power method: a null vector grows by 1e12 in ea
 class SymmetricFactor:
     """Factorisation of a sparse symmetric matrix that is meant to be positive definite.
 
-    Where it breaks down, `complete` is False and nothing can be solved; `definite` tells whether half_solve and
-    half_multiply make sense.
+    Where it breaks down nothing can be solved; `definite` tells whether half_solve and half_multiply make sense.
 
     Parameters
     ----------
     matrix : sparse matrix, (n, n)
         Symmetric.
-
-    Attributes
-    ----------
-    order : coordinates in the order of their elimination, (n,); None if it is not known.
     """
 
     def __init__(self, matrix: sp.spmatrix):
@@ -58,14 +53,9 @@ class SymmetricFactor:
         self._factor = PardisoFactor(scaled) if kind == "pardiso" else SuperLUFactor(scaled, _order(scaled, kind))
 
     @property
-    def complete(self) -> bool:
-        """Whether anything can be solved."""
-        return self._factor.complete
-
-    @property
     def definite(self) -> bool:
         """Whether the matrix is positive definite; without it, or close to it, smallest_pivot is what to ask."""
-        return self.complete and self._factor.negative_pivots == 0
+        return self._factor.complete and self._factor.negative_pivots == 0
 
     @property
     def smallest_pivot(self) -> float:

@@ -160,8 +160,6 @@ class FreeSpace(FreeCoordinates):
     Z is full, and so are Z^T M Z and products with it; see linalg/free_mass_matrix.py.
     """
 
-    is_rigid = False
-
     def __init__(self, mass: sp.csc_matrix, positions: np.ndarray):
         super().__init__(mass, rigid_modes(positions - positions.mean(axis=0)))
         self.N, self.fixed = mass.shape[0], np.zeros(0, dtype=int)

@@ -123,9 +123,13 @@ def _strain(slopes: np.ndarray) -> np.ndarray:
     return rows
 
 
+def _sets_of(fem: Any) -> list[tuple[str, np.ndarray]]:
+    return [(kind, np.asarray(x)) for part in fem.elements for kind, x in part.items() if kind != "Name" and len(x)]
+
+
 def elements_of(fem: Any, positions: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Types and node numbers (e, n) of all elements; tetrahedra of ngsolve get their middle nodes back."""
-    sets = [(kind, np.asarray(x)) for part in fem.elements for kind, x in part.items() if kind != "Name" and len(x)]
+    sets = _sets_of(fem)
     if not sets:
         raise InputError("fem has no elements; import them with the mesh, or pass your own rows: Output(name, rows)")
     for i, (kind, elements) in enumerate(sets):
@@ -224,7 +228,7 @@ def _of_fem(fem: Any, positions: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Its elements; of those that are of no known type its surface."""
     with suppress(InputError):  # with the middle nodes that ngsolve's tetrahedra lost
         return elements_of(fem, positions)
-    sets = [(kind, np.asarray(x)) for part in fem.elements for kind, x in part.items() if kind != "Name" and len(x)]
+    sets = _sets_of(fem)
     if not sets or any(kind not in NODES for kind, _ in sets):
         sets = [(SURFACE[kind], np.asarray(x)) for part in fem.surface for kind, x in part.items() if kind in SURFACE]
     return [(kind, elements) for kind, elements in sets if len(elements)]
