@@ -13,7 +13,6 @@ from .fe_data import Matrix, symmetric
 from .file_kind import known_kind, opened
 
 MARKET = "%%MatrixMarket"
-TEXT = {"encoding": "ascii", "errors": "replace"}
 BY_ABAQUS = re.compile(r".*_?(MASS|STIF)\d+\.mtx", re.IGNORECASE)  # how it calls its files
 KNOWN = (
     "Matrix Market, Harwell-Boeing, .npz of scipy, .npy, lines of row, column, value (*Matrix Output, "
@@ -67,7 +66,7 @@ def _harwell(path: Path) -> Matrix:
 
 def _text(path: Path) -> Matrix:
     first, columns = "", 0
-    with opened(path, "rt", **TEXT) as stream:
+    with opened(path, "rt", encoding="ascii", errors="replace") as stream:
         for first in stream:
             if first.startswith(MARKET):
                 break
@@ -87,7 +86,7 @@ def _text(path: Path) -> Matrix:
 
 def _numbers(path: Path, columns: int) -> np.ndarray:
     """All numbers of a text, (lines, columns)."""
-    with opened(path, "rt", **TEXT) as stream:
+    with opened(path, "rt", encoding="ascii", errors="replace") as stream:
         rows = np.loadtxt(stream, comments="*", delimiter="," if columns == 5 else None, ndmin=2)
     if rows.shape[1] != columns:
         raise ValueError(f"{rows.shape[1]} numbers a line, {columns} in the first")
@@ -135,7 +134,7 @@ def _names_of_rows(path: Path, rows: int) -> np.ndarray | None:
     other = path.with_suffix(".dof")
     if not other.is_file():
         return None
-    words = other.read_text(**TEXT).split()
+    words = other.read_text(encoding="ascii", errors="replace").split()
     wrong = next((word for word in words if not re.fullmatch(rf"\d+\.[1-{COORDINATES}]", word)), None)
     if wrong is not None:
         raise InputError(f"{other} has {wrong!r}; needed: node.direction, of displacements (1, 2, 3)")
@@ -155,7 +154,7 @@ def _read_harwell(path: Path) -> sp.csc_matrix:
     InputError
         A matrix that is not real, not assembled, or of which lines are missing.
     """
-    lines = path.read_text(**TEXT).splitlines()
+    lines = path.read_text(encoding="ascii", errors="replace").splitlines()
     kind = lines[2][:3].upper()
     if kind not in ("RSA", "RUA", "ISA", "IUA"):
         raise InputError(f"{path} has a Harwell-Boeing matrix of type {kind}; known: real and assembled, RSA and RUA")
@@ -176,7 +175,7 @@ def _mapping_beside(path: Path) -> np.ndarray | None:
     other = next((other for other in beside if other.is_file()), None)
     if other is None:
         return None
-    lines = other.read_text(**TEXT).splitlines()
+    lines = other.read_text(encoding="ascii", errors="replace").splitlines()
     found = [match.groups() for line in lines if (match := ROW.fullmatch(line))]
     unknown = [name for *_, name in found if name.upper() not in DIRECTIONS]
     if unknown or not found:

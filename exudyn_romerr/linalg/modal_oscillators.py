@@ -130,7 +130,7 @@ class ModalOscillators:
         """
         start = np.concatenate([state[None], states[:-1]])
         if loops is not None:
-            y = np.empty_like(start)
+            y = np.empty(start.shape)
             loops.inside(*F.shape, *map(np.ascontiguousarray, (self.omega, h, start, F)), y)
             return y[:, 0], y[:, 1]
         w, s = self.omega, F / self.omega**2
@@ -187,7 +187,7 @@ def _monomials(of: range) -> np.ndarray:
 
 def _marched(A: np.ndarray, state: np.ndarray, driven: np.ndarray) -> np.ndarray:
     """Return y (S, 2, m) of y_k = A_k y_{k-1} + driven_k, from state (2, m); A (2, 2, S, m)."""
-    y = np.empty_like(driven)
+    y = np.empty(driven.shape)  # row by row: loops in C go on with it
     for k, more in enumerate(driven):
         y[k] = state = A[:, 0, k] * state[0] + A[:, 1, k] * state[1] + more
     return y
