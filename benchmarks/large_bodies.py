@@ -29,7 +29,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 import exudyn_romerr as romerr
 from benchmarks import floating_cost, pairs
 from benchmarks.child import child, resident, tell
-from exudyn_romerr.linalg import factorisations
+from exudyn_romerr.linalg import symmetric_factor
 from exudyn_romerr.linalg.symmetric_factor import SymmetricFactor, negative_eigenvalues
 from exudyn_romerr.model.admissible_space import rigid_modes
 from models import floating
@@ -37,7 +37,7 @@ from models.hex_block import hex_block
 
 EIGENMODES, HALF_SOLVES = 20, 100
 SIZES = (13_000, 55_000)  # coordinates
-KINDS = ("superlu", *(kind for kind, name in factorisations.PACKAGES.items() if importlib.util.find_spec(name)))
+KINDS = ("superlu", *(kind for kind, name in symmetric_factor.PACKAGES.items() if importlib.util.find_spec(name)))
 FIGURES = ("factor", "half solves", "count", "MB", "attach", "before, MB", "attach, MB")
 FIGURES += ("Craig-Bampton", "Craig-Bampton, MB")
 LIMITS = (3000.0, 18.0)  # s, GB of a process
@@ -72,7 +72,7 @@ def child_factor(kind: str, coordinates: int) -> None:
     fem, faces, _ = block(coordinates)
     free = np.setdiff1d(np.arange(3 * fem.NumberOfNodes()), (3 * faces[0][:, None] + np.arange(3)).ravel())
     M, K = (A[free][:, free].tocsc() for A in (fem.massMatrix, fem.stiffnessMatrix))
-    factorisations.solver = lambda n: kind
+    symmetric_factor.solver = lambda n: kind
     tell("N", len(free))
     before = anew()
     begin = process_time()
@@ -93,7 +93,7 @@ def child_attach(kind: str, coordinates: int) -> None:
     tell("N", 3 * (fem.NumberOfNodes() - len(faces[0])))
     reduced(fem, faces)
     mbs, items = floating_cost.pendulum(fem, faces, weights)
-    factorisations.solver = lambda n: kind
+    symmetric_factor.solver = lambda n: kind
     tell("before, MB", anew())
     begin = process_time()
     output = romerr.node_displacement("tip", node=int(faces[1][0]), component="z")

@@ -177,7 +177,7 @@ def nothing_kept() -> Iterator[None]:
     """Find nothing of what was made of the same fem before."""
     with (
         patch.object(shared_body, "_MADE", WeakKeyDictionary()),
-        patch.object(shared_body, "_WORK", WeakKeyDictionary()),
+        patch.object(shared_body, "_RESULTS", WeakKeyDictionary()),
     ):
         yield
 

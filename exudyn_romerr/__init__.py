@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ._version import __version__ as __version__
 
 if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
-    from .basis.basis import Basis, modal_basis
-    from .basis.gramian import gramian_basis
-    from .basis.krylov import krylov_basis
+    from .basis.basis import Basis, gramian_basis, krylov_basis, modal_basis
     from .errors import AssumptionError, InputError, RomErrError, RunError
     from .fe_files.fe_model import FEModel
     from .fe_files.read_body import read_body
@@ -39,10 +37,11 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
         mean_rotation,
         node_displacement,
         node_rotation,
+        node_strain,
+        node_stress,
         node_velocity,
         relative_displacement,
     )
-    from .model.stress_outputs import node_strain, node_stress
     from .report.assessment import Assessment
     from .report.formats.load import load_report
     from .report.plots.comparisons import plot_convergence, plot_run_time
@@ -79,12 +78,12 @@ _MODULES = {
     "evaluate": "linear.run.evaluate",
     "evaluate_file": "mbs",
     "floating_body": "mbs",
-    "gramian_basis": "basis.gramian",
+    "gramian_basis": "basis.basis",
     "hold_modes": "mbs",
     "initial_coordinates": "linear.residual.residual",
     "initial_error": "linear.residual.residual",
     "keep_modes": "mbs",
-    "krylov_basis": "basis.krylov",
+    "krylov_basis": "basis.basis",
     "load_report": "report.formats.load",
     "mass_orthogonal": "model.admissible_space",
     "mean_displacement": "model.outputs",
@@ -93,8 +92,8 @@ _MODULES = {
     "modal_basis": "basis.basis",
     "node_displacement": "model.outputs",
     "node_rotation": "model.outputs",
-    "node_strain": "model.stress_outputs",
-    "node_stress": "model.stress_outputs",
+    "node_strain": "model.outputs",
+    "node_stress": "model.outputs",
     "node_velocity": "model.outputs",
     "plot_convergence": "report.plots.comparisons",
     "plot_run_time": "report.plots.comparisons",

@@ -15,7 +15,7 @@ import scipy.linalg as la
 from exudyn_romerr.checks import check_array, check_choice
 from exudyn_romerr.errors import AssumptionError, InputError
 from exudyn_romerr.linear.residual.residual import RESIDUALS, ResidualMap, make_norm
-from exudyn_romerr.model.matrix_input import checked_inputs
+from exudyn_romerr.model.matrix_checks import checked_inputs
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -8,8 +8,7 @@ interfaces, and what their deformation adds. Vectors are made of one part each, 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
@@ -56,7 +55,7 @@ class Enrichment:
     Attributes
     ----------
     P : (n_free, count), orthonormal in M; where V makes interfaces rigid, vectors that keep them so among themselves,
-    and vectors that deform them. omega : (count,) rad/s, Ritz frequencies of blocks of P. keeps : (count,) bool,
+    and vectors that deform them; blocks of P are Ritz vectors. keeps : (count,) bool,
     those that leave the interfaces rigid that V makes rigid. first : (count,) bool, those that a share FEWER of the
     vectors of either kind would be, and static modes.
 
@@ -76,7 +75,8 @@ class Enrichment:
         modal = body.M @ (V @ shapes) * omega[0] / omega
         columns = np.hstack([np.sqrt(omega[0]) * np.hstack([inertia, modal]), self._of_unit_energy(loads)])
         wrenches = self._of_unit_energy(wrenches)
-        parts = [_Responses(self._factor, V, self._energies, part) for part in _parted(self._factor, rigid)]
+        both = (False,) if rigid is None else (False, True)
+        parts = [_Responses(self._factor, V, self._energies, rigid, deforms) for deforms in both]
         found = []
         for i, part in enumerate(parts):
             part.add_static(wrenches)
@@ -86,16 +86,15 @@ class Enrichment:
             before = np.zeros((len(V), 0))
             for own in (slice(0, border), slice(border, None)):
                 P = part.P[:, own] - V @ self._moved(wrenches, part.P[:, own])
-                P, omega = _ritz(body, P @ _independent(self._factor.half_multiply(P)), before)
-                found.append((P, omega, i == 0, own.start == 0))
+                P = _ritz(body, P @ _independent(self._factor.half_multiply(P)), before)
+                found.append((P, i == 0, own.start == 0))
                 before = np.hstack([before, P])
-        self.P, self.omega = (np.hstack([block[k] for block in found]) for k in (0, 1))
-        count = [len(block[1]) for block in found]
-        self.keeps, self.first = (np.repeat([block[k] for block in found], count) for k in (2, 3))
         # blocks know V, not one another
-        kept = independent_beside(self._energies, self._factor.half_multiply(self.P))
-        self.P = self.P[:, kept]
-        self.omega, self.keeps, self.first = (x[kept] for x in (self.omega, self.keeps, self.first))
+        P = np.hstack([block for block, *_ in found])
+        kept = independent_beside(self._energies, self._factor.half_multiply(P))
+        count = [block.shape[1] for block, *_ in found]
+        self.keeps, self.first = (np.repeat([block[k] for block in found], count)[kept] for k in (1, 2))
+        self.P = P[:, kept]
 
     def _of_unit_energy(self, forces: np.ndarray) -> np.ndarray:
         """Forces scaled to unit norm in K^-1; those that do no work are left out."""
@@ -131,13 +130,22 @@ def independent_beside(V: np.ndarray, P: np.ndarray) -> np.ndarray:
 
 
 class _Responses:
-    """Vectors taken so far from static responses of the body, or from one part of these.
+    """Vectors taken so far from static responses of the body, or from one K-orthogonal part of these.
 
+    rigid : of the part with rigid interfaces; deforms : the other part is taken, what their deformation adds.
     P : (n_free, count), K-orthogonal to V and to one another.
     """
 
-    def __init__(self, factor: SymmetricFactor, V: np.ndarray, energies: np.ndarray, part: _Part):
-        self._factor, self._V, self._part, self.P = factor, V, part, np.zeros((len(V), 0))
+    def __init__(
+        self,
+        factor: SymmetricFactor,
+        V: np.ndarray,
+        energies: np.ndarray,
+        rigid: SubspaceFactor | None,
+        deforms: bool,
+    ):
+        self._factor, self._V, self._rigid, self._deforms = factor, V, rigid, deforms
+        self.P = np.zeros((len(V), 0))
         self._energies = energies  # of V and P, where |.|_K is the 2-norm
 
     @property
@@ -165,14 +173,21 @@ class _Responses:
 
         Of the whole ones: where interfaces that are rigid change nothing, the second part is rounding.
         """
-        energies, whole = self._part.energies(forces), self._factor.half_solve(forces)
+        energies = whole = self._factor.half_solve(forces)
+        if self._rigid is not None:
+            energies = self._own(whole, self._factor.half_multiply(self._rigid.solve(forces)))
         return without(orthonormal(self._energies), energies), np.linalg.norm(whole, axis=0).max()
+
+    def _own(self, whole: np.ndarray, rigid: np.ndarray) -> np.ndarray:
+        return whole - rigid if self._deforms else rigid
 
     def _add(self, forces: np.ndarray) -> np.ndarray:
         """Take responses, K-orthogonal to V and P."""
         if not forces.shape[1]:
             return forces
-        known, responses = np.hstack([self._V, self.P]), self._part.solve(forces)
+        known, responses = np.hstack([self._V, self.P]), self._factor.solve(forces)
+        if self._rigid is not None:
+            responses = self._own(responses, self._rigid.solve(forces))
         for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
             energies = self._factor.half_multiply(responses)
             held = la.lstsq(self._energies, energies)[0]
@@ -182,35 +197,13 @@ class _Responses:
         return responses
 
 
-def _ritz(body: ElasticBody, P: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ritz vectors of what is new in P beside the M-orthonormal columns before it, and their frequencies."""
+def _ritz(body: ElasticBody, P: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Ritz vectors of what is new in P beside the M-orthonormal columns before it, the lowest first."""
     for _ in range(2):  # as in `without`
         P = P - before @ (before.T @ (body.M @ P))
     squares, turn = la.eigh(P.T @ (body.M @ P), P.T @ (body.K @ P))  # 1/omega^2
     kept = np.flatnonzero(squares > NEW_SHARE**2 * squares.max(initial=0.0))[::-1]
-    return P @ (turn[:, kept] / np.sqrt(squares[kept])), 1 / np.sqrt(squares[kept])
-
-
-class _Part(NamedTuple):
-    """A K-orthogonal part of static responses to forces (n_free, c), and the same where |.|_K is the 2-norm."""
-
-    solve: Callable[[np.ndarray], np.ndarray]
-    energies: Callable[[np.ndarray], np.ndarray]
-
-
-def _parted(whole: SymmetricFactor, rigid: SubspaceFactor | None) -> list[_Part]:
-    """Return the parts of a static response; first the one with rigid interfaces, if some are."""
-    if rigid is None:
-        return [_Part(whole.solve, whole.half_solve)]
-
-    def rigid_energies(forces: np.ndarray) -> np.ndarray:
-        return whole.half_multiply(rigid.solve(forces))
-
-    rest = _Part(
-        lambda forces: whole.solve(forces) - rigid.solve(forces),
-        lambda forces: whole.half_solve(forces) - rigid_energies(forces),
-    )
-    return [_Part(rigid.solve, rigid_energies), rest]
+    return P @ (turn[:, kept] / np.sqrt(squares[kept]))
 
 
 def _independent(columns: np.ndarray) -> np.ndarray:

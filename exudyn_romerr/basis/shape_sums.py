@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..model.admissible_space import rigid_modes
-
 if TYPE_CHECKING:
     import scipy.sparse as sp
 
@@ -16,8 +14,7 @@ class ShapeSums(NamedTuple):
     """Sums over the nodes a of a body with the same mass M in all directions, of shapes U (N, k) and places x.
 
     of_U (3, 3, k, k) : sum U_aim (M U)_ajn. of_x (3, 3, k) : sum x_ai (M U)_ajn. pull (3, k) : sum (M U)_ajn. M, K
-    (k, k) : U^T M U, U^T K U. x (3,), xx (3, 3) : sum (M x)_a, sum x_ai (M x)_aj. rigid (6, 6) : Rg^T M Rg of
-    rigid motions.
+    (k, k) : U^T M U, U^T K U.
     """
 
     of_U: np.ndarray
@@ -25,9 +22,6 @@ class ShapeSums(NamedTuple):
     pull: np.ndarray
     M: np.ndarray
     K: np.ndarray
-    x: np.ndarray
-    xx: np.ndarray
-    rigid: np.ndarray
 
     @classmethod
     def of(cls, mass: sp.spmatrix, stiffness: sp.spmatrix, positions: np.ndarray, U: np.ndarray) -> ShapeSums:
@@ -39,5 +33,4 @@ class ShapeSums(NamedTuple):
         of_U = np.array([[U[i::3].T @ of_j for of_j in by_axis] for i in range(3)])
         of_x = np.array([positions.T @ of_j for of_j in by_axis]).swapaxes(0, 1)
         pull, M = np.array([of_j.sum(axis=0) for of_j in by_axis]), np.einsum("iikl->kl", of_U)
-        Mx, rigid = (mass @ positions.ravel()).reshape(-1, 3), rigid_modes(positions)
-        return cls(of_U, of_x, pull, M, K, Mx.sum(axis=0), positions.T @ Mx, rigid.T @ (mass @ rigid))
+        return cls(of_U, of_x, pull, M, K)

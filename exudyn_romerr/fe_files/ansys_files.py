@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError
+from ..model.solid_elements import NODES
 from .fe_data import Matrix, Mesh, symmetric
 
 if TYPE_CHECKING:
@@ -27,7 +28,6 @@ TYPES = {
     188: "Line2",
     285: "Tet4",
 }
-NODES = {"Hex8": 8, "Hex20": 20, "Tet4": 4, "Tet10": 10, "Quad4": 4, "Line2": 2}
 
 
 def read_full(path: Path) -> tuple[Matrix, Matrix]:

@@ -9,8 +9,8 @@ import scipy.sparse as sp
 
 from ..errors import InputError
 from ..model.admissible_space import rigid_modes
-from ..model.mesh_cells import NODES
-from ..model.triangles import doubled, forces, triangle_twice
+from ..model.matrix_checks import doubled, forces, triangle_twice
+from ..model.solid_elements import NODES
 from .fe_data import Matrix, Mesh
 from .fe_model import FEModel
 from .matrix_files import HELD

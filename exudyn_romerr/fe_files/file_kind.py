@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import os
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,25 +17,11 @@ if TYPE_CHECKING:
 HEAD = 1 << 16  # bytes that are looked at
 ENDINGS = {
     ".inp": "deck",
-    ".mtx": "matrix",
-    ".gz": "matrix",
-    ".sti": "matrix",
-    ".mas": "matrix",
-    ".npz": "npz",
-    ".npy": "npy",
-    ".hdf5": "hdf5",
-    ".h5": "hdf5",
     ".pkl": "pickle",
-    ".full": "full",
-    ".cdb": "cdb",
-    ".rst": "rst",
-    ".pch": "pch",
-    ".op2": "op2",
-    ".op4": "op4",
-    ".bdf": "bulk",
-    ".dat": "bulk",
-    ".nas": "bulk",
-    ".blk": "bulk",
+    **dict.fromkeys((".mtx", ".gz", ".sti", ".mas"), "matrix"),
+    **dict.fromkeys((".hdf5", ".h5"), "hdf5"),
+    **dict.fromkeys((".bdf", ".dat", ".nas", ".blk"), "bulk"),
+    **{f".{kind}": kind for kind in ("npz", "npy", "full", "cdb", "rst", "pch", "op2", "op4")},
 }
 MATRICES = ("matrix", "harwell", "npz", "npy")
 MESHES = ("deck", "cdb", "rst", "bulk")
@@ -87,7 +73,9 @@ def kind_of(path: Path) -> str:
         if head.startswith(start):
             return "old npy" if kind == "npy" and _of_exudyn(path) else kind
     lines = [] if b"\0" in head else head.decode("ascii", errors="replace").splitlines()
-    told, ending = _text_kind(lines), ENDINGS.get(path.suffix.lower(), "")
+    found = (kind for line in lines for pattern, kind in LINES if re.match(pattern, line, re.IGNORECASE))
+    told = "harwell" if _is_harwell(lines) else next(found, "")
+    ending = ENDINGS.get(path.suffix.lower(), "")
     if told == "bulk" and ending in NASTRAN:  # nodes before the matrices
         return ending
     return told or ending or ("matrix" if _is_table(lines) else "")
@@ -112,25 +100,19 @@ def not_known(name: str, path: Path, kinds: str) -> InputError:
     )
 
 
-def is_packed(path: Path) -> bool:
-    """Whether it is a gzip file."""
+def opened(path: Path, mode: str = "rb", **options: Any) -> Any:
+    """Return the file, open to be read; unpacked if it is a gzip file."""
     with open(path, "rb") as stream:
-        return stream.read(2) == b"\x1f\x8b"
+        is_packed = stream.read(2) == b"\x1f\x8b"
+    return (gzip.open if is_packed else open)(path, mode, **options)
 
 
 def _head(path: Path) -> bytes:
     try:
-        with gzip.open(path) if is_packed(path) else open(path, "rb") as stream:
+        with opened(path) as stream:
             return stream.read(HEAD)
     except (OSError, EOFError):  # damaged: said where it is read
         return b""
-
-
-def _text_kind(lines: list[str]) -> str:
-    if _is_harwell(lines):
-        return "harwell"
-    found = (kind for line in lines for pattern, kind in LINES if re.match(pattern, line, re.IGNORECASE))
-    return next(found, "")
 
 
 def _is_harwell(lines: list[str]) -> bool:

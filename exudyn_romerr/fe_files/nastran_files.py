@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,16 +27,10 @@ HEX20 = [*range(12), *range(16, 20), *range(12, 16)]  # Nastran counts the uprig
 COUPLES = ("rbe2", "rbe3", "rbar", "mpc")
 
 
-class Found(NamedTuple):
-    """What a file has; mesh: None if it is only matrices."""
-
-    stiffness: Matrix
-    mass: Matrix
-    mesh: Mesh | None
-
-
-def read_nastran(path: Path, kind: str, mass: str | None, stiffness: str | None) -> Found:
-    """Return stiffness and mass by their names in the file; default: the only ones that begin with k and m.
+def read_nastran(
+    path: Path, kind: str, mass: str | None, stiffness: str | None
+) -> tuple[Matrix, Matrix, Mesh | None]:
+    """Return stiffness and mass by their names in the file, default: the only ones that begin with k and m; its mesh.
 
     kind : "pch", "op2" or "op4".
 
@@ -56,7 +50,7 @@ def read_nastran(path: Path, kind: str, mass: str | None, stiffness: str | None)
         mesh = _mesh_of(uset, path)
     elif kind == "pch" and _has_grids(nastran, path):
         mesh = read_bulk(path)
-    return Found(*pair, mesh)
+    return *pair, mesh
 
 
 def read_bulk(path: Path) -> Mesh:

@@ -11,20 +11,20 @@ from ..errors import InputError
 from .abaqus_input import read_input
 from .ansys_files import read_ansys_mesh, read_full
 from .assembled import assembled
-from .calculix_files import MATRICES as OF_CALCULIX
-from .calculix_files import WORDS, nothing_beside
 from .fe_data import Matrix, Mesh
-from .fe_model import FEModel
+from .fe_model import FEModel, read_saved
 from .file_kind import KNOWN, KNOWN_MESHES, MATRICES, MESHES, NASTRAN, known_kind, not_known
-from .matrix_files import read_matrix
+from .matrix_files import OF_CALCULIX, read_matrix
 from .nastran_files import read_bulk, read_nastran
-from .saved_files import read_saved
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 ANSYS_MESHES = (".cdb", ".rst")
+OF_ABAQUS = {"stiffness": "STIF", "mass": "MASS"}  # in the names of its files
 SAVED = ("npz", "hdf5", "pickle")
+BY_CALCULIX = re.compile(r"SOLVER *= *MATRIXSTORAGE", re.IGNORECASE)
+BY_ABAQUS = re.compile(r"^\*(MATRIX GENERATE|MATRIX OUTPUT|PART|ASSEMBLY|INSTANCE)\b", re.IGNORECASE | re.MULTILINE)
 
 
 def read_body(
@@ -82,12 +82,12 @@ def read_body(
     kind = known_kind("path", path)
     nodes = None if mesh is None else _mesh(Path(mesh))
     if kind in NASTRAN:
-        found = read_nastran(path, kind, mass, stiffness)
-        return assembled(found.stiffness, found.mass, nodes or found.mesh, **options)
+        *pair, own = read_nastran(path, kind, mass, stiffness)
+        return assembled(*pair, nodes or own, **options)
     if kind == "full":
         return assembled(*read_full(path), nodes or _beside(path, ANSYS_MESHES), **options)
     if kind in MESHES:
-        pair = [_matrix(path, kind, given, what) for given, what in ((stiffness, "STIF"), (mass, "MASS"))]
+        pair = [_matrix(path, kind, given, word) for word, given in (("stiffness", stiffness), ("mass", mass))]
         return assembled(*pair, nodes or _mesh(path), **options)
     if kind in SAVED and mass is None and (found := read_saved(path, kind, unpickle, options)) is not None:
         return found
@@ -133,22 +133,20 @@ def _counterpart(path: Path) -> Path:
     raise InputError(f"{path.name} has one matrix; pass mass= and stiffness=, the files of both")
 
 
-def _matrix(path: Path, kind: str, given: Any, what: str) -> Matrix:
+def _matrix(path: Path, kind: str, given: Any, word: str) -> Matrix:
     """The matrix that belongs to a mesh: the one given; of an .inp JOB_MASS1.mtx of the only step, or JOB.mas."""
-    word = WORDS[what]
     if given is not None:
         return read_matrix(_existing(word, given), word)
     if kind != "deck":
         raise InputError(f"{path} has nodes and no matrices; pass mass= and stiffness=, the files of both")
-    pattern = re.compile(rf"{re.escape(path.stem)}_?{what}\d+\.mtx", re.IGNORECASE)
+    pattern = re.compile(rf"{re.escape(path.stem)}_?{OF_ABAQUS[word]}\d+\.mtx", re.IGNORECASE)
+    of_calculix = path.with_suffix(OF_CALCULIX[word])
     found = sorted(other for other in path.parent.iterdir() if pattern.fullmatch(other.name))
+    found = found or [of_calculix] * of_calculix.is_file()
+    if not found:
+        raise InputError(f"{_nothing_beside(path, word)}; or pass {word}=, its file")
     if len(found) > 1:
         raise InputError(f"beside {path.name} are {', '.join(x.name for x in found)}; pass {word}=, one of them")
-    of_calculix = path.with_suffix(OF_CALCULIX[what])
-    if not found and of_calculix.is_file():
-        return read_matrix(of_calculix, word)
-    if not found:
-        raise InputError(f"{nothing_beside(path, what)}; or pass {word}=, its file")
     return read_matrix(found[0], word)
 
 
@@ -156,3 +154,17 @@ def _existing(name: str, path: Any) -> Path:
     if not os.path.isfile(path):
         raise InputError(f"{name}={os.fspath(path)!r} is no file")
     return Path(path)
+
+
+def _nothing_beside(path: Path, word: str) -> str:
+    """That an .inp lacks a matrix, and how its program, both if it does not tell, writes it."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    mtx, mas = f"{path.stem}_{OF_ABAQUS[word]}1.mtx", f"{path.stem}{OF_CALCULIX[word]}"
+    by_calculix = f"CalculiX writes with *Frequency, solver=MatrixStorage, {path.stem}.dof beside it"
+    if BY_CALCULIX.search(text):
+        return f"there is no {mas} beside {path.name}: the {word} matrix, which {by_calculix}"
+    by_both = "" if BY_ABAQUS.search(text) else f" ({mas}, which {by_calculix}, will do, too)"
+    return (
+        f"there is no {mtx} beside {path.name}: the {word} matrix, which Abaqus writes after *Matrix Generate, "
+        f"stiffness, mass and *Matrix Output, stiffness, mass{by_both}"
+    )

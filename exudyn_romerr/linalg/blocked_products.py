@@ -35,19 +35,14 @@ def rows_times(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 
 def combined(matrix: np.ndarray, arrays: list[np.ndarray]) -> np.ndarray:
-    """Return the sums (j, ...) of matrix (j, k) times k arrays of one shape."""
+    """Return the sums (j, ...) of matrix (j, k) times k arrays of one shape; j and k are few."""
     columns = np.stack(arrays).reshape(len(arrays), -1)
     result = np.empty((len(matrix), columns.shape[1]))
-    combine(matrix, columns, result)
-    return result.reshape(len(matrix), *arrays[0].shape)
-
-
-def combine(matrix: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
-    """Write matrix (j, k) @ columns (k, n) into out (j, n); j and k are few."""
     count = max(1, ONE_THREAD // matrix.size)
     for first in range(0, columns.shape[1], count):
         part = np.s_[:, first : first + count]
-        np.matmul(matrix, columns[part], out=out[part])
+        np.matmul(matrix, columns[part], out=result[part])
+    return result.reshape(len(matrix), *arrays[0].shape)
 
 
 def by_columns(

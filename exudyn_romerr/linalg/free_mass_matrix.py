@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cho_factor, cho_solve, qr
+from scipy.linalg import cho_factor, cho_solve, lapack, qr
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from ..errors import AssumptionError
 from .symmetric_factor import SymmetricFactor, negative_eigenvalues
 
 EXPLICIT = 3000  # coordinates: a full matrix of these is what a laptop factorises in seconds
+WORK = 64  # columns that LAPACK reflects at once
 AT_REST = 1e-6  # |K Rg| of its terms: matrices printed with 7 digits
 
 
@@ -45,7 +46,7 @@ class FreeCoordinates:
     def loads(self, B: np.ndarray | sp.spmatrix) -> np.ndarray:
         """Return what forces B (N, k) do work with on y, (N - 6, k) or (N - 6,)."""
         rigid = cho_solve(self._gram, (B.T @ self.motions).T)
-        return (B.toarray() if sp.issparse(B) else B)[self.free] - self.carried[self.free] @ rigid
+        return _dense(B)[self.free] - self.carried[self.free] @ rigid
 
     def expand(self, y: np.ndarray) -> np.ndarray:
         """Return u (N, ...) of y (N - 6, ...)."""
@@ -89,9 +90,6 @@ class FreeMassMatrix(LinearOperator):
     def _matmat(self, Y: np.ndarray) -> np.ndarray:
         return self._y.loads(self.whole @ self._y.expand(Y))
 
-    def _matvec(self, y: np.ndarray) -> np.ndarray:
-        return self._y.loads(self.whole @ self._y.expand(y.ravel()))
-
     def _adjoint(self) -> FreeMassMatrix:
         return self
 
@@ -131,8 +129,7 @@ class FreeMassFactor:
 
     def __init__(self, whole: sp.csc_matrix, y: FreeCoordinates):
         self._factor, self._y = SymmetricFactor(whole), y
-        (vectors, self._shares), _ = qr(self._factor.half_multiply(y.motions), mode="raw")
-        self._reflections = np.tril(vectors, -1) + np.eye(*vectors.shape)
+        self._reflections, _ = qr(self._factor.half_multiply(y.motions), mode="raw")
 
     @property
     def smallest_pivot(self) -> float:
@@ -153,9 +150,8 @@ class FreeMassFactor:
         return self._reflected(self._factor.half_multiply(self._y.expand(_dense(right))))
 
     def _reflected(self, Y: np.ndarray) -> np.ndarray:
-        for vector, share in zip(self._reflections.T, self._shares, strict=True):
-            Y = Y - np.outer(share * vector, vector @ Y)
-        return Y[len(self._shares) :]
+        (vectors, shares), room = self._reflections, max(1, WORK * Y.shape[1])
+        return lapack.dormqr("L", "T", vectors, shares, Y, lwork=room)[0][len(shares) :]
 
 
 def explicit(M: sp.csc_matrix | FreeMassMatrix) -> sp.csc_matrix:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -24,41 +27,38 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 
 def without(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
     """Return Y less its part in the span of the orthonormal modes."""
-    return take_out(modes, np.array(Y))
-
-
-def take_out(modes: np.ndarray, Y: np.ndarray) -> np.ndarray:
-    """Take the part in the span of the orthonormal modes out of Y, in place; return Y."""
 
     def left(part: np.ndarray) -> np.ndarray:
         for _ in range(2):  # twice: what rounding leaves of the first pass is taken out by the second
             part = part - modes @ (modes.T @ part)
         return part
 
-    return by_columns(left, Y, out=Y)
+    return by_columns(left, Y)
 
 
-def m_orthonormal(M: sp.csc_matrix, columns: np.ndarray) -> np.ndarray:
-    """Return an M-orthonormal basis of the columns' span (Gram-Schmidt twice, deflating what is not new)."""
+def m_orthonormal(
+    M: sp.csc_matrix, columns: np.ndarray, step: Callable | None = None, most: int | None = None
+) -> np.ndarray:
+    """Return an M-orthonormal basis of the columns' span (Gram-Schmidt twice, deflating what is not new).
+
+    step : of Arnoldi's method: step(v) of every vector v that was new is a column, too, behind those that wait.
+    most : columns of the basis; None: all.
+    """
     kept: list[np.ndarray] = []
-    for column in columns.T:
-        new = m_orthonormalised(M, kept, column)
-        if new is not None:
-            kept.append(new)
-    if not kept:
-        raise InputError("no column is left after deflation: the inputs do not move the free coordinates")
-    return np.column_stack(kept)
-
-
-def m_orthonormalised(M: sp.csc_matrix, kept: list[np.ndarray], vector: np.ndarray) -> np.ndarray | None:
-    """Return the part of a vector that is M-orthogonal to those kept, of M-norm 1; None if it is not new."""
-    size = np.sqrt(vector @ (M @ vector))
-    if size == 0:
-        return None
-    vector = vector / size
-    if kept:
-        Q = np.column_stack(kept)
-        for _ in range(2):
+    waiting = deque(columns.T)
+    while waiting and len(kept) != most:
+        vector = waiting.popleft()
+        size = np.sqrt(vector @ (M @ vector))
+        if size == 0:
+            continue
+        vector = vector / size
+        for _ in range(2 if kept else 0):
+            Q = np.column_stack(kept)
             vector = vector - Q @ (Q.T @ (M @ vector))
-    left = np.sqrt(vector @ (M @ vector))
-    return vector / left if left > DEFLATION else None
+        left = np.sqrt(vector @ (M @ vector))
+        if left > DEFLATION:
+            kept.append(vector / left)
+            waiting.extend([] if step is None else [step(kept[-1])])
+    if not kept:
+        raise InputError("inputs do not move the free coordinates: every column of B is zero there")
+    return np.column_stack(kept)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,10 @@ import scipy.sparse as sp
 from ..errors import AssumptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from pymklpardiso import PardisoSolver
+    from scipy.sparse.linalg import SuperLU
 
 ITERATIONS = 3  # of the inverse power method
 CANDIDATES = 4  # coordinates whose compliance is computed
@@ -56,8 +58,8 @@ class PardisoFactor:
         return float(1 / np.max(self.solve(unit)[likely, range(len(likely))]))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """Solve for one vector (n,) or many (n, k)."""
-        return self._solver.solve(np.ascontiguousarray(right) if right.ndim == 1 else np.asfortranarray(right))
+        """Solve for many vectors (n, k)."""
+        return self._solver.solve(np.asfortranarray(right))
 
     def half_solve(self, right: np.ndarray) -> np.ndarray:
         """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}."""
@@ -86,10 +88,9 @@ def _pardiso(matrix: sp.csc_matrix, kind: int) -> PardisoSolver | None:
     upper = sp.tril(matrix, format="csc").T  # of a symmetric matrix, by rows
     upper.sort_indices()
     try:
-        return PardisoSolver(upper, kind, OPTIONS)
-    except RuntimeError as error:
-        if NO_ROOM in str(error):
-            raise too_large(matrix, error) from error
+        with enough_memory(matrix):
+            return PardisoSolver(upper, kind, OPTIONS)
+    except RuntimeError:
         return None
 
 
@@ -108,12 +109,8 @@ def pardiso_solve(matrix: sp.spmatrix) -> Callable[[np.ndarray], np.ndarray]:
 
     rows = sp.csr_matrix(matrix)
     rows.sort_indices()
-    try:
+    with enough_memory(matrix):
         solver = PardisoSolver(rows, ANY[rows.dtype.kind])
-    except RuntimeError as error:
-        if NO_ROOM in str(error):
-            raise too_large(matrix, error) from error
-        raise
     return lambda right: solver.solve(np.asfortranarray(right, dtype=rows.dtype))
 
 
@@ -145,9 +142,19 @@ def _leading(x: np.ndarray, unit: float | np.ndarray, bits: int) -> np.ndarray:
     return np.round(x / step) * step
 
 
-def too_large(matrix: sp.spmatrix, error: Exception) -> AssumptionError:
-    """Return the error to raise for a matrix that does not fit."""
-    return AssumptionError(
-        f"a matrix of {matrix.shape[0]} coordinates and {matrix.nnz} entries is too large to factorise here "
-        f"({type(error).__name__}: {error}); take a coarser mesh, interfaces of fewer nodes, or more memory"
-    )
+@contextmanager
+def enough_memory(matrix: sp.spmatrix | SuperLU) -> Iterator[None]:
+    """Raise AssumptionError where a matrix, or its factor, does not fit into memory or 32-bit indices."""
+    try:
+        yield
+    except (
+        MemoryError,
+        SystemError,
+        RuntimeError,
+    ) as error:  # the last: PARDISO
+        if isinstance(error, RuntimeError) and NO_ROOM not in str(error):
+            raise
+        raise AssumptionError(
+            f"a matrix of {matrix.shape[0]} coordinates and {matrix.nnz} entries is too large to factorise here "
+            f"({type(error).__name__}: {error}); take a coarser mesh, interfaces of fewer nodes, or more memory"
+        ) from error

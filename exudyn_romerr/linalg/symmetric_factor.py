@@ -1,13 +1,31 @@
-"""Sparse symmetric factorisation of scaled coordinates: solves, norms, definiteness, and counts of eigenvalues."""
+"""Factorisations of sparse matrices, symmetric ones scaled: solves, norms, definiteness, counts of eigenvalues.
 
-from collections.abc import Callable
+By SuperLU in its own order or METIS's, or MKL's PARDISO; the last two need packages of the extra `large`.
+"""
+
+from __future__ import annotations
+
+import platform
+import sys
+from functools import cached_property
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU, splu
 
 from .blocked_products import by_columns
-from .factorisations import FEW, Factor, count_negative, factorised
+from .pardiso import PardisoFactor, count_negative_pivots, enough_memory, pardiso_solve
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+PACKAGES = {"pardiso": "pymklpardiso", "metis": "pymetis"}  # the best first
+MANY = 30_000  # coordinates whose factorisation takes longer than a user likes to wait
+SECONDS = {"superlu": 17.0, "metis": 9.0, "pardiso": 2.3}  # of 55,488 coordinates: benchmarks/large_bodies.py
+# coordinates; below, an order that fills less and supernodes do not make up for finding and building them
+FEW = 5_000
 # A pivot that keeps less than this share of its diagonal entry is what rounding leaves of zero: the
 # subtraction that made it carries about ten units of 1e-16 relative to that diagonal entry.
 SINGULAR_PIVOT = 1e-14
@@ -19,8 +37,7 @@ ITERATIONS = 4  # of the inverse power method: a null vector grows by 1e12 in ea
 class SymmetricFactor:
     """Factorisation of a sparse symmetric matrix that is meant to be positive definite.
 
-    Where it breaks down, `complete` is False and nothing can be solved; `definite` tells whether half_solve and
-    half_multiply make sense. factorisations.py chooses what factorises.
+    Where it breaks down nothing can be solved; `definite` tells whether half_solve and half_multiply make sense.
 
     Parameters
     ----------
@@ -29,19 +46,16 @@ class SymmetricFactor:
     """
 
     def __init__(self, matrix: sp.spmatrix):
-        scaled, self._scale = _scaled(matrix)
-        third = _third(scaled) if len(self._scale) >= FEW else None
-        self._factor = factorised(scaled) if third is None else _Thrice(factorised(third))
-
-    @property
-    def complete(self) -> bool:
-        """Whether anything can be solved."""
-        return self._factor.complete
+        scaled, scale = _scaled(matrix)
+        third = _third(scaled) if len(scale) >= FEW else None
+        self._copies, scaled = (1, scaled) if third is None else (3, third)
+        self._scale, kind = scale[:, None], solver(scaled.shape[0])
+        self._factor = PardisoFactor(scaled) if kind == "pardiso" else SuperLUFactor(scaled, _order(scaled, kind))
 
     @property
     def definite(self) -> bool:
         """Whether the matrix is positive definite; without it, or close to it, smallest_pivot is what to ask."""
-        return self.complete and self._factor.negative_pivots == 0
+        return self._factor.complete and self._factor.negative_pivots == 0
 
     @property
     def smallest_pivot(self) -> float:
@@ -51,53 +65,28 @@ class SymmetricFactor:
     @property
     def order(self) -> np.ndarray | None:
         """Coordinates in the order of their elimination, (n,); None if it is not known."""
-        return self._factor.order
+        return self._factor.order if self._copies == 1 else None
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Solve for one vector (n,) or many (n, k), which may be a sparse matrix."""
-        if right.ndim == 1:
-            return self._factor.solve(right / self._scale) / self._scale
-        scale = self._scale[:, None]
-        return by_columns(lambda part: self._factor.solve(part / scale) / scale, right)
+        columns = right[:, None] if right.ndim == 1 else right
+        solved = by_columns(lambda part: self._of_all(self._factor.solve, part / self._scale) / self._scale, columns)
+        return solved.reshape(right.shape)
 
     def half_solve(self, right: np.ndarray) -> np.ndarray:
         """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}: right in the coordinates where A^-1 is the identity.
 
         Norms are taken there because products with A itself lose the square of the digits that this loses.
         """
-        scale = self._scale[:, None]
-        return by_columns(lambda part: self._factor.half_solve(part / scale), right)
+        return by_columns(lambda part: self._of_all(self._factor.half_solve, part / self._scale), right)
 
     def half_multiply(self, right: np.ndarray) -> np.ndarray:
         """Return right in the coordinates of half_solve: Y (n, k) with |Y z|_2 = |right z|_A."""
-        scale = self._scale[:, None]
-        return by_columns(lambda part: self._factor.half_multiply(part * scale), right)
-
-
-class _Thrice:
-    """The factorisation of A (n/3, n/3) as one of A (x) I3 (n, n), as the mass of solid elements is."""
-
-    order = None  # nobody asks for it
-
-    def __init__(self, factor: Factor):
-        self._factor = factor
-        self.complete, self.negative_pivots = factor.complete, 3 * factor.negative_pivots
-
-    @property
-    def smallest_pivot(self) -> float:
-        return self._factor.smallest_pivot
-
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        return self._of_all(self._factor.solve, right)
-
-    def half_solve(self, right: np.ndarray) -> np.ndarray:
-        return self._of_all(self._factor.half_solve, right)
-
-    def half_multiply(self, right: np.ndarray) -> np.ndarray:
-        return self._of_all(self._factor.half_multiply, right)
+        return by_columns(lambda part: self._of_all(self._factor.half_multiply, part * self._scale), right)
 
     def _of_all(self, function: Callable[[np.ndarray], np.ndarray], right: np.ndarray) -> np.ndarray:
-        return function(right.reshape(len(right) // 3, -1)).reshape(right.shape)
+        """The function of the factor of A on all columns (n, k), where the matrix is A or A (x) I3."""
+        return function(right.reshape(len(right) // self._copies, -1)).reshape(right.shape)
 
 
 def _third(matrix: sp.csc_matrix) -> sp.csc_matrix | None:
@@ -128,7 +117,12 @@ def negative_eigenvalues(matrix: sp.spmatrix, order: np.ndarray | None = None) -
 
     order : coordinates in a good order of elimination, if it is known: to find one is half of the work.
     """
-    return count_negative(_scaled(matrix)[0], order)
+    scaled, kind = _scaled(matrix)[0], solver(matrix.shape[0])
+    found = count_negative_pivots(scaled) if kind == "pardiso" else None
+    if found is not None:
+        return found
+    factor = SuperLUFactor(scaled, _order(scaled, kind) if order is None else order)
+    return factor.negative_pivots if factor.complete else None
 
 
 def _scaled(matrix: sp.spmatrix) -> tuple[sp.csc_matrix, np.ndarray]:
@@ -157,3 +151,133 @@ def idle_motion(matrix: sp.spmatrix) -> np.ndarray | None:
         x = factor.solve(diagonal * x)
         x /= np.abs(x).max()
     return x if x @ (matrix @ x) <= LIFT * (x @ (diagonal * x)) else None
+
+
+def solver(n: int) -> str:
+    """Return what factorises n coordinates here: "superlu", "metis" (SuperLU in METIS's order) or "pardiso"."""
+    if n < FEW:
+        return "superlu"
+    return next((name for name, package in PACKAGES.items() if find_spec(package)), "superlu")
+
+
+def faster(n: int) -> str | None:
+    """Return what would make the factorisation of n coordinates much faster, as a sentence; None if nothing would."""
+    kind, intel = solver(n), sys.platform != "darwin" and platform.machine() in ("x86_64", "AMD64")
+    if n < MANY or kind == "pardiso" or (kind == "metis" and not intel):
+        return None
+    package, better = ("py-mkl-pardiso", "pardiso") if intel else ("pymetis", "metis")
+    taken = {"superlu": "SuperLU", "metis": "SuperLU in METIS's order"}[kind]
+    return (
+        f"{n} coordinates are factorised several times by {taken}, which takes long. `pip install {package}` before "
+        f"makes it faster (measured: 55,000 coordinates of a solid in {SECONDS[better]:g} s in place of "
+        f"{SECONDS[kind]:g} s) and takes less memory; bounds stay the same"
+    )
+
+
+def solve_with(matrix: sp.spmatrix) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what solves with any regular matrix (n, n), real or complex, for columns (n, k) of its kind."""
+    if solver(matrix.shape[0]) == "pardiso":
+        return pardiso_solve(matrix)
+    with enough_memory(matrix):
+        return splu(sp.csc_matrix(matrix)).solve
+
+
+class SuperLUFactor:
+    """L D L^T without pivoting off the diagonal, coordinates eliminated in `order` (None: minimum degree).
+
+    The signs of the pivots are the matrix's inertia (Sylvester), which is why no pivoting is allowed. Where the
+    factorisation breaks down, `complete` is False, the pivots stay zero and nothing can be solved.
+    """
+
+    def __init__(self, matrix: sp.csc_matrix, order: np.ndarray | None = None):
+        self._given, self._lu = order, None
+        try:
+            with enough_memory(matrix):
+                ordered = matrix if order is None else matrix[order][:, order]
+                self._lu = _eliminated(ordered, "MMD_AT_PLUS_A" if order is None else "NATURAL")
+        except RuntimeError:  # SuperLU: "Factor is exactly singular"; the pivots stay zero, which says so
+            self.pivots = np.zeros(matrix.shape[0])
+
+    @cached_property
+    def pivots(self) -> np.ndarray:
+        """Pivots (n,), which only those ask for who do not know that the matrix is definite: SciPy copies L and U."""
+        if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
+            return np.zeros(self._lu.shape[0])
+        with enough_memory(self._lu):
+            return self._lu.U.diagonal()
+
+    @property
+    def complete(self) -> bool:
+        """Whether it has not broken down."""
+        return bool(np.all(self.pivots != 0))
+
+    @property
+    def negative_pivots(self) -> int:
+        """Number of negative eigenvalues."""
+        return int(np.sum(self.pivots < 0))
+
+    @property
+    def smallest_pivot(self) -> float:
+        """Smallest pivot."""
+        return float(np.min(self.pivots, initial=1.0))
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Solve for many vectors (n, k)."""
+        if self._given is None:
+            return self._lu.solve(np.asfortranarray(right))
+        solution = np.empty(right.shape)
+        solution[self._given] = self._lu.solve(right[self._given])
+        return solution
+
+    def half_solve(self, right: np.ndarray) -> np.ndarray:
+        """Return Y (n, k) with |Y z|_2 = |right z|_{A^-1}."""
+        return self._forward.solve(right[self.order]) / self._root
+
+    def half_multiply(self, right: np.ndarray) -> np.ndarray:
+        """Return Y (n, k) with |Y z|_2 = |right z|_A."""
+        return (self._lower.T @ right[self.order]) * self._root
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """Coordinates in the order of their elimination, (n,)."""
+        order = np.argsort(self._lu.perm_r)
+        return order if self._given is None else self._given[order]
+
+    @cached_property
+    def _lower(self) -> sp.csr_matrix:
+        return self._lu.L.tocsr()
+
+    @cached_property
+    def _forward(self) -> SuperLU:
+        """L as a factor of its own: SuperLU solves by blocks of columns, SciPy's triangular solver one by one."""
+        return _eliminated(self._lu.L, "NATURAL")
+
+    @cached_property
+    def _root(self) -> np.ndarray:
+        return np.sqrt(self.pivots)[:, None]
+
+
+def _order(matrix: sp.csc_matrix, kind: str) -> np.ndarray | None:
+    """Order of elimination by METIS's nested dissection, where it is installed; None: SuperLU finds its own."""
+    if kind == "superlu" or not find_spec("pymetis"):
+        return None
+    from pymetis import CSRAdjacency, nested_dissection
+
+    graph = neighbours(matrix)
+    return np.asarray(nested_dissection(CSRAdjacency(graph.indptr, graph.indices))[0])
+
+
+def neighbours(matrix: sp.csc_matrix) -> sp.csr_matrix:
+    """Return which coordinates stand in one entry: symmetric, without a diagonal.
+
+    METIS crashes on graphs that are not symmetric, and rounding may leave a zero on one side of the diagonal alone.
+    """
+    there = matrix.tocoo()
+    off = (there.row != there.col) & (there.data != 0)
+    pairs = there.row[off], there.col[off]
+    pattern = sp.csr_matrix((np.ones(len(pairs[0]), dtype=np.int8), pairs), shape=matrix.shape)
+    return sp.csr_matrix(pattern + pattern.T)
+
+
+def _eliminated(matrix: sp.csc_matrix, order: str) -> SuperLU:
+    return splu(matrix, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -61,11 +61,8 @@ def mass_orthogonal() -> MassOrthogonal:
 
 def rigid_modes(positions: np.ndarray) -> np.ndarray:
     """Return three translations and three rotations about the origin of nodes (nodes, 3): (3 nodes, 6)."""
-    x, y, z = positions.T
-    zero = np.zeros_like(x)
-    turns = np.stack([np.stack(column, axis=1) for column in ((zero, -z, y), (z, zero, -x), (-y, x, zero))], axis=2)
     shifts = np.broadcast_to(np.eye(3), (len(positions), 3, 3))
-    return np.concatenate([shifts, turns], axis=2).reshape(-1, RIGID_MODES)
+    return np.concatenate([shifts, skew(-positions)], axis=2).reshape(-1, RIGID_MODES)
 
 
 def mean_motion(nodes: Sequence[int], weights: Sequence[float] | None = None) -> MeanMotion:
@@ -111,9 +108,7 @@ class Space:
         self.N, self.fixed, self.conditions, self.is_rigid = N, fixed, conditions, bool(rigid)
         followers = [_followers(*part) for part in rigid]
         if conditions is not None:
-            dependent = _eliminated(conditions)
-            others = np.setdiff1d(np.arange(N), dependent)
-            followers.append((dependent, others, -np.linalg.solve(conditions[:, dependent], conditions[:, others])))
+            followers.append(_determined(conditions))
         self.free = np.setdiff1d(np.arange(N), np.concatenate([fixed, *(rows for rows, _, _ in followers)]))
         Z = sp.eye(N, format="csr")
         for rows, columns, matrix in followers:
@@ -159,48 +154,37 @@ class Space:
         return rows
 
 
-class FreeSpace:
+class FreeSpace(FreeCoordinates):
     """All displacements that are M-orthogonal to the rigid motions of a body: a Space whose Z is never made.
 
     Z is full, and so are Z^T M Z and products with it; see linalg/free_mass_matrix.py.
     """
 
-    is_rigid = False
-
     def __init__(self, mass: sp.csc_matrix, positions: np.ndarray):
+        super().__init__(mass, rigid_modes(positions - positions.mean(axis=0)))
         self.N, self.fixed = mass.shape[0], np.zeros(0, dtype=int)
         self.conditions = mass_orthogonal().rows(positions, mass)
-        self._y = FreeCoordinates(mass, rigid_modes(positions - positions.mean(axis=0)))
-        self.free = self._y.free
 
     def pencil(self, mass: sp.csc_matrix, stiffness: sp.csc_matrix) -> tuple[FreeMassMatrix, sp.csc_matrix]:
         """Return Z^T M Z, which has products only, and Z^T K Z = K of the free coordinates, since K Rg = 0."""
-        return FreeMassMatrix(mass, stiffness, self._y), sp.csc_matrix(stiffness[self.free][:, self.free])
+        return FreeMassMatrix(mass, stiffness, self), sp.csc_matrix(stiffness[self.free][:, self.free])
 
     def matrix(self, A: sp.csc_matrix) -> sp.csc_matrix:
         """Return Z^T A Z, which is full."""
-        return sp.csc_matrix(self._y.loads(self._y.loads(A).T).T)
-
-    def loads(self, B: np.ndarray) -> np.ndarray:
-        """Return Z^T B."""
-        return self._y.loads(B)
+        return sp.csc_matrix(self.loads(self.loads(A).T).T)
 
     def rows(self, C: np.ndarray) -> np.ndarray:
         """Return C Z."""
-        return np.ascontiguousarray(self._y.loads(C.T).T)
+        return np.ascontiguousarray(self.loads(C.T).T)
 
     def coordinates(self, name: str, q: np.ndarray) -> np.ndarray:
         """Return y of q = Z y; InputError if q, called `name`, is not in the space."""
         _check_held(name, self.conditions, q)
-        return self._y.seen(q)
-
-    def expand(self, y: np.ndarray) -> np.ndarray:
-        """Return q = Z y."""
-        return self._y.expand(y)
+        return self.seen(q)
 
     def extended(self, C: np.ndarray) -> np.ndarray:
         """Return rows (r, N) that take from q = Z y what rows C (r, n_free) take from y."""
-        return self._y.balanced(C.T).T
+        return self.balanced(C.T).T
 
 
 def _check_held(name: str, conditions: np.ndarray, q: np.ndarray) -> None:
@@ -212,34 +196,23 @@ def _check_held(name: str, conditions: np.ndarray, q: np.ndarray) -> None:
         raise InputError(f"{name} misses the reference conditions by {worst:.1e} of its size; allowed {HELD:g}")
 
 
-def space_of(body: Any, reference: MeanMotion | MassOrthogonal | None, rigid: Sequence[Sequence[int]]) -> Any:
-    """Return the Space or FreeSpace of a body, which is held by `fixed` or by a reference."""
-    conditions, parts = condition_rows(body, reference), checked_parts(body, rigid)
+def space_of(
+    body: Any, reference: MeanMotion | MassOrthogonal | None, rigid: Sequence[Sequence[int]]
+) -> Space | FreeSpace:
+    """Return the space of a body held by `fixed` or by a reference, parts of it rigid; InputError if it cannot be."""
+    if reference is not None:
+        if not isinstance(reference, MeanMotion | MassOrthogonal):
+            raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights) or mass_orthogonal()")
+        if body.fixed.size:
+            raise InputError("fixed and reference were both given; a body is held by one of them")
+        if body.dofs_per_node != 3:
+            raise InputError("reference needs 3 coordinates a node (solids); hold nodes with rotations by fixed=")
+    if rigid and (not body.fixed.size or body.dofs_per_node != 3):
+        raise InputError("rigid needs a solid body (3 coordinates a node) held by fixed=, not by reference=")
     if isinstance(reference, MassOrthogonal):
         return FreeSpace(body.mass, body.positions)
-    return Space(body.N, body.fixed, conditions, parts)
-
-
-def condition_rows(body: Any, reference: MeanMotion | MassOrthogonal | None) -> np.ndarray | None:
-    """Return the rows that hold a body in place of `fixed`; InputError if it cannot be held so."""
-    if reference is None:
-        return None
-    if not isinstance(reference, MeanMotion | MassOrthogonal):
-        raise InputError(f"reference={reference!r}; needed: mean_motion(nodes, weights) or mass_orthogonal()")
-    if body.fixed.size:
-        raise InputError("fixed and reference were both given; a body is held by one of them")
-    if body.dofs_per_node != 3:
-        raise InputError("reference needs 3 coordinates a node (solids); hold nodes with rotations by fixed=")
-    return reference.rows(body.positions, body.mass)
-
-
-def checked_parts(body: Any, rigid: Sequence[Sequence[int]]) -> list[tuple]:
-    """Return the rigid parts of a body as Space takes them; InputError if it cannot have such."""
-    if not rigid:
-        return []
-    if not body.fixed.size or body.dofs_per_node != 3:
-        raise InputError("rigid needs a solid body (3 coordinates a node) held by fixed=, not by reference=")
-    return rigid_parts(rigid, body.fixed, body.positions)
+    conditions = None if reference is None else reference.rows(body.positions)
+    return Space(body.N, body.fixed, conditions, rigid_parts(rigid, body.fixed, body.positions) if rigid else ())
 
 
 def rigid_parts(rigid: Sequence[Sequence[int]], fixed: np.ndarray, positions: np.ndarray) -> list[tuple]:
@@ -256,21 +229,28 @@ def rigid_parts(rigid: Sequence[Sequence[int]], fixed: np.ndarray, positions: np
 def _followers(coordinates: np.ndarray, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Coordinates of a rigid part that follow from six of its own, those six, and how."""
     motions = motions / np.linalg.norm(motions, axis=0)
-    _, triangle, order = la.qr(motions.T, mode="economic", pivoting=True)
-    if np.abs(triangle[RIGID_MODES - 1, RIGID_MODES - 1]) <= NOT_HELD:
+    six = _six(motions.T)
+    if six is None:
         raise InputError("nodes of a rigid interface lie on a line: they do not tell its rotation")
-    six, rest = np.sort(order[:RIGID_MODES]), np.sort(order[RIGID_MODES:])
+    rest = np.setdiff1d(np.arange(len(motions)), six)
     return coordinates[rest], coordinates[six], np.linalg.solve(motions[six].T, motions[rest].T).T
 
 
-def _eliminated(conditions: np.ndarray) -> np.ndarray:
-    """Six coordinates that the conditions determine, chosen by pivoting."""
-    length = np.linalg.norm(conditions, axis=1)[:, None]
-    _, triangle, order = la.qr(conditions / np.where(length > 0, length, 1.0), mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(triangle))
-    if diagonal[-1] <= NOT_HELD * diagonal[0]:
+def _determined(conditions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Six coordinates that the conditions determine, all others, and how."""
+    six = _six(conditions)
+    if six is None:
         raise AssumptionError(
             "reference conditions do not hold all six rigid motions, as nodes on one line do not: name "
             "three nodes or more that are not on one line"
         )
-    return np.sort(order[:RIGID_MODES])
+    others = np.setdiff1d(np.arange(conditions.shape[1]), six)
+    return six, others, -np.linalg.solve(conditions[:, six], conditions[:, others])
+
+
+def _six(rows: np.ndarray) -> np.ndarray | None:
+    """Six columns of six rows, chosen by pivoting, that are independent; None if there are none."""
+    length = np.linalg.norm(rows, axis=1)[:, None]
+    triangle, order = la.qr(rows / np.where(length > 0, length, 1.0), mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(triangle))
+    return np.sort(order[:RIGID_MODES]) if diagonal[-1] > NOT_HELD * diagonal[0] else None

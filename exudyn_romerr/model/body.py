@@ -13,13 +13,23 @@ from ..checks import check_count
 from ..errors import AssumptionError, InputError
 from ..linalg import oscillator
 from ..linalg.eigenmodes import ModalDamping, Modes, lowest_modes
-from ..linalg.factorisations import MANY, faster
 from ..linalg.free_mass_matrix import FreeMassFactor, FreeMassMatrix, damping_of, explicit
 from ..linalg.oscillator import Constants
-from ..linalg.symmetric_factor import SymmetricFactor
+from ..linalg.symmetric_factor import MANY, SymmetricFactor, faster
 from .admissible_space import MassOrthogonal, MeanMotion, space_of
-from .definiteness import check_damping, check_mass, check_masses, check_not_swapped, check_stiffness
-from .matrix_input import checked_dofs, checked_matrix, checked_positions, checked_ratios, checked_rayleigh, precision
+from .matrix_checks import (
+    check_damping,
+    check_mass,
+    check_masses,
+    check_not_swapped,
+    check_stiffness,
+    checked_dofs,
+    checked_matrix,
+    checked_positions,
+    checked_ratios,
+    checked_rayleigh,
+    precision,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

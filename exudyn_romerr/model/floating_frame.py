@@ -14,7 +14,6 @@ import scipy.sparse as sp
 from ..errors import AssumptionError
 
 ROWS = {"r": 3, "r_t": 3, "A": 9, "w": 3, "al": 3, "r_tt": 3}  # parts of a frame's row: how many numbers
-ENDS = np.cumsum([*ROWS.values()]).tolist()
 RIGID_INERTIA = 12  # columns M e_j and M E_ij x; the 9 n columns M E_ij V follow
 ISOTROPY = 1e-9  # of the largest entry of M: solid elements meet it to rounding
 HELD = 1e-12  # of the size of a body, and rad: some thousand roundings; what moves on purpose is far above
@@ -51,24 +50,13 @@ class FrameMotion:
 
     def rows(self) -> np.ndarray:
         """Return r, r_t, A, w, al, r_tt side by side, (S, 24), as samples carry them."""
-        return np.hstack([self.r, self.r_t, self.A.reshape(-1, 9), self.w, self.al, self.r_tt])
-
-
-class FrameRows(NamedTuple):
-    """The parts of FrameMotion.rows()."""
-
-    r: np.ndarray
-    r_t: np.ndarray
-    A: np.ndarray
-    w: np.ndarray
-    al: np.ndarray
-    r_tt: np.ndarray
+        return np.hstack([getattr(self, name).reshape(-1, size) for name, size in ROWS.items()])
 
     @classmethod
-    def of(cls, rows: np.ndarray) -> FrameRows:
+    def of(cls, rows: np.ndarray) -> FrameMotion:
         """Cut rows (S, 24) into r, r_t, A, w, al, r_tt."""
-        r, r_t, A, w, al, r_tt = (rows[:, end - k : end] for end, k in zip(ENDS, ROWS.values(), strict=True))
-        return cls(r, r_t, A.reshape(-1, 3, 3), w, al, r_tt)
+        parts = dict(zip(ROWS, np.split(rows, np.cumsum([*ROWS.values()])[:-1], axis=1), strict=True))
+        return cls(**parts | {"A": parts["A"].reshape(-1, 3, 3)})
 
 
 class FramePose(NamedTuple):
@@ -99,7 +87,7 @@ class Jitter(NamedTuple):
 
     def accelerations(self, frame: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Return A^T r'' and al (S, 6) at samples (S, 24); zero where it has left `start` (24,): there it moves."""
-        rows, first = FrameRows.of(frame), FrameRows.of(start[None])
+        rows, first = FrameMotion.of(frame), FrameMotion.of(start[None])
         far, turned = np.abs(rows.r - first.r), np.abs(rows.A - first.A)
         found = np.hstack([np.einsum("sji,sj->si", rows.A, rows.r_tt), rows.al])
         if far.max() / self.size + turned.max() > HELD:  # else nowhere, which takes less time to find
@@ -127,7 +115,7 @@ class Turn(NamedTuple):
         w, al = np.maximum(w[:-1], w[1:]), np.maximum(al[:-1], al[1:])
         return cls(w, al, al + w**2, np.zeros_like(w))
 
-    def of_curve(self, bent: np.ndarray, moved: np.ndarray, rows: FrameRows) -> Turn:
+    def of_curve(self, bent: np.ndarray, moved: np.ndarray, rows: FrameMotion) -> Turn:
         """Return the turn for a curved trajectory, whose terms S u + 2 w~ u' the residual takes as linear in time.
 
         bent (S, 2): mean of |V q|_M and |V q'|_M less their chords. moved (S, 2): the same of what chords span. With

@@ -1,4 +1,4 @@
-"""Outputs y = C q (or C q'), and makers of the usual ones: displacement, rotation, velocity at nodes."""
+"""Outputs y = C q (or C q'), how they are seen in global axes, and makers of the usual ones at nodes."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ import numpy as np
 from ..checks import check_array, check_choice, check_nodes, real_array
 from ..errors import InputError
 from .admissible_space import mean_motion
-from .global_axes import View
+from .floating_frame import FrameMotion, skew
+from .solid_elements import STRAINS, strain_rows
 
 if TYPE_CHECKING:
     from .body import ElasticBody
+    from .floating_frame import FramePose
 
 AXES = "xyz"
 
@@ -98,6 +100,46 @@ class Output:
         return float(np.sqrt(np.linalg.eigvalsh(gram)[-1])) if joint else np.sqrt(np.diag(gram))
 
 
+@dataclass(frozen=True)
+class View:
+    """Vectors C q of k places, seen in global axes: A C q, and A (C q' + w~ C q) of velocities.
+
+    Values include what the frame itself moves the places: A C (x + u) + s r, less the same in the reference pose
+    (displacement) or not (position).
+
+    Attributes
+    ----------
+    axes : components (0, 1, 2) of each vector that the output shows. blind : whether all of its error is the frame's,
+    of which nothing is known: bounds are inf.
+    places : (k, 3) C x; shift : (k,) s, C of a unit translation. of : "displacement", "velocity", "position".
+    """
+
+    axes: tuple[int, ...]
+    places: np.ndarray
+    shift: np.ndarray
+    of: str
+    blind: bool = False
+
+    def matrices(self, frame: np.ndarray) -> np.ndarray:
+        """Return H (S, r, R) with output = H (rows in body axes); velocities see the displacement rows first."""
+        rows, count = FrameMotion.of(frame), len(self.places)
+        parts = [rows.A @ skew(rows.w), rows.A] if self.of == "velocity" else [rows.A]
+        wide = [np.einsum("kl,sij->skilj", np.eye(count), part[:, list(self.axes)]) for part in parts]
+        return np.concatenate([part.reshape(len(frame), count * len(self.axes), 3 * count) for part in wide], axis=2)
+
+    def values(self, base: np.ndarray, frame: np.ndarray, pose: FramePose) -> np.ndarray:
+        """Return the output (S, r) of the base rows' values (S, R)."""
+        rows = FrameMotion.of(frame)
+        turn, shift = {
+            "displacement": (rows.A - pose.A, rows.r - pose.r),
+            "position": (rows.A, rows.r),
+            "velocity": (rows.A @ skew(rows.w), rows.r_t),
+        }[self.of]
+        carried = np.einsum("sij,kj->ski", turn, self.places) + self.shift[:, None] * shift[:, None]
+        own = np.einsum("srk,sk->sr", self.matrices(frame), base)
+        return own + carried[:, :, list(self.axes)].reshape(len(frame), -1)
+
+
 class InternalOutput(Output):
     """An output beside those that were asked for: "auto" chooses auxiliary modes without it."""
 
@@ -165,6 +207,88 @@ def relative_displacement(name: str, *, node: int, other: int, component: str = 
         return _node_rows([node], None, component, 0)(body) - _node_rows([other], None, component, 0)(body)
 
     return Output(name, rows, unit, labels=tuple(_checked_axes(component)), quantity="displacement")
+
+
+def node_strain(name: str, *, node: int, fem: Any, component: str | None = None, unit: str = "") -> Output:
+    """Strain of the deformed body at one node, in body axes: the mean of B_e(x_node) q over its elements e.
+
+    Parameters
+    ----------
+    name : str
+    node : int
+        Node number of the fem.
+    fem : FEMinterface
+        Nodes and elements (Tet4, Tet10, Hex8, Hex20) are read; the quadratic meshes of ngsolve too.
+    component : {"xx", "yy", "zz", "yz", "xz", "xy"}, optional
+        One row; default: all six, in this order, which is Exudyn's. Shears are engineering shears, 2 eps_ij, as
+        ComputePostProcessingModes has them (ComputePostProcessingModesNGsolve has eps_ij).
+    unit : str
+
+    Returns
+    -------
+    Output
+        One row, or six.
+
+    Raises
+    ------
+    InputError
+        No elements or unknown ones, nodes in none of them, node out of range, an element that is flat or turned
+        inside out, unknown component.
+
+    Notes
+    -----
+    Equal to a sensor of StrainLocal where that is right: Exudyn's ComputePostProcessingModes takes quadratic
+    tetrahedra for linear ones. Does not cover: beams, shells, strain inside elements (pass rows of your own).
+    """
+    return _strain_output(name, np.eye(6), node, fem, component, unit, "strain")
+
+
+def node_stress(
+    name: str, *, node: int, fem: Any, material: Any, component: str | None = None, unit: str = ""
+) -> Output:
+    """Stress of the deformed body at one node, in body axes: y = E times the strain there, see node_strain.
+
+    Parameters
+    ----------
+    name, node, fem, component, unit
+        See node_strain; nothing is printed behind stresses unless unit= says what, such as "Pa" where the model is in
+        SI units, "MPa" in t, mm, s.
+    material : KirchhoffMaterial
+        Exudyn's, as for ComputePostProcessingModes; only its elasticityTensor (6, 6) is read.
+
+    Returns
+    -------
+    Output
+        One row, or six: xx, yy, zz, yz, xz, xy, as sensors of StressLocal have them.
+
+    Raises
+    ------
+    InputError
+        See node_strain; a material without elasticityTensor, or with one that is not (6, 6).
+
+    Notes
+    -----
+    Does not cover: nodes where two materials meet, thermal stress, plasticity, the error of the mesh.
+    """
+    tensor = getattr(material, "elasticityTensor", None)
+    if tensor is None:
+        raise InputError(
+            f"material={material!r} has no elasticityTensor; pass KirchhoffMaterial(youngsModulus, poissonsRatio) of "
+            "exudyn.FEM, of a mesh with several materials that at the node"
+        )
+    tensor = check_array("material.elasticityTensor", tensor, (6, 6))
+    return _strain_output(name, tensor, node, fem, component, unit, "stress")
+
+
+def _strain_output(
+    name: str, tensor: np.ndarray, node: int, fem: Any, component: str | None, unit: str, quantity: str
+) -> Output:
+    if component is not None:
+        check_choice("component", component, STRAINS)
+    rows = tensor @ strain_rows(fem, node)
+    if component is None:
+        return Output(name, rows, unit, labels=STRAINS, quantity=quantity)
+    return Output(name, rows[STRAINS.index(component)], unit, labels=(component,), quantity=quantity)
 
 
 class StackedRows(NamedTuple):

@@ -13,17 +13,19 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.sparse as sp
 
-from ..linalg.factorisations import MANY
+from ..linalg.symmetric_factor import MANY
 from .admissible_space import MassOrthogonal, MeanMotion
 from .body import ElasticBody
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable, Iterable
+    from collections.abc import Callable, Iterable
 
     Made = TypeVar("Made")
 
 # what bodies that something still holds were made of: two bodies of one fem, or scenes of a study one after the other
-_MADE: WeakKeyDictionary[ElasticBody, tuple] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[ElasticBody, tuple[bytes, tuple[float, float]]] = WeakKeyDictionary()
+# fem -> body -> (kind, fingerprint) -> result; it must hold no fem, which would live for ever then
+_RESULTS: WeakKeyDictionary[Any, dict[ElasticBody, dict[tuple[str, bytes], Any]]] = WeakKeyDictionary()
 SAME = 1e-11  # of factors that are read from reduced matrices, which Exudyn rounds at 1e-13
 BODIES, RESULTS = 2, 4  # of a fem; of every kind of a body: two, with modes alone and with auxiliary vectors
 
@@ -40,67 +42,46 @@ def shared_body(
 ) -> ElasticBody:
     """Return ElasticBody(mass, stiffness, ...), or one that is still there and was made of the same numbers."""
     held = (reference.nodes, reference.weights) if isinstance(reference, MeanMotion) else ()
-    arrays = [array for A in (mass, stiffness) for array in (A.indptr, A.indices, A.data)]
-    kind, arrays = (fixed, rigid, type(reference), modal_damping), [*arrays, positions, *held]
-    for body, (its_kind, its_rayleigh, its_arrays) in _MADE.items():
-        if kind == its_kind and _agree(rayleigh, its_rayleigh) and all(map(np.array_equal, arrays, its_arrays)):
+    made_of = fingerprint([mass, stiffness, positions, *held, (fixed, rigid, type(reference), modal_damping)])
+    for body, (its, its_rayleigh) in _MADE.items():
+        # but for rounding, as factors of bodies with other modes are
+        if its == made_of and np.allclose(rayleigh, its_rayleigh, rtol=SAME, atol=0.0):
             return body
     body = ElasticBody(mass, stiffness, rayleigh, None, fixed, positions, reference, rigid, modal_damping)
-    _MADE[body] = kind, rayleigh, arrays
+    _MADE[body] = made_of, rayleigh
     return body
-
-
-def _agree(rayleigh: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether two pairs of factors are the same but for rounding, as those of bodies with other modes are."""
-    return all(abs(a - b) <= SAME * abs(b) for a, b in zip(rayleigh, other, strict=True))
-
-
-class _Work:
-    """What was made of a body, the last results of every kind, by what they were made of.
-
-    Of a body with more than MANY coordinates nothing is kept beside it: there memory is what is short.
-    """
-
-    def __init__(self, body: ElasticBody):
-        self.body = body
-        self._made: dict[tuple[str, Hashable], Any] = {}
-
-    def get(self, kind: str, of: Iterable[Any], make: Callable[[], Made]) -> Made:
-        """Return what was made of the same numbers, or make it."""
-        if self.body.N > MANY:
-            return make()
-        key = kind, fingerprint(of)
-        self._made[key] = made = self._made.pop(key) if key in self._made else make()
-        for old in [old for old in self._made if old[0] == kind][:-RESULTS]:
-            del self._made[old]
-        return made
-
-
-# it must hold no fem, which would live for ever then
-_WORK: WeakKeyDictionary[Any, list[_Work]] = WeakKeyDictionary()
 
 
 def keep_with(fem: Any, body: ElasticBody) -> None:
     """Keep a body, with what is made of it, as long as its fem is there; BODIES of a fem."""
     try:
-        kept = [work for work in _WORK.get(fem, ()) if work.body is not body]
+        kept = [(other, made) for other, made in _RESULTS.get(fem, {}).items() if other is not body]
     except TypeError:  # a fem of another kind, which cannot tell when it goes
         return
-    _WORK[fem] = [*kept[1 - BODIES :], next(_works_of(body), None) or _Work(body)]
+    made = _results_of(body)
+    _RESULTS[fem] = dict([*kept[1 - BODIES :], (body, {} if made is None else made)])
 
 
 def made_once(body: ElasticBody, kind: str, of: Iterable[Any], make: Callable[[], Made]) -> Made:
     """Return make(), or what that returned before, of the same body and the same numbers.
 
     kind : of result. of : arrays, matrices, and what repr tells apart, of which alone it is made beside the body. The
-    result is shared: whoever gets it leaves it as it is.
+    result is shared: whoever gets it leaves it as it is. Of a body with more than MANY coordinates nothing is kept
+    beside it: there memory is what is short.
     """
-    work = next(_works_of(body), None)
-    return make() if work is None else work.get(kind, of, make)
+    made = _results_of(body)
+    if made is None or body.N > MANY:
+        return make()
+    key = kind, fingerprint(of)
+    made[key] = found = made.pop(key) if key in made else make()
+    for old in [old for old in made if old[0] == kind][:-RESULTS]:
+        del made[old]
+    return found
 
 
-def _works_of(body: ElasticBody) -> Iterable[_Work]:
-    return (work for works in _WORK.values() for work in works if work.body is body)
+def _results_of(body: ElasticBody) -> dict[tuple[str, bytes], Any] | None:
+    """What was made of a body that is kept; None if it is not."""
+    return next((bodies[body] for bodies in _RESULTS.values() if body in bodies), None)
 
 
 def fingerprint(of: Iterable[Any]) -> bytes:

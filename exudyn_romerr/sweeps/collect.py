@@ -97,8 +97,9 @@ def _cells(name: str, value: Any, reports: bool = True) -> Iterator[tuple[str, A
     elif isinstance(value, np.ndarray) and value.size > 1 and value.dtype.kind not in "SU":
         yield f"{name or VALUE} largest", float(np.max(np.abs(value)))
     else:
-        single = value if not isinstance(value, np.ndarray | np.generic) else _single(value)
-        yield name or VALUE, single
+        if isinstance(value, np.ndarray | np.generic):
+            value = value.item() if value.size == 1 else ", ".join(map(str, value.ravel()))
+        yield name or VALUE, value
 
 
 def _report_rows(name: str, value: Any) -> Iterator[dict[str, Any]]:
@@ -130,7 +131,3 @@ def _largest_of(report: BoundReport, out: OutputReport, row: int) -> dict[str, A
 
 def _parts(value: dict | list | tuple) -> Any:
     return value.items() if isinstance(value, dict) else enumerate(value)
-
-
-def _single(value: np.ndarray | np.generic) -> Any:
-    return value.item() if value.size == 1 else ", ".join(map(str, value.ravel()))

@@ -67,9 +67,13 @@ class Enriched(NamedTuple):
     loads: np.ndarray
     wrenches: np.ndarray
     P: np.ndarray
-    omega: np.ndarray
     keeps: np.ndarray
     first: np.ndarray
+
+    @property
+    def omega(self):
+        """Ritz frequencies, where blocks of P are orthogonal in K and orthonormal in M."""
+        return np.sqrt(np.einsum("ij,ij->j", self.P, self.K @ self.P))
 
     def missed(self, forces):
         """|x - closest in span [V, P]|_K / |x|_K of the responses x = K^-1 forces (k,)."""
@@ -90,7 +94,7 @@ def enriched(body, V, inertia, loads, wrenches, m):
     """Enrichment of one body; columns that are None are none."""
     columns = [np.zeros((len(V), 0)) if part is None else part for part in (inertia, loads, wrenches)]
     found = Enrichment(body, V, *columns, m)
-    return Enriched(body.K.toarray(), body.M.toarray(), V, *columns, found.P, found.omega, found.keeps, found.first)
+    return Enriched(body.K.toarray(), body.M.toarray(), V, *columns, found.P, found.keeps, found.first)
 
 
 @cache

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from exudyn_romerr import Basis, ElasticBody, RomErrError, Trajectory, evaluate
+from exudyn_romerr import Basis, ElasticBody, InputError, RomErrError, Trajectory, evaluate
 from exudyn_romerr.linear.run.prepare import BoundOptions, prepare
 from tests.helpers.bodies import model
 
@@ -56,3 +56,8 @@ def check_error(action, kind, message):
         action()
     assert type(caught.value) is kind
     assert re.search(message, str(caught.value)), str(caught.value)
+
+
+def check_refused(action, message, kind=InputError):
+    """A row of a table of refusals: most are of input."""
+    check_error(action, kind, message)

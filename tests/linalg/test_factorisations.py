@@ -8,7 +8,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 import exudyn_romerr as romerr
-from exudyn_romerr.linalg import factorisations, symmetric_factor
+from exudyn_romerr.linalg import symmetric_factor
 from exudyn_romerr.linalg.eigenmodes import count_below
 from exudyn_romerr.linalg.pardiso import SplitMatrix
 from exudyn_romerr.linalg.symmetric_factor import SINGULAR_PIVOT, SymmetricFactor, negative_eigenvalues
@@ -18,7 +18,7 @@ from tests.helpers import tolerances
 from tests.helpers.bodies import model
 
 INSTALLED = {"superlu": True} | {
-    kind: importlib.util.find_spec(name) is not None for kind, name in factorisations.PACKAGES.items()
+    kind: importlib.util.find_spec(name) is not None for kind, name in symmetric_factor.PACKAGES.items()
 }
 KINDS = [
     pytest.param(kind, marks=pytest.mark.skipif(not there, reason=f"{kind}: pip install .[large]"))
@@ -30,7 +30,7 @@ RNG = np.random.default_rng(22)
 @pytest.fixture(params=KINDS)
 def kind(request, monkeypatch):
     """Let one of them factorise matrices of any size."""
-    monkeypatch.setattr(factorisations, "solver", lambda n: request.param)
+    monkeypatch.setattr(symmetric_factor, "solver", lambda n: request.param)
     return request.param
 
 
@@ -108,7 +108,7 @@ def test_bounds_do_not_depend_on_it(monkeypatch):
     B = np.zeros((M.shape[0], 1))
     B[-1] = 1.0
     for kind in (kind for kind, there in INSTALLED.items() if there):
-        monkeypatch.setattr(factorisations, "solver", lambda n, kind=kind: kind)
+        monkeypatch.setattr(symmetric_factor, "solver", lambda n, kind=kind: kind)
         body = romerr.ElasticBody(M, K, rayleigh=(1.0, 1e-6))
         out = romerr.Output("tip", B[:, 0])
         basis = romerr.krylov_basis(body, B, 6)
@@ -127,7 +127,7 @@ def test_large_bodies_factorise_the_mass_again(monkeypatch):
     for many in (body.MANY, 10):
         monkeypatch.setattr(body, "MANY", many)
         made = romerr.ElasticBody(M, K)
-        assert ("mass_factor" in vars(made)) == (many == factorisations.MANY)
+        assert ("mass_factor" in vars(made)) == (many == symmetric_factor.MANY)
         found.append(output.constant(made))
     np.testing.assert_array_equal(*found)
 
@@ -149,7 +149,7 @@ def test_order_is_of_a_symmetric_graph():
     _, K = bar()
     one_sided = K.tolil()
     one_sided[0, 1], one_sided[1, 0], one_sided[5, 2], one_sided[2, 5] = 0.0, 1e-12, 0.0, 1e-12
-    graph = factorisations.neighbours(one_sided.tocsc())
+    graph = symmetric_factor.neighbours(one_sided.tocsc())
     assert (graph != graph.T).nnz == 0
     assert not graph.diagonal().any()
     assert graph[0, 1]
@@ -158,27 +158,29 @@ def test_order_is_of_a_symmetric_graph():
 
 def test_a_long_wait_is_announced(monkeypatch):
     """Where nothing better is installed, before it begins, with what to install; not of small bodies."""
-    monkeypatch.setattr(factorisations, "find_spec", lambda name: None)
-    monkeypatch.setattr(factorisations, "MANY", 300)
-    monkeypatch.setattr(factorisations.sys, "platform", "linux")
-    monkeypatch.setattr(factorisations.platform, "machine", lambda: "x86_64")
+    monkeypatch.setattr(symmetric_factor, "find_spec", lambda name: None)
+    monkeypatch.setattr(symmetric_factor, "MANY", 300)
+    monkeypatch.setattr(symmetric_factor.sys, "platform", "linux")
+    monkeypatch.setattr(symmetric_factor.platform, "machine", lambda: "x86_64")
     with pytest.warns(UserWarning, match=r"360 coordinates .* by SuperLU, .* `pip install py-mkl-pardiso`"):
         romerr.ElasticBody(*bar())
-    monkeypatch.setattr(factorisations.sys, "platform", "darwin")
-    assert "`pip install pymetis`" in factorisations.faster(360)
-    assert factorisations.faster(299) is None
-    monkeypatch.setattr(factorisations, "solver", lambda n: "pardiso")
-    assert factorisations.faster(360) is None
+    monkeypatch.setattr(symmetric_factor.sys, "platform", "darwin")
+    assert "`pip install pymetis`" in symmetric_factor.faster(360)
+    assert symmetric_factor.faster(299) is None
+    monkeypatch.setattr(symmetric_factor, "solver", lambda n: "pardiso")
+    assert symmetric_factor.faster(360) is None
 
 
 def test_large_bodies_take_the_best_that_is_installed(monkeypatch):
     """PARDISO before METIS's order before SuperLU's own; small ones SuperLU's own."""
     there = set()
-    monkeypatch.setattr(factorisations, "find_spec", lambda name: name in there or None)
+    monkeypatch.setattr(symmetric_factor, "find_spec", lambda name: name in there or None)
     names = []
     for package in (None, "pymetis", "pymklpardiso"):
         there.add(package)
-        names.append((factorisations.solver(factorisations.FEW), factorisations.solver(factorisations.FEW - 1)))
+        names.append(
+            (symmetric_factor.solver(symmetric_factor.FEW), symmetric_factor.solver(symmetric_factor.FEW - 1))
+        )
     assert names == [("superlu", "superlu"), ("metis", "superlu"), ("pardiso", "superlu")]
 
 
@@ -191,7 +193,7 @@ def test_solves_with_any_matrix(kind, dtype):
     A = A + (2j * M if dtype is complex else 0 * M)
     right = RNG.standard_normal((A.shape[0], 3)).astype(dtype)
     expected = la.solve(A.toarray(), right)
-    solve, accuracy = factorisations.solve_with(A), 1e-16 * np.linalg.cond(A.toarray()) * 10
+    solve, accuracy = symmetric_factor.solve_with(A), 1e-16 * np.linalg.cond(A.toarray()) * 10
     for columns in (slice(0, 3), 0):
         found = solve(right[:, columns])
         np.testing.assert_allclose(found, expected[:, columns], rtol=0, atol=accuracy * abs(expected).max())
@@ -203,7 +205,7 @@ def test_bases_do_not_depend_on_it(monkeypatch, damping):
     full, found = model("pencil", damping, 0), {}
     B = np.random.default_rng(4).standard_normal((full.N, 2))
     for kind in (kind for kind, there in INSTALLED.items() if there):
-        monkeypatch.setattr(factorisations, "solver", lambda n, kind=kind: kind)
+        monkeypatch.setattr(symmetric_factor, "solver", lambda n, kind=kind: kind)
         bases = (
             romerr.krylov_basis(full.body, B, 6, shifts=(0.0, 20.0)),
             romerr.gramian_basis(full.body, B, 4, (0, 60)),

@@ -165,6 +165,6 @@ def test_matrix_too_large_to_factorise_is_said_so(monkeypatch, kind):
     def failing(*_, **__):
         raise kind("gstrf was called with invalid arguments")
 
-    monkeypatch.setattr("exudyn_romerr.linalg.factorisations.splu", failing)
+    monkeypatch.setattr("exudyn_romerr.linalg.symmetric_factor.splu", failing)
     with pytest.raises(AssumptionError, match="4 coordinates and 4 entries is too large to factorise"):
         ElasticBody(np.eye(4), np.eye(4))

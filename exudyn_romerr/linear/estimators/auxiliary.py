@@ -46,7 +46,6 @@ class Auxiliary(Energy):
     def start(self, start: Start) -> Bounds:
         """Begin a run; return the bounds at its first instant."""
         self.growth = self.growth.started(start, self.start_norms)
-        self.oscillators = self.oscillators.started()
         omega = self.oscillators.omega
         self.state = np.zeros((2, len(omega)))
         self.rounding = self.missed = np.zeros(len(omega))

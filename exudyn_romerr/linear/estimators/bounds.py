@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from ...model.global_axes import View
+    from ...model.outputs import View
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...model.matrix_input import DOUBLE
+from ...model.matrix_checks import DOUBLE
 
 if TYPE_CHECKING:
     from ...model.body import ElasticBody

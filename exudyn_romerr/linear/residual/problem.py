@@ -15,7 +15,7 @@ from ...basis.basis import Basis
 from ...checks import check_array, check_choice, check_type
 from ...errors import InputError
 from ...model.body import ElasticBody
-from ...model.matrix_input import checked_inputs, precision
+from ...model.matrix_checks import checked_inputs, precision
 from ...model.outputs import Output, StackedRows, stacked_rows
 from .dual_norms import DualNorms, OutputNorms
 from .kernels import KERNELS, Kernel, make_kernel

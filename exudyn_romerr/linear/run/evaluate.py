@@ -10,7 +10,7 @@ import numpy as np
 
 from ...checks import check_array, check_type, real_array
 from ...errors import InputError
-from ...model.matrix_input import precision
+from ...model.matrix_checks import precision
 from ...process.blas_threads import one_thread
 from .prepare import BoundOptions, prepare
 from .run import BLOCK, Run

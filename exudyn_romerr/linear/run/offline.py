@@ -15,8 +15,7 @@ from ..trajectory.segments import Start
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ...model.global_axes import View
-    from ...model.outputs import Output
+    from ...model.outputs import Output, View
     from ...report.data import Plan
     from ...report.scope import Scene
     from ..estimators.energy import StaticError

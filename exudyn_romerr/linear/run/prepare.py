@@ -10,9 +10,8 @@ import numpy as np
 
 from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
-from ...model.global_axes import View
-from ...model.matrix_input import DOUBLE
-from ...model.outputs import stacked_rows
+from ...model.matrix_checks import DOUBLE
+from ...model.outputs import View, stacked_rows
 from ...model.shared_body import made_once
 from ...report.scope import COMPLETE, Scene
 from ..estimators import ESTIMATORS

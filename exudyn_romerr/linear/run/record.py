@@ -15,8 +15,7 @@ from ..trajectory.growing_array import GrowingArray
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from ...model.global_axes import View
-    from ...model.outputs import Output
+    from ...model.outputs import Output, View
     from ...report.scope import Doubt
     from ..estimators.bounds import Bounds
     from ..estimators.node_bounds import AtNodes

@@ -16,8 +16,7 @@ from ..residual.interface_stiffening import interface_share
 from ..trajectory.reconstruction import ROUNDING_SHARE
 
 if TYPE_CHECKING:
-    from ...model.global_axes import View
-    from ...model.outputs import Output
+    from ...model.outputs import Output, View
     from ..estimators.bounds import Bounds
     from .offline import Offline
     from .record import RunRecord

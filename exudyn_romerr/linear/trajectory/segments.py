@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...linalg.blocked_products import largest_sizes
-from ...model.floating_frame import FrameRows, Turn
+from ...model.floating_frame import FrameMotion, Turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -136,6 +136,6 @@ class Block:
 
 def turn_of(block: Block, frame: np.ndarray) -> Turn | None:
     """Return how the frame turns in every segment of a block; frame: its rows (S + 1, 21) at the samples."""
-    rows = FrameRows.of(frame)
+    rows = FrameMotion.of(frame)
     turn = Turn.between(rows.w, rows.al)
     return turn if turn is None or block.bent is None else turn.of_curve(block.bent, block.moved, rows)

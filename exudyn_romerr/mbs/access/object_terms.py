@@ -30,7 +30,7 @@ def object_terms(body: WithShapes) -> dict[str, Any]:
     As ObjectFFRFreducedOrderInterface makes it, with M = m (x) I, so that all follows from the sums of u_i (m u)_j
     over the nodes.
     """
-    U, (of_U, of_x, pull, M, K, *_) = body.shapes, body.sums
+    U, (of_U, of_x, pull, M, K) = body.shapes, body.sums
     k = U.shape[1]
     twice = np.einsum("cd,iikl->kcld", np.eye(3), of_U) - of_U.transpose(2, 1, 3, 0)
     once = np.einsum("cd,iil->cld", np.eye(3), of_x) - of_x.transpose(1, 2, 0)

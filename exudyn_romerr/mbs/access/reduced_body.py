@@ -13,7 +13,7 @@ from ...checks import check_array, check_type
 from ...errors import InputError
 from ...linear.residual.residual import initial_coordinates
 from ...model.body import ElasticBody
-from ...model.matrix_input import checked_inputs
+from ...model.matrix_checks import checked_inputs
 
 if TYPE_CHECKING:
     from collections.abc import Callable

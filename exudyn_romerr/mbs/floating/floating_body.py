@@ -15,7 +15,7 @@ from ...checks import check_array, check_choice
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MassOrthogonal, MeanMotion
 from ...model.floating_frame import require_isotropic_mass, translations
-from ...model.matrix_input import checked_ratios
+from ...model.matrix_checks import checked_ratios
 from ..access.mbs_items import FFRF, dense
 from ..access.reduced_damping import rayleigh_factors
 from .frame_node import FrameNode, RigidPart

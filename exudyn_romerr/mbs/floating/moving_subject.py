@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
     from ...linear.run.offline import Offline
     from ...model.body import ElasticBody
-    from ...model.global_axes import View
-    from ...model.outputs import Output
+    from ...model.outputs import Output, View
     from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
     from .frame_support import Support

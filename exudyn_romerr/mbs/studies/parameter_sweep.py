@@ -9,9 +9,8 @@ from exudyn.processing import ParameterVariation
 
 from ...checks import check_choice
 from ...errors import InputError
-from ...sweeps.executor_run import run_on
 from ...sweeps.result_files import ResultFolder, read_result
-from ...sweeps.variations import Failure, Guarded, Sweep
+from ...sweeps.variations import Failure, Guarded, Sweep, run_on
 
 if TYPE_CHECKING:
     import os

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...checks import check_choice
 from ...errors import InputError
-from ...model.mesh_cells import VERTEX, cells_of
+from ...model.solid_elements import VERTEX, cells_of
 from ..wording import sharpest_at_nodes, under
 from .atomic_write import write_whole
 

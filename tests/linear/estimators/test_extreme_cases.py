@@ -123,7 +123,7 @@ def test_a_slow_root_keeps_its_digits_beside_a_fast_one(zeta, fast):
         for k in range(1, 7):
             expected.append((expected[-1] - 1 / mpmath.factorial(k - 1)) / slow)
     phis = phi_functions(np.array([float(w)]), np.array([zeta]), 6)
-    found = [phi.a[0] + phi.b[0] * float(slow) for phi in phis]
+    found = [a[0] + b[0] * float(slow) for a, b in phis]
     # some roundings; where both roots are near one another doublings multiply them by the fast one
     allowed = 1e-15 if zeta > SEPARATE else 1e-15 * max(fast, 1)
     np.testing.assert_allclose(found, np.array(expected, dtype=float), rtol=allowed, atol=1e-300)

@@ -10,7 +10,7 @@ import pytest
 from scipy import sparse
 
 import exudyn_romerr as romerr
-from exudyn_romerr.model.matrix_input import precision
+from exudyn_romerr.model.matrix_checks import precision
 from models import beam3d, exact, extreme_bodies, linkage, solid_bar
 from models.precise import DIGITS, PreciseModes
 

@@ -16,13 +16,12 @@ from exudyn_romerr.mbs.floating.frame_node import FrameNode
 from exudyn_romerr.model.floating_frame import (
     FrameMotion,
     FramePose,
-    FrameRows,
     inertia_columns,
     inertia_coordinates,
     left_jacobian,
     skew,
 )
-from exudyn_romerr.model.global_axes import View
+from exudyn_romerr.model.outputs import View
 from tests.helpers import tolerances as tol
 from tests.mbs.floating.test_floating_scene import (
     EULER,
@@ -168,7 +167,7 @@ def test_skew_is_the_cross_product(rng):
 
 def test_rows_of_a_motion_are_cut_as_they_were_put_together(rng):
     motion = random_motion(rng)
-    for name, part in FrameRows.of(motion.rows())._asdict().items():
+    for name, part in vars(FrameMotion.of(motion.rows())).items():
         np.testing.assert_array_equal(part, getattr(motion, name))
 
 
