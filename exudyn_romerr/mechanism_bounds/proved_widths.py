@@ -8,7 +8,7 @@ from ..linear.estimators.causes import STEPS_OF_MODES
 from ..mechanism_errors.half_widths import CauseEstimate
 from .bounds import Proved
 
-RESOLVED = 0.5  # of estimates: what they miss may be so much in half of all rows
+WORTH = 10.0  # times estimates: bounds that are farther off in half of all rows tell nobody anything
 MOVES = 0.5  # of the largest estimate, in units of energy: what is less tells of no other row
 MISSED = 32.0  # times what comes of forces that a few rows show to be missed: not where most is missed
 OF_CONSTRAINTS = 256.0  # times what these rows show to be missed of constraints, whose errors add up
@@ -19,7 +19,7 @@ PROVED = "proved"
 def with_proved(by_cause: dict[str, CauseEstimate], proved: Proved) -> np.ndarray | None:
     """Make estimates of the modes what is proved; return bounds (T, R) of errors by modes and interfaces.
 
-    None: what estimates miss may be as large as they are, and then linear equations tell nothing of it.
+    None: what estimates miss may be many times as large as they are, and nothing is told of that.
     """
     modes, rows = by_cause["modes"], proved.rows
     whole = sum(by_cause[x].over_time[:, rows] for x in ("modes", "interfaces") if x in by_cause) + proved.static
@@ -28,7 +28,7 @@ def with_proved(by_cause: dict[str, CauseEstimate], proved: Proved) -> np.ndarra
     share = ROUNDING + OF_CONSTRAINTS * proved.of_constraints
     margin = share * largest + MISSED * np.maximum(own, _share(proved, own, largest) * largest)
     miss = proved.miss + np.outer(_begun(whole, largest), margin)
-    if np.median(miss.max(axis=0) - RESOLVED * largest) > 0:
+    if np.median(miss.max(axis=0) - WORTH * largest) > 0:
         return None
     modes.over_time[:, rows] += proved.static
     bound = np.full(modes.over_time.shape, np.inf)

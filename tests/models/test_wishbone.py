@@ -194,21 +194,21 @@ def test_bound_is_sharp_for_a_basis_that_is_proven_to_meet_1_percent():
 
 
 def test_static_modes_of_all_interfaces_need_no_eigenmode():
-    """So little is missed that nothing is proved of it."""
+    """They miss 1e-6 of the displacement, and that is known and bounded."""
     out, error, _ = compared(0)
     modes, half = parts(out, "modes")
     assert (np.abs(modes) + half).max() < 1e-4 * np.abs(out.value).max()
     assert error.max() < 1e-5 * np.abs(out.value).max()
-    assert not np.isfinite(out.bound["best"]).any()
+    assert error.max() < out.bound["best"].max() < 1.5 * error.max()
 
 
 @pytest.mark.slow
 def test_more_vectors_tell_what_all_static_modes_leave():
-    """1e-6 of the displacement: 60 vectors tell it within 2 % and what the truth is known to; nothing is proved."""
+    """1e-6 of the displacement: 60 vectors tell it within 2 % and what the truth is known to, and bound it closely."""
     out, error, known = compared(0, "RBE3", INTERFACES, 60)
     modes, _ = parts(out, "modes")
     assert np.abs(np.abs(modes) - error).max() < 0.02 * error.max() + known.max()
-    assert not np.isfinite(out.bound["best"]).any()
+    assert error.max() < out.bound["best"].max() < 1.1 * error.max()
 
 
 def test_rigid_interfaces_are_an_error_that_the_bound_shows():

@@ -49,7 +49,7 @@ def compared(mechanism, build=built):
     return report, {name: (full[name] - out.value, noise[name]) for name, out in report.outputs.items()}
 
 
-def check(report, errors, is_bounded=True):
+def check(report, errors, is_bounded=True, close=CLOSE):
     """Estimates are errors, and bounds are above these."""
     for name, (error, left) in errors.items():
         out, size = report.output(name), np.abs(error).max()
@@ -58,7 +58,7 @@ def check(report, errors, is_bounded=True):
         bound = out.bound["best"]
         assert np.isfinite(bound).all() == is_bounded
         assert np.all(np.abs(error) <= bound + left)
-        assert not is_bounded or bound.max() <= CLOSE * size + left
+        assert not is_bounded or bound.max() <= close * size + left
 
 
 def sudden(seed, rho, steps=16):
@@ -71,9 +71,9 @@ def sudden(seed, rho, steps=16):
     return replace(one, bars=bars, links=one.links[:2], loads=(load,), h=4e-3, steps=steps, rho=rho)
 
 
-@pytest.mark.parametrize(("rho", "is_bounded"), [(0.9, True), (0.3, True), (0.0, False)])
-def test_dampers_of_joints_after_a_sudden_start(rho, is_bounded):
-    check(*compared(sudden(110, rho)), is_bounded)
+@pytest.mark.parametrize(("rho", "close"), [(0.9, CLOSE), (0.3, CLOSE), (0.0, 4.0)])
+def test_dampers_of_joints_after_a_sudden_start(rho, close):
+    check(*compared(sudden(110, rho)), close=close)
 
 
 def test_a_first_step_that_is_not_linear():
