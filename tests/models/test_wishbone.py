@@ -204,7 +204,7 @@ def test_static_modes_of_all_interfaces_need_no_eigenmode():
 
 @pytest.mark.slow
 def test_more_vectors_tell_what_all_static_modes_leave():
-    """1e-6 of the displacement: 60 vectors tell it within 2 % and what the truth is known to, and bound it closely."""
+    """1e-6 of the displacement: 60 vectors tell it within 2 % and what the truth is known to, and bound it."""
     out, error, known = compared(0, "RBE3", INTERFACES, 60)
     modes, _ = parts(out, "modes")
     assert np.abs(np.abs(modes) - error).max() < 0.02 * error.max() + known.max()
