@@ -43,11 +43,11 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
         relative_displacement,
     )
     from .report.assessment import Assessment
+    from .report.derived import VonMises, von_mises
     from .report.formats.load import load_report
     from .report.plots.comparisons import plot_convergence, plot_run_time
     from .report.plots.overlay import add_bands
     from .report.report import BoundReport, OutputReport
-    from .report.von_mises import VonMises, von_mises
     from .scripts.run import Run, run
     from .scripts.verify import Verification, verify
 
@@ -70,7 +70,7 @@ _MODULES = {
     "RunError": "errors",
     "Trajectory": "linear.run.evaluate",
     "Verification": "scripts.verify",
-    "VonMises": "report.von_mises",
+    "VonMises": "report.derived",
     "add_bands": "report.plots.overlay",
     "add_reduced_body": "mbs",
     "attach": "mbs",
@@ -104,7 +104,7 @@ _MODULES = {
     "sweep": "mbs.studies.parameter_sweep",
     "two_level": "mbs",
     "verify": "scripts.verify",
-    "von_mises": "report.von_mises",
+    "von_mises": "report.derived",
 }
 
 __all__ = sorted(_MODULES)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from .report.report import BoundReport
+    from .scripts.run import Run
 
 ABOUT = "How wrong reduced flexible bodies make an Exudyn simulation: of a script as it is, or of a saved report."
 ENDINGS = {"html": (".html", ".htm"), "csv": (".csv", ".txt")}  # a script of another ending is not written over
@@ -122,6 +123,7 @@ def _add_run(commands) -> None:
     parser = _add_scripted(commands, "run", about, "romerr run --tolerance 1% model.py", STATUS_OF_RUN)
     for option, what in WRITTEN.items():
         parser.add_argument(f"--{option}", metavar="file", help=what)
+    parser.add_argument("--features", action="store_true", help="also peak, RMS and last value of each sensor")
     _add_script(parser, _run)
 
 
@@ -173,6 +175,14 @@ def _verify(given: argparse.Namespace) -> int:
     return found.status
 
 
+def _features(done: Run) -> list[str]:
+    """Lines of peaks, RMS and values at the end of all sensors in all solves that have a report."""
+    from .report.derived import features_table
+    from .report.table import aligned
+
+    return ["", *aligned(features_table(done.reports))] if done.reports else []
+
+
 def _tell_misspelt(lines: Sequence[str]) -> None:
     """Print what is wrong usage even where no answer is wanted."""
     for line in lines:
@@ -220,7 +230,8 @@ def _run(given: argparse.Namespace) -> int:
     done.ending.show()
     written = write_files(done, files)
     if not given.quiet:
-        show("\n".join(["", f"romerr {__version__}: {given.script}", str(done), *written]))
+        told = [str(done), *(_features(done) if given.features else [])]
+        show("\n".join(["", f"romerr {__version__}: {given.script}", *told, *written]))
     _tell_misspelt(done.misspelt if given.quiet else [])
     done.ending.leave()
     return done.status

@@ -107,6 +107,26 @@ class NodeFields:
     positions: np.ndarray | None = None
 
 
+@dataclass(frozen=True)
+class Feature:
+    """One number of every component of an output.
+
+    Attributes
+    ----------
+    value : (r,)
+        Of this run, in the output's unit.
+    error : (r,) or None
+        That of the full model less value, as well as it can be told, signed; None without an estimate.
+    half_width : (r,) or None
+        How far error may be off where the output's estimate is off by its half width at most. Does not cover: what
+        happens between the instants.
+    """
+
+    value: np.ndarray
+    error: np.ndarray | None
+    half_width: np.ndarray | None
+
+
 @dataclass(repr=False)
 class OutputReport:
     """One output along a run.
@@ -130,7 +150,9 @@ class OutputReport:
     which such a tolerance, of this or another output, stopped the run before its end; None: none did. beside_steps :
     what helps beside shorter steps where these do not resolve what starts at once. uncertified : see BoundReport.
     verdict[cause] : "modes", "interfaces", "step", "start" where there is something of them, and "sum": size, half
-    width, answer, reason and cure beside `tolerance`, of the component where that is worst; of BoundReport.output.
+    width, answer, reason and cure beside `tolerance`, of the component where that is worst. peak, rms, end : the
+    largest |value|, its root mean square over time, the last one, each with the error of that number and its half
+    width, see Feature. These, and verdict, are of BoundReport.output.
     """
 
     name: str
@@ -158,6 +180,9 @@ class OutputReport:
     uncertified: tuple[Doubt, ...] = ()
     quantity: str = ""
     verdict: dict[str, Verdict] = field(default_factory=dict)
+    peak: Feature | None = None
+    rms: Feature | None = None
+    end: Feature | None = None
 
     def __repr__(self) -> str:
         """In a line what it is and which arrays it has: they would fill screens, and need the report's scope."""

@@ -14,6 +14,7 @@ from ..linear.trajectory.samples import instants_in
 from .answers import Tolerances, tolerances_of
 from .assessment import Assessment, assess
 from .data import OutputReport, ReportData
+from .derived import features_of
 from .formats.csv_table import columns, write_csv
 from .formats.npz_file import write_npz
 from .formats.printed_text import details, summary
@@ -45,9 +46,10 @@ class BoundReport(ReportData):
     outputs: dict[str, OutputReport]
 
     def output(self, name: str) -> OutputReport:
-        """Return the output of that name, with its verdicts; InputError lists the known ones."""
+        """Return the output of that name, with verdicts, peak, rms, end; InputError lists the known ones."""
         out = super().output(name)
         out.verdict = worst_by_cause(rows_of_output(self, out, limit_of(out)))
+        vars(out).update(features_of(self, out))
         return out
 
     def reason(self, e: str) -> str:

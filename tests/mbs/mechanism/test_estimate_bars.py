@@ -4,7 +4,9 @@ Truths are models/estimate_truths.py: all modes and steps that do not matter. Wh
 and why, says benchmarks/estimates.py, whose rows these are.
 """
 
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,8 @@ import pytest
 from benchmarks import estimates
 from benchmarks.estimates import Row
 from exudyn_romerr.linear.estimators.causes import RESOLVED
+from exudyn_romerr.report.derived import features_of
+from models import estimate_truths
 from models.estimate_scenes import SCENES
 
 SMALL = pytest.mark.xfail(
@@ -111,3 +115,22 @@ def test_errors_by_cause_are_what_the_full_model_says():
         for row in compared(scene, 4, "frame"):
             for true, found in (row.steps, row.basis):
                 assert np.abs(found - true) <= 2 * estimates.bar_of(row) * row.error
+
+
+@pytest.mark.parametrize("scene", ["slider_crank", "sprung_body"])
+def test_peaks_means_and_last_values(scene):
+    """Errors of these numbers are within two half widths, and nine of ten of them within 30 % of the error."""
+    of, told = SCENES[scene], []
+    outputs, *_ = estimates.monitored(of, 4)
+    for name, truth in estimate_truths.stored(scene).items():
+        out, sizes = outputs[name], np.abs(truth.value - outputs[name].value).max(axis=0)
+        report = SimpleNamespace(t=of.h * np.arange(len(out.value)))
+        found = features_of(report, out)
+        true = features_of(report, replace(out, value=truth.value, estimate=None))
+        compared = sizes > estimates.ABOVE * np.abs(truth.value).max()
+        for feature, full in zip(found.values(), true.values(), strict=True):
+            error = (full.value - feature.value)[compared]
+            off = np.abs(error - feature.error[compared])
+            assert np.all(off <= 2 * feature.half_width[compared] + truth.off[compared])
+            told += list(off <= 0.3 * np.abs(error))
+    assert np.mean(told) > 0.85

@@ -1,4 +1,7 @@
-"""von_mises: the von Mises stress of a report, with its bound."""
+"""What is derived of outputs, with its error: peak, RMS and value at the end; von Mises stress.
+
+A peak does not care about phase: its error may be a hundredth of the largest error over time.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,74 @@ import numpy as np
 
 from ..errors import InputError
 from ..model.solid_elements import STRAINS
+from .answers import Answer
+from .data import Feature
+from .table import size_in_words
+from .verdicts import ESTIMATED, Verdict
+from .wording import digits
 
 if TYPE_CHECKING:
-    from .report import BoundReport
+    from collections.abc import Sequence
+
+    from .data import OutputReport, ReportData
     from .scope import Doubt
+
+NAMES = ("peak", "rms", "end")
+TITLE = "{} (full model less this: about)"
+
+
+def features_of(report: ReportData, out: OutputReport) -> dict[str, Feature]:
+    """Return the features of an output by NAMES."""
+    weights = _weights(report.t)
+    y, off = out.value, out.uncertainty
+    if out.estimate is None:
+        return {name: Feature(x, None, None) for name, x in zip(NAMES, _numbers(y, weights), strict=True)}
+    better = y + out.estimate
+    most, least = (np.abs(better) + off).max(axis=0), np.maximum(np.abs(better) - off, 0.0).max(axis=0)
+    found = {}
+    for name, own, full in zip(NAMES, _numbers(y, weights), _numbers(better, weights), strict=True):
+        half = {"peak": np.maximum(most - full, full - least), "rms": _rms(off, weights), "end": off[-1]}[name]
+        found[name] = Feature(own, full - own, half)
+    return found
+
+
+def _numbers(y: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.abs(y).max(axis=0), _rms(y, weights), y[-1]
+
+
+def _rms(y: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    return np.sqrt(weights @ y**2)
+
+
+def _weights(t: np.ndarray) -> np.ndarray:
+    """Shares (T,) of the run that instants stand for."""
+    if len(t) < 2:
+        return np.ones(len(t))
+    h = np.diff(t)
+    return (np.append(h, 0.0) + np.append(0.0, h)) / 2 / (t[-1] - t[0])
+
+
+def features_table(reports: Sequence[ReportData]) -> list[tuple[str, ...]]:
+    """Return head and a line for every component of every output, of several runs one behind the other."""
+    lines = [("sensor", *(TITLE.format(name) for name in NAMES))]
+    for report in reports:
+        for out in report.outputs.values():
+            found = features_of(report, out)
+            for i, name in enumerate(out.row_names):
+                lines.append((name, *(_cell(found[x], i, out.unit) for x in NAMES)))
+    return lines
+
+
+def _cell(feature: Feature, i: int, unit: str) -> str:
+    value = f"{digits(feature.value[i], 4)} {unit}".rstrip()
+    if feature.error is None:
+        return f"{value} ({Answer.NOT_COVERED.value})"
+    error, half = float(feature.error[i]), float(feature.half_width[i])
+    if not np.isfinite(half):
+        return f"{value} ({Answer.NOT_KNOWN.value})"
+    verdict = Verdict(abs(error), half, ESTIMATED, Answer.NOT_KNOWN)
+    sign = ("-" if error < 0 else "+") if verdict.is_resolved else ""
+    return f"{value} ({sign}{size_in_words(verdict)})"
 
 
 @dataclass(frozen=True)
@@ -30,7 +97,7 @@ class VonMises:
     uncertified: tuple[Doubt, ...] = ()
 
 
-def von_mises(report: BoundReport, name: str) -> VonMises:
+def von_mises(report: ReportData, name: str) -> VonMises:
     """Return the von Mises stress of a node_stress with all six components, and its bound.
 
     vM(s) is a seminorm: |vM(s + e) - vM(s)| <= vM(e), and where |e_i| <= b_i no vM(e) is larger than with the normal
