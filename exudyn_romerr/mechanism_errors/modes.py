@@ -77,27 +77,34 @@ class Modes:
         of_modes = np.abs(whole[:, 0]).max()
         changed = min(1.0, np.abs(d[:, 0]).max() / of_modes) if of_modes else 0.0
         off, off_lam = self._marched_coarsely(block, first, *(x[..., -1:] for x in sums))
-        columns = [
-            np.concatenate(x, axis=-1)
-            for x in (
-                (e, whole, d[..., :1], off, beside),
-                (lam, forces, dlam[..., :1], off_lam, forces_beside),
-            )
-        ]
-        self._look(first, columns[0], self._of.all_multipliers(columns[1]), changed)
+        shown = self._shown(
+            first,
+            parts=(e, lam),
+            whole=(whole, forces),
+            change=(d[..., :1], dlam[..., :1]),
+            steps=(off, off_lam),
+            missed=(beside, forces_beside),
+        )
+        self._keep(shown, changed)
 
-    def _look(self, first: int, e: np.ndarray, lam: np.ndarray, changed: float) -> None:
-        """What sensors show of parts, of corrected sums, of the correction: columns of e, lam."""
-        y = self._of.outputs(first, e, lam)
+    def _shown(self, first: int, **errors: tuple[np.ndarray, np.ndarray]) -> dict[str, np.ndarray]:
+        """What sensors show (T, R, columns) of errors by name, each (e, lam) of some columns: all at once."""
+        e, lam = (np.concatenate(x, axis=-1) for x in zip(*errors.values(), strict=True))
+        y = self._of.outputs(first, e, self._of.all_multipliers(lam))
+        ends = np.cumsum([x.shape[-1] for x, _ in errors.values()])
+        return dict(zip(errors, np.split(y, ends[:-1], axis=-1), strict=True))
+
+    def _keep(self, shown: dict[str, np.ndarray], changed: float) -> None:
+        """Keep estimates over time, and the largest of what tells how far they are off."""
         if self.missed:
-            self.now.missed, y = y[..., -1], y[..., :-1]
-            self.now.of_constraints = self.missed.of_constraints
-        z = y[..., self._parts : self._parts + len(self._wanted)]
-        self._largest.add(modes=z[..., 0], last=y[..., 2], second=y[..., 1], change=y[..., -2] * changed)
-        self._largest.add(steps=y[..., -1] / TWICE_THE_STEP)
+            self.now.missed, self.now.of_constraints = shown["missed"][..., 0], self.missed.of_constraints
+        z, parts = shown["whole"], dict(zip(PARTS, np.moveaxis(shown["parts"], -1, 0), strict=False))
+        self._largest.add(modes=z[..., 0], last=parts["last third"], second=parts["second third"])
+        self._largest.add(change=shown["change"][..., 0] * changed, steps=shown["steps"][..., 0] / TWICE_THE_STEP)
         if self.is_rigid:
             z[..., 1] -= z[..., 0]
-            self._largest.add(interfaces=z[..., 1], deforming=y[..., 4], first_deforming=y[..., 3])
+            self._largest.add(interfaces=z[..., 1])
+            self._largest.add(deforming=parts["deforming, last half"], first_deforming=parts["deforming"])
         self._kept.append(z)
 
     def _marched_coarsely(
