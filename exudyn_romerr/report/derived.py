@@ -48,7 +48,9 @@ def _numbers(y: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _rms(y: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    return np.sqrt(weights @ y**2)
+    size = np.abs(y).max(axis=0)
+    scale = np.where(np.isfinite(size) & (size > 0), size, 1.0)  # squares may be too large for a float
+    return scale * np.sqrt(weights @ (y / scale) ** 2)
 
 
 def _weights(t: np.ndarray) -> np.ndarray:
