@@ -155,7 +155,7 @@ def test_onlookers_do_not_decide_on_auxiliary_modes():
     assert line in str(solved(stabiliser(4)).plan)
 
 
-@pytest.mark.parametrize("share", [1e-2, 3e-3])
+@pytest.mark.parametrize("share", [pytest.param(1e-2, marks=pytest.mark.slow), 3e-3])
 def test_slider_crank_needs_the_modes_that_the_truth_asks_for(share, crank_truth):
     """The chosen basis is within the tolerance, one mode less is not, by the error itself."""
     built = []
