@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ..memory.detached import Detached, OnlyReads
-from .state_guard import state_kept
+from .detached import Detached, OnlyReads
+from .state_guard import current_state, state_set
 
 LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
 MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
@@ -41,8 +41,10 @@ def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
     if detached.lost:
         return f", whose function keeps what cannot be copied: {detached.lost}"
 
-    def values(at: float = t) -> Any:
-        return np.hstack([np.ravel(detached.of(f)(OnlyReads(mbs), at, as_given(given))) for f in functions])
+    def values(at: float = t) -> Any:  # given as Exudyn does: a number, or a list of their own, to write to
+        return np.hstack(
+            [np.ravel(detached.of(f)(OnlyReads(mbs), at, np.asarray(given).tolist())) for f in functions]
+        )
 
     with detached.in_use(mbs):
         try:
@@ -57,12 +59,10 @@ def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
 
 
 def _elsewhere(system: Any, values: Callable[[], Any]) -> Any:
-    """What values are in another state."""
-    with state_kept(system) as (q, q_t, q_tt, multipliers):
-        system.SetODE2Coordinates(q + shifts(len(q)))
-        system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
-        system.SetODE2Coordinates_tt(q_tt + shifts(len(q)))
-        system.SetAECoordinates(multipliers + MOVED)
+    """What values are in another state: each coordinate is moved by another amount."""
+    q, q_t, q_tt, multipliers = current_state(system)
+    shifts, rates = (MOVED * (1 + of(np.arange(len(q)))) for of in (np.sin, np.cos))
+    with state_set(system, system.GetTime(), (q + shifts, q_t + rates, q_tt + shifts, multipliers + MOVED)):
         return values()
 
 
@@ -79,13 +79,3 @@ def user_functions(mbs: Any) -> list[Callable]:
         values = [value for key, value in mbs.GetObject(i).items() if key.endswith("UserFunction") and value]
         found += [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]
     return found
-
-
-def shifts(n: int) -> np.ndarray:
-    """Return what coordinates (n,) are moved by to see what functions of the motion do: each by another amount."""
-    return MOVED * (1 + np.sin(np.arange(n)))
-
-
-def as_given(values: Any) -> Any:
-    """Return a parameter as Exudyn gives it to user functions: a number, or a list of their own, to write to."""
-    return np.asarray(values).tolist()

@@ -19,6 +19,7 @@ from ...model.admissible_space import (
     rigid_parts,
 )
 from ...model.shared_body import keep_with, shared_body
+from ..access.mbs_items import Items
 from .floating_body import read_object
 from .frame_node import RigidPart
 from .loads_and_joints import read_actions
@@ -52,19 +53,25 @@ DEPENDENT = 1e-12  # eigenvalues of a Gram matrix, of the largest: columns that 
 
 
 class SeenBody(NamedTuple):
-    """What an mbs has of a body now: reduced matrices, held by reference conditions; what acts on it; conditions."""
+    """What an mbs has of a body now, and all its items.
 
+    model : reduced matrices, held by reference conditions. actions : what acts on it. body : the full one, held.
+    """
+
+    items: Items
     model: ReducedMatrices
     actions: Actions
     reference: Reference
+    body: ElasticBody
 
 
 def seen_body(mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float] | None = None) -> SeenBody:
     """Read a body; load_factor : what a static solver scales constant loads with."""
-    model = read_object(mbs, flex)
-    actions = read_actions(mbs, flex, model, load_factor)
+    items, model = Items(mbs), read_object(mbs, flex)
+    actions = read_actions(items, flex, model, load_factor)
     reference = find_reference(flex, model.V, actions.interfaces())
-    return SeenBody(reference.of(model), actions, reference)
+    body = held_body(flex, model.rayleigh, reference)
+    return SeenBody(items, reference.of(model), actions, reference, body)
 
 
 @dataclass(frozen=True)

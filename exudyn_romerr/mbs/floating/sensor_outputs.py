@@ -26,7 +26,10 @@ QUANTITIES = {
     exu.OutputVariableType.DisplacementLocal: ("displacement", "body"),
     exu.OutputVariableType.VelocityLocal: ("velocity", "body"),
 }
-OF_NO_STATE = ("Load", "UserFunction")  # types of sensors that nobody estimates
+NO_STATE = {  # types of sensors that show no state of the mbs, and so have no estimate of their error
+    "Load": "it shows a load, not the motion",
+    "UserFunction": "a user function is not called away from the run",
+}
 ELSEWHERE = "attach(mbs, [flex]), with a list, estimates other sensors, those of joint forces too"
 KNOWN = ", ".join(quantity.name for quantity in QUANTITIES)
 NO_SENSOR = (
@@ -99,7 +102,7 @@ def body_sensors(mbs: Any, flex: FloatingBody, alone: bool) -> BodySensors:
     for number in range(mbs.systemData.NumberOfSensors()):
         sensor = mbs.GetSensor(number)
         body = _body_of(mbs, sensor)
-        if body is None and alone and sensor["sensorType"] not in OF_NO_STATE:
+        if body is None and alone and sensor["sensorType"] not in NO_STATE:
             left_out.append((f"sensor {sensor['name']!r}", f"on no flexible body: {ELSEWHERE}"))
         elif body == flex.number:
             try:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ...report.data import Plan
     from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport
-    from ..access.linear_adapter import LinearSubject
+    from ..access.reduced_body import LinearSubject
     from .body_monitor import MonitoredBody
     from .step_hook import StepHook
 

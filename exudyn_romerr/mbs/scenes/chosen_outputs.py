@@ -10,7 +10,7 @@ from exudyn.itemInterface import SensorMarker, SensorSuperElement
 
 from ...model.outputs import Output, mean_displacement
 from ..floating.loads_and_joints import MESH_MARKERS, read_interfaces
-from ..sensors.without_state import NO_STATE
+from ..floating.sensor_outputs import NO_STATE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,8 +11,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from .stand_in import StandIn
-
 if TYPE_CHECKING:
     from types import FrameType, ModuleType
 
@@ -46,6 +44,23 @@ class FoundBody:
         return dict(
             zip(("nRigidBody", "nGenericODE2", "oFFRFreducedOrder"), (*map(int, nodes), self.number), strict=True)
         )
+
+
+class StandIn:
+    """Functions of classes that were replaced, to be put back."""
+
+    def __init__(self) -> None:
+        self._replaced: list[tuple[Any, str, Any]] = []
+
+    def replace(self, owner: Any, name: str, function: Any) -> None:
+        """Put a function in place of the one that a class has under that name."""
+        self._replaced.append((owner, name, getattr(owner, name)))
+        setattr(owner, name, function)
+
+    def uninstall(self) -> None:
+        """Put back all that was replaced, the last first."""
+        while self._replaced:
+            setattr(*self._replaced.pop())
 
 
 class FoundBodies(StandIn):

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 from ...errors import AssumptionError
 from ...process.blas_threads import one_thread
 from ...report.verdicts import until, until_begun, until_load
-from ..access.mbs_items import holds_rates, scheme_from, sensor_name
+from ..access.endings import SAME_TIME
+from ..access.mbs_items import sensor_name
+from ..access.solvers import holds_rates, scheme_from
 from ..floating.floating_body import floating_body
 from ..mirror.recorder import Recorder
 from ..mirror.told_solve import Asked, Ended, told_solve
 from ..monitoring.monitor import MechanismMonitor, Monitor
-from ..monitoring.run_succession import SAME_TIME
 from ..monitoring.step_hook import StepHook, slot_function
 from .chosen_outputs import chosen_outputs, shows_motion
 from .found_bodies import NO_FEM

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...report.verdicts import until, until_load
-from ..access.endings import ended_by
+from ..access.endings import SAME_TIME, ended_by
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 SOLVERS = ("MainSolverImplicitSecondOrder", "MainSolverExplicit", "MainSolverStatic")
 STATIC = "MainSolverStatic"
-SAME_TIME = 1e-9  # of a time: solvers add up their steps
 ORDERS = {"DOPRI5": 5, "ODE23": 3}  # of methods that choose their steps by tolerances
 ENDINGS = (".txt", ".sol")  # of solution files, text or binary, whose name has none
 RIGID = "RBE2"

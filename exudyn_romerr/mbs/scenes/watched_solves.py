@@ -17,7 +17,7 @@ from ...process.own_frames import without_our_places
 from ...report.judgement import Solve
 from ...report.verdicts import until_begun
 from ..access.endings import INTERRUPTED, TO_ITS_END, EndedBy, ended_by, note_end
-from .stand_in import StandIn
+from .found_bodies import StandIn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

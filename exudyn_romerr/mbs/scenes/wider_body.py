@@ -16,7 +16,7 @@ from ..access.mbs_items import dense
 from ..access.object_terms import object_terms
 from ..access.reduced_damping import rayleigh_factors
 from ..floating.floating_body import floating_body
-from ..floating.reference_search import held_body, seen_body, stiff_space
+from ..floating.reference_search import seen_body, stiff_space
 
 if TYPE_CHECKING:
     from .found_bodies import FoundBody
@@ -49,8 +49,7 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
     if body.fem is None:
         raise InputError("its FE model is gone")
     flex = floating_body(body.fem, body.items(mbs))
-    model, actions, reference = seen_body(mbs, flex)
-    full = held_body(flex, model.rayleigh, reference)
+    _, model, actions, _, full = seen_body(mbs, flex)
     Z, stiff = full.space, stiff_space(flex, model.V, actions.interfaces())
     full.modes(1)
     V = Z.coordinates("V", model.V)

@@ -15,7 +15,7 @@ import pytest
 from exudyn import itemInterface
 
 from exudyn_romerr.mbs.access import load_functions
-from exudyn_romerr.mbs.memory.detached import Detached
+from exudyn_romerr.mbs.access.detached import Detached
 from models import mechanisms
 from tests.helpers.mechanism_runs import (
     FROZEN,

@@ -16,8 +16,7 @@ from exudyn_romerr.linear.run.run import BLOCK, Run
 from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
-from exudyn_romerr.mbs.monitoring.body_monitor import MonitoredBody
-from exudyn_romerr.mbs.monitoring.tolerance_check import FEWEST, MOST
+from exudyn_romerr.mbs.monitoring.body_monitor import FEWEST, MOST, MonitoredBody
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.report.formats.load import load_report
 from tests.helpers.mbs_scenes import (
@@ -81,7 +80,7 @@ def test_initial_state_of_the_body_is_the_monitors_unless_another_is_given(monke
         given.append(options.initial)
         raise InputError("seen")
 
-    monkeypatch.setattr("exudyn_romerr.mbs.access.linear_adapter.prepare", prepare)
+    monkeypatch.setattr("exudyn_romerr.mbs.access.reduced_body.prepare", prepare)
     state, other = (np.ones(N), np.zeros(N)), (np.zeros(N), np.ones(N))
     for initial in (None, other):
         with pytest.raises(InputError, match="seen"):
