@@ -17,7 +17,6 @@ from ...model.admissible_space import MassOrthogonal, MeanMotion
 from ...model.floating_frame import require_isotropic_mass, translations
 from ...model.matrix_checks import checked_ratios
 from ..access.mbs_items import FFRF, dense
-from ..access.reduced_damping import rayleigh_factors
 from .frame_node import FrameNode, RigidPart
 
 if TYPE_CHECKING:
@@ -232,3 +231,24 @@ def _check_reduction(name: str, expected: np.ndarray, found: np.ndarray) -> None
             f"{name}MatrixReduced of the body differs from V^T M V of the fem by {off:.1e} of its largest entry: "
             "another fem, a fem changed since, or reduced matrices that were edited".replace("M V", f"{name} V")
         )
+
+
+def rayleigh_factors(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> tuple[float, float]:
+    """Return alpha, beta of D = alpha M + beta K by least squares."""
+    size = np.max(np.abs(D))
+    if size == 0:
+        return 0.0, 0.0
+    scale = np.array([np.max(np.abs(M)), np.max(np.abs(K))])
+    columns = np.stack([M.ravel(), K.ravel()], axis=1) / scale
+    factors = np.linalg.lstsq(columns, D.ravel() / size, rcond=None)[0]
+    off = np.max(np.abs(columns @ factors - D.ravel() / size))
+    if off > SAME_MATRICES:
+        raise AssumptionError(
+            f"damping of the body is not alpha M + beta K (off by {off:.1e} of its largest entry); the full model's "
+            "damping is then unknown (ratios of the basis' modes do not tell it: the full body has others): use "
+            "massProportionalDamping and stiffnessProportionalDamping, or give ratios of the full body's modes, "
+            "floating_body(..., modal_damping=[...]), and call romerr.set_modal_damping(mbs, flex)"
+        )
+    alpha, beta = factors * size / scale
+    # rounding of a factor that is zero, and nothing else, may come out negative
+    return tuple(0.0 if abs(x) * s <= 1e-12 * size else float(x) for x, s in zip((alpha, beta), scale, strict=True))

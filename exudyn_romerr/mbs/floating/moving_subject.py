@@ -21,9 +21,9 @@ from ...model.floating_frame import FramePose, Jitter
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
 from ..access.mbs_items import node_coordinates
-from ..access.reduced_damping import damping_text, require_modal_damping
 from ..access.solvers import load_factor
 from .floating_body import read_object
+from .modal_damping import damping_text, require_modal_damping
 from .reference_search import seen_body, stiff_space
 from .sampler import InputTerms, Sampler
 from .scope_decision import find_level, read_support, require_free_node, why_not_told

@@ -12,10 +12,9 @@ from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError, InputError
 from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...model.floating_frame import unit_inertia
+from ..access.copied_mbs import object_terms
 from ..access.mbs_items import dense
-from ..access.object_terms import object_terms
-from ..access.reduced_damping import rayleigh_factors
-from ..floating.floating_body import floating_body
+from ..floating.floating_body import floating_body, rayleigh_factors
 from ..floating.reference_search import seen_body, stiff_space
 
 if TYPE_CHECKING:

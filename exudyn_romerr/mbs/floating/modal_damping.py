@@ -1,4 +1,4 @@
-"""set_modal_damping: gives a floating body in an mbs the damping that ratios of its full model's modes make."""
+"""Damping of floating bodies by ratios of the modes of their full models: set in an mbs, checked, said."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from ...checks import check_type
 from ...errors import InputError
-from ..access.reduced_damping import reduced_damping
-from ..floating.floating_body import FloatingBody, read_object
-from ..floating.loads_and_joints import read_interfaces
-from ..floating.reference_search import find_reference, held_body
+from .floating_body import FloatingBody, read_object
+from .loads_and_joints import read_interfaces
+from .reference_search import find_reference, held_body
 
 if TYPE_CHECKING:
     from ...model.body import ElasticBody
 
+SAME_DAMPING = 1e-6  # modes are known to about 1e-9, and two solves for them may give others
 _MADE: WeakKeyDictionary[FloatingBody, ElasticBody] = WeakKeyDictionary()  # for attach, which finds it: shared_body
 
 
@@ -59,6 +59,35 @@ def set_modal_damping(mbs: Any, flex: FloatingBody) -> np.ndarray:
     model = read_object(mbs, flex)
     reference = find_reference(flex, model.V, read_interfaces(mbs, flex))
     _MADE[flex] = body = held_body(flex, model.rayleigh, reference)
-    D = reduced_damping(body, reference.of(model).held)
+    D = _reduced_damping(body, reference.of(model).held)
     mbs.SetObjectParameter(flex.number, "dampingMatrixReduced", exu.MatrixContainer(D))
     return D
+
+
+def _reduced_damping(body: ElasticBody, V: np.ndarray) -> np.ndarray:
+    """V^T D V (n, n) of modes V (N, n) and a body that has ratios by mode."""
+    V = body.space.coordinates("V", V)
+    D = V.T @ (body.modal @ V)
+    return (D + D.T) / 2
+
+
+def require_modal_damping(body: ElasticBody, V: np.ndarray, D: np.ndarray) -> None:
+    """InputError unless the damping D (n, n) in the mbs is that of the full body, which has ratios by mode."""
+    expected = _reduced_damping(body, V)
+    size = np.max(np.abs(expected))
+    off = np.max(np.abs(D - expected))
+    if off > SAME_DAMPING * size:
+        raise InputError(
+            f"dampingMatrixReduced of the body is not V^T D V of modal_damping= (off by {off:.1e}, its largest entry "
+            f"is {size:.1e}): call romerr.set_modal_damping(mbs, flex) once its joints are there, before the solve"
+        )
+
+
+def damping_text(ratios: tuple[float, ...] | float | None, rayleigh: tuple[float, float]) -> str:
+    """Say how the full body is damped, for the plan."""
+    if ratios is None:
+        return f"damping: alpha = {rayleigh[0]:.6g} 1/s, beta = {rayleigh[1]:.6g} s"
+    if isinstance(ratios, float):
+        return f"damping: ratio {ratios:.6g} of all modes of the full body"
+    shown = f"{min(ratios):.6g}" if min(ratios) == max(ratios) else f"{min(ratios):.6g} to {max(ratios):.6g}"
+    return f"damping: ratios {shown} of the {len(ratios)} lowest modes of the full body, none above"
