@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import exudyn as exu
 import numpy as np
@@ -33,7 +32,8 @@ class FloatingBody:
     """A flexible body in a floating frame, as made by floating_body; to be passed to attach.
 
     mass, stiffness (N, N) and positions (nodes, 3) are those that the fem had then. modal_damping: ratios of the
-    lowest modes, a float: of all, None: damping is Rayleigh's.
+    lowest modes, a float: of all, None: damping is Rayleigh's. known : what was found of it in an mbs, by what was
+    looked for: a solve finds what its plan has read.
     """
 
     fem: Any = field(repr=False)
@@ -44,6 +44,7 @@ class FloatingBody:
     stiffness: sp.csc_matrix = field(repr=False)
     positions: np.ndarray = field(repr=False)
     modal_damping: tuple[float, ...] | float | None = None
+    known: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def number(self) -> int:
@@ -54,10 +55,6 @@ class FloatingBody:
     def carried(self) -> np.ndarray:
         """M e_j (N, 3) of unit translations."""
         return translations(self.mass)
-
-
-# what was found to be the reduction of a fem, and its Rayleigh factors: a solve finds what its plan has read
-_CHECKED: WeakKeyDictionary[FloatingBody, tuple] = WeakKeyDictionary()
 
 
 def floating_body(
@@ -187,12 +184,12 @@ def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
             "it adds cannot be read: use AddObjectFFRFreducedOrder"
         )
     nodes = tuple(int(n) for n in item["nodeNumbers"])
-    numbers, (seen, rayleigh) = (V, positions, M, K, D), _CHECKED.get(flex, ((), None))
+    numbers, (seen, rayleigh) = (V, positions, M, K, D), flex.known.get("reduction", ((), None))
     if seen and all(map(np.array_equal, numbers, seen)):
         V = seen[0]
     else:
         rayleigh = _checked(flex, *numbers)
-        _CHECKED[flex] = numbers, rayleigh
+        flex.known["reduction"] = numbers, rayleigh
     return ReducedMatrices(V, D, rayleigh, FrameNode(mbs.GetNode(nodes[0])), nodes)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
 WEIGHT_SUM = 1e-9  # markers whose weights do not sum to 1 do not take a mean
 FORCES_ONLY = ("JointSpherical", "ConnectorCartesianSpringDamper", "ConnectorSpringDamper")
 MESH_MARKERS = ("SuperElementPosition", "SuperElementRigid")
-
-# mean motions of a body's interfaces and their rows (6, N), by nodes and weights: a solve finds those of its plan
-_MEANS: WeakKeyDictionary[FloatingBody, dict[tuple[bytes, bytes], tuple]] = WeakKeyDictionary()
 
 
 def read_actions(
@@ -111,7 +107,8 @@ def _place(number: int, marker: dict, flex: FloatingBody) -> Place:
 
 
 def _mean_motion(name: str, nodes: np.ndarray, weights: np.ndarray, flex: FloatingBody) -> tuple:
-    made, key = _MEANS.setdefault(flex, {}), (nodes.tobytes(), weights.tobytes())
+    """The mean motion of an interface, and its rows (6, N)."""
+    made, key = flex.known.setdefault("means", {}), (nodes.tobytes(), weights.tobytes())
     try:
         if key not in made:
             mean = mean_motion(nodes, weights)

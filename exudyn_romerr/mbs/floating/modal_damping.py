@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import exudyn as exu
 import numpy as np
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from ...model.body import ElasticBody
 
 SAME_DAMPING = 1e-6  # modes are known to about 1e-9, and two solves for them may give others
-_MADE: WeakKeyDictionary[FloatingBody, ElasticBody] = WeakKeyDictionary()  # for attach, which finds it: shared_body
 
 
 def set_modal_damping(mbs: Any, flex: FloatingBody) -> np.ndarray:
@@ -58,7 +56,7 @@ def set_modal_damping(mbs: Any, flex: FloatingBody) -> np.ndarray:
         raise InputError("flex has no ratios; pass modal_damping=[...] to floating_body")
     model = read_object(mbs, flex)
     reference = find_reference(flex, model.V, read_interfaces(mbs, flex))
-    _MADE[flex] = body = held_body(flex, model.rayleigh, reference)
+    flex.known["damped"] = body = held_body(flex, model.rayleigh, reference)  # kept for attach: shared_body
     D = _reduced_damping(body, reference.of(model).held)
     mbs.SetObjectParameter(flex.number, "dampingMatrixReduced", exu.MatrixContainer(D))
     return D

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -103,10 +102,6 @@ class Reference:
         return (found,) if self.moves is None else (found, OF_THE_FRAME.format(self.share))
 
 
-# the last one found at interfaces: they, by name, the modes, and the conditions
-_FOUND: WeakKeyDictionary[FloatingBody, tuple[dict[str, MeanMotion], np.ndarray, Reference]] = WeakKeyDictionary()
-
-
 def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
     """Return the conditions that every mode meets, found before if they are those of the same interfaces.
 
@@ -122,12 +117,12 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
     AssumptionError
         No candidate fits, or several that differ.
     """
-    its_interfaces, its_V, found = _FOUND.get(flex, ({}, V, None))
+    its_interfaces, its_V, found = flex.known.get("reference", ({}, V, None))
     same = [*its_interfaces] == [*interfaces] and all(its_interfaces[x] is interfaces[x] for x in interfaces)
     if found is None or not same or not np.array_equal(its_V, V):
         found = _search(flex, V, interfaces)
         if found.source in interfaces:  # else node sets, or modes, decided
-            _FOUND[flex] = interfaces, V, found
+            flex.known["reference"] = interfaces, V, found
     return found
 
 

@@ -86,9 +86,15 @@ def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
     InputError
         No such sensor; one on another body; a quantity that no bound is known for.
     """
-    if not 0 <= number < mbs.systemData.NumberOfSensors():
-        raise InputError(f"outputs contains sensor {number}; the mbs has {mbs.systemData.NumberOfSensors()} sensors")
+    asked_sensor(mbs, number)
     return _measured(mbs, flex, number).output()
+
+
+def asked_sensor(mbs: Any, number: int) -> dict[str, Any]:
+    """Return a sensor that was asked for by its number; InputError: there is none."""
+    if not 0 <= number < (count := mbs.systemData.NumberOfSensors()):
+        raise InputError(f"outputs contains sensor {number}; the mbs has {count} sensors")
+    return mbs.GetSensor(number)
 
 
 def framed_output(mbs: Any, flex: FloatingBody, number: int) -> Output:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 from numbers import Integral, Real
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
@@ -23,7 +24,7 @@ from ..access.reduced_body import LinearSubject, ReducedBody
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.moving_subject import MovingSubject
 from ..floating.reference_search import require_still_interface
-from ..floating.sensor_outputs import framed_output, is_on, sensor_output
+from ..floating.sensor_outputs import asked_sensor, framed_output, is_on, sensor_output
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -44,7 +45,10 @@ def make_subject(
     """
     if isinstance(flex, FloatingBody):
         return _floating(mbs, flex, options, scope, alone)
-    _check_body(mbs, flex)
+    if not isinstance(flex, ReducedBody):
+        raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body or floating_body returned")
+    if flex.mbs is not mbs:
+        raise InputError("flex was added to another mbs than the one passed to attach; pass flex.mbs")
     return _linear(flex, options)
 
 
@@ -80,12 +84,9 @@ def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | N
     """Number of the body, None: none, output or sensor number, and its name, of every entry of outputs."""
     for out in _without_names(mbs, flexes, outputs):
         if isinstance(out, Integral | exu.SensorIndex):
-            number, count = int(out), mbs.systemData.NumberOfSensors()
-            if not 0 <= number < count:
-                raise InputError(f"outputs contains sensor {number}; the mbs has {count} sensors")
-            sensor = mbs.GetSensor(number)
+            sensor = asked_sensor(mbs, int(out))
             on = (i for i, f in enumerate(flexes) if isinstance(f, FloatingBody) and is_on(mbs, f, sensor))
-            yield next(on, None), number, sensor["name"]
+            yield next(on, None), int(out), sensor["name"]
         elif isinstance(out, tuple) and len(out) == 2 and any(out[0] is flex for flex in flexes):
             check_type("an output of (flex, output)", out[1], Output)
             yield next(i for i, flex in enumerate(flexes) if flex is out[0]), out[1], out[1].name
@@ -119,7 +120,10 @@ def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, a
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
         outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
     outputs = outputs if outputs is None else checked_outputs(outputs)
-    _check_rows(flex, outputs or ())
+    mesh = SimpleNamespace(positions=flex.positions, N=flex.positions.size, dofs_per_node=3)
+    for out in outputs or ():
+        with suppress(AttributeError):  # a user's own function of the body, which is not known yet
+            out.resolve(mesh)
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
         check_choice(name, getattr(options, name), known)
     if options.auxiliary_modes != "auto":
@@ -128,28 +132,6 @@ def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, a
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
     return MovingSubject(flex, replace(options, outputs=outputs), scope, alone)
-
-
-class _Mesh:
-    """What rows of outputs are made of that is known before the body's reference conditions are."""
-
-    def __init__(self, flex: FloatingBody):
-        self.positions, self.N, self.dofs_per_node = flex.positions, 3 * len(flex.positions), 3
-
-
-def _check_rows(flex: FloatingBody, outputs: Sequence[Output]) -> None:
-    """InputError for node numbers or rows that do not fit the mesh."""
-    mesh = _Mesh(flex)
-    for out in outputs:
-        with suppress(AttributeError):  # a user's own function of the body, which is not known yet
-            out.resolve(mesh)
-
-
-def _check_body(mbs: Any, flex: Any) -> None:
-    if not isinstance(flex, ReducedBody):
-        raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body or floating_body returned")
-    if flex.mbs is not mbs:
-        raise InputError("flex was added to another mbs than the one passed to attach; pass flex.mbs")
 
 
 def _refuse_sensors(outputs: Any) -> None:
