@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import exudyn as exu
 import numpy as np
 
-from .mbs_items import FFRF
+from .mbs_items import FFRF, Items
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -45,17 +45,17 @@ def copy_items(
     that have neither mass nor stiffness there; further coordinates of their nodes are zero.
     """
     to.variables, to.sys = detached.spaces
-    system = mbs.systemData
-    objects = [_bare(mbs.GetObject(i), detached) | wider.get(i, {}) for i in range(system.NumberOfObjects())]
-    markers = [_bare(mbs.GetMarker(i), detached) for i in range(system.NumberOfMarkers())]
+    of = Items(mbs)
+    objects = [_bare(item, detached) | wider.get(i, {}) for i, item in enumerate(of.objects)]
+    markers = [_bare(item, detached) for item in of.markers]
     for i, item in enumerate(objects):
         if item["objectType"] == FFRF:
             on_it = [one for one in markers if int(one.get("bodyNumber", -1)) == i]
             light = {} if with_sensors else _lightened(item, on_it)
             objects[i] = item | light | ({"computeFFRFterms": False} if i in wider else {})
     counts = {int(objects[i]["nodeNumbers"][1]): np.shape(objects[i]["modeBasis"])[1] for i in wider}
-    for i in range(system.NumberOfNodes()):
-        node = _bare(mbs.GetNode(i), detached)
+    for i, item in enumerate(of.nodes):
+        node = _bare(item, detached)
         if i in counts:
             more = counts[i] - node["numberOfODE2Coordinates"]
             node["numberOfODE2Coordinates"] = counts[i]
@@ -66,10 +66,10 @@ def copy_items(
         to.AddObject(item)
     for item in markers:
         to.AddMarker(item)
-    for i in range(system.NumberOfLoads()):
-        to.AddLoad(_bare(mbs.GetLoad(i), detached))
-    for i in range(system.NumberOfSensors() if with_sensors else 0):
-        to.AddSensor(_bare(mbs.GetSensor(i), detached) | {"storeInternal": False, "writeToFile": False})
+    for item in of.loads:
+        to.AddLoad(_bare(item, detached))
+    for item in of.sensors if with_sensors else ():
+        to.AddSensor(_bare(item, detached) | {"storeInternal": False, "writeToFile": False})
 
 
 def _bare(item: dict[str, Any], detached: Detached) -> dict[str, Any]:

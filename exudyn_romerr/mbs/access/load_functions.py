@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import AssumptionError
 from .detached import Detached, OnlyReads
+from .mbs_items import Items
 from .state_guard import current_state, state_set
 
 LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
@@ -17,19 +18,14 @@ MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried
 LATER = 1e-9  # of the time, or of 1 s: a memory that looks at the clock shows
 
 
-def loads_with_functions(mbs: Any) -> list[int]:
-    """Return the numbers of loads that have a user function."""
-    return [i for i in range(mbs.systemData.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
+def controller(mbs: Any, number: int, load: dict[str, Any]) -> str:
+    """Return the name of a load that is no function of time alone: it sees the motion, or keeps something; else "".
 
-
-def controllers(mbs: Any, numbers: list[int]) -> dict[int, str]:
-    """Number -> name of those loads that are not functions of time alone: they see the motion, or keep something.
-
-    Copies of them are called in this state twice, in another one and a little later. Those that keep what cannot be
-    copied are not called.
+    Copies of its functions are called in this state twice, in another one and a little later. Those that keep what
+    cannot be copied are not called.
     """
-    reasons = {i: _why_not_by_time_alone(mbs, mbs.GetLoad(i)) for i in numbers}
-    return {i: f"load {i} ({mbs.GetLoad(i)['name']}{why})" for i, why in reasons.items() if why is not None}
+    why = _why_not_by_time_alone(mbs, load)
+    return "" if why is None else f"load {number} ({load['name']}{why})"
 
 
 def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
@@ -74,8 +70,9 @@ def load_functions(load: dict[str, Any]) -> list[Callable]:
 
 def user_functions(mbs: Any) -> list[Callable]:
     """Return the user functions of loads and objects."""
-    found = [f for i in loads_with_functions(mbs) for f in load_functions(mbs.GetLoad(i))]
-    for i in range(mbs.systemData.NumberOfObjects()):
-        values = [value for key, value in mbs.GetObject(i).items() if key.endswith("UserFunction") and value]
+    items = Items(mbs)
+    found = [f for load in items.loads for f in load_functions(load)]
+    for item in items.objects:
+        values = [value for key, value in item.items() if key.endswith("UserFunction") and value]
         found += [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]
     return found

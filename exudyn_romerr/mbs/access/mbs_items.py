@@ -36,12 +36,21 @@ class Items:
         """All loads."""
         return [*map(self.mbs.GetLoad, range(self._system.NumberOfLoads()))]
 
+    @cached_property
+    def sensors(self) -> list[dict[str, Any]]:
+        """All sensors."""
+        return [*map(self.mbs.GetSensor, range(self._system.NumberOfSensors()))]
+
+
+def sensor_names(mbs: Any) -> list[str]:
+    """Return the names of all sensors; where several have one, with their numbers."""
+    names = [sensor["name"] for sensor in Items(mbs).sensors]
+    return [name if names.count(name) == 1 else f"{name} (sensor {i})" for i, name in enumerate(names)]
+
 
 def sensor_name(mbs: Any, number: int) -> str:
-    """Return the name of a sensor; where several have it, with its number."""
-    name = mbs.GetSensor(number)["name"]
-    others = (i for i in range(mbs.systemData.NumberOfSensors()) if i != number)
-    return f"{name} (sensor {number})" if any(mbs.GetSensor(i)["name"] == name for i in others) else name
+    """Return the name of one."""
+    return sensor_names(mbs)[number]
 
 
 def numbers(item: dict, key: str) -> set[int]:

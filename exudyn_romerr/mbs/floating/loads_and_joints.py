@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MeanMotion, mean_motion
-from ..access.load_functions import controllers, loads_with_functions
+from ..access.load_functions import controller
 from ..access.mbs_items import Items, is_active, nodes_of, numbers
 from .actions import Actions, Load, OfTime, Place, load_vector
 
@@ -120,21 +120,23 @@ def _mean_motion(name: str, nodes: np.ndarray, weights: np.ndarray, flex: Floati
 
 def _read_loads(items: Items, flex: FloatingBody, actions: Actions, load_factor: Callable | None) -> None:
     mbs = items.mbs
-    unknown = controllers(mbs, loads_with_functions(mbs))  # never called for other times than those of the solver
     for i, load in enumerate(items.loads):
         number, name = int(load["markerNumber"]), f"load {i} ({load['name']})"
-        place = actions.places.get(number)
-        if place is not None and i in unknown:
-            _join(actions.wrenches, place if load["loadType"] == "TorqueVector" else place.without_torques())
-        elif place is not None:
-            actions.loads.append(_load(name, load, place, load_vector(mbs, name, load, load_factor)))
-        elif load["loadType"] == "MassProportional" and flex.number in numbers(items.markers[number], "bodyNumber"):
-            if i in unknown:
+        place, on = actions.places.get(number), numbers(items.markers[number], "bodyNumber")
+        if place is None and not (load["loadType"] == "MassProportional" and flex.number in on):
+            continue
+        unknown = controller(mbs, i, load)  # never called for other times than those of the solver
+        if place is None:
+            if unknown:
                 raise AssumptionError(
-                    f"{unknown[i]}, gravity of object {flex.number}, depends on the motion or on earlier calls: what "
+                    f"{unknown}, gravity of object {flex.number}, depends on the motion or on earlier calls: what "
                     "it is between the solver's calls is not known; make it a function of time alone"
                 )
             actions.gravity.append(load_vector(mbs, name, load, load_factor))
+        elif unknown:
+            _join(actions.wrenches, place if load["loadType"] == "TorqueVector" else place.without_torques())
+        else:
+            actions.loads.append(_load(name, load, place, load_vector(mbs, name, load, load_factor)))
 
 
 def _load(name: str, load: dict, place: Place, vector: OfTime) -> Load:

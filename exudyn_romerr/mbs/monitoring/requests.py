@@ -20,6 +20,7 @@ from ...linear.run.prepare import TIMES, BoundOptions, checked_names
 from ...model.outputs import Output
 from ...report.data import IN_THE_FRAME
 from ...report.mechanism_report import check_names
+from ..access.mbs_items import Items
 from ..access.reduced_body import LinearSubject, ReducedBody
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.moving_subject import MovingSubject
@@ -44,7 +45,7 @@ def make_subject(
     alone : whether its monitor is of no mechanism, which would have the sensors on no flexible body, too.
     """
     if isinstance(flex, FloatingBody):
-        return _floating(mbs, flex, options, scope, alone)
+        return MovingSubject(flex, _of_floating(mbs, flex, options), scope, alone)
     if not isinstance(flex, ReducedBody):
         raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body or floating_body returned")
     if flex.mbs is not mbs:
@@ -109,8 +110,8 @@ def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:
     return LinearSubject(flex, replace(options, initial=initial))
 
 
-def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool) -> MovingSubject:
-    """Joints and loads may still be added: what is known now is checked now."""
+def _of_floating(mbs: Any, flex: FloatingBody, options: BoundOptions) -> BoundOptions:
+    """Options with outputs for sensors; joints and loads may still be added: what is known now is checked now."""
     model = read_object(mbs, flex)
     if flex.interfaces == "rigid":
         require_still_interface(flex, model.V)
@@ -131,7 +132,7 @@ def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, a
     asked = options.estimators
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
-    return MovingSubject(flex, replace(options, outputs=outputs), scope, alone)
+    return replace(options, outputs=outputs)
 
 
 def _refuse_sensors(outputs: Any) -> None:
@@ -170,7 +171,7 @@ def _meant(mbs: Any, flexes: Sequence, name: str) -> Any:
     bodies = [flex for flex in flexes if sensor and isinstance(flex, FloatingBody) and is_on(mbs, flex, sensor)]
     if bodies:
         return bodies[0], framed_output(mbs, bodies[0], of[0])
-    sensors = ", ".join(f"{i} {mbs.GetSensor(i)['name']!r}" for i in range(mbs.systemData.NumberOfSensors()))
+    sensors = ", ".join(f"{i} {sensor['name']!r}" for i, sensor in enumerate(Items(mbs).sensors))
     has = f"the mbs has sensors {sensors}" if sensors else "the mbs has no sensors yet, add them before attach"
     raise InputError(f"outputs names {name!r}, and no sensor is called so; {has}; {_instead(flexes, name)}")
 
@@ -186,7 +187,7 @@ def _instead(flexes: Sequence, name: str) -> str:
 
 def _number(mbs: Any, name: str) -> list[int]:
     """The number of the sensor of that name, in a list, which is empty if there is none."""
-    found = [i for i in range(mbs.systemData.NumberOfSensors()) if mbs.GetSensor(i)["name"] == name]
+    found = [i for i, sensor in enumerate(Items(mbs).sensors) if sensor["name"] == name]
     if len(found) > 1:
         numbers = ", ".join(map(str, found))
         raise InputError(f"outputs names {name!r}, which sensors {numbers} are called: pass the number of one")

@@ -14,7 +14,7 @@ from ...linear.run.run import BLOCK
 from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
 from ...report.scope import UNATTACHED
-from ..access.mbs_items import FFRF
+from ..access.mbs_items import FFRF, Items
 from ..access.solvers import holds_rates, just_begun, running_static_solver, scheme_from
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
@@ -55,8 +55,6 @@ class StepHook:
         self._occupant: Callable = self.step
         self._arrays: tuple = ()
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
-        self.end = np.inf  # of the solve, where a mechanism is told
-        self.is_silent = False  # whether nothing is printed: who watches a script from outside says it afterwards
 
     @one_thread()
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
@@ -74,11 +72,11 @@ class StepHook:
     def _begin(self, mbs: Any) -> bool:
         """Read the mbs; return whether each step is to be evaluated at once."""
         self._occupant, self._mbs = slot_function(mbs), weakref.ref(mbs)
-        self.run, self.end, self._has_begun = None, np.inf, False
+        self.run, self._has_begun = None, False
         static = running_static_solver(mbs, self._static_solver)
         self._static_solver = static or self._static_solver
         solver = just_begun(mbs) if static is None else static
-        self._verbose = solver is not None and solver.output.verboseMode > 1 and not self.is_silent
+        self._verbose = solver is not None and solver.output.verboseMode > 1
         why = self._why_not_told(mbs, static is not None)
         for watch in self.watches:
             watch.begin(mbs, static is not None, why)
@@ -88,10 +86,9 @@ class StepHook:
 
     def _why_not_told(self, mbs: Any, is_static: bool) -> str:
         """Why the linearised mechanism can tell of no body of this mbs; empty: nothing is known yet."""
-        numbers = range(mbs.systemData.NumberOfObjects())
-        reduced = [i for i in numbers if mbs.GetObject(i)["objectType"] == FFRF]
         attached = {watch.item for watch in self.watches}
-        if missing := [f"object {i} ({mbs.GetObject(i)['name']})" for i in reduced if i not in attached]:
+        reduced = ((i, item) for i, item in enumerate(Items(mbs).objects) if item["objectType"] == FFRF)
+        if missing := [f"object {i} ({item['name']})" for i, item in reduced if i not in attached]:
             return f"{UNATTACHED}, so their errors are not known: {', '.join(missing)}; attach them all"
         if not is_static and just_begun(mbs) is None:
             return NO_SOLVER
@@ -111,7 +108,6 @@ class StepHook:
         rates = holds_rates(mbs.sys.get("simulationSettings"))
         asked = Asked(flexes, outputs, scheme_from(solver), is_static, sensors, vectors, rates)
         self.run = MechanismRun(asked, float(solver.it.endTime), self._ended)
-        self.end = self.run.due
         for i, watch in enumerate(floating):
             if watch.is_told:
                 watch.run_told(BodyRun(self.run, i, watch.subject, watch.tolerance))
@@ -129,7 +125,7 @@ class StepHook:
         """Evaluate the rows stored so far."""
         with interrupt_deferred(), one_thread():
             self._evaluate()
-        if not self.is_silent and (hint := OTHERS.hint()):
+        if hint := OTHERS.hint():
             exu.Print(f"exudyn_romerr: {hint}")
 
     def finish(self, mbs: Any) -> None:
@@ -177,7 +173,7 @@ class StepHook:
     def _say_failures(self, t: float) -> None:
         """Say once what cannot be bounded: SolveDynamic does not raise, only report() will."""
         for failure in dict.fromkeys(watch.failure for watch in self.watches if watch.failure):
-            if failure not in self._said and not self.is_silent:
+            if failure not in self._said:
                 self._said.add(failure)
                 exu.Print(f"exudyn_romerr at t = {t:g}: {failure}. The simulation goes on")
 
@@ -200,6 +196,11 @@ class StepHook:
     def plan(self, mbs: Any, watch: MonitoredBody) -> tuple[Plan, bool]:
         """Return what would be computed of a watch if a solve began now, and whether the mechanism would tell."""
         return watch.plan(mbs, self._why_not_told(mbs, is_static=True))
+
+    @property
+    def end(self) -> float:
+        """When the solve ends, s, where a mechanism is told."""
+        return np.inf if self.run is None else self.run.due
 
     @property
     def keeps_multipliers(self) -> bool:

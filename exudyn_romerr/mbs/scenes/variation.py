@@ -15,6 +15,7 @@ import numpy as np
 
 from ...report.verdicts import until, until_load
 from ..access.endings import SAME_TIME, ended_by
+from ..access.mbs_items import Items
 from .found_bodies import StandIn
 
 if TYPE_CHECKING:
@@ -254,8 +255,8 @@ class Variation(StandIn):
             change(solution.file, "name", self._placed_name(solution.file.name, solution.file.append))
             change(solution.restart, "name", self._placed_name(solution.restart.name, keep=True))
             change(solution, "solverInformationFileName", self._placed_name(solution.solverInformationFileName))
-            for i in range(mbs.systemData.NumberOfSensors()):
-                self._placed_name(mbs.GetSensor(i).get("fileName", ""))
+            for sensor in Items(mbs).sensors:
+                self._placed_name(sensor.get("fileName", ""))
             if not is_static:
                 count = integration.numberOfSteps
                 recorded.count = count
@@ -272,8 +273,7 @@ class Variation(StandIn):
 
     def _record(self, mbs: Any, recorded: Recorded) -> None:
         """Copy what sensors have stored."""
-        for i in range(mbs.systemData.NumberOfSensors()):
-            sensor = mbs.GetSensor(i)
+        for i, sensor in enumerate(Items(mbs).sensors):
             data = np.array(mbs.GetSensorStoredData(i), dtype=float)
             if data.ndim == 2 and data.shape[1] > 1:
                 recorded.numbers.append(i)

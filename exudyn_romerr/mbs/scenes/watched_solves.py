@@ -101,7 +101,7 @@ class WatchedSolves(StandIn):
             if monitor is None:
                 recorded = RecordedSolve(mbs, bodies, solve, self._before, settings)
                 kept.callback(recorded.close)
-                return solve, lambda ending: recorded.reports(solver, solve, ending), kept
+                return solve, lambda ending: recorded.reports(solver, ending), kept
             solve.notes.append(ATTACHED_BY_SCRIPT)
             kept.enter_context(_kept_in_sys(mbs, solver, settings, is_static))
             first = len(monitor.runs)

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr.mbs.access import load_functions
 from exudyn_romerr.mbs.access.detached import Detached
+from exudyn_romerr.mbs.access.load_functions import controller
 from models import mechanisms
 from tests.helpers.mechanism_runs import (
     FROZEN,
@@ -438,6 +438,12 @@ def test_joints_that_remember_go_on_as_if_they_were_not_called():
     assert scopes == {"coupled (linearised)", False}  # 1e-9 of a call does no harm
 
 
+def controllers(mbs):
+    """Number -> name of loads that are no functions of time alone."""
+    found = {i: controller(mbs, i, mbs.GetLoad(i)) for i in range(mbs.systemData.NumberOfLoads())}
+    return {i: said for i, said in found.items() if said}
+
+
 @pytest.mark.parametrize(("name", "kind"), [("generator", "generator"), ("open file", "TextIOWrapper")])
 def test_what_cannot_be_put_back_is_not_called(name, kind):
     """Not once: the report says what it is."""
@@ -450,11 +456,9 @@ def test_what_cannot_be_put_back_is_not_called(name, kind):
 
     add_load(scene, loadVectorUserFunction=load, name="motor")
     scene.mbs.Assemble()
-    numbers = load_functions.loads_with_functions(scene.mbs)
     calls.clear()
-    found = load_functions.controllers(scene.mbs, numbers)
-    (said,) = found.values()
-    assert said.startswith(f"load {numbers[-1]} (motor, whose function keeps what cannot be copied: ")
+    ((number, said),) = controllers(scene.mbs).items()
+    assert said.startswith(f"load {number} (motor, whose function keeps what cannot be copied: ")
     assert kind in said
     assert not calls
 
@@ -473,7 +477,7 @@ def test_objects_of_a_script_are_no_memory():
     scene.mbs.Assemble()
     with warnings.catch_warnings(record=True) as said:  # as errors they would not get out of there
         warnings.simplefilter("always")
-        assert load_functions.controllers(scene.mbs, load_functions.loads_with_functions(scene.mbs)) == {}
+        assert controllers(scene.mbs) == {}
     assert not said  # Exudyn says it once in a process, so:
     assert scene.mbs.sys["scene"] is scene
 
@@ -527,5 +531,5 @@ def test_loads_are_told_apart():
     add_load(scene, loadVectorUserFunction=lambda mbs, t, vector: [0.0, t, 0.0], name="ramp")
     add_load(scene, loadVectorUserFunction=counting(scene), name="motor")
     scene.mbs.Assemble()
-    numbers = load_functions.loads_with_functions(scene.mbs)
-    assert load_functions.controllers(scene.mbs, numbers) == {numbers[-1]: f"load {numbers[-1]} (motor)"}
+    last = scene.mbs.systemData.NumberOfLoads() - 1
+    assert controllers(scene.mbs) == {last: f"load {last} (motor)"}

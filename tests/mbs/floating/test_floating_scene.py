@@ -822,14 +822,6 @@ def test_attach_before_joints_and_loads_are_added():
     assert defect(monitor) <= tol.BALANCED
 
 
-def test_second_solve_restarts():
-    scene = supported()
-    monitor = run(scene, h=1e-4, steps=10)
-    solve(scene, h=1e-4, steps=10)
-    first, second = (run.report() for run in monitor.runs)
-    np.testing.assert_array_equal(second.output("tip").bound["best"], first.output("tip").bound["best"])
-
-
 @pytest.mark.parametrize("axes", SUPPORTS.values(), ids=SUPPORTS)
 def test_second_solve_continues(axes):
     scene = supported(axes)
