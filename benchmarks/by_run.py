@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from exudyn_romerr.mbs.access.mbs_items import scheme_from
+from exudyn_romerr.mbs.access.solvers import scheme_from
 from exudyn_romerr.mbs.mirror.recorder import Recorder
 from exudyn_romerr.mbs.mirror.told_solve import Asked, told_solve
 

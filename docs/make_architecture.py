@@ -21,7 +21,7 @@ ORDER = (
     "_version errors checks progress process compiled linalg model basis linear.residual linear.trajectory "
     "linear.estimators report linear.run linear mechanism mechanism_errors mechanism_bounds mode_selection "
     "sweeps "
-    "mbs.memory mbs.access mbs.floating mbs.sensors mbs.mirror mbs.monitoring mbs.studies mbs.scenes fe_files mbs "
+    "mbs.access mbs.floating mbs.mirror mbs.monitoring mbs.studies mbs.scenes fe_files mbs "
     "scripts __init__ __main__"
 ).split()
 FOLDERS = [name for name in ORDER if (PACKAGE / name.replace(".", "/")).is_dir() and name not in ("mbs", "linear")]

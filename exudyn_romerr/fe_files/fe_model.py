@@ -108,7 +108,7 @@ class FEModel:
             No positions, rotations (6 coordinates a node), or coordinates that the file holds: Exudyn's bodies are
             free solids.
         """
-        from ..mbs.studies.fem_export import fem_of  # Exudyn is there only where this is asked for
+        from ..mbs.access.fem_interface import fem_of  # Exudyn is there only where this is asked for
 
         return fem_of(self.mass, self.stiffness, self.positions, self.elements, self.node_sets, self.held)
 

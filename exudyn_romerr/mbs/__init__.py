@@ -4,13 +4,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
-    from .access.fem_modes import hold_modes, keep_modes
+    from .access.fem_interface import hold_modes, keep_modes
     from .access.reduced_body import ReducedBody, add_reduced_body
     from .floating.floating_body import FloatingBody, floating_body
+    from .floating.modal_damping import set_modal_damping
     from .monitoring.attach import attach
     from .monitoring.monitor import MechanismMonitor, Monitor
     from .studies.choose_modes import choose_modes
-    from .studies.modal_damping import set_modal_damping
     from .studies.solution_file import evaluate_file
     from .studies.two_level import LevelOutput, TwoLevel, two_level
 
@@ -26,9 +26,9 @@ _MODULES = {
     "choose_modes": "studies.choose_modes",
     "evaluate_file": "studies.solution_file",
     "floating_body": "floating.floating_body",
-    "hold_modes": "access.fem_modes",
-    "keep_modes": "access.fem_modes",
-    "set_modal_damping": "studies.modal_damping",
+    "hold_modes": "access.fem_interface",
+    "keep_modes": "access.fem_interface",
+    "set_modal_damping": "floating.modal_damping",
     "two_level": "studies.two_level",
 }
 

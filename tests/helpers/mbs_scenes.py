@@ -37,17 +37,16 @@ def new_mbs():
     return exu.SystemContainer().AddSystem()
 
 
+def added(mbs=None, basis=None, input_function=force, initial=None):
+    """Return (mbs, flex): the chain in an mbs, which is not assembled yet."""
+    mbs, basis = new_mbs() if mbs is None else mbs, random_basis() if basis is None else basis
+    options = {"inputs": INPUTS, "input_function": input_function, "initial": initial}
+    return mbs, add_reduced_body(mbs, chain_body(), basis, **options)
+
+
 def scene(basis=None, mbs=None, input_function=force, initial=None, **options):
     """Return (mbs, flex, monitor), assembled."""
-    mbs = new_mbs() if mbs is None else mbs
-    flex = add_reduced_body(
-        mbs,
-        chain_body(),
-        random_basis() if basis is None else basis,
-        inputs=INPUTS,
-        input_function=input_function,
-        initial=initial,
-    )
+    mbs, flex = added(mbs, basis, input_function, initial)
     monitor = attach(mbs, flex, **{"outputs": [TIP], **options})
     mbs.Assemble()
     return mbs, flex, monitor

@@ -13,8 +13,8 @@ import exudyn_romerr as romerr
 from exudyn_romerr.linear.run.balance import Balance
 from exudyn_romerr.linear.run.record import SolverFacts
 from exudyn_romerr.linear.run.run import doubts_in
+from exudyn_romerr.mbs.monitoring.body_monitor import ToleranceCheck
 from exudyn_romerr.mbs.monitoring.live_output import live_line
-from exudyn_romerr.mbs.monitoring.tolerance_check import ToleranceCheck
 from exudyn_romerr.mbs.studies.two_level import LevelOutput
 from exudyn_romerr.mode_selection.modal_forecast import Forecast
 from exudyn_romerr.mode_selection.mode_choice import ModeChoice

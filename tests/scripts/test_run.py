@@ -346,7 +346,7 @@ TRIED = f"scene.mbs.Assemble()\ntry:\n    {SOLVES}except Exception:\n    pass\n"
 PULLED = FAILS.replace("ValueError('a user')", "KeyboardInterrupt")
 
 
-@pytest.mark.parametrize("where", ["sensor_name", "Recorder"])
+@pytest.mark.parametrize("where", ["sensor_names", "Recorder"])
 def test_ctrl_c_before_the_first_step_is_said_first(where, tmp_path, monkeypatch):
     """While a solve is made ready to be watched, which takes a second where it is the first."""
 

@@ -15,6 +15,7 @@ class EndedBy(NamedTuple):
     on_purpose: bool = False
 
 
+SAME_TIME = 1e-9  # of a time: solvers add up their steps, and users give the next start as they think of it
 TO_ITS_END = EndedBy("")
 INTERRUPTED = "it was interrupted (Ctrl-C)"
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import exudyn as exu
 import numpy as np
 
-from .state_guard import own_solver
+from ...errors import AssumptionError
+
+CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
+_LAST: list[exu.MainSolverStatic] = []  # of ours; when one goes, the threads of the run go with it
 
 
 class Equations:
@@ -18,7 +23,7 @@ class Equations:
 
     def __init__(self, mbs: Any, threads: int):
         """Initialise a solver; threads : of the running one."""
-        self._solver = own_solver(mbs, threads)
+        self._solver = _own_solver(mbs, threads)
         self.size = self._solver.GetODE2size()
         self._first_constraint = self.size + self._solver.GetODE1size()
         self._no_jacobian = np.zeros((self._first_constraint + self._solver.GetAEsize(),) * 2)
@@ -51,3 +56,41 @@ class Equations:
         self._solver.ComputeNewtonResidual(mbs, self._settings)
         found = self._solver.GetSystemResidual()
         return np.concatenate([found[: self.size], found[self._first_constraint :]])
+
+
+def _own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:
+    """Return a static solver of our own, initialised beside a run with so many threads, which goes on as it was.
+
+    Exudyn's one task manager starts anew with as many threads as the solver initialised last asks for, and says so.
+    """
+    settings, solver = exu.SimulationSettings(), exu.MainSolverStatic()
+    settings.solution.file.write = settings.solution.sensors.active = False
+    settings.staticSolver.verboseMode = 0
+    settings.parallel.numberOfThreads = threads
+    warnings_off = exu.config.suppressWarnings
+    _LAST.clear()
+    try:
+        exu.config.suppressWarnings = True
+        with _states_kept(mbs.systemData):
+            if not solver.InitializeSolver(mbs, settings):
+                raise AssumptionError(f"the mechanism has no tangent: {solver.GetErrorString()}")
+    finally:
+        exu.config.suppressWarnings = warnings_off
+    _LAST.append(solver)
+    return solver
+
+
+@contextmanager
+def _states_kept(system: Any) -> Iterator[None]:
+    """Put back what the initialisation of a solver changes: states, accelerations and times."""
+    kept = [
+        (system.GetSystemState(where), system.GetODE2Coordinates_tt(where), system.GetTime(where), where)
+        for where in CONFIGURATIONS
+    ]
+    try:
+        yield
+    finally:
+        for state, q_tt, t, where in kept:
+            system.SetSystemState(state, where)
+            system.SetODE2Coordinates_tt(q_tt, where)
+            system.SetTime(t, where)

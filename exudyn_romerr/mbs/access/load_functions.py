@@ -9,27 +9,23 @@ from typing import Any
 import numpy as np
 
 from ...errors import AssumptionError
-from ..memory.detached import Detached, OnlyReads
-from .state_guard import state_kept
+from .detached import Detached, OnlyReads
+from .mbs_items import Items
+from .state_guard import current_state, state_set
 
 LOAD_FUNCTIONS = ("loadVectorUserFunction", "loadUserFunction")
 MOVED = 1e-4  # of coordinates and rates: what user functions of loads are tried with
 LATER = 1e-9  # of the time, or of 1 s: a memory that looks at the clock shows
 
 
-def loads_with_functions(mbs: Any) -> list[int]:
-    """Return the numbers of loads that have a user function."""
-    return [i for i in range(mbs.systemData.NumberOfLoads()) if any(map(mbs.GetLoad(i).get, LOAD_FUNCTIONS))]
+def controller(mbs: Any, number: int, load: dict[str, Any]) -> str:
+    """Return the name of a load that is no function of time alone: it sees the motion, or keeps something; else "".
 
-
-def controllers(mbs: Any, numbers: list[int]) -> dict[int, str]:
-    """Number -> name of those loads that are not functions of time alone: they see the motion, or keep something.
-
-    Copies of them are called in this state twice, in another one and a little later. Those that keep what cannot be
-    copied are not called.
+    Copies of its functions are called in this state twice, in another one and a little later. Those that keep what
+    cannot be copied are not called.
     """
-    reasons = {i: _why_not_by_time_alone(mbs, mbs.GetLoad(i)) for i in numbers}
-    return {i: f"load {i} ({mbs.GetLoad(i)['name']}{why})" for i, why in reasons.items() if why is not None}
+    why = _why_not_by_time_alone(mbs, load)
+    return "" if why is None else f"load {number} ({load['name']}{why})"
 
 
 def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
@@ -41,8 +37,10 @@ def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
     if detached.lost:
         return f", whose function keeps what cannot be copied: {detached.lost}"
 
-    def values(at: float = t) -> Any:
-        return np.hstack([np.ravel(detached.of(f)(OnlyReads(mbs), at, as_given(given))) for f in functions])
+    def values(at: float = t) -> Any:  # given as Exudyn does: a number, or a list of their own, to write to
+        return np.hstack(
+            [np.ravel(detached.of(f)(OnlyReads(mbs), at, np.asarray(given).tolist())) for f in functions]
+        )
 
     with detached.in_use(mbs):
         try:
@@ -57,12 +55,10 @@ def _why_not_by_time_alone(mbs: Any, load: dict[str, Any]) -> str | None:
 
 
 def _elsewhere(system: Any, values: Callable[[], Any]) -> Any:
-    """What values are in another state."""
-    with state_kept(system) as (q, q_t, q_tt, multipliers):
-        system.SetODE2Coordinates(q + shifts(len(q)))
-        system.SetODE2Coordinates_t(q_t + MOVED * (1 + np.cos(np.arange(len(q)))))
-        system.SetODE2Coordinates_tt(q_tt + shifts(len(q)))
-        system.SetAECoordinates(multipliers + MOVED)
+    """What values are in another state: each coordinate is moved by another amount."""
+    q, q_t, q_tt, multipliers = current_state(system)
+    shifts, rates = (MOVED * (1 + of(np.arange(len(q)))) for of in (np.sin, np.cos))
+    with state_set(system, system.GetTime(), (q + shifts, q_t + rates, q_tt + shifts, multipliers + MOVED)):
         return values()
 
 
@@ -74,18 +70,9 @@ def load_functions(load: dict[str, Any]) -> list[Callable]:
 
 def user_functions(mbs: Any) -> list[Callable]:
     """Return the user functions of loads and objects."""
-    found = [f for i in loads_with_functions(mbs) for f in load_functions(mbs.GetLoad(i))]
-    for i in range(mbs.systemData.NumberOfObjects()):
-        values = [value for key, value in mbs.GetObject(i).items() if key.endswith("UserFunction") and value]
+    items = Items(mbs)
+    found = [f for load in items.loads for f in load_functions(load)]
+    for item in items.objects:
+        values = [value for key, value in item.items() if key.endswith("UserFunction") and value]
         found += [f for f in (v.get("function") if isinstance(v, dict) else v for v in values) if callable(f)]
     return found
-
-
-def shifts(n: int) -> np.ndarray:
-    """Return what coordinates (n,) are moved by to see what functions of the motion do: each by another amount."""
-    return MOVED * (1 + np.sin(np.arange(n)))
-
-
-def as_given(values: Any) -> Any:
-    """Return a parameter as Exudyn gives it to user functions: a number, or a list of their own, to write to."""
-    return np.asarray(values).tolist()

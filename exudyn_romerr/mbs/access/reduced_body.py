@@ -1,8 +1,10 @@
-"""add_reduced_body: a reduced body as an object of an Exudyn mbs."""
+"""add_reduced_body: a reduced body as an object of an Exudyn mbs; LinearSubject: how a monitor sees it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import weakref
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,13 +12,21 @@ from exudyn.itemInterface import NodeGenericODE2, ObjectGenericODE2
 
 from ...basis.basis import Basis
 from ...checks import check_array, check_type
-from ...errors import InputError
+from ...errors import AssumptionError, InputError
 from ...linear.residual.residual import initial_coordinates
+from ...linear.run.prepare import prepare
+from ...linear.trajectory.input_signal import InputSignal
 from ...model.body import ElasticBody
 from ...model.matrix_checks import checked_inputs
+from .detached import Detached
+from .mbs_items import Items, nodes_of, numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
+
+    from ...linear.run.offline import Offline
+    from ...linear.run.prepare import BoundOptions
+    from ...model.outputs import Output
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,3 +186,94 @@ def _checked_inputs(body: ElasticBody, inputs: Any, input_function: Callable | N
     if not callable(input_function):
         raise InputError(f"input_function={input_function!r}; needed: a function f(t) -> (p,) or a float if p = 1")
     return checked_inputs(inputs, body.N)
+
+
+class KeptSignal(InputSignal):
+    """An input function that a run goes on with: copies of it are called, which keep what they keep."""
+
+    def __init__(self, flex: ReducedBody):
+        super().__init__(flex.input_function, flex.model.G.shape[1])
+        self._mbs, self._given = weakref.ref(flex.mbs), flex.input_function
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Let a copy be called."""
+        detached = Detached(self._mbs(), [self._given])
+        with detached.in_use(*filter(None, [self._mbs()])):
+            self._f = detached.of(self._given)
+            try:
+                yield
+            finally:
+                self._f = self._given
+
+
+class LinearSubject:
+    """Its offline work is done when it is attached; the mbs is read for what it must not contain.
+
+    body : the full body.
+    """
+
+    def __init__(self, flex: ReducedBody, options: BoundOptions):
+        self._node, self.item = (int(flex.items[key]) for key in ("nGenericODE2", "oGenericODE2"))
+        self._model, self.body, self._basis = flex.model, flex.body, flex.basis  # not flex, which holds the mbs
+        self._signal = None if flex.input_function is None else KeptSignal(flex)
+        self._options = replace(options, inputs=flex.inputs, input_function=self._signal)
+        self._offline = prepare(self.body, self._basis, self._options)
+        self.columns, self.floor = slice(0, 0), 0.0
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What is bounded."""
+        return self._offline.outputs
+
+    def modes(self, mbs: Any) -> tuple[np.ndarray, Any]:
+        """Return V (N, n) and the full K (N, N)."""
+        return self._basis.V, self.body.stiffness
+
+    def add(self, outputs: Sequence[Output]) -> None:
+        """Bound further outputs."""
+        self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
+        self._offline = prepare(self.body, self._basis, self._options)
+
+    def at_every_step(self) -> None:
+        """Let bounds be known while a solve goes on: they are."""
+
+    def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline:
+        """Find the body's coordinates in the mbs; AssumptionError if something beside its inputs acts on it."""
+        _require_inputs_only(Items(mbs), self._node, self.item)
+        first = mbs.GetNodeODE2Index(self._node)
+        self.columns = slice(first, first + len(self._model.M))
+        return self._offline
+
+    def first(self, t: float, q: np.ndarray, q_t: np.ndarray, q_tt: np.ndarray, **_: bool) -> tuple:
+        """Return q, q_t, q_tt of a run's first sample, each (n,)."""
+        # explicit solvers leave the initial accelerations unset until their first step is done
+        model = self._model if self._signal is None else replace(self._model, input_function=self._signal.at)
+        return q, q_t, model.acceleration(t, q, q_t)
+
+    def sampled(self, t: np.ndarray, *states: np.ndarray) -> tuple:
+        """Return q, q_t, q_tt of accepted steps, each (S, n)."""
+        return states
+
+
+def _require_inputs_only(items: Items, node: int, item: int) -> None:
+    """Raise AssumptionError if a load, joint, connector or other object acts on the reduced body.
+
+    The bound knows the load B f(t) and nothing else.
+    """
+    on_it = {i for i, marker in enumerate(items.markers) if node in nodes_of(marker) or item in _objects_of(marker)}
+    culprits = [f"load {i}" for i, load in enumerate(items.loads) if int(load["markerNumber"]) in on_it]
+    culprits += [
+        f"object {i}"
+        for i, other in enumerate(items.objects)
+        if i != item and (node in nodes_of(other) or on_it & numbers(other, "markerNumbers"))
+    ]
+    if culprits:
+        raise AssumptionError(
+            f"on the reduced body (object {item}) act beside its input_function: {', '.join(culprits)}; "
+            "a bound covers prescribed loads only, so pass them as columns of inputs= to add_reduced_body"
+        )
+
+
+def _objects_of(marker: dict) -> set[int]:
+    return numbers(marker, "bodyNumber") | numbers(marker, "objectNumber")

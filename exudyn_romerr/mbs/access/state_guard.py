@@ -9,26 +9,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 
-from ...errors import AssumptionError
-
 IN_PLACE = exu.ConfigurationType.Current, False  # not copied: memory of the mbs, to be read or written at once
-CONFIGURATIONS = (exu.ConfigurationType.Current, exu.ConfigurationType.Initial, exu.ConfigurationType.StartOfStep)
-
-
-@contextmanager
-def states_kept(system: Any) -> Iterator[None]:
-    """Put back what the initialisation of a solver changes: states, accelerations and times."""
-    kept = [
-        (system.GetSystemState(where), system.GetODE2Coordinates_tt(where), system.GetTime(where), where)
-        for where in CONFIGURATIONS
-    ]
-    try:
-        yield
-    finally:
-        for state, q_tt, t, where in kept:
-            system.SetSystemState(state, where)
-            system.SetODE2Coordinates_tt(q_tt, where)
-            system.SetTime(t, where)
 
 
 def current_state(system: Any) -> tuple[np.ndarray, ...]:
@@ -69,28 +50,3 @@ def state_set(system: Any, t: float, state: Sequence[np.ndarray]) -> Iterator[No
     with state_kept(system):
         set_state(system, t, state)
         yield
-
-
-_LAST: list[exu.MainSolverStatic] = []  # of ours; when one goes, the threads of the run go with it
-
-
-def own_solver(mbs: Any, threads: int) -> exu.MainSolverStatic:
-    """Return a static solver of our own, initialised beside a run with so many threads, which goes on as it was.
-
-    Exudyn's one task manager starts anew with as many threads as the solver initialised last asks for, and says so.
-    """
-    settings, solver = exu.SimulationSettings(), exu.MainSolverStatic()
-    settings.solution.file.write = settings.solution.sensors.active = False
-    settings.staticSolver.verboseMode = 0
-    settings.parallel.numberOfThreads = threads
-    warnings_off = exu.config.suppressWarnings
-    _LAST.clear()
-    try:
-        exu.config.suppressWarnings = True
-        with states_kept(mbs.systemData):
-            if not solver.InitializeSolver(mbs, settings):
-                raise AssumptionError(f"the mechanism has no tangent: {solver.GetErrorString()}")
-    finally:
-        exu.config.suppressWarnings = warnings_off
-    _LAST.append(solver)
-    return solver

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,9 +12,7 @@ from ...errors import AssumptionError
 from ...linear.trajectory.input_signal import FEW, values_at_once
 from ...model.admissible_space import MeanMotion
 from ...model.floating_frame import left_jacobian
-from ..memory.detached import Detached, OnlyReads
-from ..memory.standstill import look_up, note
-from .time_table import TimeTable
+from ..access.detached import Detached, OnlyReads
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,13 +68,6 @@ class OfTime:
     mbs: Callable[[], Any] | None = None
     given: tuple[float, ...] = ()
     name: str = ""
-
-    @property
-    def table(self) -> TimeTable:
-        """What it was at some times: while no step is made, one for all loads with the same function."""
-        key = (id(self),) if self.function is None else (id(self.function), self.given, id(self.mbs()))
-        found = look_up((OfTime, *key)) or note((OfTime, *key), (TimeTable(), self))
-        return found[0]
 
 
 @dataclass(frozen=True)
@@ -181,7 +171,8 @@ def over_time(vector: OfTime, t: np.ndarray) -> np.ndarray:
     """
     if vector.at is None:
         return np.tile(vector.given, (len(t), 1))
-    return vector.table.at(t, partial(_called, vector))
+    times, again = np.unique(t, return_inverse=True)
+    return _called(vector, times)[again]
 
 
 def _called(vector: OfTime, times: np.ndarray) -> np.ndarray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import exudyn as exu
 import numpy as np
@@ -17,7 +16,6 @@ from ...model.admissible_space import MassOrthogonal, MeanMotion
 from ...model.floating_frame import require_isotropic_mass, translations
 from ...model.matrix_checks import checked_ratios
 from ..access.mbs_items import FFRF, dense
-from ..access.reduced_damping import rayleigh_factors
 from .frame_node import FrameNode, RigidPart
 
 if TYPE_CHECKING:
@@ -34,7 +32,8 @@ class FloatingBody:
     """A flexible body in a floating frame, as made by floating_body; to be passed to attach.
 
     mass, stiffness (N, N) and positions (nodes, 3) are those that the fem had then. modal_damping: ratios of the
-    lowest modes, a float: of all, None: damping is Rayleigh's.
+    lowest modes, a float: of all, None: damping is Rayleigh's. known : what was found of it in an mbs, by what was
+    looked for: a solve finds what its plan has read.
     """
 
     fem: Any = field(repr=False)
@@ -45,6 +44,7 @@ class FloatingBody:
     stiffness: sp.csc_matrix = field(repr=False)
     positions: np.ndarray = field(repr=False)
     modal_damping: tuple[float, ...] | float | None = None
+    known: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def number(self) -> int:
@@ -55,10 +55,6 @@ class FloatingBody:
     def carried(self) -> np.ndarray:
         """M e_j (N, 3) of unit translations."""
         return translations(self.mass)
-
-
-# what was found to be the reduction of a fem, and its Rayleigh factors: a solve finds what its plan has read
-_CHECKED: WeakKeyDictionary[FloatingBody, tuple] = WeakKeyDictionary()
 
 
 def floating_body(
@@ -188,12 +184,12 @@ def read_object(mbs: Any, flex: FloatingBody) -> ReducedMatrices:
             "it adds cannot be read: use AddObjectFFRFreducedOrder"
         )
     nodes = tuple(int(n) for n in item["nodeNumbers"])
-    numbers, (seen, rayleigh) = (V, positions, M, K, D), _CHECKED.get(flex, ((), None))
+    numbers, (seen, rayleigh) = (V, positions, M, K, D), flex.known.get("reduction", ((), None))
     if seen and all(map(np.array_equal, numbers, seen)):
         V = seen[0]
     else:
         rayleigh = _checked(flex, *numbers)
-        _CHECKED[flex] = numbers, rayleigh
+        flex.known["reduction"] = numbers, rayleigh
     return ReducedMatrices(V, D, rayleigh, FrameNode(mbs.GetNode(nodes[0])), nodes)
 
 
@@ -232,3 +228,24 @@ def _check_reduction(name: str, expected: np.ndarray, found: np.ndarray) -> None
             f"{name}MatrixReduced of the body differs from V^T M V of the fem by {off:.1e} of its largest entry: "
             "another fem, a fem changed since, or reduced matrices that were edited".replace("M V", f"{name} V")
         )
+
+
+def rayleigh_factors(M: np.ndarray, K: np.ndarray, D: np.ndarray) -> tuple[float, float]:
+    """Return alpha, beta of D = alpha M + beta K by least squares."""
+    size = np.max(np.abs(D))
+    if size == 0:
+        return 0.0, 0.0
+    scale = np.array([np.max(np.abs(M)), np.max(np.abs(K))])
+    columns = np.stack([M.ravel(), K.ravel()], axis=1) / scale
+    factors = np.linalg.lstsq(columns, D.ravel() / size, rcond=None)[0]
+    off = np.max(np.abs(columns @ factors - D.ravel() / size))
+    if off > SAME_MATRICES:
+        raise AssumptionError(
+            f"damping of the body is not alpha M + beta K (off by {off:.1e} of its largest entry); the full model's "
+            "damping is then unknown (ratios of the basis' modes do not tell it: the full body has others): use "
+            "massProportionalDamping and stiffnessProportionalDamping, or give ratios of the full body's modes, "
+            "floating_body(..., modal_damping=[...]), and call romerr.set_modal_damping(mbs, flex)"
+        )
+    alpha, beta = factors * size / scale
+    # rounding of a factor that is zero, and nothing else, may come out negative
+    return tuple(0.0 if abs(x) * s <= 1e-12 * size else float(x) for x, s in zip((alpha, beta), scale, strict=True))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ...errors import AssumptionError, InputError
 from ...model.admissible_space import MeanMotion, mean_motion
-from ..access.load_functions import controllers, loads_with_functions
-from ..access.mbs_items import numbers
+from ..access.load_functions import controller
+from ..access.mbs_items import Items, is_active, nodes_of, numbers
 from .actions import Actions, Load, OfTime, Place, load_vector
 
 if TYPE_CHECKING:
@@ -23,12 +22,9 @@ WEIGHT_SUM = 1e-9  # markers whose weights do not sum to 1 do not take a mean
 FORCES_ONLY = ("JointSpherical", "ConnectorCartesianSpringDamper", "ConnectorSpringDamper")
 MESH_MARKERS = ("SuperElementPosition", "SuperElementRigid")
 
-# mean motions of a body's interfaces and their rows (6, N), by nodes and weights: a solve finds those of its plan
-_MEANS: WeakKeyDictionary[FloatingBody, dict[tuple[bytes, bytes], tuple]] = WeakKeyDictionary()
-
 
 def read_actions(
-    mbs: Any, flex: FloatingBody, model: ReducedMatrices, load_factor: Callable[[float], float] | None = None
+    items: Items, flex: FloatingBody, model: ReducedMatrices, load_factor: Callable[[float], float] | None = None
 ) -> Actions:
     """Read loads, joints and connectors on the body; load_factor: what a static solver scales constant loads with.
 
@@ -39,50 +35,46 @@ def read_actions(
     InputError
         A marker with nodes that the body does not have, or with weights that do not sum to 1.
     """
-    actions = Actions()
-    users = _users(mbs, flex, model)
-    for i in range(mbs.systemData.NumberOfMarkers()):
-        marker = mbs.GetMarker(i)
-        if flex.number in numbers(marker, "bodyNumber") and marker["markerType"] in MESH_MARKERS:
-            with nullcontext() if i in users else suppress(InputError, AssumptionError):  # sensors may use any marker
-                actions.places[i] = _place(i, marker, flex)
-        elif i in users:
-            _refuse_others(i, marker, flex, model)
-    _read_loads(mbs, flex, actions, load_factor)
-    _read_objects(mbs, flex, actions)
+    used = _used(items, flex, model)
+    actions = Actions(places=_places(items, flex, used))
+    for i in sorted(used - set(actions.places)):
+        _refuse(i, items.markers[i], flex, model)
+    _read_loads(items, flex, actions, load_factor)
+    _read_objects(items, flex, actions)
     return actions
 
 
 def read_interfaces(mbs: Any, flex: FloatingBody) -> dict[str, MeanMotion]:
     """Return nodes and weights of the body's markers that have a mean rotation, before or after Assemble."""
-    actions = Actions()
-    for i in range(mbs.systemData.NumberOfMarkers()):
-        marker = mbs.GetMarker(i)
+    return Actions(places=_places(Items(mbs), flex, set())).interfaces()
+
+
+def _places(items: Items, flex: FloatingBody, used: set[int]) -> dict[int, Place]:
+    """Where markers on mesh nodes act; only those in use have to be known here, for sensors may use any."""
+    places = {}
+    for i, marker in enumerate(items.markers):
         if flex.number in numbers(marker, "bodyNumber") and marker["markerType"] in MESH_MARKERS:
-            with suppress(InputError, AssumptionError):
-                actions.places[i] = _place(i, marker, flex)
-    return actions.interfaces()
+            with nullcontext() if i in used else suppress(InputError, AssumptionError):
+                places[i] = _place(i, marker, flex)
+    return places
 
 
-def _users(mbs: Any, flex: FloatingBody, model: ReducedMatrices) -> set[int]:
+def _used(items: Items, flex: FloatingBody, model: ReducedMatrices) -> set[int]:
     """Markers that loads and objects act through; AssumptionError for objects on the modal coordinates."""
-    system = mbs.systemData
-    used = {int(mbs.GetLoad(i)["markerNumber"]) for i in range(system.NumberOfLoads())}
-    for i in range(system.NumberOfObjects()):
-        item = mbs.GetObject(i)
+    used = {int(load["markerNumber"]) for load in items.loads}
+    for i, item in enumerate(items.objects):
         if i == flex.number:
             continue
-        if model.nodes[1] in numbers(item, "nodeNumber") | numbers(item, "nodeNumbers"):
+        if model.nodes[1] in nodes_of(item):
             raise AssumptionError(f"object {i} ({item['name']}) is on the modal coordinates of object {flex.number}")
         used |= numbers(item, "markerNumbers")
     return used
 
 
-def _refuse_others(number: int, marker: dict, flex: FloatingBody, model: ReducedMatrices) -> None:
+def _refuse(number: int, marker: dict, flex: FloatingBody, model: ReducedMatrices) -> None:
     """Raise AssumptionError for markers whose loads no full model has; what acts on the frame alone does no work."""
     kind, name = marker["markerType"], f"marker {number} ({marker['name']})"
-    modal = model.nodes[1] in numbers(marker, "nodeNumber") | numbers(marker, "nodeNumbers")
-    if modal or flex.number in numbers(marker, "objectNumber"):
+    if model.nodes[1] in nodes_of(marker) or flex.number in numbers(marker, "objectNumber"):
         raise AssumptionError(
             f"{name} is on the modal coordinates of object {flex.number}; loads and constraints on single modes have "
             "no counterpart in the full model: use markers on mesh nodes"
@@ -115,7 +107,8 @@ def _place(number: int, marker: dict, flex: FloatingBody) -> Place:
 
 
 def _mean_motion(name: str, nodes: np.ndarray, weights: np.ndarray, flex: FloatingBody) -> tuple:
-    made, key = _MEANS.setdefault(flex, {}), (nodes.tobytes(), weights.tobytes())
+    """The mean motion of an interface, and its rows (6, N)."""
+    made, key = flex.known.setdefault("means", {}), (nodes.tobytes(), weights.tobytes())
     try:
         if key not in made:
             mean = mean_motion(nodes, weights)
@@ -125,23 +118,25 @@ def _mean_motion(name: str, nodes: np.ndarray, weights: np.ndarray, flex: Floati
         raise InputError(f"{name}: {error}") from error
 
 
-def _read_loads(mbs: Any, flex: FloatingBody, actions: Actions, load_factor: Callable | None) -> None:
-    unknown = controllers(mbs, loads_with_functions(mbs))  # never called for other times than those of the solver
-    for i in range(mbs.systemData.NumberOfLoads()):
-        load = mbs.GetLoad(i)
+def _read_loads(items: Items, flex: FloatingBody, actions: Actions, load_factor: Callable | None) -> None:
+    mbs = items.mbs
+    for i, load in enumerate(items.loads):
         number, name = int(load["markerNumber"]), f"load {i} ({load['name']})"
-        if number in actions.places and i in unknown:
-            place = actions.places[number]
-            _join(actions.wrenches, place if load["loadType"] == "TorqueVector" else place.without_torques())
-        elif number in actions.places:
-            actions.loads.append(_load(name, load, actions.places[number], load_vector(mbs, name, load, load_factor)))
-        elif load["loadType"] == "MassProportional" and flex.number in numbers(mbs.GetMarker(number), "bodyNumber"):
-            if i in unknown:
+        place, on = actions.places.get(number), numbers(items.markers[number], "bodyNumber")
+        if place is None and not (load["loadType"] == "MassProportional" and flex.number in on):
+            continue
+        unknown = controller(mbs, i, load)  # never called for other times than those of the solver
+        if place is None:
+            if unknown:
                 raise AssumptionError(
-                    f"{unknown[i]}, gravity of object {flex.number}, depends on the motion or on earlier calls: what "
+                    f"{unknown}, gravity of object {flex.number}, depends on the motion or on earlier calls: what "
                     "it is between the solver's calls is not known; make it a function of time alone"
                 )
             actions.gravity.append(load_vector(mbs, name, load, load_factor))
+        elif unknown:
+            _join(actions.wrenches, place if load["loadType"] == "TorqueVector" else place.without_torques())
+        else:
+            actions.loads.append(_load(name, load, place, load_vector(mbs, name, load, load_factor)))
 
 
 def _load(name: str, load: dict, place: Place, vector: OfTime) -> Load:
@@ -151,12 +146,9 @@ def _load(name: str, load: dict, place: Place, vector: OfTime) -> Load:
     return made
 
 
-def _read_objects(mbs: Any, flex: FloatingBody, actions: Actions) -> None:
+def _read_objects(items: Items, flex: FloatingBody, actions: Actions) -> None:
     """Collect where joints and connectors act; what acts on the same nodes with the same weights is one wrench."""
-    for i in range(mbs.systemData.NumberOfObjects()):
-        item = mbs.GetObject(i)
-        if i == flex.number or item.get("activeConnector") is False:
-            continue
+    for item in (other for i, other in enumerate(items.objects) if i != flex.number and is_active(other)):
         for number in sorted(numbers(item, "markerNumbers") & set(actions.places)):
             place = actions.places[number]
             _join(actions.wrenches, place.without_torques() if _has_no_torque(item) else place)

@@ -6,7 +6,7 @@ The frame's inertia terms, the loads and the wrenches of joints are inputs of a 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,14 +20,13 @@ from ...linear.trajectory.input_signal import InputSignal
 from ...model.floating_frame import FramePose, Jitter
 from ...report.data import Plan, line_of
 from ...report.scope import COMPLETE, COUPLED, FROZEN, FULL_MODEL, Scene
-from ..access.mbs_items import load_factor, node_coordinates
-from ..access.reduced_damping import damping_text, require_modal_damping
+from ..access.mbs_items import node_coordinates
+from ..access.solvers import load_factor
 from .floating_body import read_object
-from .frame_support import read_support, require_free_node
-from .input_terms import InputTerms
-from .reference_search import held_body, seen_body, stiff_space
-from .sampler import Sampler
-from .scope_decision import Wanted, find_scope
+from .modal_damping import damping_text, require_modal_damping
+from .reference_search import seen_body, stiff_space
+from .sampler import InputTerms, Sampler
+from .scope_decision import find_level, read_support, require_free_node, why_not_told
 from .sensor_outputs import NO_SENSOR, BodySensors, body_sensors
 
 BY_MECHANISM = "linearised mechanism: modes by {} vectors, rigid interfaces by those that deform them; time steps"
@@ -39,21 +38,9 @@ if TYPE_CHECKING:
     from ...linear.run.offline import Offline
     from ...model.body import ElasticBody
     from ...model.outputs import Output, View
-    from .actions import Actions
     from .floating_body import FloatingBody, ReducedMatrices
-    from .frame_support import Support
-    from .reference_search import Reference
-    from .scope_decision import Found
-
-
-class _Seen(NamedTuple):
-    """What an mbs has of a body now: reduced matrices, what acts on it, what holds it, the full body."""
-
-    model: ReducedMatrices
-    actions: Actions
-    reference: Reference
-    support: Support
-    body: ElasticBody
+    from .reference_search import SeenBody
+    from .scope_decision import Level, Support
 
 
 class SampledSignal(InputSignal):
@@ -78,64 +65,59 @@ class MovingSubject:
 
     What reacts to the body's deformation is frozen, as this simulation has it.
 
-    alone : whether nobody else estimates the other sensors of the mbs. flex : the body. sensors : on the body, if
-    they are outputs.
+    scope : asked for. alone : whether nobody else estimates the other sensors of the mbs. flex : the body. body : the
+    full one, as the last solve saw it. sensors : on the body, if they are outputs. floor : see SolverFacts.
     """
 
     def __init__(self, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool):
-        self.item, self.flex, self._options, self._alone = flex.number, flex, options, alone
+        self.item, self.flex, self.scope, self._alone = flex.number, flex, scope, alone
         self._by_sensors, self.sensors = options.outputs is None, BodySensors((), ())
-        self._wanted = Wanted(scope, options)
-        self._use(options.outputs or ())
+        self._options, self._at_every_step = replace(options, outputs=options.outputs or ()), False
         self.columns = np.zeros(0, dtype=int)
         self._signature = self._before = ()  # of this solve; what was made for one before: a static one, most often
-        self._body: ElasticBody | None = None
+        self.body: ElasticBody | None = None
 
-    def _seen(self, mbs: Any, static: bool) -> _Seen:
-        """Read body, joints and loads; its sensors, where these are the outputs."""
-        model, actions, reference = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
-        body = self._made_body(model, reference)
-        support = read_support(mbs, model, actions.drop_idle(body))
-        return _Seen(model, actions, reference, support, body)
+    def _seen(self, mbs: Any, static: bool) -> tuple[SeenBody, Support]:
+        """Read body, joints and loads, and how they hold its frame."""
+        seen = seen_body(mbs, self.flex, load_factor(mbs) if static else None)
+        self.body = seen.body
+        return seen, read_support(seen.items, seen.model, seen.actions.drop_idle(seen.body))
 
-    def is_told(self, mbs: Any, static: bool, why_not: str) -> bool:
-        """Return whether the linearised mechanism tells of the body; why_not : it cannot in this mbs.
+    def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline | None:
+        """Return what bounds of the body alone need; None: the linearised mechanism tells of it.
+
+        why_not : it cannot in this mbs.
 
         Raises
         ------
         AssumptionError
-            It was asked for and cannot.
+            The mechanism was asked for and cannot.
         """
-        refusal = self._wanted.why_not_told or why_not
-        if refusal and self._wanted.scope != COUPLED:
-            return False
-        model, actions, reference, support, _ = self._seen(mbs, static)
-        scope = find_scope(self._wanted, actions, support, refusal)
-        if scope.name == COMPLETE:
-            return False
-        self._require_other(refusal)
-        self._lines = self._found(model, actions, reference, support)
-        self._take_sensors(mbs, scope)
-        self.columns, self._model = _columns(mbs, model), model
-        return True
-
-    def _require_other(self, refusal: str) -> None:
-        if refusal and self._wanted.scope == COUPLED:
+        refusal = why_not_told(self.scope, self._options) or why_not
+        seen, support = self._seen(mbs, static)
+        level = find_level(self.scope, seen.actions, support, refusal)
+        if level.scope == COMPLETE or (refusal and self.scope != COUPLED):
+            return self._offline(mbs, seen, support, level)
+        if refusal:
             raise AssumptionError(f"scope={COUPLED!r} cannot be had: {refusal}; or pass scope={FROZEN!r}")
+        self._lines = self._found(seen, support)
+        self._take_sensors(mbs, level)
+        self.columns, self._model = _columns(mbs, seen.model), seen.model
+        return None
 
-    def require_frozen(self, error: Exception) -> None:
-        """Raise the error that the mechanism cannot tell for, if that was asked for by its name."""
-        if self._wanted.scope == COUPLED:
-            raise error
+    def read_alone(self, mbs: Any, static: bool, why_not: str) -> Offline:
+        """Return what bounds of the body alone need although the mechanism is to tell of it; why_not : not these."""
+        seen, support = self._seen(mbs, static)
+        return self._offline(mbs, seen, support, find_level(self.scope, seen.actions, support, why_not))
 
     def at_every_step(self) -> None:
         """Let bounds be known while a solve goes on, of scope "inputs frozen" in mechanisms."""
-        self._wanted = replace(self._wanted, every_step=True)
+        self._at_every_step = True
 
     @property
     def is_live(self) -> bool:
-        """Whether bounds are needed while a solve goes on."""
-        return self._wanted.is_live
+        """Whether bounds are needed while a solve goes on; those of a mechanism are told when it has ended."""
+        return self._at_every_step or self._options.live
 
     @property
     def vectors(self) -> int:
@@ -148,38 +130,33 @@ class MovingSubject:
         of = (line_of(out) for out in self.outputs if out.is_requested)
         return Plan((BY_MECHANISM.format(self.vectors), *self._lines, *of), self._left_out())
 
-    def _found(
-        self, model: ReducedMatrices, actions: Actions, reference: Reference, support: Support
-    ) -> tuple[str, ...]:
+    def _found(self, seen: SeenBody, support: Support) -> tuple[str, ...]:
         """Lines of the plan that say what was found."""
-        damping = damping_text(self.flex.modal_damping, model.rayleigh)
-        return *reference.lines, damping, f"frame: {support.text}", *actions.lines()
+        damping = damping_text(self.flex.modal_damping, seen.model.rayleigh)
+        return *seen.reference.lines, damping, f"frame: {support.text}", *seen.actions.lines()
 
     def _left_out(self) -> tuple[tuple[str, str], ...]:
         if not self._by_sensors:
             return ()
         return (*self.sensors.left_out, *(() if self.sensors.measured else [("outputs", NO_SENSOR)]))
 
-    def read(self, mbs: Any, static: bool = False, why_not: str = "") -> Offline:
-        """Do the offline work of the body alone, unless nothing of it changed since; why_not : no mechanism tells."""
-        model, actions, reference, support, body = self._seen(mbs, static)
-        refusal = self._wanted.why_not_told or why_not
+    def _offline(self, mbs: Any, seen: SeenBody, support: Support, level: Level) -> Offline:
+        """Do the offline work of the body alone, unless nothing of it changed since."""
+        items, model, actions, _, body = seen
         if model.rigid is not None:
-            require_free_node(mbs, model)
+            require_free_node(items, model)
         if body.modal is not None:
             require_modal_damping(body, model.held, model.D)
-        scope = find_scope(self._wanted, actions, support, refusal)
-        self._take_sensors(mbs, scope)
-        signature = (model.V.tobytes(), id(body), support, scope, self.sensors, *actions.signature())
+        self._take_sensors(mbs, level)
+        signature = (model.V.tobytes(), id(body), support, level, self.sensors, *actions.signature())
         if signature != self._signature:
             now = (self._signature, self._sampler) if self._signature else ()
             before, self._before, self._signature = self._before, now, ()  # until all of what follows was done
             if before and before[0] == signature:
                 _, self._sampler = before
             else:
-                terms = InputTerms(actions, support, self.flex, model.held, model.rigid)
-                scene = self._scene(model, actions, terms, reference, support, scope)
-                offline = self._prepare(body, model, terms, scene)
+                terms = InputTerms(actions, support.at_rest, self.flex, model.held, model.rigid)
+                offline = self._prepare(seen, terms, self._scene(seen, terms, support, level))
                 self._sampler = Sampler.of(model.frame, actions, terms, offline)
             self._signature = signature
         self._sampler = replace(self._sampler, actions=actions)  # functions of time may be other ones
@@ -187,11 +164,6 @@ class MovingSubject:
         self._now = mbs.systemData.GetODE2Coordinates()[self.columns][: model.frame.size]
         self.floor = self._sampler.weight(model.V.T @ self.flex.carried)
         return self._sampler.offline
-
-    @property
-    def body(self) -> ElasticBody:
-        """The full body, as the last solve saw it."""
-        return self._body
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -204,7 +176,7 @@ class MovingSubject:
 
     def add(self, outputs: Sequence[Output]) -> None:
         """Bound further outputs, from the next solve on."""
-        self._use([*self._options.outputs, *outputs])
+        self._options = replace(self._options, outputs=[*self._options.outputs, *outputs])
         self._signature = self._before = ()
 
     def frames(self, *states: np.ndarray) -> np.ndarray:
@@ -214,26 +186,18 @@ class MovingSubject:
 
     def views(self) -> list[View | None]:
         """Return how each of the outputs is seen."""
-        return [out.view(self._body) for out in self.outputs]
+        return [out.view(self.body) for out in self.outputs]
 
-    def _take_sensors(self, mbs: Any, scope: Found) -> None:
-        """Where no outputs were asked for, take those that the sensors show."""
+    def _take_sensors(self, mbs: Any, level: Level) -> None:
+        """Where no outputs were asked for, take those that the sensors show; those that were added stay."""
         if not self._by_sensors:
             return
         sensors = body_sensors(mbs, self.flex, self._alone)
-        sensors = sensors if scope.name == COMPLETE else sensors.in_the_frame_too()
+        sensors = sensors if level.scope == COMPLETE else sensors.in_the_frame_too()
         if sensors != self.sensors:
-            options, self.sensors = self._options_with(sensors), sensors
-            self._use(options.outputs)
-
-    def _options_with(self, sensors: BodySensors) -> BoundOptions:
-        """Return the options with other sensors as outputs; those that were added stay."""
-        added = self._options.outputs[len(self.sensors.measured) :]
-        return replace(self._options, outputs=(*(item.output() for item in sensors.measured), *added))
-
-    def _use(self, outputs: Sequence[Output]) -> None:
-        self._options = replace(self._options, outputs=outputs)
-        self._wanted = replace(self._wanted, options=self._options)
+            added = self._options.outputs[len(self.sensors.measured) :]
+            outputs = (*(item.output() for item in sensors.measured), *added)
+            self._options, self.sensors = replace(self._options, outputs=outputs), sensors
 
     def first(self, t: float, *states: np.ndarray, may_be_late: bool = False) -> tuple | None:
         """Return q, q_t, q_tt, u and the frame of a run's first sample; None if its accelerations are not set.
@@ -250,17 +214,11 @@ class MovingSubject:
         """Return q, q_t, q_tt (S, n), u (S, p) and the frame (S, 24) of accepted steps."""
         return self._sampler(t, *states)
 
-    def _made_body(self, model: ReducedMatrices, reference: Reference) -> ElasticBody:
-        held = (model.rayleigh, reference.fixed, reference.rigid)
-        if self._body is None or self._body_key != (reference.source, *held):
-            self._body = held_body(self.flex, model.rayleigh, reference)
-            self._body_key = (reference.source, *held)
-        return self._body
-
-    def _prepare(self, body: ElasticBody, model: ReducedMatrices, terms: InputTerms, scene: Scene) -> Offline:
+    def _prepare(self, seen: SeenBody, terms: InputTerms, scene: Scene) -> Offline:
         known = SampledSignal(self._known_inputs, terms.columns.shape[1]) if terms.by_function else None
+        model = seen.model
         return prepare(
-            body,
+            seen.body,
             Basis(model.held, note=f"{model.V.shape[1]} modes of object {self.item}"),
             replace(self._options, inputs=Deferred(lambda: terms.columns, terms.made_of), input_function=known),
             sampled_inputs=not terms.by_function,
@@ -273,34 +231,26 @@ class MovingSubject:
         terms, actions = self._sampler.terms, self._sampler.actions
         return terms.values(actions, t, self._model.frame.at_rest(self._now, len(t)), q, q, q)
 
-    def _scene(
-        self,
-        model: ReducedMatrices,
-        actions: Actions,
-        terms: InputTerms,
-        reference: Reference,
-        support: Support,
-        scope: Found,
-    ) -> Scene:
-        flex = self.flex
-        full = f"{FULL_MODEL}: all of the fem, interfaces {flex.interfaces}, held by {reference.source}"
-        r, A = model.frame.reference_pose()
+    def _scene(self, seen: SeenBody, terms: InputTerms, support: Support, level: Level) -> Scene:
+        flex, model, actions = self.flex, seen.model, seen.actions
+        full = f"{FULL_MODEL}: all of the fem, interfaces {flex.interfaces}, held by {seen.reference.source}"
+        pose = FramePose(*model.frame.reference_pose())
         left_out = [(name, "held by the reference conditions, what acts there does no work") for name in actions.idle]
         left_out += [(f"wrench at {name}", "no load, joint or connector acts there") for name in actions.free]
         left_out += [("terms of a turning frame", support.text)] if support.at_rest else []
         left_out += self._left_out()
         return Scene(
-            scope=scope.name,
-            reason=f"{scope.reason}. {full}",
-            note=scope.note,
+            scope=level.scope,
+            reason=f"{level.reason}. {full}",
+            note=level.note,
             unknown=terms.unknown,
             turns=not support.at_rest,
             checked=terms.unknown < model.V.shape[1],
-            pose=FramePose(r, A),
-            jitter=Jitter.of(flex.mass, flex.positions, model.held, FramePose(r, A)) if support.at_rest else None,
+            pose=pose,
+            jitter=Jitter.of(flex.mass, flex.positions, model.held, pose) if support.at_rest else None,
             first_load=terms.first_load,
             stiff=stiff_space(flex, model.V, actions.interfaces()),
-            computed=self._found(model, actions, reference, support),
+            computed=self._found(seen, support),
             left_out=tuple(left_out),
         )
 

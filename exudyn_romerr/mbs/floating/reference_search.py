@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from ...model.admissible_space import (
     rigid_parts,
 )
 from ...model.shared_body import keep_with, shared_body
+from ..access.mbs_items import Items
 from .floating_body import read_object
 from .frame_node import RigidPart
 from .loads_and_joints import read_actions
@@ -52,19 +52,25 @@ DEPENDENT = 1e-12  # eigenvalues of a Gram matrix, of the largest: columns that 
 
 
 class SeenBody(NamedTuple):
-    """What an mbs has of a body now: reduced matrices, held by reference conditions; what acts on it; conditions."""
+    """What an mbs has of a body now, and all its items.
 
+    model : reduced matrices, held by reference conditions. actions : what acts on it. body : the full one, held.
+    """
+
+    items: Items
     model: ReducedMatrices
     actions: Actions
     reference: Reference
+    body: ElasticBody
 
 
 def seen_body(mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float] | None = None) -> SeenBody:
     """Read a body; load_factor : what a static solver scales constant loads with."""
-    model = read_object(mbs, flex)
-    actions = read_actions(mbs, flex, model, load_factor)
+    items, model = Items(mbs), read_object(mbs, flex)
+    actions = read_actions(items, flex, model, load_factor)
     reference = find_reference(flex, model.V, actions.interfaces())
-    return SeenBody(reference.of(model), actions, reference)
+    body = held_body(flex, model.rayleigh, reference)
+    return SeenBody(items, reference.of(model), actions, reference, body)
 
 
 @dataclass(frozen=True)
@@ -96,10 +102,6 @@ class Reference:
         return (found,) if self.moves is None else (found, OF_THE_FRAME.format(self.share))
 
 
-# the last one found at interfaces: they, by name, the modes, and the conditions
-_FOUND: WeakKeyDictionary[FloatingBody, tuple[dict[str, MeanMotion], np.ndarray, Reference]] = WeakKeyDictionary()
-
-
 def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, MeanMotion]) -> Reference:
     """Return the conditions that every mode meets, found before if they are those of the same interfaces.
 
@@ -115,12 +117,12 @@ def find_reference(flex: FloatingBody, V: np.ndarray, interfaces: dict[str, Mean
     AssumptionError
         No candidate fits, or several that differ.
     """
-    its_interfaces, its_V, found = _FOUND.get(flex, ({}, V, None))
+    its_interfaces, its_V, found = flex.known.get("reference", ({}, V, None))
     same = [*its_interfaces] == [*interfaces] and all(its_interfaces[x] is interfaces[x] for x in interfaces)
     if found is None or not same or not np.array_equal(its_V, V):
         found = _search(flex, V, interfaces)
         if found.source in interfaces:  # else node sets, or modes, decided
-            _FOUND[flex] = interfaces, V, found
+            flex.known["reference"] = interfaces, V, found
     return found
 
 

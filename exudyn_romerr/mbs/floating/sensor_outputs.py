@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import InputError
 from ...model.outputs import Output, nodes_output
 from ...report.data import IN_THE_FRAME
-from ..access.mbs_items import sensor_name
+from ..access.mbs_items import Items, sensor_names
 from .loads_and_joints import MESH_MARKERS
 
 if TYPE_CHECKING:
@@ -26,7 +26,10 @@ QUANTITIES = {
     exu.OutputVariableType.DisplacementLocal: ("displacement", "body"),
     exu.OutputVariableType.VelocityLocal: ("velocity", "body"),
 }
-OF_NO_STATE = ("Load", "UserFunction")  # types of sensors that nobody estimates
+NO_STATE = {  # types of sensors that show no state of the mbs, and so have no estimate of their error
+    "Load": "it shows a load, not the motion",
+    "UserFunction": "a user function is not called away from the run",
+}
 ELSEWHERE = "attach(mbs, [flex]), with a list, estimates other sensors, those of joint forces too"
 KNOWN = ", ".join(quantity.name for quantity in QUANTITIES)
 NO_SENSOR = (
@@ -83,9 +86,15 @@ def sensor_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
     InputError
         No such sensor; one on another body; a quantity that no bound is known for.
     """
-    if not 0 <= number < mbs.systemData.NumberOfSensors():
-        raise InputError(f"outputs contains sensor {number}; the mbs has {mbs.systemData.NumberOfSensors()} sensors")
+    asked_sensor(mbs, number)
     return _measured(mbs, flex, number).output()
+
+
+def asked_sensor(mbs: Any, number: int) -> dict[str, Any]:
+    """Return a sensor that was asked for by its number; InputError: there is none."""
+    if not 0 <= number < (count := mbs.systemData.NumberOfSensors()):
+        raise InputError(f"outputs contains sensor {number}; the mbs has {count} sensors")
+    return mbs.GetSensor(number)
 
 
 def framed_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
@@ -95,15 +104,14 @@ def framed_output(mbs: Any, flex: FloatingBody, number: int) -> Output:
 
 def body_sensors(mbs: Any, flex: FloatingBody, alone: bool) -> BodySensors:
     """Return what the sensors on the body measure that the mbs has now; alone: nobody estimates those on none."""
-    measured, left_out = [], []
-    for number in range(mbs.systemData.NumberOfSensors()):
-        sensor = mbs.GetSensor(number)
+    measured, left_out, names = [], [], sensor_names(mbs)
+    for number, sensor in enumerate(Items(mbs).sensors):
         body = _body_of(mbs, sensor)
-        if body is None and alone and sensor["sensorType"] not in OF_NO_STATE:
+        if body is None and alone and sensor["sensorType"] not in NO_STATE:
             left_out.append((f"sensor {sensor['name']!r}", f"on no flexible body: {ELSEWHERE}"))
         elif body == flex.number:
             try:
-                measured.append(replace(_measured(mbs, flex, number), name=sensor_name(mbs, number)))
+                measured.append(replace(_measured(mbs, flex, number), name=names[number]))
             except InputError as error:
                 left_out.append(("output", str(error)))
     return BodySensors(tuple(measured), tuple(left_out))
@@ -125,13 +133,14 @@ def _measured(mbs: Any, flex: FloatingBody, number: int) -> Measured:
 
 def other_sensors(mbs: Any, flexes: Sequence[FloatingBody], asked: Sequence[int] | None) -> list[int]:
     """Return which sensors of those asked for, None: of all, show no output of floating bodies, nor a linear body."""
-    linear = [i for i in range(mbs.systemData.NumberOfObjects()) if mbs.GetObject(i)["objectType"] == "GenericODE2"]
-    nodes = {int(node) for i in linear for node in mbs.GetObject(i)["nodeNumbers"]}
+    items = Items(mbs)
+    linear = [item for item in items.objects if item["objectType"] == "GenericODE2"]
+    nodes = {int(node) for item in linear for node in item["nodeNumbers"]}
     return [
         number
-        for number in (range(mbs.systemData.NumberOfSensors()) if asked is None else asked)
+        for number in (range(len(items.sensors)) if asked is None else asked)
         if all(measured_of(mbs, flex, number) is None for flex in flexes)
-        and int(mbs.GetSensor(number).get("nodeNumber", -1)) not in nodes
+        and int(items.sensors[number].get("nodeNumber", -1)) not in nodes
     ]
 
 

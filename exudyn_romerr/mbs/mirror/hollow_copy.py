@@ -18,11 +18,10 @@ from ...mechanism.reading import Reading
 from ...mechanism.rotations import times_transposed
 from ...mechanism.samples import Rows
 from ...mechanism.unknowns import Unknowns
-from ..access.copied_mbs import copy_items
+from ..access.copied_mbs import copy_items, object_terms
+from ..access.detached import READS_SENSORS, Detached
 from ..access.equations import Equations
-from ..access.object_terms import object_terms
 from ..access.state_guard import set_state, state_in_place
-from ..memory.detached import READS_SENSORS, Detached
 from .vectors import Enriched
 
 UNSEEN = 1e-8  # of the largest: what differences leave of an unknown that nothing knows

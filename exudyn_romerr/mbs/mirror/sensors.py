@@ -16,10 +16,9 @@ from ...mechanism.unknowns import Unknowns
 from ...mechanism_bounds.bounds import MeshRows
 from ...model.outputs import AXES, Output
 from ...report.data import UNITS
+from ..access.detached import Detached
 from ..access.mbs_items import sensor_name
-from ..floating.sensor_outputs import measured_of
-from ..memory.detached import Detached
-from ..sensors.without_state import NO_STATE
+from ..floating.sensor_outputs import NO_STATE, measured_of
 from .hollow_copy import STEP, HollowCopy
 from .vectors import Enriched
 

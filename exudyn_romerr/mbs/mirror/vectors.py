@@ -22,10 +22,10 @@ from ...mechanism_bounds.residual_norm import ResidualNorm
 from ...mechanism_errors.modes import PARTS
 from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
+from ..access.detached import READS_NODES, READS_SENSORS, Detached
 from ..floating.floating_body import FloatingBody
-from ..floating.frame_support import require_free_node
-from ..floating.reference_search import held_body, seen_body, stiff_space
-from ..memory.detached import READS_NODES, READS_SENSORS, Detached
+from ..floating.reference_search import seen_body, stiff_space
+from ..floating.scope_decision import require_free_node
 from .weight import weight_of
 
 SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding
@@ -50,10 +50,9 @@ class KnownBody:
     @classmethod
     def of(cls, mbs: Any, flex: FloatingBody) -> KnownBody:
         """Read it."""
-        model, actions, reference = seen_body(mbs, flex)
+        items, model, actions, _, held = seen_body(mbs, flex)
         if model.rigid is not None:
-            require_free_node(mbs, model)
-        held = held_body(flex, model.rayleigh, reference)
+            require_free_node(items, model)
         stiff = stiff_space(flex, model.V, actions.interfaces())
         actions.drop_idle(held)
         return cls(flex, model, actions, held, stiff)

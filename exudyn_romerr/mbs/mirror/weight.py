@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..memory.detached import Detached, OnlyReads
+from ..access.detached import Detached, OnlyReads
 
 
 def weight_of(mbs: Any, number: int, detached: Detached) -> tuple[Callable[[float], np.ndarray], list[int]]:

@@ -1,4 +1,4 @@
-"""MonitoredBody: monitors one body along the solves of its mbs, fed with blocks of accepted steps."""
+"""MonitoredBody: one body along the solves of its mbs; Succession of its runs, ToleranceCheck of their bounds."""
 
 from __future__ import annotations
 
@@ -9,22 +9,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import RunError
-from ...linear.run.record import UNKNOWN, SolverFacts
+from ...linear.run.record import UNKNOWN
 from ...linear.run.run import BLOCK, Run, doubts_in
-from ..access.mbs_items import end_time, newton_tolerance, solver_name
-from .run_succession import Succession
-from .tolerance_check import ToleranceCheck
+from ...report.scope import COUPLED
+from ...report.wording import not_certified
+from ..access.endings import SAME_TIME
+from ..access.solvers import solver_facts
 
 if TYPE_CHECKING:
     from ...linear.run.offline import Offline
     from ...linear.trajectory.samples import Extension
     from ...report.data import Plan
-    from ..access.linear_adapter import LinearSubject
+    from ..access.reduced_body import LinearSubject
     from ..floating.moving_subject import MovingSubject
     from .mechanism_run import BodyRun, MechanismRun
 
-
 AT_ONCE = "it is told when the run has ended"
+# Steps that may be made before they are compared, as their evaluation one by one takes as long as tens of steps of
+# the simulation: so many that a bound which rises twice as fast as it ever did among those before stays below its
+# tolerance; but not fewer than FEWEST on the average, nor more than MOST
+FEWEST, MOST = 16, 128
+TINY = np.finfo(float).tiny
 
 
 class MonitoredBody:
@@ -40,25 +45,21 @@ class MonitoredBody:
     """
 
     def __init__(self, subject: LinearSubject | MovingSubject, tolerance: dict[str, float]):
-        self.item, self.tolerance, self.check = subject.item, tolerance, ToleranceCheck(tolerance)
-        self.succession = Succession()
+        self.subject, self.item, self.tolerance = subject, subject.item, tolerance
+        self.check, self.succession = ToleranceCheck(tolerance), Succession()
         self.runs: list[Run | BodyRun] = []
+        self.run: Run | None = None
         self.error: Exception | None = None
         self._pending: Exception | None = None  # an error that counts when the steps before it do
         self.stopped, self.failure = False, ""
         self.told: BodyRun | None = None
         self.is_told = False  # from the begin of a solve on, before `told` is there
-        self.subject = subject
+        self._static = False
         self._listens = False  # from the begin of a solve on, until the simulation diverges
         self._late = False  # the run starts later than the solve
-        self.run: Run | None = None
-        # set by begin
-        self._static = False
         self._offline: Offline | None = None
         self._solver = UNKNOWN
-        self._columns: Any = None
         self.width = 1  # numbers that its bounds compute with at a step
-        self._newest: tuple = ()
 
     def bounded_until(self) -> float:
         """Return the time of the last step that was bounded in the run under way."""
@@ -70,24 +71,21 @@ class MonitoredBody:
         self._pending, self._late, self.check = None, False, ToleranceCheck(self.tolerance)
         self._static, self.is_told, self.told = static, False, None
         with self.kept_errors():
-            self.is_told = self.subject.is_told(mbs, static, why_not)
-        if self.error is None and (not self.is_told or self.subject.is_live):
-            self._begin_alone(mbs, static, why_not or AT_ONCE)
+            offline = self.subject.read(mbs, static, why_not)
+            self.is_told = offline is None
+            if self.is_told and self.subject.is_live:
+                offline = self.subject.read_alone(mbs, static, AT_ONCE)
+            if offline is not None:
+                self._begin_alone(mbs, offline)
 
-    def _begin_alone(self, mbs: Any, static: bool, why_not: str) -> None:
-        self._listens = True
-        with self.kept_errors():
-            self._offline = self.subject.read(mbs, static, why_not)
-            self.width = self._offline.width
-            facts = end_time(mbs, static), newton_tolerance(mbs, static), self.subject.floor
-            self._solver = SolverFacts(*facts, name="" if static else solver_name(mbs))
-            self._columns = self.subject.columns
+    def _begin_alone(self, mbs: Any, offline: Offline) -> None:
+        self._offline, self.width, self._listens = offline, offline.width, True
+        self._solver = solver_facts(mbs, self._static, self.subject.floor)
 
     def plan(self, mbs: Any, why_not: str) -> tuple[Plan, bool]:
         """Return what would be computed if a solve began now, and whether the mechanism would tell."""
-        if self.subject.is_told(mbs, False, why_not):
-            return self.subject.told_plan(), True
-        return self.subject.read(mbs, False, why_not).plan, False
+        offline = self.subject.read(mbs, False, why_not)
+        return (self.subject.told_plan(), True) if offline is None else (offline.plan, False)
 
     def run_told(self, run: BodyRun) -> None:
         """The mechanism will tell of the solve that begins."""
@@ -98,11 +96,11 @@ class MonitoredBody:
         """The mechanism cannot tell: evaluate its rows alone, under frozen inputs, unless the other was asked for."""
         self.runs.remove(self.told)
         self.run, self.told, self.is_told, notes = None, None, False, self.told.messages
-        with self.kept_errors():
-            self.subject.require_frozen(run.error)
-        if self.error is not None:
+        if self.subject.scope == COUPLED:
+            self.error = run.error
             return
-        self._begin_alone(mbs, run.is_static, str(run.error))
+        with self.kept_errors():
+            self._begin_alone(mbs, self.subject.read(mbs, run.is_static, str(run.error)))
         rows = run.rows()
         for first in range(0, len(rows), BLOCK):
             part = rows[first : first + BLOCK]
@@ -122,7 +120,7 @@ class MonitoredBody:
         """Evaluate rows t (S,), q, q_t, q_tt (S, all coordinates of the mbs)."""
         if self.error is None and self._listens:
             with self.kept_errors():
-                self._take(t.copy(), *(state[:, self._columns].copy() for state in states))
+                self._take(t.copy(), *(state[:, self.subject.columns].copy() for state in states))
         if self.error is None and self._pending is not None:
             self.error, self._pending = self._pending, None
 
@@ -133,8 +131,7 @@ class MonitoredBody:
         if self._static:  # a static solver leaves old rates behind
             states = [states[0], 0 * states[1], 0 * states[2]]
         if self.run is None:
-            first = t[0], *(state[0].copy() for state in states)
-            if not self._start(*first):
+            if not self._start(t[0], *(state[0].copy() for state in states)):
                 self._late = True
             t, *states = (rows[1:] for rows in (t, *states))
         if self.run is not None and t.size:
@@ -226,3 +223,107 @@ class MonitoredBody:
             raise RunError(f"object {self.item} starts at t = {t:g} with nan or inf among its coordinates")
         self._listens = False
         self.note(f"the simulation diverged: nan or inf at t = {t:g}; bounds end before")
+
+
+class Succession:
+    """The runs of one body, oldest first.
+
+    last : time, q, q_t, q_tt of the last row that was bounded.
+    """
+
+    def __init__(self) -> None:
+        self.runs: list[Run] = []
+        self.last: tuple | None = None
+        self._begins = True  # whether the last run has gone on from no other
+        self._source: Offline | None = None  # what the last run was read as; its own may be one from a static run
+
+    def add(self, run: Run, source: Offline, first: tuple) -> None:
+        """Add a run that has begun with its first row; source: what the mbs was read as."""
+        self.runs.append(run)
+        self._source, self.last = source, first
+
+    def before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, str]:
+        """Return the run in whose last state another one starts, or None and why it does not go on, if it might.
+
+        None if there is none, or what bounds are of was changed; also a static one, if no initial state was given. A
+        solve, static or not, that failed in its first step has left nothing to go on from; a static one of a frame
+        that is free begins with the load step after, where what acts on the body is not in balance before.
+        """
+        before, why_not = self._before(offline, t, q, q_t)
+        if before is not None and len(before.times) == 1:
+            made_a_step = before.begins_late if before.is_static else not self._begins
+            before = before if made_a_step else None
+        self._begins = before is None
+        return before, why_not
+
+    def _before(self, offline: Offline, t: float, q: np.ndarray, q_t: np.ndarray) -> tuple[Run | None, str]:
+        if not self.runs:
+            return None, ""
+        before, (t_last, q_last, q_t_last, _) = self.runs[-1], self.last
+        if not np.array_equal(q, q_last):
+            return None, ""
+        if before.is_static:
+            released = offline.initial is None and not q_t.any()
+            return (before if released and before.last.u.shape[1] == offline.coordinates.p else None), ""
+        if abs(t - t_last) > SAME_TIME * abs(t_last) or not np.array_equal(q_t, q_t_last):
+            return None, ""
+        return (before, "") if self._source is offline else (None, _other_bounds(self._source, offline))
+
+    def first_sample(
+        self, subject: LinearSubject | MovingSubject, before: Run | None, t: float, *states: np.ndarray
+    ) -> tuple | None:
+        """Return the first sample of a run; if need be with the accelerations that the run before ended with."""
+        first = subject.first(t, *states)
+        if first is None and before is not None:
+            first = subject.first(t, *states[:2], self.last[3], may_be_late=True)
+        return first
+
+
+def _other_bounds(before: Offline, now: Offline) -> str:
+    """Why a run does not go on from one before in whose last state it starts."""
+    was, scene, reason = before.scene, now.scene, "the mbs was changed since the run before"
+    if (was.scope, was.note) != (scene.scope, scene.note):
+        reason = f"bounds cover something else than in the run before ({was.scope!r}, now {scene.scope!r}"
+        reason += f": {scene.note})" if scene.note else ")"
+    return f"{reason}; its error so far is not carried over"
+
+
+class ToleranceCheck:
+    """The bounds of one run beside their tolerances, output -> what it is to stay below.
+
+    room : number of steps that may be made before they are compared, inf if there are no tolerances.
+    """
+
+    def __init__(self, limits: dict[str, float]):
+        self._limits, self._compared, self._calls = limits, 0, 0
+        self._last: dict[str, float] = {}  # share that each bound had of its tolerance at the last step compared
+        self.room = 1 if limits else np.inf
+
+    def exceeded(self, run: Run) -> list[str]:
+        """Return in words which bounds were above their tolerance at any of the steps since the last call."""
+        t = run.times[self._compared :]
+        if not t.size or not self._limits:
+            return []
+        self._compared, self._calls = self._compared + len(t), self._calls + 1
+        best = run.best_of_last(len(t))
+        shares = {name: np.max(best[name], axis=1, initial=0.0) / limit for name, limit in self._limits.items()}
+        above = [(name, share) for name, share in shares.items() if not np.all(share <= 1)]
+        condition = not_certified(run.doubts()) if above else ""
+        found = [f"{self._in_words(*one, t)}{condition and f' ({condition})'}" for one in above]
+        self.room = 1 if found else self._next_room(shares)
+        self._last = {name: share[-1] for name, share in shares.items()}
+        return found
+
+    def _next_room(self, shares: dict[str, np.ndarray]) -> int:
+        fewest = 1 if self._calls < FEWEST + self._compared / FEWEST else FEWEST
+        left = min(self._steps_left(self._last.get(name, 0.0), share) for name, share in shares.items())
+        return int(np.clip(left, fewest, max(fewest, min(2 * self.room, MOST))))
+
+    def _steps_left(self, before: float, share: np.ndarray) -> float:
+        """How many steps a bound needs to reach its tolerance, of which it had such shares (S,), twice as fast."""
+        return (1 - share[-1]) / max(2 * np.diff(share, prepend=before).max(), TINY)
+
+    def _in_words(self, name: str, share: np.ndarray, t: np.ndarray) -> str:
+        i, limit = int(np.argmin(share <= 1)), self._limits[name]
+        since = f" at t = {t[i]:g}" if i < len(t) - 1 else ""
+        return f"tolerance on {name!r} exceeded{since}, {share[i] * limit:.3g} > {limit:g}"

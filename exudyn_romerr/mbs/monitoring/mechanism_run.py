@@ -11,9 +11,9 @@ from ...errors import RunError
 from ...linear.estimators.causes import REDUCTION
 from ...linear.run.record import Internal
 from ...mechanism.samples import Rows
+from ..access.endings import SAME_TIME
 from ..mirror.recorder import StoredRows
 from ..mirror.told_solve import Asked, Ended, Told, told_solve
-from .run_succession import SAME_TIME
 
 if TYPE_CHECKING:
     from ...report.mechanism_report import MechanismReport
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 class MechanismRun:
     """Rows of a solve so far, and what is known of the errors of its bodies.
 
-    asked : what it is told of. end : s, where the solver is to go to; None: not known. before : how the solve before
+    asked : what it is told of. end : s, where the solver is to go to. before : how the solve before
     has ended. error : why nothing can be told. due : s, from when on its rows are to be told.
     """
 
-    def __init__(self, asked: Asked, end: float | None, before: Ended | None):
+    def __init__(self, asked: Asked, end: float, before: Ended | None):
         self._asked, self._end, self._before = asked, end, before
         self._rows, self._borders = StoredRows(), np.zeros(4, int)
         self._told: Told | None = None
-        self.due = np.inf if end is None else end - SAME_TIME * abs(end)
+        self.due = end - SAME_TIME * abs(end)
         self._count = 0  # rows that were told
         self.error: Exception | None = None
 

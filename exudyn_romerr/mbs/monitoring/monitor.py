@@ -10,7 +10,7 @@ from ...errors import InputError, RunError
 from ...process.blas_threads import one_thread
 from ...report.mechanism_report import joined, joined_plan
 from ..access.endings import note_end, on_purpose
-from ..access.mbs_items import sensor_name
+from ..access.mbs_items import sensor_names
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
 from ..mirror.sensors import planned_sensors
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ...report.data import Plan
     from ...report.mechanism_report import MechanismReport
     from ...report.report import BoundReport
-    from ..access.linear_adapter import LinearSubject
+    from ..access.reduced_body import LinearSubject
     from .body_monitor import MonitoredBody
     from .step_hook import StepHook
 
@@ -202,7 +202,8 @@ class MechanismMonitor:
             As Monitor.report, of the first body that has none.
         """
         reports = [body.report(i) for body in self.bodies]
-        told = next((run.of.told() for run in self._runs_of(i) if isinstance(run, BodyRun)), None)
+        runs = (body.runs[i] for body in self.bodies)
+        told = next((run.of.told() for run in runs if isinstance(run, BodyRun)), None)
         if told is None:
             return joined(reports, [], [(name, NOT_TOLD) for name in self._names()])
         return joined(reports, told.sensors, [])
@@ -215,7 +216,5 @@ class MechanismMonitor:
         )
 
     def _names(self) -> list[str]:
-        return [sensor_name(self._mbs, number) for number in self._numbers()]
-
-    def _runs_of(self, i: int) -> Sequence[Run | BodyRun]:
-        return [body.runs[i] for body in self.bodies]
+        names = sensor_names(self._mbs)
+        return [names[number] for number in self._numbers()]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 from numbers import Integral, Real
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import exudyn as exu
@@ -17,20 +18,23 @@ from ...linear.residual.problem import checked_outputs
 from ...linear.residual.residual import RESIDUALS
 from ...linear.run.prepare import TIMES, BoundOptions, checked_names
 from ...model.outputs import Output
+from ...report.data import IN_THE_FRAME
 from ...report.mechanism_report import check_names
-from ..access.linear_adapter import LinearSubject
-from ..access.reduced_body import ReducedBody
+from ..access.mbs_items import Items
+from ..access.reduced_body import LinearSubject, ReducedBody
 from ..floating.floating_body import FloatingBody, read_object
 from ..floating.moving_subject import MovingSubject
 from ..floating.reference_search import require_still_interface
-from ..floating.sensor_outputs import is_on, sensor_output
-from ..sensors.sensor_names import without_names
+from ..floating.sensor_outputs import asked_sensor, framed_output, is_on, sensor_output
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 
 UNNAMED = "there are no outputs, or they are not known before a solve begins; pass outputs= to attach"
+WITHOUT = "romerr.node_displacement({!r}, node=..., component='z')"
+OF_NODES = "romerr.mean_displacement({!r}, nodes=...)"
+OF_SET = "romerr.mean_displacement({!r}, nodes={}['NodeNumbers'], weights={}['NodeWeights'])"
 
 
 def make_subject(
@@ -41,8 +45,11 @@ def make_subject(
     alone : whether its monitor is of no mechanism, which would have the sensors on no flexible body, too.
     """
     if isinstance(flex, FloatingBody):
-        return _floating(mbs, flex, options, scope, alone)
-    _check_body(mbs, flex)
+        return MovingSubject(flex, _of_floating(mbs, flex, options), scope, alone)
+    if not isinstance(flex, ReducedBody):
+        raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body or floating_body returned")
+    if flex.mbs is not mbs:
+        raise InputError("flex was added to another mbs than the one passed to attach; pass flex.mbs")
     return _linear(flex, options)
 
 
@@ -76,14 +83,11 @@ def _check_once(flexes: Sequence) -> None:
 
 def _entries(mbs: Any, flexes: Sequence, outputs: Any) -> Iterator[tuple[int | None, Any, str]]:
     """Number of the body, None: none, output or sensor number, and its name, of every entry of outputs."""
-    for out in without_names(mbs, flexes, outputs):
+    for out in _without_names(mbs, flexes, outputs):
         if isinstance(out, Integral | exu.SensorIndex):
-            number, count = int(out), mbs.systemData.NumberOfSensors()
-            if not 0 <= number < count:
-                raise InputError(f"outputs contains sensor {number}; the mbs has {count} sensors")
-            sensor = mbs.GetSensor(number)
+            sensor = asked_sensor(mbs, int(out))
             on = (i for i, f in enumerate(flexes) if isinstance(f, FloatingBody) and is_on(mbs, f, sensor))
-            yield next(on, None), number, sensor["name"]
+            yield next(on, None), int(out), sensor["name"]
         elif isinstance(out, tuple) and len(out) == 2 and any(out[0] is flex for flex in flexes):
             check_type("an output of (flex, output)", out[1], Output)
             yield next(i for i, flex in enumerate(flexes) if flex is out[0]), out[1], out[1].name
@@ -106,18 +110,21 @@ def _linear(flex: ReducedBody, options: BoundOptions) -> LinearSubject:
     return LinearSubject(flex, replace(options, initial=initial))
 
 
-def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, alone: bool) -> MovingSubject:
-    """Joints and loads may still be added: what is known now is checked now."""
+def _of_floating(mbs: Any, flex: FloatingBody, options: BoundOptions) -> BoundOptions:
+    """Options with outputs for sensors; joints and loads may still be added: what is known now is checked now."""
     model = read_object(mbs, flex)
     if flex.interfaces == "rigid":
         require_still_interface(flex, model.V)
-    outputs = without_names(mbs, [flex], options.outputs)
+    outputs = _without_names(mbs, [flex], options.outputs)
     if isinstance(outputs, list | tuple):
         outputs = [out[1] if isinstance(out, tuple) and len(out) == 2 and out[0] is flex else out for out in outputs]
         sensors = [isinstance(out, Integral | exu.SensorIndex) for out in outputs]
         outputs = [sensor_output(mbs, flex, int(o)) if s else o for o, s in zip(outputs, sensors, strict=True)]
     outputs = outputs if outputs is None else checked_outputs(outputs)
-    _check_rows(flex, outputs or ())
+    mesh = SimpleNamespace(positions=flex.positions, N=flex.positions.size, dofs_per_node=3)
+    for out in outputs or ():
+        with suppress(AttributeError):  # a user's own function of the body, which is not known yet
+            out.resolve(mesh)
     for name, known in (("residual", RESIDUALS), ("kernels", KERNELS), ("time", TIMES)):
         check_choice(name, getattr(options, name), known)
     if options.auxiliary_modes != "auto":
@@ -125,29 +132,7 @@ def _floating(mbs: Any, flex: FloatingBody, options: BoundOptions, scope: str, a
     asked = options.estimators
     if not isinstance(asked, str) or asked != "auto":
         checked_names(asked)
-    return MovingSubject(flex, replace(options, outputs=outputs), scope, alone)
-
-
-class _Mesh:
-    """What rows of outputs are made of that is known before the body's reference conditions are."""
-
-    def __init__(self, flex: FloatingBody):
-        self.positions, self.N, self.dofs_per_node = flex.positions, 3 * len(flex.positions), 3
-
-
-def _check_rows(flex: FloatingBody, outputs: Sequence[Output]) -> None:
-    """InputError for node numbers or rows that do not fit the mesh."""
-    mesh = _Mesh(flex)
-    for out in outputs:
-        with suppress(AttributeError):  # a user's own function of the body, which is not known yet
-            out.resolve(mesh)
-
-
-def _check_body(mbs: Any, flex: Any) -> None:
-    if not isinstance(flex, ReducedBody):
-        raise InputError(f"flex is a {type(flex).__name__}; needed: what add_reduced_body or floating_body returned")
-    if flex.mbs is not mbs:
-        raise InputError("flex was added to another mbs than the one passed to attach; pass flex.mbs")
+    return replace(options, outputs=outputs)
 
 
 def _refuse_sensors(outputs: Any) -> None:
@@ -160,6 +145,53 @@ def _refuse_sensors(outputs: Any) -> None:
                 f"full model: pass romerr.Output({name!r}, rows) or romerr.node_displacement({name!r}, node=..., "
                 "component='z') instead"
             )
+
+
+def _without_names(mbs: Any, flexes: Sequence, outputs: Any) -> Any:
+    """Return outputs with the number of the sensor, or (body, output), in place of each name; a name alone is a list.
+
+    What the report calls "NAME in the frame" is known, too.
+
+    Raises
+    ------
+    InputError
+        No sensor has that name, or several have.
+    """
+    outputs = [outputs] if isinstance(outputs, str) else outputs
+    if not isinstance(outputs, list | tuple):
+        return outputs
+    return [_meant(mbs, flexes, out) if isinstance(out, str) else out for out in outputs]
+
+
+def _meant(mbs: Any, flexes: Sequence, name: str) -> Any:
+    if found := _number(mbs, name):
+        return found[0]
+    of = _number(mbs, name.removesuffix(IN_THE_FRAME)) if name.endswith(IN_THE_FRAME) else []
+    sensor = mbs.GetSensor(of[0]) if of else None
+    bodies = [flex for flex in flexes if sensor and isinstance(flex, FloatingBody) and is_on(mbs, flex, sensor)]
+    if bodies:
+        return bodies[0], framed_output(mbs, bodies[0], of[0])
+    sensors = ", ".join(f"{i} {sensor['name']!r}" for i, sensor in enumerate(Items(mbs).sensors))
+    has = f"the mbs has sensors {sensors}" if sensors else "the mbs has no sensors yet, add them before attach"
+    raise InputError(f"outputs names {name!r}, and no sensor is called so; {has}; {_instead(flexes, name)}")
+
+
+def _instead(flexes: Sequence, name: str) -> str:
+    """What to write where there is no sensor: of a node set of the fem, or of nodes."""
+    for flex in flexes:
+        for i, node_set in enumerate(flex.fem.nodeSets if isinstance(flex, FloatingBody) else ()):
+            if node_set.get("Name") == name:
+                return f"{name!r} is a node set of the fem: pass {OF_SET.format(name, *2 * [f'fem.nodeSets[{i}]'])}"
+    return f"without a sensor pass {WITHOUT.format(name)} or {OF_NODES.format(name)}"
+
+
+def _number(mbs: Any, name: str) -> list[int]:
+    """The number of the sensor of that name, in a list, which is empty if there is none."""
+    found = [i for i, sensor in enumerate(Items(mbs).sensors) if sensor["name"] == name]
+    if len(found) > 1:
+        numbers = ", ".join(map(str, found))
+        raise InputError(f"outputs names {name!r}, which sensors {numbers} are called: pass the number of one")
+    return found
 
 
 def checked_tolerance(tolerance: Any, names: Sequence[str], for_each: bool = False) -> dict[str, float]:

@@ -14,10 +14,10 @@ from ...linear.run.run import BLOCK
 from ...process.blas_threads import OTHERS, one_thread
 from ...process.interrupts import interrupt_deferred
 from ...report.scope import UNATTACHED
-from ..access.mbs_items import FFRF, end_time, holds_rates, is_verbose, running_static_solver, scheme_from, scheme_of
+from ..access.mbs_items import FFRF, Items
+from ..access.solvers import holds_rates, just_begun, running_static_solver, scheme_from
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
-from ..memory.standstill import no_step_is_made
 from ..mirror.layout import require_covered
 from ..mirror.told_solve import Asked, Ended
 from .live_output import live_line
@@ -55,8 +55,6 @@ class StepHook:
         self._occupant: Callable = self.step
         self._arrays: tuple = ()
         self._said: set[str] = set()  # why there are no bounds, in the solve under way
-        self.end = np.inf  # of the solve, where a mechanism is told
-        self.is_silent = False  # whether nothing is printed: who watches a script from outside says it afterwards
 
     @one_thread()
     def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
@@ -64,7 +62,7 @@ class StepHook:
         self.finish(mbs)
         self._said.clear()
         at_once = False
-        with self._run_goes_on(), no_step_is_made():
+        with self._run_goes_on():
             at_once = self._begin(mbs)
         # glibc gives back what blocks free, and asking again takes a third of their time; not so once it has seen a
         # piece come and go that is as large; nothing is ever written into this one
@@ -74,25 +72,25 @@ class StepHook:
     def _begin(self, mbs: Any) -> bool:
         """Read the mbs; return whether each step is to be evaluated at once."""
         self._occupant, self._mbs = slot_function(mbs), weakref.ref(mbs)
-        self.run, self.end, self._has_begun = None, np.inf, False
+        self.run, self._has_begun = None, False
         static = running_static_solver(mbs, self._static_solver)
         self._static_solver = static or self._static_solver
-        self._verbose = is_verbose(mbs, static is not None) and not self.is_silent
+        solver = just_begun(mbs) if static is None else static
+        self._verbose = solver is not None and solver.output.verboseMode > 1
         why = self._why_not_told(mbs, static is not None)
         for watch in self.watches:
             watch.begin(mbs, static is not None, why)
         if any(watch.is_told for watch in self.watches):
-            self._begin_mechanism(mbs, static)
+            self._begin_mechanism(mbs, solver, static is not None)
         return static is not None  # load steps are few, and loads may change before the next solve asks for a block
 
     def _why_not_told(self, mbs: Any, is_static: bool) -> str:
         """Why the linearised mechanism can tell of no body of this mbs; empty: nothing is known yet."""
-        numbers = range(mbs.systemData.NumberOfObjects())
-        reduced = [i for i in numbers if mbs.GetObject(i)["objectType"] == FFRF]
         attached = {watch.item for watch in self.watches}
-        if missing := [f"object {i} ({mbs.GetObject(i)['name']})" for i in reduced if i not in attached]:
+        reduced = ((i, item) for i, item in enumerate(Items(mbs).objects) if item["objectType"] == FFRF)
+        if missing := [f"object {i} ({item['name']})" for i, item in reduced if i not in attached]:
             return f"{UNATTACHED}, so their errors are not known: {', '.join(missing)}; attach them all"
-        if not is_static and scheme_of(mbs) is None:
+        if not is_static and just_begun(mbs) is None:
             return NO_SOLVER
         try:
             require_covered(mbs)
@@ -100,19 +98,16 @@ class StepHook:
             return str(error)
         return ""
 
-    def _begin_mechanism(self, mbs: Any, static: Any) -> None:
-        """Keep rows of this solve; static : its solver, or None."""
+    def _begin_mechanism(self, mbs: Any, solver: Any, is_static: bool) -> None:
+        """Keep rows of this solve."""
         floating = [watch for watch in self.watches if isinstance(watch.subject, MovingSubject)]
         subjects = [watch.subject for watch in floating]
-        scheme = scheme_from(static) if static else scheme_of(mbs)
         flexes, outputs = [one.flex for one in subjects], [one.outputs for one in subjects]
         sensors = other_sensors(mbs, flexes, self.sensors)
         vectors = max(one.vectors for one in subjects)
-        end = float(static.it.endTime) if static else end_time(mbs, False)
         rates = holds_rates(mbs.sys.get("simulationSettings"))
-        asked = Asked(flexes, outputs, scheme, static is not None, sensors, vectors, rates)
-        self.run = MechanismRun(asked, end, self._ended)
-        self.end = self.run.due
+        asked = Asked(flexes, outputs, scheme_from(solver), is_static, sensors, vectors, rates)
+        self.run = MechanismRun(asked, float(solver.it.endTime), self._ended)
         for i, watch in enumerate(floating):
             if watch.is_told:
                 watch.run_told(BodyRun(self.run, i, watch.subject, watch.tolerance))
@@ -128,16 +123,16 @@ class StepHook:
 
     def flush(self) -> None:
         """Evaluate the rows stored so far."""
-        with interrupt_deferred(), one_thread(), no_step_is_made():
+        with interrupt_deferred(), one_thread():
             self._evaluate()
-        if not self.is_silent and (hint := OTHERS.hint()):
+        if hint := OTHERS.hint():
             exu.Print(f"exudyn_romerr: {hint}")
 
     def finish(self, mbs: Any) -> None:
         """Evaluate the rows stored so far, and tell those of a mechanism."""
         self.flush()
         if self.run is not None:
-            with interrupt_deferred(), one_thread(), no_step_is_made():
+            with interrupt_deferred(), one_thread():
                 self._tell(mbs)
 
     def _tell(self, mbs: Any) -> None:
@@ -178,7 +173,7 @@ class StepHook:
     def _say_failures(self, t: float) -> None:
         """Say once what cannot be bounded: SolveDynamic does not raise, only report() will."""
         for failure in dict.fromkeys(watch.failure for watch in self.watches if watch.failure):
-            if failure not in self._said and not self.is_silent:
+            if failure not in self._said:
                 self._said.add(failure)
                 exu.Print(f"exudyn_romerr at t = {t:g}: {failure}. The simulation goes on")
 
@@ -201,6 +196,11 @@ class StepHook:
     def plan(self, mbs: Any, watch: MonitoredBody) -> tuple[Plan, bool]:
         """Return what would be computed of a watch if a solve began now, and whether the mechanism would tell."""
         return watch.plan(mbs, self._why_not_told(mbs, is_static=True))
+
+    @property
+    def end(self) -> float:
+        """When the solve ends, s, where a mechanism is told."""
+        return np.inf if self.run is None else self.run.due
 
     @property
     def keeps_multipliers(self) -> bool:

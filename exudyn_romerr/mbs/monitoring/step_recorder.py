@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf
-from typing import Any, Protocol
+from typing import Any
 
 import exudyn as exu
-import numpy as np
 
 from ...compiled.loops import loops
 from ..access.state_guard import IN_PLACE
@@ -15,35 +14,13 @@ from ..access.state_guard import IN_PLACE
 START_OF_STEP = exu.ConfigurationType.StartOfStep
 
 
-class StepReceiver(Protocol):
-    """Who is told of steps.
-
-    user: the user's own PostStep function. keeps_multipliers: whether these are stored. end: time from which on the
-    last block of the solve is evaluated at every step.
-    """
-
-    user: Callable | None
-    keeps_multipliers: bool
-    end: float
-
-    def begin(self, mbs: Any) -> tuple[np.ndarray, ...]:
-        """A solve begins; return the arrays for its rows of t, q, q_t, q_tt and multipliers."""
-
-    def flush(self) -> None:
-        """Take the rows stored so far."""
-
-    def goes_on(self) -> float:
-        """Take the rows stored so far; return how many may be stored before they are, 0 to stop the solve."""
-
-    def call_user(self, mbs: Any, t: float, go_on: bool) -> Any:
-        """Call the user's function and pass on what it returns, unless the solve is to be stopped."""
-
-
-def gatherer(mbs: Any, hook: StepReceiver) -> tuple[Callable, Callable, Callable]:
+def gatherer(mbs: Any, hook: Any) -> tuple[Callable, Callable, Callable]:
     """Return step(mbs, t), the PostStep function; drain() -> t, q, q_t, q_tt, multipliers stored since; hurry().
 
-    hurry() ends the block at the next step. Closures: as a method,
-    with its look-ups of attributes, step would add 6 % to the step of a small body.
+    hurry() ends the block at the next step. hook : a StepHook, with the user's own PostStep function, whether
+    multipliers are kept, and the time from which on the last block is evaluated at every step; it is told of a solve
+    that begins, of rows to be taken, and calls the user. Closures: as a method, with its look-ups of attributes, step
+    would add 6 % to the step of a small body.
     """
     system = mbs.systemData
     start_of_step = system.GetTime

@@ -9,8 +9,9 @@ import numpy as np
 from exudyn.itemInterface import SensorMarker, SensorSuperElement
 
 from ...model.outputs import Output, mean_displacement
+from ..access.mbs_items import Items
 from ..floating.loads_and_joints import MESH_MARKERS, read_interfaces
-from ..sensors.without_state import NO_STATE
+from ..floating.sensor_outputs import NO_STATE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
 
 def shows_motion(mbs: Any) -> bool:
     """Whether the mbs has a sensor of its state."""
-    kinds = (mbs.GetSensor(i)["sensorType"] for i in range(mbs.systemData.NumberOfSensors()))
-    return any(kind not in NO_STATE for kind in kinds)
+    return any(sensor["sensorType"] not in NO_STATE for sensor in Items(mbs).sensors)
 
 
 def add_chosen_sensors(mbs: Any, bodies: Sequence[FoundBody]) -> None:
@@ -33,8 +33,7 @@ def add_chosen_sensors(mbs: Any, bodies: Sequence[FoundBody]) -> None:
     for body in bodies:
         item = mbs.GetObject(body.number)
         x, ends = np.asarray(item["referencePositions"], dtype=float).reshape(-1, 3), []
-        for i in range(mbs.systemData.NumberOfMarkers()):
-            marker = mbs.GetMarker(i)
+        for i, marker in enumerate(Items(mbs).markers):
             if marker["markerType"] in MESH_MARKERS and int(marker["bodyNumber"]) == body.number:
                 nodes, weights = marker["meshNodeNumbers"], np.asarray(marker["weightingFactors"])
                 ends.append(weights @ x[[int(node) for node in nodes]])

@@ -11,15 +11,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from .stand_in import StandIn
-
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType, ModuleType
 
-TYPES = (
-    "FFRFreducedOrder",
-    "ObjectFFRFreducedOrder",
-)  # as Exudyn's dictionaries have it, as its Python class is called
+TYPES = ("FFRFreducedOrder", "ObjectFFRFreducedOrder")  # in Exudyn's dictionaries, of its Python classes
 PACKAGE = __name__.split(".")[0] + "."
 SAME_MESH = 1e-9  # of the largest coordinate: positions are copied, not computed
 NO_FEM = (
@@ -42,10 +38,31 @@ class FoundBody:
 
     def items(self, mbs: Any) -> dict[str, int]:
         """Return what Exudyn returned of the body when it was made, as floating_body wants it."""
-        nodes = mbs.GetObject(self.number)["nodeNumbers"]
-        return dict(
-            zip(("nRigidBody", "nGenericODE2", "oFFRFreducedOrder"), (*map(int, nodes), self.number), strict=True)
-        )
+        frame, modal = map(int, mbs.GetObject(self.number)["nodeNumbers"])
+        return {"nRigidBody": frame, "nGenericODE2": modal, "oFFRFreducedOrder": self.number}
+
+
+class StandIn:
+    """Stands in front of functions of classes and modules; what was replaced can be put back."""
+
+    def __init__(self) -> None:
+        self._replaced: list[tuple[Any, str, Any]] = []
+
+    def replace(self, owner: Any, name: str, stand_in: Callable) -> None:
+        """Let stand_in(call, *arguments) be called in place of call(*arguments), which an owner has by that name."""
+        call = getattr(owner, name)
+
+        @wraps(call)
+        def standing(*arguments: Any, **options: Any) -> Any:
+            return stand_in(call, *arguments, **options)
+
+        self._replaced.append((owner, name, call))
+        setattr(owner, name, standing)
+
+    def uninstall(self) -> None:
+        """Put back all that was replaced, the last first."""
+        while self._replaced:
+            setattr(*self._replaced.pop())
 
 
 class FoundBodies(StandIn):
@@ -62,31 +79,22 @@ class FoundBodies(StandIn):
 
     def install(self, exudyn: ModuleType) -> None:
         """Stand in front of AddObject and Reset of every mbs; what they do and return stays the same."""
-        system = exudyn.MainSystem
-        self.replace(system, "AddObject", self._added(system.AddObject))
-        self.replace(system, "Reset", self._reset(system.Reset))
+        self.replace(exudyn.MainSystem, "AddObject", self._add)
+        self.replace(exudyn.MainSystem, "Reset", self._reset)
 
-    def _added(self, add_object: Any) -> Any:
-        @wraps(add_object)
-        def AddObject(mbs: Any, *arguments: Any, **options: Any) -> Any:
-            number = add_object(mbs, *arguments, **options)
-            item = arguments[0] if arguments else next(iter(options.values()), None)
-            if _is_reduced(item) and not _is_ours(sys._getframe(1)):
-                bodies = self._bodies.setdefault(mbs, [])
-                modes = np.shape(dict(item)["modeBasis"])[1]
-                bodies.append(FoundBody(self.count, int(number), fem_of(item), modes))
-                self.count += 1
-            return number
+    def _add(self, add_object: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+        number = add_object(mbs, *arguments, **options)
+        item = arguments[0] if arguments else next(iter(options.values()), None)
+        if _is_reduced(item) and not _is_ours(sys._getframe(2)):
+            bodies = self._bodies.setdefault(mbs, [])
+            modes = np.shape(dict(item)["modeBasis"])[1]
+            bodies.append(FoundBody(self.count, int(number), fem_of(item), modes))
+            self.count += 1
+        return number
 
-        return AddObject
-
-    def _reset(self, reset: Any) -> Any:
-        @wraps(reset)
-        def Reset(mbs: Any, *arguments: Any, **options: Any) -> Any:
-            self._bodies.pop(mbs, None)
-            return reset(mbs, *arguments, **options)
-
-        return Reset
+    def _reset(self, reset: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+        self._bodies.pop(mbs, None)
+        return reset(mbs, *arguments, **options)
 
 
 def _is_ours(frame: FrameType) -> bool:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 from ...errors import AssumptionError
 from ...process.blas_threads import one_thread
 from ...report.verdicts import until, until_begun, until_load
-from ..access.mbs_items import holds_rates, scheme_from, sensor_name
+from ..access.endings import SAME_TIME
+from ..access.mbs_items import sensor_names
+from ..access.solvers import holds_rates, scheme_from
 from ..floating.floating_body import floating_body
 from ..mirror.recorder import Recorder
 from ..mirror.told_solve import Asked, Ended, told_solve
 from ..monitoring.monitor import MechanismMonitor, Monitor
-from ..monitoring.run_succession import SAME_TIME
 from ..monitoring.step_hook import StepHook, slot_function
 from .chosen_outputs import chosen_outputs, shows_motion
 from .found_bodies import NO_FEM
@@ -54,11 +55,9 @@ class RecordedSolve:
         ended: MutableMapping[Any, Ended],
         settings: Any,
     ):
+        self._mbs, self._bodies, self._solve = mbs, bodies, solve
         self._ended, self._holds_rates = ended, holds_rates(settings)
-        self._mbs, self._bodies, self._is_static = mbs, bodies, solve.kind == "static"
-        solve.sensors = [sensor_name(mbs, i) for i in range(mbs.systemData.NumberOfSensors())]
-        solve.chosen = not shows_motion(mbs)
-        self._is_chosen = solve.chosen
+        solve.sensors, solve.chosen = sensor_names(mbs), not shows_motion(mbs)
         self._recorder = Recorder(mbs, slot_function(mbs))
         mbs.SetPostStepUserFunction(self._recorder)
 
@@ -68,7 +67,7 @@ class RecordedSolve:
             self._mbs.SetPostStepUserFunction(self._recorder.user or 0)
 
     @one_thread()
-    def reports(self, solver: Any, solve: Solve, ending: EndedBy) -> list[BoundReport]:
+    def reports(self, solver: Any, ending: EndedBy) -> list[BoundReport]:
         """Return a report of each run that the solver has made; ending : what ended it.
 
         Raises
@@ -76,7 +75,8 @@ class RecordedSolve:
         RomErrError
             Nothing can be told, and why.
         """
-        runs = self._recorder.runs()
+        runs, solve = self._recorder.runs(), self._solve
+        is_static = solve.kind == "static"
         before = self._ended.pop(self._mbs, None)
         if runs:
             self._ended[self._mbs] = Ended(runs[-1].q[-1], runs[-1].v[-1])  # where nothing is known
@@ -85,12 +85,12 @@ class RecordedSolve:
         end = _planned_end(solver, runs[-1].t[-1]) if runs else None
         if end is not None and ending.why:
             last = runs[-1].t[-1]
-            solve.until = until_load(last, ending.why) if self._is_static else until(last, end, ending.why)
+            solve.until = until_load(last, ending.why) if is_static else until(last, end, ending.why)
         flexes, solve.refused = _readable(self._mbs, self._bodies)
         if solve.refused:
             raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
-        chosen = [chosen_outputs(self._mbs, flex) if self._is_chosen else () for flex in flexes]
-        asked = Asked(flexes, chosen, scheme_from(solver), self._is_static, holds_rates=self._holds_rates)
+        chosen = [chosen_outputs(self._mbs, flex) if solve.chosen else () for flex in flexes]
+        asked = Asked(flexes, chosen, scheme_from(solver), is_static, holds_rates=self._holds_rates)
         found = []
         for i, rows in enumerate(runs):
             told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)

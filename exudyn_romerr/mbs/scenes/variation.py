@@ -7,14 +7,16 @@ import os
 from collections.abc import Callable
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from functools import wraps
+from functools import partial, wraps
 from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...report.verdicts import until, until_load
-from ..access.endings import ended_by
+from ..access.endings import SAME_TIME, ended_by
+from ..access.mbs_items import Items
+from .found_bodies import StandIn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
 SOLVERS = ("MainSolverImplicitSecondOrder", "MainSolverExplicit", "MainSolverStatic")
 STATIC = "MainSolverStatic"
-SAME_TIME = 1e-9  # of a time: solvers add up their steps
+PARTS = ("InitializeSolverInitialConditions", "SolveSteps")  # of a solve made step by step
 ORDERS = {"DOPRI5": 5, "ODE23": 3}  # of methods that choose their steps by tolerances
 ENDINGS = (".txt", ".sol")  # of solution files, text or binary, whose name has none
 RIGID = "RBE2"
@@ -57,7 +59,7 @@ class Recorded:
     data: list[np.ndarray] = field(default_factory=list)
 
 
-class Variation:
+class Variation(StandIn):
     """Stands in front of Exudyn's functions in a process that runs a script once more.
 
     Parameters
@@ -85,6 +87,7 @@ class Variation:
         place: Callable[..., str] = lambda path, keep=False: path,
         before: Callable[[Any], None] = lambda mbs: None,
     ):
+        super().__init__()
         self._bodies, self._steps, self._vectors, self._factor = bodies, steps, dict(vectors or {}), factor
         self._hold, self._place, self._before = hold and steps > 1, place, before
         self.solves: list[Recorded] = []
@@ -95,21 +98,20 @@ class Variation:
 
     def install(self, exudyn: ModuleType) -> None:
         """Exudyn was imported."""
-        system = exudyn.MainSystem
-        system.AddSensor = self._sensor_added(system.AddSensor)
-        system.Assemble = self._assembled(system.Assemble)
-        system.SetPreStepUserFunction = self._held(system.SetPreStepUserFunction)
-        exudyn.SetWriteToFile = self._placed(exudyn.SetWriteToFile)
+        self._exudyn, system = exudyn, exudyn.MainSystem
+        self.replace(system, "AddSensor", self._add_sensor)
+        self.replace(system, "Assemble", self._assemble)
+        self.replace(system, "SetPreStepUserFunction", self._set_pre_step)
+        self.replace(exudyn, "SetWriteToFile", self._set_write_to_file)
         for owner in (exudyn.Renderer, exudyn.SystemContainer):  # without a window it raises, or waits for one
-            owner.RedrawAndSaveImage = _no_image
-        self._exudyn = exudyn
+            self.replace(owner, "RedrawAndSaveImage", _no_image)
         for name in SOLVERS:
             solver = getattr(exudyn, name)
-            solver.SolveSystem = self._solved(solver.SolveSystem, name == STATIC)
-            solver.InitializeSolver = self._begun(solver.InitializeSolver, name == STATIC)
-            solver.FinalizeSolver = self._ended(solver.FinalizeSolver)
-            solver.InitializeSolverInitialConditions = self._with_steps(solver.InitializeSolverInitialConditions)
-            solver.SolveSteps = self._with_steps(solver.SolveSteps)
+            self.replace(solver, "SolveSystem", partial(self._solve, name == STATIC))
+            self.replace(solver, "InitializeSolver", partial(self._initialize, name == STATIC))
+            self.replace(solver, "FinalizeSolver", self._finalize)
+            for part in PARTS:
+                self.replace(solver, part, self._step)
 
     @property
     def may_be_rigid(self) -> bool:
@@ -120,52 +122,35 @@ class Variation:
         """exudyn.FEM was imported: its calls make more modes."""
         for name, argument in CALLS.items():
             if hasattr(fem.FEMinterface, name):
-                setattr(fem.FEMinterface, name, self._with_more(getattr(fem.FEMinterface, name), argument))
+                self.replace(fem.FEMinterface, name, partial(self._compute_modes, argument))
 
-    def _with_more(self, call: Any, argument: str) -> Any:
-        @wraps(call)
-        def more(*arguments: Any, **options: Any) -> Any:
-            given = inspect.signature(call).bind(*arguments, **options)
-            self._kinds.append(str(given.arguments.get("computationMode", "")))
-            if self._factor > 1 and argument in given.arguments:
-                given.arguments[argument] = self._factor * given.arguments[argument]
-            return call(*given.args, **given.kwargs)
+    def _compute_modes(self, argument: str, call: Any, *arguments: Any, **options: Any) -> Any:
+        given = inspect.signature(call).bind(*arguments, **options)
+        self._kinds.append(str(given.arguments.get("computationMode", "")))
+        if self._factor > 1 and argument in given.arguments:
+            given.arguments[argument] = self._factor * given.arguments[argument]
+        return call(*given.args, **given.kwargs)
 
-        return more
+    def _add_sensor(self, call: Any, mbs: Any, pyObject: Any) -> Any:
+        item = {**dict(pyObject), "storeInternal": True}
+        if item.get("fileName"):
+            item["fileName"] = self._place(item["fileName"])
+        return call(mbs, item)
 
-    def _sensor_added(self, add_sensor: Any) -> Any:
-        @wraps(add_sensor)
-        def AddSensor(mbs: Any, pyObject: Any) -> Any:
-            item = dict(pyObject)
-            item["storeInternal"] = True
-            if item.get("fileName"):
-                item["fileName"] = self._place(item["fileName"])
-            return add_sensor(mbs, item)
+    def _assemble(self, call: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+        from .chosen_outputs import add_chosen_sensors  # once a script has configured what it likes
+        from .wider_body import widen
 
-        return AddSensor
+        add_chosen_sensors(mbs, self._bodies.of(mbs))
+        for body in self._bodies.of(mbs):
+            vectors = self._vectors.get(body.order)
+            if vectors is not None and mbs.GetObject(body.number)["modeBasis"].shape[1] == body.modes:
+                widen(mbs, body, vectors)
+        return call(mbs, *arguments, **options)
 
-    def _assembled(self, assemble: Any) -> Any:
-        @wraps(assemble)
-        def Assemble(mbs: Any, *arguments: Any, **options: Any) -> Any:
-            from .chosen_outputs import add_chosen_sensors  # once a script has configured what it likes
-            from .wider_body import widen
-
-            add_chosen_sensors(mbs, self._bodies.of(mbs))
-            for body in self._bodies.of(mbs):
-                vectors = self._vectors.get(body.order)
-                if vectors is not None and mbs.GetObject(body.number)["modeBasis"].shape[1] == body.modes:
-                    widen(mbs, body, vectors)
-            return assemble(mbs, *arguments, **options)
-
-        return Assemble
-
-    def _held(self, set_function: Any) -> Any:
-        @wraps(set_function)
-        def SetPreStepUserFunction(mbs: Any, function: Any) -> Any:
-            self.has_controllers |= bool(function)
-            return set_function(mbs, self._at_coarse_steps(function) if self._hold and function else function)
-
-        return SetPreStepUserFunction
+    def _set_pre_step(self, call: Any, mbs: Any, function: Any) -> Any:
+        self.has_controllers |= bool(function)
+        return call(mbs, self._at_coarse_steps(function) if self._hold and function else function)
 
     def _at_coarse_steps(self, function: Any) -> Any:
         @wraps(function)
@@ -180,35 +165,22 @@ class Variation:
 
         return held
 
-    def _solved(self, solve_system: Any, is_static: bool) -> Any:
-        @wraps(solve_system)
-        def SolveSystem(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-            given = _settings(arguments, options)
-            with self._around(solver, mbs, given, is_static), self._more_steps(given, is_static):
-                return solve_system(solver, mbs, *arguments, **options)
+    def _solve(self, is_static: bool, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+        given = _settings(arguments, options)
+        with self._around(solver, mbs, given, is_static), self._more_steps(given, is_static):
+            return call(solver, mbs, *arguments, **options)
 
-        return SolveSystem
+    def _initialize(self, is_static: bool, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+        around, settings = ExitStack(), _settings(arguments, options)
+        around.enter_context(self._around(solver, mbs, settings, is_static))
+        self._open[id(solver)] = around
+        with self._more_steps(settings, is_static):
+            return call(solver, mbs, *arguments, **options)
 
-    def _begun(self, initialize: Any, is_static: bool) -> Any:
-        @wraps(initialize)
-        def InitializeSolver(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-            around, settings = ExitStack(), _settings(arguments, options)
-            around.enter_context(self._around(solver, mbs, settings, is_static))
-            self._open[id(solver)] = around
-            with self._more_steps(settings, is_static):
-                return initialize(solver, mbs, *arguments, **options)
-
-        return InitializeSolver
-
-    def _with_steps(self, call: Any) -> Any:
+    def _step(self, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
         """A part of a solve made step by step, before which a script may set steps anew."""
-
-        @wraps(call)
-        def stepping(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-            with self._more_steps(_settings(arguments, options), id(solver) not in self._open):
-                return call(solver, mbs, *arguments, **options)
-
-        return stepping
+        with self._more_steps(_settings(arguments, options), id(solver) not in self._open):
+            return call(solver, mbs, *arguments, **options)
 
     @contextmanager
     def _more_steps(self, settings: Any, is_unchanged: bool) -> Iterator[None]:
@@ -220,15 +192,11 @@ class Variation:
         finally:
             integration.numberOfSteps = count
 
-    def _ended(self, finalize: Any) -> Any:
-        @wraps(finalize)
-        def FinalizeSolver(solver: Any, *arguments: Any, **options: Any) -> Any:
-            try:
-                return finalize(solver, *arguments, **options)
-            finally:
-                self._open.pop(id(solver), ExitStack()).close()
-
-        return FinalizeSolver
+    def _finalize(self, call: Any, solver: Any, *arguments: Any, **options: Any) -> Any:
+        try:
+            return call(solver, *arguments, **options)
+        finally:
+            self._open.pop(id(solver), ExitStack()).close()
 
     @contextmanager
     def _around(self, solver: Any, mbs: Any, settings: Any, is_static: bool) -> Iterator[None]:
@@ -244,19 +212,12 @@ class Variation:
                 raise
             finally:
                 recorded.seconds = process_time() - begin
-                if is_static:
-                    _note_static_end(recorded, solver, mbs.systemData.GetTime(), error)
-                else:
-                    _note_end(recorded, solver, mbs.systemData.GetTime(), settings.timeIntegration.endTime, error)
+                _note_end(recorded, solver, mbs.systemData.GetTime(), settings.timeIntegration.endTime, error)
                 self._record(mbs, recorded)
 
-    def _placed(self, set_write_to_file: Any) -> Any:
-        @wraps(set_write_to_file)
-        def SetWriteToFile(filename: str, *arguments: Any, **options: Any) -> Any:
-            self._place_directory()
-            return set_write_to_file(self._placed_name(filename), *arguments, **options)
-
-        return SetWriteToFile
+    def _set_write_to_file(self, call: Any, filename: str, *arguments: Any, **options: Any) -> Any:
+        self._place_directory()
+        return call(self._placed_name(filename), *arguments, **options)
 
     def _place_directory(self) -> None:
         """Exudyn puts its output directory in front of names, which are relative ones then."""
@@ -294,8 +255,8 @@ class Variation:
             change(solution.file, "name", self._placed_name(solution.file.name, solution.file.append))
             change(solution.restart, "name", self._placed_name(solution.restart.name, keep=True))
             change(solution, "solverInformationFileName", self._placed_name(solution.solverInformationFileName))
-            for i in range(mbs.systemData.NumberOfSensors()):
-                self._placed_name(mbs.GetSensor(i).get("fileName", ""))
+            for sensor in Items(mbs).sensors:
+                self._placed_name(sensor.get("fileName", ""))
             if not is_static:
                 count = integration.numberOfSteps
                 recorded.count = count
@@ -312,8 +273,7 @@ class Variation:
 
     def _record(self, mbs: Any, recorded: Recorded) -> None:
         """Copy what sensors have stored."""
-        for i in range(mbs.systemData.NumberOfSensors()):
-            sensor = mbs.GetSensor(i)
+        for i, sensor in enumerate(Items(mbs).sensors):
             data = np.array(mbs.GetSensorStoredData(i), dtype=float)
             if data.ndim == 2 and data.shape[1] > 1:
                 recorded.numbers.append(i)
@@ -325,10 +285,11 @@ class Variation:
 
 
 def _note_end(recorded: Recorded, solver: Any, t: float, end: float, error: BaseException | None) -> None:
-    """Note what ended a solve before its end."""
-    if t < end * (1 - SAME_TIME):
+    """Note what ended a solve before its end; end : of a dynamic one."""
+    is_static = recorded.kind == "static"
+    if is_static or t < end * (1 - SAME_TIME):
         why, recorded.on_purpose = ended_by(solver, error)
-        recorded.until = until(t, end, why)
+        recorded.until = until(t, end, why) if not is_static else why and until_load(t, why)
 
 
 def _no_image(*arguments: Any, **options: Any) -> None:
@@ -338,8 +299,3 @@ def _no_image(*arguments: Any, **options: Any) -> None:
 def _settings(arguments: tuple, options: dict[str, Any]) -> Any:
     """The simulation settings that a function of a solver is called with, beside the mbs."""
     return arguments[0] if arguments else options["simulationSettings"]
-
-
-def _note_static_end(recorded: Recorded, solver: Any, t: float, error: BaseException | None) -> None:
-    why, recorded.on_purpose = ended_by(solver, error)
-    recorded.until = until_load(t, why) if why else ""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from contextlib import ExitStack, contextmanager
-from functools import wraps
+from functools import partial
 from time import process_time
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -17,7 +17,7 @@ from ...process.own_frames import without_our_places
 from ...report.judgement import Solve
 from ...report.verdicts import until_begun
 from ..access.endings import INTERRUPTED, TO_ITS_END, EndedBy, ended_by, note_end
-from .stand_in import StandIn
+from .found_bodies import StandIn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -51,48 +51,34 @@ class WatchedSolves(StandIn):
     def install(self, exudyn: ModuleType) -> None:
         """Stand in front of the solvers' functions; what they do and return stays the same."""
         for name in (*DYNAMIC, STATIC):
-            solver = getattr(exudyn, name)
-            self.replace(solver, "SolveSystem", self._solved(solver.SolveSystem, name == STATIC))
+            self.replace(getattr(exudyn, name), "SolveSystem", partial(self._solve, name == STATIC))
         for name in DYNAMIC:
-            solver = getattr(exudyn, name)
-            self.replace(solver, "InitializeSolver", self._begun(solver.InitializeSolver))
-            self.replace(solver, "FinalizeSolver", self._ended(solver.FinalizeSolver))
+            self.replace(getattr(exudyn, name), "InitializeSolver", self._initialize)
+            self.replace(getattr(exudyn, name), "FinalizeSolver", self._finalize)
 
-    def _solved(self, solve_system: Any, is_static: bool) -> Any:
-        @wraps(solve_system)
-        def SolveSystem(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-            if self._is_inside:  # ours
-                return solve_system(solver, mbs, *arguments, **options)
-            opened = self._begin(solver, mbs, is_static, arguments, options)
-            begin, error = process_time(), None
-            try:
-                return solve_system(solver, mbs, *arguments, **options)
-            except BaseException as raised:
-                error = without_our_places(raised)
-                raise
-            finally:
-                self._end(*opened, process_time() - begin, ended_by(solver, error))
+    def _solve(self, is_static: bool, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+        if self._is_inside:  # ours
+            return call(solver, mbs, *arguments, **options)
+        opened = self._begin(solver, mbs, is_static, arguments, options)
+        begin, error = process_time(), None
+        try:
+            return call(solver, mbs, *arguments, **options)
+        except BaseException as raised:
+            error = without_our_places(raised)
+            raise
+        finally:
+            self._end(*opened, process_time() - begin, ended_by(solver, error))
 
-        return SolveSystem
+    def _initialize(self, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+        if not self._is_inside:
+            self._open[id(solver)] = self._begin(solver, mbs, False, arguments, options)
+        return call(solver, mbs, *arguments, **options)
 
-    def _begun(self, initialize: Any) -> Any:
-        @wraps(initialize)
-        def InitializeSolver(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-            if not self._is_inside:
-                self._open[id(solver)] = self._begin(solver, mbs, False, arguments, options)
-            return initialize(solver, mbs, *arguments, **options)
-
-        return InitializeSolver
-
-    def _ended(self, finalize: Any) -> Any:
-        @wraps(finalize)
-        def FinalizeSolver(solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
-            try:
-                return finalize(solver, mbs, *arguments, **options)
-            finally:
-                self._end(*self._open.pop(id(solver), NOTHING), ending=ended_by(solver))
-
-        return FinalizeSolver
+    def _finalize(self, call: Any, solver: Any, mbs: Any, *arguments: Any, **options: Any) -> Any:
+        try:
+            return call(solver, mbs, *arguments, **options)
+        finally:
+            self._end(*self._open.pop(id(solver), NOTHING), ending=ended_by(solver))
 
     def _begin(self, solver: Any, mbs: Any, is_static: bool, arguments: tuple, options: dict) -> Opened:
         """Record, if there is anything to watch; return what _end wants to know."""
@@ -111,11 +97,11 @@ class WatchedSolves(StandIn):
             from .recorded_solve import ATTACHED_BY_SCRIPT, RecordedSolve, monitor_of_script
 
             kept, monitor = ExitStack(), monitor_of_script(mbs)
-            settings = arguments[0] if arguments else next(iter(options.values()), None)
+            settings = arguments[0] if arguments else options.get("simulationSettings")
             if monitor is None:
                 recorded = RecordedSolve(mbs, bodies, solve, self._before, settings)
                 kept.callback(recorded.close)
-                return solve, lambda ending: recorded.reports(solver, solve, ending), kept
+                return solve, lambda ending: recorded.reports(solver, ending), kept
             solve.notes.append(ATTACHED_BY_SCRIPT)
             kept.enter_context(_kept_in_sys(mbs, solver, settings, is_static))
             first = len(monitor.runs)

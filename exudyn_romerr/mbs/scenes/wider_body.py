@@ -12,11 +12,10 @@ from ...basis.shape_sums import ShapeSums
 from ...errors import AssumptionError, InputError
 from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...model.floating_frame import unit_inertia
+from ..access.copied_mbs import object_terms
 from ..access.mbs_items import dense
-from ..access.object_terms import object_terms
-from ..access.reduced_damping import rayleigh_factors
-from ..floating.floating_body import floating_body
-from ..floating.reference_search import held_body, seen_body, stiff_space
+from ..floating.floating_body import floating_body, rayleigh_factors
+from ..floating.reference_search import seen_body, stiff_space
 
 if TYPE_CHECKING:
     from .found_bodies import FoundBody
@@ -49,8 +48,7 @@ def vectors_of(mbs: Any, body: FoundBody) -> Vectors:
     if body.fem is None:
         raise InputError("its FE model is gone")
     flex = floating_body(body.fem, body.items(mbs))
-    model, actions, reference = seen_body(mbs, flex)
-    full = held_body(flex, model.rayleigh, reference)
+    _, model, actions, _, full = seen_body(mbs, flex)
     Z, stiff = full.space, stiff_space(flex, model.V, actions.interfaces())
     full.modes(1)
     V = Z.coordinates("V", model.V)

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from exudyn import itemInterface
 
-from exudyn_romerr.mbs.access import load_functions
-from exudyn_romerr.mbs.memory.detached import Detached
+from exudyn_romerr.mbs.access.detached import Detached
+from exudyn_romerr.mbs.access.load_functions import controller
 from models import mechanisms
 from tests.helpers.mechanism_runs import (
     FROZEN,
@@ -104,15 +104,21 @@ def of_a_function_that_is_called():
     return lambda: 1e-2 * count()
 
 
+def counting_in(calls):
+    """What counts its calls in an attribute."""
+
+    def count():
+        calls.number += 1
+        return 1e-2 * calls.number
+
+    return count
+
+
 def of_a_class():
     class Calls:
         number = 0
 
-    def count():
-        Calls.number += 1
-        return 1e-2 * Calls.number
-
-    return count
+    return counting_in(Calls)
 
 
 def of_an_object_that_cannot_be_pickled():
@@ -156,13 +162,7 @@ def of_slots():
 
 
 def of_a_namespace():
-    calls = SimpleNamespace(number=0)
-
-    def count():
-        calls.number += 1
-        return 1e-2 * calls.number
-
-    return count
+    return counting_in(SimpleNamespace(number=0))
 
 
 def of_a_module():
@@ -342,11 +342,12 @@ LOADS = {
     "counter": of_a_counter,
     "open file": of_an_open_file,
     "item": setting_an_item,
+    "cached noise": cached_noise,
 }
 
 
-def recorded(make, attached, **options):
-    """All sensors of a double pendulum, one of them by a user function that counts; the report if attached."""
+def recorded(make, attached):
+    """All sensors of a double pendulum, one of them by a user function that counts."""
     scene = pendulum(0, steps=40)  # eigenmodes differ in the last bits each time they are computed
     add_load(scene, loadVectorUserFunction=make(scene), name="motor")
     counts = []
@@ -357,26 +358,19 @@ def recorded(make, attached, **options):
 
     sensor = itemInterface.SensorUserFunction(storeInternal=True, sensorUserFunction=counted)
     numbers = [*scene.sensors.values(), scene.mbs.AddSensor(sensor)]
-    found = None
     if attached:
-        watch(scene, **options)
+        watch(scene)
     solve(scene)
-    return [scene.mbs.GetSensorStoredData(number) for number in numbers], found
+    return [scene.mbs.GetSensorStoredData(number) for number in numbers]
 
 
 @pytest.mark.parametrize("name", LOADS)
 def test_runs_are_the_same_with_and_without_us(name):
     """A memory that a call of ours moved on would show in the motion at once."""
-    (alone, _), (watched, _) = (recorded(LOADS[name], attached) for attached in (False, True))
+    alone, watched = (recorded(LOADS[name], attached) for attached in (False, True))
     for one, other in zip(alone, watched, strict=True):
         np.testing.assert_array_equal(one, other)
     assert np.ptp(alone[0][:, 1:]) > 0
-
-
-def test_runs_with_cached_noise_are_the_same_with_and_without_us():
-    (alone, _), (watched, _) = (recorded(cached_noise, attached) for attached in (False, True))
-    for one, other in zip(alone, watched, strict=True):
-        np.testing.assert_array_equal(one, other)
 
 
 SAID = {
@@ -444,6 +438,12 @@ def test_joints_that_remember_go_on_as_if_they_were_not_called():
     assert scopes == {"coupled (linearised)", False}  # 1e-9 of a call does no harm
 
 
+def controllers(mbs):
+    """Number -> name of loads that are no functions of time alone."""
+    found = {i: controller(mbs, i, mbs.GetLoad(i)) for i in range(mbs.systemData.NumberOfLoads())}
+    return {i: said for i, said in found.items() if said}
+
+
 @pytest.mark.parametrize(("name", "kind"), [("generator", "generator"), ("open file", "TextIOWrapper")])
 def test_what_cannot_be_put_back_is_not_called(name, kind):
     """Not once: the report says what it is."""
@@ -456,11 +456,9 @@ def test_what_cannot_be_put_back_is_not_called(name, kind):
 
     add_load(scene, loadVectorUserFunction=load, name="motor")
     scene.mbs.Assemble()
-    numbers = load_functions.loads_with_functions(scene.mbs)
     calls.clear()
-    found = load_functions.controllers(scene.mbs, numbers)
-    (said,) = found.values()
-    assert said.startswith(f"load {numbers[-1]} (motor, whose function keeps what cannot be copied: ")
+    ((number, said),) = controllers(scene.mbs).items()
+    assert said.startswith(f"load {number} (motor, whose function keeps what cannot be copied: ")
     assert kind in said
     assert not calls
 
@@ -479,7 +477,7 @@ def test_objects_of_a_script_are_no_memory():
     scene.mbs.Assemble()
     with warnings.catch_warnings(record=True) as said:  # as errors they would not get out of there
         warnings.simplefilter("always")
-        assert load_functions.controllers(scene.mbs, load_functions.loads_with_functions(scene.mbs)) == {}
+        assert controllers(scene.mbs) == {}
     assert not said  # Exudyn says it once in a process, so:
     assert scene.mbs.sys["scene"] is scene
 
@@ -533,5 +531,5 @@ def test_loads_are_told_apart():
     add_load(scene, loadVectorUserFunction=lambda mbs, t, vector: [0.0, t, 0.0], name="ramp")
     add_load(scene, loadVectorUserFunction=counting(scene), name="motor")
     scene.mbs.Assemble()
-    numbers = load_functions.loads_with_functions(scene.mbs)
-    assert load_functions.controllers(scene.mbs, numbers) == {numbers[-1]: f"load {numbers[-1]} (motor)"}
+    last = scene.mbs.systemData.NumberOfLoads() - 1
+    assert controllers(scene.mbs) == {last: f"load {last} (motor)"}

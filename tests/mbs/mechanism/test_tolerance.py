@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import exudyn_romerr as romerr
-from exudyn_romerr.mbs.monitoring.tolerance_check import FEWEST, MOST, ToleranceCheck
+from exudyn_romerr.mbs.monitoring.body_monitor import FEWEST, MOST, ToleranceCheck
 from tests.helpers.mechanism_runs import COUPLED, FROZEN, pendulum, reports, solve, watch
 
 

@@ -12,7 +12,7 @@ from benchmarks import mechanism_builder
 from benchmarks.by_run import told_by_run
 from benchmarks.random_mechanisms import drawn
 from exudyn_romerr.errors import AssumptionError, RunError
-from exudyn_romerr.mbs.memory.detached import Detached
+from exudyn_romerr.mbs.access.detached import Detached
 from exudyn_romerr.mbs.mirror import vectors
 from exudyn_romerr.mbs.mirror.hollow_copy import HollowCopy
 from exudyn_romerr.mbs.mirror.layout import unknowns_of

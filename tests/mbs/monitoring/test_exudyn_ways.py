@@ -26,17 +26,7 @@ from exudyn_romerr.report.scope import FROZEN
 from exudyn_romerr.report.wording import NOT_THE_MECHANISM, rounded_up
 from models import floating
 from tests.helpers import mechanism_runs
-from tests.helpers.mbs_scenes import (
-    INPUTS,
-    SOLVERS,
-    TIP,
-    N,
-    add_reduced_body,
-    chain_body,
-    force,
-    new_mbs,
-    random_basis,
-)
+from tests.helpers.mbs_scenes import SOLVERS, TIP, N, added, random_basis
 from tests.helpers.mbs_scenes import settings as chain_settings
 
 Quantity = exu.OutputVariableType
@@ -54,8 +44,7 @@ def in_a_folder(tmp_path, monkeypatch):
 
 def chain(outputs=(TIP, TWO), **options):
     """A chain of masses with a bound sensor for each output: mbs, monitor, sensors; assembled."""
-    mbs = new_mbs()
-    flex = add_reduced_body(mbs, chain_body(), random_basis(), inputs=INPUTS, input_function=force)
+    mbs, flex = added()
     monitor = romerr.attach(mbs, flex, outputs=list(outputs), **options)
     sensors = {out.name: mbs.AddSensor(monitor.bound_sensor(out.name)) for out in outputs}
     mbs.Assemble()
@@ -109,8 +98,7 @@ def test_sensors_beside_a_tolerance():
 
 
 def test_sensor_writes_a_file():
-    mbs = new_mbs()
-    flex = add_reduced_body(mbs, chain_body(), random_basis(), inputs=INPUTS, input_function=force)
+    mbs, flex = added()
     monitor = romerr.attach(mbs, flex, outputs=[TWO])
     sensor = monitor.bound_sensor("two", name="mine", fileName="bound.txt", storeInternal=False)
     assert mbs.GetSensor(mbs.AddSensor(sensor))["name"] == "mine"
@@ -242,9 +230,7 @@ def test_sensor_says_what_frozen_inputs_leave_out(capfd):
 
 def largest_bound(parameters):
     """What ParameterVariation varies: the largest bound of a tip, from its sensor."""
-    basis = random_basis(int(parameters["modes"]))
-    mbs = new_mbs()
-    flex = add_reduced_body(mbs, chain_body(), basis, inputs=INPUTS, input_function=force)
+    mbs, flex = added(basis=random_basis(int(parameters["modes"])))
     monitor = romerr.attach(mbs, flex, outputs=[TIP], time="sampled")
     sensor = mbs.AddSensor(monitor.bound_sensor("tip"))
     mbs.Assemble()
@@ -486,8 +472,7 @@ def test_what_needs_names_needs_outputs():
 
 
 def test_linear_body_needs_outputs():
-    mbs = new_mbs()
-    flex = add_reduced_body(mbs, chain_body(), random_basis(), inputs=INPUTS, input_function=force)
+    mbs, flex = added()
     with pytest.raises(InputError, match="outputs is missing"):
         romerr.attach(mbs, flex)
     monitor = romerr.attach(mbs, flex, outputs=[])

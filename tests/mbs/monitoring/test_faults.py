@@ -410,7 +410,7 @@ def test_attach_that_fails_leaves_the_mbs_as_it_was(monkeypatch, error):
         raise error
 
     with monkeypatch.context() as patch:
-        patch.setattr("exudyn_romerr.mbs.access.linear_adapter.prepare", fail)
+        patch.setattr("exudyn_romerr.mbs.access.reduced_body.prepare", fail)
         with pytest.raises(error):
             mbs_scenes.scene(mbs=mbs)
     assert mbs.GetPostStepUserFunction()["function"] is mine

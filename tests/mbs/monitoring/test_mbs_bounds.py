@@ -6,7 +6,6 @@ import pytest
 
 from exudyn_romerr import Trajectory, evaluate
 from exudyn_romerr.basis.basis import Basis
-from exudyn_romerr.mbs import add_reduced_body
 from exudyn_romerr.model.outputs import Output
 from tests.helpers.mbs_scenes import (
     INPUTS,
@@ -14,9 +13,9 @@ from tests.helpers.mbs_scenes import (
     TIP,
     N,
     Recorder,
+    added,
     chain_body,
     force,
-    new_mbs,
     random_basis,
     scene,
     settings,
@@ -29,8 +28,7 @@ PAPER = {"estimators": ("fast", "convolution"), "time": "sampled"}
 
 def full_run(solver, ss, initial=None):
     """Rows of the full model by the same solver."""
-    mbs, seen = new_mbs(), Recorder()
-    add_reduced_body(mbs, chain_body(), Basis(np.eye(N)), inputs=INPUTS, input_function=force, initial=initial)
+    (mbs, _), seen = added(basis=Basis(np.eye(N)), initial=initial), Recorder()
     mbs.SetPostStepUserFunction(seen)
     mbs.Assemble()
     SOLVERS[solver](mbs, ss)

@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import weakref
+from contextlib import nullcontext
 from dataclasses import replace
 from unittest import mock
 
@@ -16,16 +17,15 @@ from exudyn_romerr.linear.run.run import BLOCK, Run
 from exudyn_romerr.mbs import MechanismMonitor, add_reduced_body, attach
 from exudyn_romerr.mbs.monitoring import body_monitor as watch
 from exudyn_romerr.mbs.monitoring import step_hook as hooks
-from exudyn_romerr.mbs.monitoring.body_monitor import MonitoredBody
-from exudyn_romerr.mbs.monitoring.tolerance_check import FEWEST, MOST
+from exudyn_romerr.mbs.monitoring.body_monitor import FEWEST, MOST, MonitoredBody
 from exudyn_romerr.model.outputs import Output
 from exudyn_romerr.report.formats.load import load_report
 from tests.helpers.mbs_scenes import (
-    INPUTS,
     SOLVERS,
     TIP,
     N,
     Recorder,
+    added,
     chain_body,
     force,
     new_mbs,
@@ -48,8 +48,7 @@ def starts(monitor):
 
 @pytest.mark.parametrize("assemble_first", [True, False])
 def test_attach_before_or_after_assemble(assemble_first):
-    mbs = new_mbs()
-    flex = add_reduced_body(mbs, chain_body(), random_basis(), inputs=INPUTS, input_function=force)
+    mbs, flex = added()
     if assemble_first:
         mbs.Assemble()
     monitor = attach(mbs, flex, outputs=[TIP])
@@ -81,7 +80,7 @@ def test_initial_state_of_the_body_is_the_monitors_unless_another_is_given(monke
         given.append(options.initial)
         raise InputError("seen")
 
-    monkeypatch.setattr("exudyn_romerr.mbs.access.linear_adapter.prepare", prepare)
+    monkeypatch.setattr("exudyn_romerr.mbs.access.reduced_body.prepare", prepare)
     state, other = (np.ones(N), np.zeros(N)), (np.zeros(N), np.ones(N))
     for initial in (None, other):
         with pytest.raises(InputError, match="seen"):
@@ -96,8 +95,7 @@ def attach_with(state, initial):
 
 
 def test_plan_needs_assemble_and_report_a_run():
-    mbs = new_mbs()
-    flex = add_reduced_body(mbs, chain_body(), random_basis(), inputs=INPUTS, input_function=force)
+    mbs, flex = added()
     monitor = attach(mbs, flex, outputs=[TIP])
     with pytest.raises(RunError, match=r"plan was asked before mbs\.Assemble"):
         monitor.plan  # noqa: B018
@@ -199,42 +197,39 @@ def kinds(monitor):
     return ["static" if run.is_static else "dynamic" for run in monitor.runs]
 
 
-def test_static_solver_that_failed_is_not_taken_for_the_next():
-    fails = [True]
-
-    def failing(t):
-        if fails[0] and t > 0:
+def failing_load(fails):
+    def load(t):
+        if fails and t > 0:
             raise ArithmeticError("mine")
         return force(t)
 
-    mbs, _, monitor = scene(input_function=failing)
-    with pytest.raises(exu.ExudynError):
+    return {"input_function": load}
+
+
+def failing_hook(fails):
+    """At the first call."""
+
+    def hook(mbs, t):
+        if fails:
+            raise ArithmeticError("mine")
+        return True
+
+    return {"hook": hook}
+
+
+@pytest.mark.parametrize("make", [failing_load, failing_hook, lambda fails: {"tolerance": 1e-30}])
+def test_static_solver_that_failed_or_was_stopped_is_not_taken_for_the_next(make):
+    fails = [True]
+    mbs, _, monitor = scene(**(options := make(fails)))
+    with nullcontext() if "tolerance" in options else pytest.raises(exu.ExudynError):
         mbs.SolveStatic(settings())
-    fails[0] = False
-    solve(mbs)
-    assert kinds(monitor) == ["static", "dynamic"]
-
-
-def test_static_solver_that_failed_at_its_first_call_is_not_taken_for_the_next():
-    mine = Recorder(stop_at=0.0, error=ArithmeticError("mine"))
-    mbs, _, monitor = scene(hook=mine)
-    with pytest.raises(exu.ExudynError):
-        mbs.SolveStatic(settings())
-    mine.stop_at = np.inf
-    solve(mbs)
-    assert kinds(monitor) == ["static", "dynamic"]
-
-
-def test_static_solver_stopped_by_a_tolerance_is_not_taken_for_the_next():
-    mbs, _, monitor = scene(tolerance=1e-30)
-    mbs.SolveStatic(settings())
+    fails.clear()
     solve(mbs)
     assert kinds(monitor) == ["static", "dynamic"]
 
 
 def test_static_solve_before_attach_is_not_taken_for_the_next():
-    mbs = new_mbs()
-    flex = add_reduced_body(mbs, chain_body(), random_basis(), inputs=INPUTS, input_function=force)
+    mbs, flex = added()
     mbs.Assemble()
     mbs.SolveStatic(settings())
     monitor = attach(mbs, flex, outputs=[TIP])
@@ -361,34 +356,6 @@ def test_bad_tolerance(tolerance, words):
 # --- failures ---------------------------------------------------------------
 
 
-def broken_at(time, error):
-    def f(t):
-        if t > time:
-            raise error
-        return force(t)
-
-    return f
-
-
-@pytest.mark.parametrize("error", [ArithmeticError("mine"), KeyboardInterrupt()])
-def test_error_in_the_load_keeps_every_accepted_step(error):
-    mbs, _, monitor = scene(input_function=broken_at(0.051, error))
-    with pytest.raises(exu.ExudynError):
-        solve(mbs, steps=20, end=0.1)
-    assert monitor.report().t[-1] == pytest.approx(0.05)
-    assert len(monitor.report().t) == 11
-
-
-def test_newton_failure_keeps_every_accepted_step():
-    mine = Recorder()
-    nan_after = lambda t: force(t) if t < 0.051 else np.nan  # noqa: E731
-    mbs, _, monitor = scene(input_function=nan_after, hook=mine)
-    with pytest.raises(exu.SolverError):
-        solve(mbs, steps=20, end=0.1)
-    np.testing.assert_array_equal(monitor.report().t, mine.t)
-    assert monitor.report().t[-1] == pytest.approx(0.051, abs=1e-3)
-
-
 def test_diverged_simulation_is_bounded_up_to_there():
     nan_after = lambda t: force(t) if t < 0.0501 else np.nan  # noqa: E731
     mbs, _, monitor = scene(input_function=nan_after)
@@ -397,14 +364,6 @@ def test_diverged_simulation_is_bounded_up_to_there():
     assert report.t[-1] == pytest.approx(0.05)
     (message,) = monitor.runs[0].messages
     assert "diverged: nan or inf at t = 0.0505" in message
-
-
-def test_interrupt_in_the_hook_keeps_every_accepted_step():
-    mbs, _, monitor = scene(hook=Recorder(stop_at=0.05, error=KeyboardInterrupt()))
-    with pytest.raises(exu.ExudynError) as caught:
-        solve(mbs, steps=20, end=0.1)
-    assert isinstance(caught.value.__cause__, KeyboardInterrupt)
-    assert len(monitor.report().t) == 11
 
 
 def test_interrupt_during_evaluation_waits_for_the_block(monkeypatch):

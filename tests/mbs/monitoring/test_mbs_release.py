@@ -91,20 +91,3 @@ def test_start_in_the_reduced_state_is_said():
     mbs.Assemble()
     mbs.SolveDynamic(settings(0.1, 20))
     assert any("start exactly in the reduced state" in message for message in monitor.report().messages)
-
-
-def test_run_at_rest_needs_no_such_word():
-    """From rest in the undeformed state nothing is assumed that is not so."""
-    mbs, monitor, _, _ = scene(Load(1.0))
-    mbs.SolveDynamic(settings(0.1, 20))
-    assert monitor.report().messages == []
-
-
-def test_failed_solve_is_said():
-    """The load raises in mid-run: Exudyn fails, the report says where the run ended and where it was to go."""
-    mbs, monitor, _, _ = scene(Load(1.0, fails_at=0.5))
-    with pytest.raises(exu.ExudynError):
-        mbs.SolveDynamic(settings(1.0, 100))
-    report = monitor.report()
-    assert 0.4 < report.t[-1] <= 0.5
-    assert any("the solver was to go to 1 s" in message for message in report.messages)

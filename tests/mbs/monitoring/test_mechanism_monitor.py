@@ -9,8 +9,8 @@ from exudyn import itemInterface
 from exudyn.utilities import InertiaCuboid
 
 import exudyn_romerr as romerr
+from exudyn_romerr.mbs.floating.sensor_outputs import NO_STATE
 from exudyn_romerr.mbs.monitoring.monitor import NOT_TOLD
-from exudyn_romerr.mbs.sensors.without_state import NO_STATE
 from exudyn_romerr.mbs.studies.scene_run import build_trial
 from exudyn_romerr.report.mechanism_report import MechanismReport
 from models import mechanisms

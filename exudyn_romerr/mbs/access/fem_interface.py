@@ -1,4 +1,4 @@
-"""Modes of a FEMinterface: some of them (keep_modes), and without what moves the frame (hold_modes)."""
+"""FEMinterfaces: made of what was read from files; some of their modes, and without what moves the frame."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+from exudyn.FEM import FEMinterface
 
 from ...checks import check_numbers
 from ...errors import InputError
 from ...model.admissible_space import mean_motion, rigid_modes
+
+SURFACES = ("Tet4", "Tet10", "Hex8", "Hex20")  # elements of which Exudyn makes one
 
 
 def keep_modes(fem: Any, modes: Iterable[int]) -> None:
@@ -81,3 +85,37 @@ def _modes(fem: Any, caller: str) -> np.ndarray:
     if np.size(getattr(fem, "postProcessingModes", {}).get("matrix", ())):
         raise InputError(f"fem has post-processing modes of the modes as they are; compute them after {caller}")
     return fem.modeBasis["matrix"]
+
+
+def fem_of(
+    mass: sp.csr_matrix,
+    stiffness: sp.csr_matrix,
+    positions: np.ndarray | None,
+    elements: dict[str, np.ndarray],
+    node_sets: dict[str, np.ndarray],
+    held: np.ndarray,
+) -> FEMinterface:
+    """Return nodes, matrices, elements with surface and node sets, of the fields of an FEModel; see its to_fem."""
+    if positions is None:
+        raise InputError("no file had node positions, which Exudyn needs; pass mesh=, a file that has them")
+    if mass.shape[0] != 3 * len(positions):
+        raise InputError("the nodes have rotations (6 coordinates a node); Exudyn's floating bodies are solids")
+    if len(held):
+        raise InputError(
+            f"the file holds {len(held)} coordinates, {held[:8].tolist()} ...; Exudyn's bodies are free: "
+            "write the matrices without supports, and hold the body in the mechanism"
+        )
+    fem = FEMinterface()
+    fem.nodes = {"Position": np.array(positions)}
+    fem.massMatrix, fem.stiffnessMatrix = mass.copy(), stiffness.copy()
+    fem.elements = [{"Name": kind, kind: np.array(x)} for kind, x in elements.items()]
+    fem.nodeSets = [
+        {"Name": name, "NodeNumbers": np.array(x), "NodeWeights": np.full(len(x), 1 / len(x))}
+        for name, x in node_sets.items()
+        if len(x)
+    ]
+    if elements and set(elements) <= set(SURFACES):
+        fem.VolumeToSurfaceElements()
+        fem.ConvertSurfaceLists2Numpy()
+    fem.metaData["source"] = "exudyn_romerr.read_body"
+    return fem

@@ -1,0 +1,61 @@
+"""The solver of a run as mbs.sys has it: what it is to do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ...linear.run.record import SolverFacts
+from ...mechanism.scheme import Scheme
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def just_begun(mbs: Any, static: bool = False) -> Any:
+    """Return the solver in mbs.sys that has taken no step, or None; they stay there after their end."""
+    solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
+    return None if solver is None or solver.it.currentStepIndex > 0 else solver
+
+
+def running_static_solver(mbs: Any, known: Any) -> Any:
+    """Return the static solver whose first call of the hook this is, or None; `known`: the last one returned.
+
+    A static solver kept out of mbs.sys by storeSolver=False cannot be told from a dynamic one.
+    """
+    solver = just_begun(mbs, static=True)
+    return None if solver is known else solver
+
+
+def solver_facts(mbs: Any, static: bool, floor: float) -> SolverFacts:
+    """Return what the solver in mbs.sys tells: where it is to go, if it is dynamic and has just begun; see there."""
+    solver = mbs.sys.get("staticSolver" if static else "dynamicSolver")
+    newton = getattr(solver, "newton", None)  # explicit solvers have none
+    begun = None if static else just_begun(mbs)
+    return SolverFacts(
+        end_time=None if begun is None else float(begun.it.endTime),
+        newton_tolerance=0.0 if newton is None else float(newton.relativeTolerance),
+        floor=floor,
+        name="" if static or solver is None else str(solver.GetSolverName()),
+    )
+
+
+def scheme_from(solver: Any) -> Scheme:
+    """Return the parameters of a solver.
+
+    Explicit and static ones resolve all modes, or fail: as the trapezoidal rule they add nothing of their own.
+    """
+    if not hasattr(solver, "newmarkBeta"):
+        return Scheme.of_radius(1.0)
+    return Scheme(solver.alphaM, solver.alphaF, solver.newmarkBeta, solver.newmarkGamma)
+
+
+def holds_rates(settings: Any) -> bool:
+    """Whether a solver with these settings holds rates of constraints (index 2)."""
+    return settings is not None and settings.timeIntegration.generalizedAlpha.useIndex2Constraints
+
+
+def load_factor(mbs: Any) -> Callable[[float], float]:
+    """Return what the running static solver scales constant loads with at t, its default: linear in time."""
+    times = mbs.sys["staticSolver"].it
+    start, span = float(times.startTime), float(times.endTime - times.startTime)
+    return lambda t: (t - start) / span

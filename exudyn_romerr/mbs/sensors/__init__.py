@@ -1,1 +1,0 @@
-"""Sensors of an mbs: their names, and which of them show a state."""
