@@ -14,7 +14,6 @@ import numpy as np
 
 from .body import Body
 from .rotations import (
-    along_screw,
     global_rates,
     parameter_rates,
     rotation_matrix,
@@ -146,12 +145,16 @@ class Unknowns:
         return z
 
     def moved(self, q: np.ndarray, z: np.ndarray) -> np.ndarray:
-        """Return coordinates (..., n_q) moved by finite unknowns z (..., n_a) in global axes."""
+        """Return coordinates (..., n_q) moved by finite unknowns z (..., n_a) in global axes.
+
+        Frames go straight on, not along the screw as in Motion.moved: what constraints are off then tells how much of
+        second order there is in z, of which bounds take a margin.
+        """
         q = q.copy()
         own, at = self.plain
         q[..., own] += z[..., at]
         for node in self.nodes:
             p, (dr, dphi) = node.parameters(q), node.shifts_and_turns
-            q[..., node.own[:3]] += along_screw([z[..., dphi]], [z[..., dr]])[0]
+            q[..., node.own[:3]] += z[..., dr]
             q[..., node.own[3:]] += turned_parameters(p, z[..., dphi]) - p
         return q

@@ -96,7 +96,7 @@ class ResidualNorm:
         solve = sla.LinearOperator(shape, matvec=lambda x: held.stiffness_factor.solve(x.ravel()), dtype=float)
         start = left(np.random.default_rng(0).standard_normal(shape[0]))
         found = sla.eigsh(mass, k=1, M=held.K, Minv=solve, v0=start, tol=LANCZOS, return_eigenvectors=False)
-        return 1 / np.sqrt(BELOW * found[0])
+        return 1 / np.sqrt(BELOW * found[0]) if found[0] > 0 else np.inf  # modes and vectors are all there is
 
     def coordinates(self, m: Motion, shift: np.ndarray, on_U: np.ndarray) -> np.ndarray:
         """Return y (T, r + k) of R, but for turning terms of fast oscillators.
