@@ -87,7 +87,8 @@ class TrueLoads:
             for x in (states.q, states.v, states.a, self._bend_of_parameters(states))
         )
         bend = np.concatenate([bends.swapaxes(0, 1), of_parameters], axis=2)
-        true = a - times(frozen.A1, forces) - times(frozen.A2, bend)
+        given, s = np.concatenate([forces, bend], axis=2), shares.T[:, :, None]
+        true = a - (1 - s) * times(frozen.X[:, 0], given) - s * times(frozen.X[:, 1], given)
         return (true - times(frozen.a21, q - rows.q[at]) - times(frozen.a22, v)).swapaxes(0, 1)
 
     def _of_bodies(self, states: Rows) -> np.ndarray:
