@@ -65,9 +65,9 @@ def cubics(t: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class FrozenSteps(Samples):
     """Equations frozen in the middle of T steps: d'' = a21 d + a22 d' + loads, of the coordinates.
 
-    X (T, 2, n, n + c) : accelerations by forces and by C d'', at both ends of steps. b21, b22 : multipliers of d, d'. C, C1, W (T, c, n) twice, (T, n, c) :
-    at the ends of steps, constraints, their rates, what takes violations out without moving what is stiff. masses
-    (T, n) : the diagonal of M.
+    X (T, 2, n, n + c) : accelerations by forces and by C d'', at both ends of steps. b21, b22 : multipliers of d, d'.
+    C, C1, W (T, c, n) twice, (T, n, c) : at the ends of steps, constraints, their rates, what takes violations out
+    without moving what is stiff. masses (T, n) : the diagonal of M.
     """
 
     X: np.ndarray
