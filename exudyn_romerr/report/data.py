@@ -116,7 +116,7 @@ class Feature:
     value : (r,)
         Of this run, in the output's unit.
     error : (r,) or None
-        That of the full model less value, as well as it can be told, signed; None without an estimate.
+        That of the full model less value, as well as it can be told, signed; None where no estimate covers all of it.
     half_width : (r,) or None
         How far error may be off where the output's estimate is off by its half width at most. Does not cover: what
         happens between the instants.

@@ -14,9 +14,10 @@ from ..errors import InputError
 from ..model.solid_elements import STRAINS
 from .answers import Answer
 from .data import Feature
+from .scope import FROZEN
 from .table import size_in_words
 from .verdicts import ESTIMATED, Verdict
-from .wording import digits
+from .wording import covers_time, digits, estimate_scope
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,10 +30,11 @@ TITLE = "{} (full model less this: about)"
 
 
 def features_of(report: ReportData, out: OutputReport) -> dict[str, Feature]:
-    """Return the features of an output by NAMES."""
+    """Return the features of an output by NAMES; errors are those of the whole error, or None as its verdict."""
     weights = _weights(report.t)
     y, off = out.value, out.uncertainty
-    if out.estimate is None:
+    is_known = out.estimate is not None and estimate_scope(out, report.scope) != FROZEN
+    if not is_known or not covers_time(out, report.time):
         return {name: Feature(x, None, None) for name, x in zip(NAMES, _numbers(y, weights), strict=True)}
     better = y + out.estimate
     most, least = (np.abs(better) + off).max(axis=0), np.maximum(np.abs(better) - off, 0.0).max(axis=0)

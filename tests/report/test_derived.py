@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from exudyn_romerr.report.derived import NAMES, features_of, features_table
+from exudyn_romerr.report.scope import FROZEN
 from tests.report.made_up import made_up
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -84,6 +85,16 @@ def test_table_says_what_is_known(known):
     assert features_table([output(y)])[1][1] == "3 mm (not covered)"
     assert features_table([output(y, error, np.full(y.shape, np.inf))])[1][1] == "3 mm (not known)"
     assert features_table([output(y, error, 10 * off)])[1][1] == "3 mm (0.04 or less)"
+
+
+def test_what_covers_less_than_the_error_is_not_covered(known):
+    """Under the forces of this run, or without the steps."""
+    frozen = output(*known)
+    frozen.outputs["tip"].estimate_scope = FROZEN
+    assert features_table([frozen])[1][1] == "3 mm (not covered)"
+    sampled = output(*known)
+    sampled.time = "sampled"
+    assert features_table([sampled])[1][1] == "3 mm (not covered)"
 
 
 def test_command_prints_them():

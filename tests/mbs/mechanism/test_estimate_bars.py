@@ -124,7 +124,7 @@ def test_peaks_means_and_last_values(scene, share):
     outputs, *_ = estimates.monitored(of, 4)
     for name, truth in estimate_truths.stored(scene).items():
         out, sizes = outputs[name], np.abs(truth.value - outputs[name].value).max(axis=0)
-        report = SimpleNamespace(t=of.h * np.arange(len(out.value)))
+        report = SimpleNamespace(t=of.h * np.arange(len(out.value)), scope={}, time="sampled")
         found = features_of(report, out)
         true = features_of(report, replace(out, value=truth.value, estimate=None))
         compared = sizes > estimates.ABOVE * np.abs(truth.value).max()
