@@ -34,11 +34,12 @@ class InnerLoads(Protocol):
     is_shifting: bool
 
     def __call__(
-        self, rows: Rows, frozen: FrozenSteps, at: np.ndarray, cubic: np.ndarray
+        self, rows: Rows, frozen: FrozenSteps, inverses: np.ndarray, at: np.ndarray, cubic: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return coefficients (T, m, n) of loads over steps `at`, and how far their means may be off (T, n).
 
-        cubic (T, 4, n) : those that samples tell. Rates in rows obey the constraints.
+        inverses : of [[M, G^T], [C, 0]] at rows, whose rates obey the constraints. cubic (T, 4, n) : those that
+        samples tell.
         """
 
 
@@ -79,7 +80,7 @@ class Flow:
         n, h = self._unknowns.n_q, np.diff(rows.t)
         inverses = saddle_inverses(system.M, system.G, system.C)
         v, a = consistent_rates(rows.t, rows.q, rows.v, rows.a, system.C, inverses[:, :n, n:])
-        a = a + times(inverses[:, :n, :n] @ system.D, rows.v - v)  # what dampers and turning feel of other rates
+        a = a + times(inverses[:, :n, :n], times(system.D, rows.v - v))  # dampers feel other rates
         found, lam = np.zeros((count, 3, n, self.columns)), np.zeros((count, self._count, self.columns))
         if first == 0:
             found[0, :2] = self.e.T.reshape(2, n, self.columns)
@@ -90,7 +91,7 @@ class Flow:
             pace = float(np.abs(values).max())
             self.fastest = max(self.fastest, pace)
             self._looks_inside |= pace > FAST
-            loads = self._loads(rows, v, a, frozen, steps)
+            loads = self._loads(rows, v, a, frozen, inverses, steps)
             ends = self._ends(rows, v, frozen, loads, steps, h, Series.of(values))
             x, w, where = ends[..., :n].swapaxes(1, 2), ends[..., n:].swapaxes(1, 2), steps + 1 - first
             found[where, 0], found[where, 1] = x, w
@@ -121,7 +122,15 @@ class Flow:
         """Largest |v - v~|_M over the largest |v|_M, by the diagonal of M; 0 where nothing moves."""
         return self._off / self._rate if self._rate else 0.0
 
-    def _loads(self, rows: Rows, v: np.ndarray, a: np.ndarray, frozen: FrozenSteps, at: np.ndarray) -> np.ndarray:
+    def _loads(
+        self,
+        rows: Rows,
+        v: np.ndarray,
+        a: np.ndarray,
+        frozen: FrozenSteps,
+        inverses: np.ndarray,
+        at: np.ndarray,
+    ) -> np.ndarray:
         """Coefficients (columns, T, m, n) over steps."""
         first, weights = cubics(rows.t, at)
         near = first[:, None] + np.arange(weights.shape[2])
@@ -129,7 +138,7 @@ class Flow:
         phi = a[near] - dq @ frozen.a21.swapaxes(1, 2) - v[near] @ frozen.a22.swapaxes(1, 2)
         cubic = weights @ phi
         if self._looks_inside:
-            inner, margin = self._inner(Rows(rows.t, rows.q, v, a, rows.multipliers), frozen, at, cubic)
+            inner, margin = self._inner(Rows(rows.t, rows.q, v, a, rows.multipliers), frozen, inverses, at, cubic)
             m = max(inner.shape[1], cubic.shape[1])
             inner, cubic = (np.pad(x, ((0, 0), (0, m - x.shape[1]), (0, 0))) for x in (inner, cubic))
             wide = inner.copy()

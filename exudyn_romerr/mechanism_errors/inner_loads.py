@@ -36,16 +36,17 @@ class TrueLoads:
         return (np.arange(PARTS) + (GOLDEN * (1 + numbers[:, None])) % 1.0) / PARTS
 
     def __call__(
-        self, rows: Rows, frozen: FrozenSteps, at: np.ndarray, cubic: np.ndarray
+        self, rows: Rows, frozen: FrozenSteps, inverses: np.ndarray, at: np.ndarray, cubic: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return coefficients (T, m, n_q) of loads over steps `at`, and how far their means may be off (T, n_q).
 
-        cubic (T, 4, n_q) : those that samples tell. Rates in rows obey the constraints.
+        inverses : of [[M, G^T], [C, 0]] at rows, whose rates obey the constraints. cubic (T, 4, n_q) : those that
+        samples tell.
         """
         shares = self._shares(len(at))
         states, forces, g = self._states(rows, at, shares)
         of_g = self._constraints(rows, at, shares, g)
-        true = self._loads(rows, frozen, at, shares, states, forces, of_g)
+        true = self._loads(rows, frozen, inverses, at, shares, states, forces, of_g)
         found, margin = np.linalg.inv(_powers(shares, shares.shape[1])) @ true, np.zeros(true[:, 0].shape)
         if self.is_shifting:
             fine = np.tile((np.arange(FINE) + 0.5) / FINE, (1, 1))
@@ -53,7 +54,7 @@ class TrueLoads:
             for i in _standing_out(true - _powers(shares, cubic.shape[1]) @ cubic, true, frozen.masses):
                 one = slice(i, i + 1)
                 more = self._states(rows, at[one], fine)
-                closer = self._loads(rows, frozen[one], at[one], fine, *more[:2], of_g[one])
+                closer = self._loads(rows, frozen[one], inverses, at[one], fine, *more[:2], of_g[one])
                 found[one] = fit @ closer
                 margin[i] = _largest_jump(np.diff(closer[0], axis=0), frozen.masses[i]) / FINE
         return found, margin
@@ -73,6 +74,7 @@ class TrueLoads:
         self,
         rows: Rows,
         frozen: FrozenSteps,
+        inverses: np.ndarray,
         at: np.ndarray,
         shares: np.ndarray,
         states: Rows,
@@ -88,7 +90,8 @@ class TrueLoads:
         )
         bend = np.concatenate([bends.swapaxes(0, 1), of_parameters], axis=2)
         given, s = np.concatenate([forces, bend], axis=2), shares.T[:, :, None]
-        true = a - (1 - s) * times(frozen.X[:, 0], given) - s * times(frozen.X[:, 1], given)
+        begin, end = (times(inverses[i, : a.shape[2]], given) for i in (at, at + 1))
+        true = a - (1 - s) * begin - s * end
         return (true - times(frozen.a21, q - rows.q[at]) - times(frozen.a22, v)).swapaxes(0, 1)
 
     def _of_bodies(self, states: Rows) -> np.ndarray:

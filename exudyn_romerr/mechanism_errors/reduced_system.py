@@ -65,12 +65,10 @@ def cubics(t: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class FrozenSteps(Samples):
     """Equations frozen in the middle of T steps: d'' = a21 d + a22 d' + loads, of the coordinates.
 
-    X (T, 2, n, n + c) : accelerations by forces and by C d'', at both ends of steps. b21, b22 : multipliers of d, d'.
-    C, C1, W (T, c, n) twice, (T, n, c) : at the ends of steps, constraints, their rates, what takes violations out
-    without moving what is stiff. masses (T, n) : the diagonal of M.
+    b21, b22 : multipliers of d, d'. C, C1, W (T, c, n) twice, (T, n, c) : at the ends of steps, constraints, their
+    rates, what takes violations out without moving what is stiff. masses (T, n) : the diagonal of M.
     """
 
-    X: np.ndarray
     a21: np.ndarray
     a22: np.ndarray
     b21: np.ndarray
@@ -95,7 +93,6 @@ class FrozenSteps(Samples):
         W = saddle_inverses(stiff, C, C)[:, :n, n:]  # bordered: Euler parameters have no mass along themselves
         by_q, by_v = K, D
         return cls(
-            np.stack([inverses[at, :n], inverses[at + 1, :n]], axis=1),
             *(-(A1 @ by_q + A2 @ C2), -(A1 @ by_v + 2 * A2 @ C1)),
             *(-(B1 @ by_q + B2 @ C2), -(B1 @ by_v + 2 * B2 @ C1)),
             *(C, _derivative(powers, 1.0, 1) / h, W, np.maximum(np.einsum("tii->ti", M), 0.0)),

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import InputError
 from ..model.solid_elements import STRAINS
 from .answers import Answer
-from .data import Feature
+from .data import Feature, extents
 from .scope import FROZEN
 from .table import size_in_words
 from .verdicts import ESTIMATED, Verdict
@@ -46,11 +46,11 @@ def features_of(report: ReportData, out: OutputReport) -> dict[str, Feature]:
 
 
 def _numbers(y: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return np.abs(y).max(axis=0), _rms(y, weights), y[-1]
+    return extents(y), _rms(y, weights), y[-1]
 
 
 def _rms(y: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    size = np.abs(y).max(axis=0)
+    size = extents(y)
     scale = np.where(np.isfinite(size) & (size > 0), size, 1.0)  # squares may be too large for a float
     return scale * np.sqrt(weights @ (y / scale) ** 2)
 

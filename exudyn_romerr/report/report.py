@@ -49,7 +49,7 @@ class BoundReport(ReportData):
         """Return the output of that name, with verdicts, peak, rms, end; InputError lists the known ones."""
         out = super().output(name)
         out.verdict = worst_by_cause(rows_of_output(self, out, limit_of(out)))
-        vars(out).update(features_of(self, out))
+        out.peak, out.rms, out.end = features_of(self, out).values()
         return out
 
     def reason(self, e: str) -> str:

@@ -9,6 +9,14 @@ from exudyn_romerr.mechanism.rotations import exponential, skew
 NODES = 5
 
 
+def on_its_screw(e):
+    """Where a frame goes by e (6, ...) = (dr, dphi, ...), by scipy: its turn (3, 3), its shift (3,)."""
+    screw = np.zeros((4, 4))
+    screw[:3, :3], screw[:3, 3] = skew(e[3:6]), e[:3]
+    moved = la.expm(screw)
+    return moved[:3, :3], moved[:3, 3]
+
+
 class SmallBody:
     """positions (NODES, 3), masses (NODES,), shapes (3 NODES, k), stiffness; body : in closed form.
 

@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as la
 
 from exudyn_romerr.mechanism.rotations import skew, times
-from tests.helpers.small_body import SmallBody
+from tests.helpers.small_body import SmallBody, on_its_screw
 
 STEP = 1e-6  # of unknowns of size 1, both ways: leaves 1e-12 of curvature and 1e-10 of rounding
 
@@ -79,12 +79,9 @@ def test_moved_motions_are_those_of_a_frame_on_its_screw():
 
     def place(s):
         """Frame after time s, of a motion that has w, alpha, r'' now: axes, and origin less its own r and r'."""
-        screw = np.zeros((4, 4))
-        step = (e + s * e1 + s**2 / 2 * e2)[0]
-        screw[:3, :3], screw[:3, 3] = skew(step[3:6]), step[:3]
-        moved = la.expm(screw)
+        turn, shift = on_its_screw((e + s * e1 + s**2 / 2 * e2)[0])
         turned = la.expm(skew(s * w + s**2 / 2 * alpha)) @ m.A[0]
-        return moved[:3, :3] @ turned, s**2 / 2 * bent + moved[:3, 3]
+        return turn @ turned, s**2 / 2 * bent + shift
 
     (A0, r0), (A, r), (A2, r2) = (place(s) for s in (-dt, 0.0, dt))
     W, W1 = A.T @ (A2 - A0) / (2 * dt), A.T @ (A2 - 2 * A + A0) / dt**2

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-import scipy.linalg as la
 
 from exudyn_romerr.mechanism.outputs import CLOSED, NodeSensor, Outputs
-from exudyn_romerr.mechanism.rotations import skew
 from exudyn_romerr.mechanism.samples import Rows
+from tests.helpers.small_body import on_its_screw
 from tests.helpers.small_mechanism import SmallMechanism
 
 STEP = 1e-6
@@ -45,13 +44,6 @@ def test_sensors_of_nodes_in_closed_form(kind):
     np.testing.assert_allclose(found, truth, rtol=0, atol=1e-5 * np.abs(truth).max())  # STEP e of second order
 
 
-def beside_the_straight(e):
-    """What a frame goes along the screw of e more than straight on."""
-    screw = np.zeros((4, 4))
-    screw[:3, :3], screw[:3, 3] = skew(e[3:6]), e[:3]
-    return la.expm(screw)[:3, 3] - e[:3]
-
-
 def test_sensors_of_nodes_that_are_turned_far():
     """By some 0.3 rad: positions are those of moved states, velocities how these change while all goes on."""
     mechanism, dt = SmallMechanism(), 1e-5
@@ -61,10 +53,11 @@ def test_sensors_of_nodes_that_are_turned_far():
 
     def shown(kind, s):
         later = Rows(rows.t, rows.q + s * rows.v, rows.v, rows.a, rows.multipliers)
-        moved = moved_rows(u, later, np.array([e[0] + s * e[1], e[1], e[2]]))
-        moved.q[:, u.nodes[0].own[:3]] += beside_the_straight(e[0] + s * e[1])
+        now = e[0] + s * e[1]
+        moved = moved_rows(u, later, np.array([now, e[1], e[2]]))
+        moved.q[:, u.nodes[0].own[:3]] += on_its_screw(now)[1] - now[:3]  # of which it moves the frame straight on
         node, wide = sensor_of(mechanism, kind), np.zeros((len(rows), 3, u.n, 1))
-        wide[:, 0, : u.n_a, 0], wide[:, 1, : u.n_a, 0] = e[0] + s * e[1], e[1]
+        wide[:, 0, : u.n_a, 0], wide[:, 1, : u.n_a, 0] = now, e[1]
         changes = Outputs(u, later, np.full(3, 0), [node])(0, wide, np.zeros((len(rows), 1, 1)))[..., 0]
         return [node.values(u.bodies[0], x) for x in (moved, later)], changes
 
