@@ -11,13 +11,14 @@ import numpy as np
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tangents import Block
 
-ROUGH = 10.0  # times the median of a block, accelerations that bend more are looked at, and neighbours
-DOUBTFUL = 8  # of a block, rows where readings of tangents do not join
+ROUGH = 10.0  # times the median of a part, accelerations that bend more are looked at, and neighbours
+DOUBTFUL = 16  # of a block, rows where readings of tangents do not join
+PART = 128  # rows, of which each has its looks
 LEAST = 1e-2  # of the largest forces that errors make along the run: where they make less nothing is compared
 
 
 class Linearity:
-    """Looks at rows of every block: where the error is largest, accelerations bend most, or tangents may be off.
+    """Looks at rows of every part of a block: where errors are largest, accelerations bend most, tangents may be off.
 
     share : what forces and constraints are off, over the forces and the motion that the errors make in the same row.
     """
@@ -43,20 +44,14 @@ class Linearity:
         masses = np.maximum(masses, masses.max(axis=1, keepdims=True) * np.finfo(float).eps)
         doubtful = sorted(i - first for i in self._of.readings.doubtful if 0 <= i - first < len(block))
         doubtful = doubtful[:: 1 + len(doubtful) // DOUBTFUL]
-        for i in sorted(self._rows(block, e[:, 0], masses) | set(doubtful)):
+        rows = {
+            a + i
+            for a in range(0, len(block), PART)
+            for i in _rows(*(x[a : a + PART] for x in (block.rows.a, e[:, 0], masses)))
+        }
+        for i in sorted(rows | set(doubtful)):
             if e[i].any():
                 self._looks.append(self._look(block, i, e[i], lam[i], masses[i]))
-
-    @staticmethod
-    def _rows(block: Block, e: np.ndarray, masses: np.ndarray) -> set[int]:
-        T = len(block)
-        rows = {int(np.argmax((e**2 * masses).sum(axis=1)))}
-        if T > 2:
-            bend = np.abs(np.diff(block.rows.a, n=2, axis=0))
-            bend = (bend / np.maximum(bend.max(axis=0), np.finfo(float).tiny)).sum(axis=1)
-            i = 1 + int(np.argmax(bend))
-            rows |= {i - 1, i, i + 1} if bend[i - 1] > ROUGH * np.median(bend) else set()
-        return rows
 
     def _look(self, block: Block, i: int, x: np.ndarray, lam: np.ndarray, masses: np.ndarray) -> tuple:
         """Forces and constraints that are off (2,); forces and motion that the errors make (2,)."""
@@ -65,6 +60,17 @@ class Linearity:
         bent = in_motion(block.C[i], masses, bent)
         motion = np.sqrt((x[0] ** 2 * masses).sum())
         return (_size(left, masses), bent), (max(_size(y, masses) for y in whole), motion)
+
+
+def _rows(a: np.ndarray, e: np.ndarray, masses: np.ndarray) -> set[int]:
+    """Where errors e (T, n_a) are largest, and accelerations a (T, n_q) bend most, if that stands out."""
+    rows = {int(np.argmax((e**2 * masses).sum(axis=1)))}
+    if len(a) > 2:
+        bend = np.abs(np.diff(a, n=2, axis=0))
+        bend = (bend / np.maximum(bend.max(axis=0), np.finfo(float).tiny)).sum(axis=1)
+        i = 1 + int(np.argmax(bend))
+        rows |= {i - 1, i, i + 1} if bend[i - 1] > ROUGH * np.median(bend) else set()
+    return rows
 
 
 def nonlinear_forces(

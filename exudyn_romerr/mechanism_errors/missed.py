@@ -13,13 +13,13 @@ import numpy as np
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
-from .linearity import in_motion, nonlinear_forces
+from .linearity import PART, in_motion, nonlinear_forces
 
-MOST = 16  # rows of a block that are looked at
+MOST = 32  # rows of a block that are looked at
 
 
 class MissedForces:
-    """Looks half way between readings, and where the error is largest.
+    """Looks half way between readings, and where the error of each part of a block is largest.
 
     of_constraints : what is missed of constraints, as a share of the error's motion, at most.
     """
@@ -31,7 +31,7 @@ class MissedForces:
         """Return kicks (T, n) in a block that begins with row `first`, under errors e (T, 3, n), lam (T, c)."""
         u, x = self._of.unknowns, e[:, :, : self._of.unknowns.n_a]
         squares, kicks = np.einsum("ti,ti->t", times(block.M, x[:, 0]), x[:, 0]), np.zeros((len(block), u.n))
-        rows = [i for i in self._rows(first, len(block), int(np.argmax(squares))) if e[i, 0].any()]
+        rows = [i for i in self._rows(first, squares) if e[i, 0].any()]
         if not rows:
             return kicks
         found = []
@@ -47,7 +47,8 @@ class MissedForces:
             kicks[0] = 0.0  # whether a run begins in an equilibrium is not theirs to say
         return kicks
 
-    def _rows(self, first: int, T: int, largest: int) -> list[int]:
-        between = [(a + b) // 2 - first for a, b in pairwise(self._of.readings.at) if b > a + 1]
+    def _rows(self, first: int, squares: np.ndarray) -> list[int]:
+        T, between = len(squares), [(a + b) // 2 - first for a, b in pairwise(self._of.readings.at) if b > a + 1]
         between = [i for i in between if 0 <= i < T]
-        return sorted({*between[:: 1 + len(between) // MOST], largest})
+        largest = {a + int(np.argmax(squares[a : a + PART])) for a in range(0, T, PART)}
+        return sorted({*between[:: 1 + len(between) // MOST], *largest})
