@@ -14,12 +14,13 @@ import numpy as np
 import scipy.linalg as la
 
 from ...basis.enrichment import Enrichment
-from ...linalg.orthogonalise import without
+from ...linalg.orthogonalise import m_orthonormal, without
 from ...linear.residual.interface_stiffening import with_rigid_interfaces
 from ...mechanism.body import Body, Place
 from ...mechanism_bounds.free_mass import FreeMass
 from ...mechanism_bounds.residual_norm import ResidualNorm
 from ...mechanism_errors.modes import PARTS
+from ...model.admissible_space import rigid_modes
 from ...model.floating_frame import unit_inertia
 from ...model.shared_body import made_once
 from ..access.detached import READS_NODES, READS_SENSORS, Detached
@@ -31,6 +32,9 @@ from .weight import weight_of
 SEEN = 1e-7  # of the motion that vectors could make at a marker: less is rounding
 HELD, NEW = 1e-6, 1e-6  # of a motion, of a vector: less is rounding, or what others hold
 SPANNED = 1e-3  # of |x|_M of a shape: less of it is not left out by others
+# of a vector's mass: what is left of it beside motions of frame and modes. With less, vectors are mostly such motions
+# themselves, and what oscillators do not feel of turning is large beside the little that all these terms come to
+OWN_MASS = 0.1
 SAME = 1e-8  # of the largest: directions that are none of their own
 
 
@@ -109,7 +113,8 @@ def enriched(mbs: Any, flex: FloatingBody, count: int, slow: float, detached: De
     columns = np.hstack([*(place.columns for place in known.actions.places.values()), _read_by(mbs, flex, detached)])
     able = np.linalg.norm(columns, axis=0) * np.linalg.norm(P, axis=0).max(initial=0.0)
     slow = np.inf if READS_NODES in detached.names else slow
-    P, parts, kept = _kept_first(P, parts, omega, columns.T @ P, able, slow)
+    others = np.vstack([np.eye(P.shape[1])[omega < slow], _moving_others(flex, model.V, P)])
+    P, parts, kept = _kept_first(P, parts, omega, columns.T @ P, able, others)
     frame, modal = (int(node) for node in mbs.GetObject(flex.number)["nodeNumbers"])
     coordinates = (np.array(mbs.systemData.GetNodeLTGODE2(node), int) for node in (frame, modal))
     place = Place(flex.number, *coordinates, np.asarray(mbs.GetNode(frame)["referenceCoordinates"], float))
@@ -221,15 +226,21 @@ def _accelerations(known: KnownBody, U: np.ndarray, n: int) -> np.ndarray:
     return (X / size) @ (turn[use].T / values[use])
 
 
-def _kept_first(
-    P: np.ndarray, parts: np.ndarray, omega: np.ndarray, seen: np.ndarray, able: np.ndarray, slow: float
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Vectors turned so that those which all else sees, and slow ones, stand first; how many these are.
+def _moving_others(flex: FloatingBody, V: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """Combinations (r, m) of vectors P, M-orthonormal, that have less than OWN_MASS beside frame and modes."""
+    known = m_orthonormal(flex.mass, np.hstack([rigid_modes(flex.positions), V]))
+    _, cosines, combined = la.svd(known.T @ (flex.mass @ P), full_matrices=False)
+    return combined[1 - cosines**2 < OWN_MASS]
 
-    seen (r, m) : motion of markers by vectors; able (r,) : what it could be.
+
+def _kept_first(
+    P: np.ndarray, parts: np.ndarray, omega: np.ndarray, seen: np.ndarray, able: np.ndarray, others: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Vectors turned so that those which all else sees, and others, stand first; how many these are.
+
+    seen (r, m) : motion of markers by vectors; able (r,) : what it could be. others (r, m) : combinations of vectors.
     """
-    seen = seen[np.linalg.norm(seen, axis=1) > SEEN * able]
-    rows = np.vstack([seen, np.eye(P.shape[1])[omega < slow]])
+    rows = np.vstack([seen[np.linalg.norm(seen, axis=1) > SEEN * able], others])
     if not len(rows):
         return P, parts, 0
     _, values, basis = la.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True), full_matrices=True)
