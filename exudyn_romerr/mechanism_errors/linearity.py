@@ -56,10 +56,14 @@ class Linearity:
     def _look(self, block: Block, i: int, x: np.ndarray, lam: np.ndarray, masses: np.ndarray) -> tuple:
         """Forces and constraints that are off (2,); forces and motion that the errors make (2,)."""
         left, bent = nonlinear_forces(self._of, block, i, x, lam)
-        whole = [X[i] @ y for X, y in zip((block.M, block.D, block.K), x[::-1], strict=True)]
+        whole, own = (
+            [X[i] @ y for X, y in zip((block.M, block.D, block.K), x[::-1], strict=True)],
+            self._of.unknowns.own,
+        )
         bent = in_motion(block.C[i], masses, bent)
         motion = np.sqrt((x[0] ** 2 * masses).sum())
-        return (_size(left, masses), bent), (max(_size(y, masses) for y in whole), motion)
+        off, *forces = (_size(y[own], masses[own]) for y in (left, *whole))  # on vectors whatever is stiff is large
+        return (off, bent), (max(forces), motion)
 
 
 def _rows(a: np.ndarray, e: np.ndarray, masses: np.ndarray) -> set[int]:

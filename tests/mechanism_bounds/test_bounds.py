@@ -11,6 +11,7 @@ from benchmarks import bounds as table
 from benchmarks import told_and_true
 from exudyn_romerr.mbs.mirror import told_solve as told_solve_module
 from exudyn_romerr.mbs.mirror.recorder import Recorder
+from exudyn_romerr.mbs.mirror import vectors
 from exudyn_romerr.mbs.mirror.told_solve import BOUNDS, Asked, told_solve
 from exudyn_romerr.mechanism.scheme import Scheme
 from exudyn_romerr.mechanism_bounds import bounds, proved_widths
@@ -139,10 +140,15 @@ def test_a_mechanism_that_rests_and_is_free_to_move():
     assert all(value["off"] <= 0.01 * value["true"] + value["unsure"] for value in modes if value["is known"])
 
 
-def test_where_estimates_miss_as_much_as_they_are_nothing_is_bounded():
-    """Errors are up to 5 % above sums that are 0.8 and 1e3 times the error; why was not found."""
+def test_vectors_that_are_mostly_motion_of_frame_and_modes_are_kept(monkeypatch):
+    """As oscillators they left corrections that grew: sums were 0.8 and 1e3 times the error, which was 5 % above some."""
     one = told_and_true.of_seed(77)
-    assert not any(np.isfinite(value["bound"]) for value in one["bounds"])
+    ratios = [value["bound"] / value["true"] for value in one["bounds"]]
+    assert len(ratios) >= 15
+    assert max(ratios) < 1.1  # 1.02
+    assert not list(table.below([one]))
+    monkeypatch.setattr(vectors, "OWN_MASS", 0.0)
+    assert not any(np.isfinite(value["bound"]) for value in told_and_true.of_seed(77)["bounds"])
 
 
 def test_what_is_not_bounded_says_why(pendulum):
