@@ -289,9 +289,9 @@ def test_steps_are_the_limit_of_a_bound_that_covers_them():
 
 def test_steps_are_the_limit_beside_a_bound_that_does_not_cover_them(crank_truth):
     """A run with half the step tells the error of the step: against a run with an eighth of it, within a third."""
-    choice = romerr.choose_modes(partial(crank, steps=60), {"mid": 1e-2}, relative=True, first=8, most=12)
+    choice = romerr.choose_modes(partial(crank, steps=60), {"mid": 1.5e-2}, relative=True, first=8, most=12)
     assert (choice.met, choice.limit) == (True, STEP)
-    assert len(choice.tried) <= 4  # forecasts may be one mode off
+    assert len(choice.tried) <= 3
     fine, coarse = solved(crank(choice.n, steps=480)).output("mid"), choice.reports[0].output("mid")
     error = np.max(np.abs(fine.value[::8] - coarse.value))
     assert choice.step_error["mid"] == pytest.approx(error, rel=1 / 3)
