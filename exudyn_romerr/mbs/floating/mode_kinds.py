@@ -1,0 +1,123 @@
+"""Which coordinate of a floating body is what: static mode of which interface and direction, or eigenmode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...model.admissible_space import MeanMotion, mean_motion
+from .reference_search import _holds, _rigid_motions_in, _still_nodes, _unmarked
+
+if TYPE_CHECKING:
+    from .floating_body import FloatingBody
+
+DIRECTIONS = ("displacement x", "displacement y", "displacement z", "rotation x", "rotation y", "rotation z")
+# of a mode's motion of an interface: other directions than its own have less. RBE3 modes in N/m have up to 1e-4
+PURE = 1e-2
+STILL = 1e-3  # of the largest displacement of a mode: an interface that moves less rests
+SIX = len(DIRECTIONS)
+HCB = "HCBmodes"  # fem.modeBasis["type"] of ComputeHurtyCraigBamptonModes
+WHY = (
+    "{0} coordinates: {1}{2}. {3} has no modes: its {4} would move the body as a rigid one, as its frame does with "
+    "coordinates of its own. The frame is fixed to it (excludeRigidBodyMotion=True, Exudyn's default)"
+)
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Nodes that static modes move one by one: their name, coordinates of the modes and directions (6,), or none."""
+
+    name: str
+    motion: MeanMotion
+    modes: dict[int, str]
+
+
+def kinds(flex: FloatingBody, V: np.ndarray) -> tuple[list[str], str]:
+    """Return of each coordinate what it is, and why there are so many."""
+    found = _interfaces(flex, V)
+    held = [one for one in found if not one.modes]
+    moved = sorted((one for one in found if one.modes), key=lambda one: min(one.modes))
+    first = 2 if held or not _rigid_motions_in(V, flex) else 1
+    said, n = {}, V.shape[1]
+    for number, one in enumerate(moved, first):
+        said |= {j: f"static, interface {number} ({one.name}), {way}" for j, way in one.modes.items()}
+    if not moved and (flex.fem.modeBasis or {}).get("type") == HCB:
+        said = _by_place(n - len(flex.fem.eigenValues), first)
+    others = [j for j in range(n) if j not in said]
+    said |= {j: f"eigenmode {k}" for k, j in enumerate(others, 1)}
+    return [said[j] for j in range(n)], _why(n, len(others), first, moved, held)
+
+
+def _why(n: int, eigenmodes: int, first: int, moved: list[Interface], held: list[Interface]) -> str:
+    """Why there are so many coordinates."""
+    static = n - eigenmodes
+    if not static:
+        return f"{n} coordinates: {n} eigenmodes; their rigid motions are left out, for the frame has these"
+    count = len(moved) or static // SIX
+    parts = f"{static} static modes of {count} interface{'' if count == 1 else 's'}"
+    more = f" and {eigenmodes} eigenmode{'' if eigenmodes == 1 else 's'}"
+    if first == 1:
+        return (
+            f"{n} coordinates: {parts}{more}. No interface was left out, so modes move the body as a rigid one, as "
+            "its frame does, too: compute them with excludeRigidBodyMotion=True"
+        )
+    which = f"Interface 1 ({held[0].name})" if held else "Interface 1, the first that the modes were computed with,"
+    return WHY.format(n, parts, more, which, SIX)
+
+
+def _by_place(static: int, first: int) -> dict[int, str]:
+    """Static modes as ComputeHurtyCraigBamptonModes has them in order, where nothing tells the nodes."""
+    return {j: f"static, interface {first + j // SIX}, {DIRECTIONS[j % SIX]} (by its place)" for j in range(static)}
+
+
+def _interfaces(flex: FloatingBody, V: np.ndarray) -> list[Interface]:
+    """Node sets that no mode moves, or each mode in one direction at most, or not at all."""
+    found: dict[tuple, Interface] = {}
+    for name, motion in _candidates(flex, V):
+        nodes = tuple(sorted(motion.nodes[motion.weights > 0].tolist()))
+        modes = None if nodes in found else _moved(flex, V, motion)
+        if modes is not None:
+            where = ", ".join(f"{x:.4g}" for x in motion.weights @ flex.positions[motion.nodes])
+            found[nodes] = Interface(f"{name}{len(motion.nodes)} nodes about {where}", motion, modes)
+    one_by_one = [one for one in found.values() if one.modes]
+    return one_by_one + [one for one in found.values() if not one.modes][:1] if one_by_one else []
+
+
+def _candidates(flex: FloatingBody, V: np.ndarray) -> list[tuple[str, MeanMotion]]:
+    """Node sets of the fem, of markers, and those where exact zeros of modes tell them (RBE2)."""
+    sets = getattr(flex.fem, "nodeSets", None) or []
+    given = [(f"{x.get('Name', '')!r}, ", x.get("NodeNumbers", ()), x.get("NodeWeights", ())) for x in sets]
+    given += [(name, nodes, ()) for name, nodes, _ in given]
+    given += [(f"{name}, ", x.nodes, x.weights) for name, x in flex.known.get("interfaces", {}).items()]
+    given += [("", sorted(nodes), ()) for nodes in [*_unmarked(flex, V), _still_nodes(flex, V).tolist()]]
+    return [(name, motion) for name, nodes, weights in given if (motion := _motion(flex, nodes, weights)) is not None]
+
+
+def _motion(flex: FloatingBody, nodes: Any, weights: Any) -> MeanMotion | None:
+    try:
+        found = mean_motion(nodes, weights if len(weights) else None)
+    except InputError:
+        return None
+    return found if _holds(found.nodes[found.weights > 0], flex.positions) else None
+
+
+def _moved(flex: FloatingBody, V: np.ndarray, motion: MeanMotion) -> dict[int, str] | None:
+    """Direction of each mode that moves an interface; None: it is none, for some mode moves it in several."""
+    arms = flex.positions[motion.nodes] - motion.weights @ flex.positions[motion.nodes]
+    radius = np.sqrt(motion.weights @ np.einsum("ij,ij->i", arms, arms))
+    moves = motion.motion_rows(flex.positions) @ V
+    moves[3:] *= radius
+    size, found = np.abs(V).max(axis=0), {}
+    for j in np.flatnonzero(np.linalg.norm(moves, axis=0) > STILL * size):
+        way = int(np.argmax(np.abs(moves[:, j])))
+        rest = np.delete(moves[:, j], way)
+        if np.linalg.norm(rest) > PURE * abs(moves[way, j]) or DIRECTIONS[way] in (
+            x.lstrip("-") for x in found.values()
+        ):
+            return None
+        sign = "-" if moves[way, j] < 0 else ""
+        found[int(j)] = f"{sign}{DIRECTIONS[way]}"
+    return found

@@ -1,0 +1,119 @@
+"""mode_table: which coordinate of a reduced body is which, what it is worth, and what it does in a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...basis.basis import Basis
+from ...checks import check_type
+from ...errors import AssumptionError, InputError, RomErrError
+from ...mode_selection.mode_properties import coordinates_of, frequencies_of
+from ...mode_selection.mode_table import ModeTable
+from ...model.body import ElasticBody
+from ..access.reduced_body import ReducedBody
+from ..floating.floating_body import FloatingBody
+from ..floating.mode_kinds import kinds
+from ..floating.reference_search import find_reference, held_body
+
+if TYPE_CHECKING:
+    from ...report.report import BoundReport
+
+NOT_HELD = "Not compared with the full model: {}."
+NO_DAMPING = "Damping is not known before a solve has begun."
+EIGENMODE = 1e-6  # of K x - omega^2 M x: what solvers leave of an eigenmode is less
+
+
+def mode_table(
+    flex: FloatingBody | ReducedBody | ElasticBody, report: BoundReport | None = None, *, basis: Basis | None = None
+) -> ModeTable:
+    """Tell of each coordinate of a reduced body what it is: static mode of which interface and direction, eigenmode.
+
+    Beside it: frequency, damping ratio and effective mass; frequencies of the reduced body with how far they are off
+    those of the full one at most; modes that the basis lacks.
+
+    Parameters
+    ----------
+    flex : FloatingBody, ReducedBody or ElasticBody
+        As made by floating_body or add_reduced_body; or a full body, with basis=.
+    report : BoundReport, optional
+        Of a run of this body in a mechanism: adds shares of the strain energy, and what the error of each sensor
+        would grow by without a mode.
+    basis : Basis
+        Of an ElasticBody.
+
+    Returns
+    -------
+    ModeTable
+
+    Raises
+    ------
+    InputError
+        No body; a basis that is missing or does not fit; a fem without modes; a report that has no run of this body.
+
+    Notes
+    -----
+    Effective mass: of the part of a mode that those before it do not span, so that the sum over a complete basis is
+    the body's mass less what its supports carry; free eigenmodes have none. Does not cover: floating bodies whose
+    frame follows the modes (excludeRigidBodyMotion=False), which are not compared with the full model.
+    """
+    if isinstance(flex, FloatingBody):
+        return _of_floating(flex, report)
+    if isinstance(flex, ReducedBody):
+        flex, basis = flex.body, flex.basis
+    check_type("flex", flex, ElasticBody)
+    check_type("basis", basis, Basis)
+    if report is not None:
+        raise InputError("report= is for floating bodies; reports of linear ones keep no coordinates of the run")
+    return _of_linear(flex, basis)
+
+
+def _of_linear(body: ElasticBody, basis: Basis) -> ModeTable:
+    V, W = basis.restricted_to(body)
+    D = np.zeros((basis.n, basis.n)) if body.D is None else W.T @ (body.D @ V)
+    directions = None
+    if body.positions is not None:
+        directions = np.tile(np.eye(body.dofs_per_node)[:, :3], (len(body.positions), 1))
+    found, modes = coordinates_of(basis.V, body.mass, body.stiffness, D, directions), frequencies_of(body, V, W, D)
+    factor, omega = body.stiffness_factor, found.omega
+    left = np.linalg.norm(factor.half_solve(body.K @ V - (body.M @ V) * omega**2), axis=0)
+    is_mode = left < EIGENMODE * np.linalg.norm(factor.half_multiply(V), axis=0)
+    named = [
+        f"eigenmode at {x / (2 * np.pi):.4g} Hz" if yes else "vector" for yes, x in zip(is_mode, omega, strict=True)
+    ]
+    return ModeTable("linear body", named, f"{basis.n} coordinates: {basis.note}", found, modes, None, ())
+
+
+def _of_floating(flex: FloatingBody, report: BoundReport | None) -> ModeTable:
+    numbers, rayleigh = flex.known.get("reduction", (None, (0.0, 0.0)))
+    V, D = (_modes(flex.fem), None) if numbers is None else (numbers[0], numbers[-1])
+    if V.shape[0] != flex.mass.shape[0]:
+        raise InputError(f"modes of fem have {V.shape[0]} rows, its matrices {flex.mass.shape[0]}")
+    notes = [NO_DAMPING] if D is None else []
+    directions = np.tile(np.eye(3), (len(flex.positions), 1))
+    try:
+        modes = _frequencies(flex, V, D, rayleigh)
+    except RomErrError as error:
+        modes = None
+        notes.append(NOT_HELD.format(str(error).rstrip(".")))
+    named, why = kinds(flex, V)
+    found = coordinates_of(V, flex.mass, flex.stiffness, D, directions)
+    return ModeTable(f"body {flex.number}", named, why, found, modes, None, notes)
+
+
+def _frequencies(flex: FloatingBody, V: np.ndarray, D: np.ndarray | None, rayleigh: tuple[float, float]) -> Any:
+    """Frequencies of the body as it is held in its frame, by what was found of it in an mbs, if it was read."""
+    reference = find_reference(flex, V, flex.known.get("interfaces", {}))
+    held = held_body(flex, rayleigh, reference)
+    own = held.space.coordinates("V", V if reference.held is None else reference.held)
+    if np.linalg.matrix_rank(own) < V.shape[1]:
+        raise AssumptionError("without their rigid motions the modes are linearly dependent")
+    return frequencies_of(held, own, own, D)
+
+
+def _modes(fem: Any) -> np.ndarray:
+    V = (getattr(fem, "modeBasis", None) or {}).get("matrix")
+    if V is None or not np.size(V):
+        raise InputError("fem has no modes; compute them before mode_table")
+    return np.asarray(V, dtype=float)

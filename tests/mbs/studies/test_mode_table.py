@@ -1,0 +1,203 @@
+"""mode_table: kinds, frequencies and masses against dense ones of the same bodies; what a run tells of modes."""
+
+import csv
+
+import exudyn as exu
+import numpy as np
+import pytest
+import scipy.linalg as la
+from exudyn.FEM import HCBstaticModeSelection, ObjectFFRFreducedOrderInterface
+
+import exudyn_romerr as romerr
+from models import floating, linkage, wishbone
+
+WAYS = ["displacement x", "displacement y", "displacement z", "rotation x", "rotation y", "rotation z"]
+EXACT = 1e-8  # relative, of what LAPACK finds of low modes twice
+
+
+def made(fem):
+    """The body in an mbs of its own, with what keeps that alive."""
+    SC = exu.SystemContainer()
+    mbs = SC.AddSystem()
+    items = ObjectFFRFreducedOrderInterface(fem).AddObjectFFRFreducedOrder(
+        mbs, massProportionalDamping=floating.RAYLEIGH[0], stiffnessProportionalDamping=floating.RAYLEIGH[1]
+    )
+    return romerr.floating_body(fem, items), (SC, mbs)
+
+
+def bar(kind="RBE3", n=4):
+    fem = floating.load_fem("bar")
+    floating.reduce(fem, n, kind)
+    return fem
+
+
+def held_space(fem):
+    """Displacements that leave the mean motion of the left face zero, (N, N - 6)."""
+    C = floating._mean_motion(fem.GetNodePositionsAsArray(), *floating.interface(fem, "left"))
+    return la.qr(C.T)[0][:, len(C) :]
+
+
+def ways(table):
+    """What is static, without nodes: number of interface and direction of each."""
+    static = [kind.removesuffix(" (by its place)") for kind in table.kinds if "static" in kind]
+    return [(kind.split(" ")[2].rstrip(","), kind.rsplit(", ", 1)[1].lstrip("-")) for kind in static]
+
+
+@pytest.mark.parametrize("kind", ["RBE2", "RBE3"])
+def test_coordinates_of_two_interfaces(kind):
+    table = romerr.mode_table(made(bar(kind))[0])
+    assert ways(table) == [("2", way) for way in WAYS]
+    assert all("'right'" in text for text in table.kinds[:6])
+    assert list(table.kinds[6:]) == [f"eigenmode {k}" for k in (1, 2, 3, 4)]
+    assert "10 coordinates: 6 static modes of 1 interface and 4 eigenmodes. Interface 1 ('left', " in table.why
+
+
+def test_signs_of_rotations_are_told():
+    """Exudyn's RBE2 modes turn an interface against the axis: the motion of its nodes tells."""
+    fem = bar("RBE2")
+    nodes, _ = floating.interface(fem, "right")
+    arms = fem.GetNodePositionsAsArray()[nodes] - fem.GetNodePositionsAsArray()[nodes].mean(axis=0)
+    told = romerr.mode_table(made(fem)[0]).kinds[3:6]
+    for axis, text in enumerate(told):
+        moved = fem.modeBasis["matrix"][:, 3 + axis].reshape(-1, 3)[nodes]
+        turned = np.cross(np.eye(3)[axis], arms)
+        assert ("-rotation" in text) == (np.sum(moved * turned) < 0)
+
+
+@pytest.mark.parametrize("kind", ["RBE2", "RBE3"])
+def test_coordinates_of_three_interfaces(kind):
+    """A body that NGsolve made: 12 static modes, and not 18."""
+    fem = wishbone.load_fem()
+    wishbone.reduce(fem, 2, kind, ("front", "rear", "ball"))
+    table = romerr.mode_table(made(fem)[0])
+    assert ways(table) == [(i, way) for i in ("2", "3") for way in WAYS]
+    assert "'rear'" in table.kinds[0]
+    assert "'ball'" in table.kinds[6]
+    assert "14 coordinates: 12 static modes of 2 interfaces and 2 eigenmodes. Interface 1 ('front', " in table.why
+    assert np.all(table.frequencies.off > 0)
+
+
+def test_interfaces_without_names():
+    """Zeros of RBE2 modes tell nodes; of RBE3 modes nothing does, but their order."""
+    for kind, said in (("RBE2", "static, interface 2 (6 nodes"), ("RBE3", "(by its place)")):
+        fem = bar(kind)
+        fem.nodeSets = []
+        table = romerr.mode_table(made(fem)[0])
+        assert ways(table)[0][0] == "2"
+        assert said in table.kinds[0]
+        assert (table.frequencies is None) == (kind == "RBE3")  # nothing tells what holds the body
+
+
+def test_no_interface_left_out():
+    fem = floating.load_fem("bar")
+    nodes, weights = zip(*(floating.interface(fem, name) for name in ("left", "right")), strict=True)
+    mode = HCBstaticModeSelection.RBE2
+    fem.ComputeHurtyCraigBamptonModes(
+        nodes, 2, computationMode=mode, boundaryNodesWeights=weights, excludeRigidBodyMotion=False
+    )
+    table = romerr.mode_table(made(fem)[0])
+    assert ways(table) == [(i, way) for i in ("1", "2") for way in WAYS]
+    assert "No interface was left out" in table.why
+    assert table.frequencies is None
+    assert np.sum(table.coordinates.mass, axis=0) == pytest.approx(np.ones(3), abs=EXACT)  # rigid motions have it all
+
+
+@pytest.mark.parametrize("kind", ["RBE2", "RBE3"])
+def test_frequencies_are_those_of_dense_matrices(kind):
+    fem = bar(kind)
+    Z, V = held_space(fem), fem.modeBasis["matrix"]
+    full = np.sqrt(la.eigvalsh(Z.T @ (fem.stiffnessMatrix @ Z), Z.T @ (fem.massMatrix @ Z)))[: V.shape[1]]
+    reduced = np.sqrt(la.eigvalsh(V.T @ (fem.stiffnessMatrix @ V), V.T @ (fem.massMatrix @ V)))
+    found = romerr.mode_table(made(fem)[0]).frequencies
+    assert found.reduced == pytest.approx(reduced, rel=EXACT)
+    assert found.full == pytest.approx(full, rel=EXACT)
+    assert np.all(np.abs(reduced / full - 1 - found.off) <= found.within + EXACT)
+    assert np.all(found.off >= -found.within)  # Galerkin: from above
+
+
+def test_certified_difference_needs_its_residual():
+    """Of modes that are not converged the difference to the true frequency is within what their residual tells."""
+    body, *_ = linkage.build()
+    rng = np.random.default_rng(1)
+    modes = body.modes(3)
+    X = modes.shapes + 1e-3 * rng.standard_normal(modes.shapes.shape) * np.abs(modes.shapes).max()
+    theta = np.einsum("ij,ij->j", X, body.K @ X) / np.einsum("ij,ij->j", X, body.M @ X)
+    factor = body.stiffness_factor
+    left = np.linalg.norm(factor.half_solve(body.K @ X - (body.M @ X) * theta), axis=0)
+    within = left / np.linalg.norm(factor.half_multiply(X), axis=0)
+    every = body.all_modes().omega ** 2
+    off = np.abs(theta[:, None] / every - 1).min(axis=1)
+    assert np.all(off <= within)
+    assert np.all(off > 0)
+
+
+def test_masses_of_a_complete_basis():
+    fem = bar("complete")
+    table = romerr.mode_table(made(fem)[0])
+    Z, mass = held_space(fem), fem.GetMassMatrix(sparse=True)
+    shift = np.tile(np.eye(3), (mass.shape[0] // 3, 1))
+    pull = Z.T @ (mass @ shift)
+    all_there = np.diag(pull.T @ la.solve(Z.T @ (mass @ Z), pull)) / np.diag(shift.T @ (mass @ shift))
+    assert table.coordinates.mass.sum(axis=0) == pytest.approx(all_there, rel=EXACT)
+    assert np.all(all_there > 0.9)  # what the face that holds the body carries is little
+    assert not len(table.frequencies.missing)
+    assert table.frequencies.off == pytest.approx(np.zeros(len(table.kinds)), abs=1e-6)  # the highest: LAPACK's rest
+
+
+def test_linear_body_of_arrays():
+    """A chain of masses, held at one end: all modes have all mass but that of the support, damping as given."""
+    n = 8
+    K = 2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    K[-1, -1] = 1.0
+    body = romerr.ElasticBody(np.eye(n * 3), np.kron(K, np.eye(3)), rayleigh=(0.02, 0.1), positions=np.eye(n, 3))
+    whole = romerr.mode_table(body, basis=romerr.modal_basis(body, 3 * n))
+    assert whole.coordinates.mass.sum(axis=0) == pytest.approx(np.ones(3))
+    omega = np.repeat(2 * np.sin((2 * np.arange(n) + 1) * np.pi / (2 * (2 * n + 1))), 3)
+    assert whole.frequencies.full == pytest.approx(omega)
+    assert whole.frequencies.zeta == pytest.approx(0.01 / omega + 0.05 * omega)
+    assert whole.coordinates.zeta == pytest.approx(whole.frequencies.zeta)
+    few = romerr.mode_table(body, basis=romerr.krylov_basis(body, np.eye(3 * n, 1), 2))
+    assert few.kinds == ["vector"] * 2
+    assert "Krylov" in few.why
+    lowest = romerr.mode_table(body, basis=romerr.modal_basis(body, 3))
+    assert all("eigenmode at" in kind for kind in lowest.kinds)
+    assert list(lowest.frequencies.missing[:, 0]) == [*range(3, 9)]
+    odd = romerr.mode_table(
+        body, basis=romerr.Basis(np.eye(3 * n, 3), np.eye(3 * n, 3) + 0.1 * np.eye(3 * n, 3, k=-3))
+    )
+    assert np.isfinite(odd.frequencies.off).all()
+
+
+def test_free_eigenmodes():
+    table = romerr.mode_table(made(bar("free"))[0])
+    assert table.kinds == [f"eigenmode {k}" for k in (1, 2, 3, 4)]
+    assert table.coordinates.mass == pytest.approx(np.zeros((4, 3)), abs=EXACT)
+    assert table.frequencies.full == pytest.approx(table.coordinates.omega, rel=EXACT)
+    assert list(table.frequencies.missing[:, 0]) == [*range(4, 10)]
+
+
+def test_formats(tmp_path):
+    table = romerr.mode_table(made(bar())[0])
+    table.save(tmp_path / "modes.csv")
+    head, *lines = csv.reader((tmp_path / "modes.csv").read_text(encoding="utf-8").splitlines())
+    assert len(lines) == 10
+    assert float(lines[3][head.index("alone [rad/s]")]) == table.coordinates.omega[3]
+    table.save(tmp_path / "modes.html")
+    page = (tmp_path / "modes.html").read_text(encoding="utf-8")
+    assert table.why.split(".")[0] in page
+    assert page.count("<tr>") == 2 + 10 + 10
+    text = str(table)
+    assert "off by at most" in text
+    assert "Not there, the lowest of the full body: mode 9" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((3,), "flex"),
+        ((romerr.ElasticBody(np.eye(2), np.eye(2)),), "basis"),
+    ],
+)
+def test_wrong_input(arguments, said):
+    with pytest.raises(romerr.InputError, match=said):
+        romerr.mode_table(*arguments)
