@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from ..model.body import ElasticBody
 
 MISSING = 0.1  # of a mode's mass: one of which the basis lacks more is told to be missing
 MORE = 6  # modes of the full body that are looked at beside as many as the basis has
+LITTLE = 0.01  # of the strain energy that is missed: less is not told
 TINY = np.finfo(float).tiny
 
 
@@ -34,7 +36,7 @@ class Frequencies:
     reduced, full (n,) rad/s; zeta (n,) or None. off (n,) : reduced / full - 1; within (n,) : how far off that may be.
     mainly (n,) : the coordinate with the largest share of the mode's strain energy.
     missing (k, 2) : numbers of modes of the full body that the basis lacks, with the share of their mass; the
-    frequencies of these (k,).
+    frequencies of these (k,). missed : (number, rad/s, share of the strain energy missed in a run), largest first.
     """
 
     reduced: np.ndarray
@@ -45,6 +47,7 @@ class Frequencies:
     mainly: np.ndarray
     missing: np.ndarray
     missing_omega: np.ndarray
+    missed: Sequence[tuple[int, float, float]] = ()
 
 
 def coordinates_of(
@@ -98,9 +101,8 @@ def frequencies_of(body: ElasticBody, V: np.ndarray, W: np.ndarray, D: np.ndarra
     energy = np.abs(shapes * (K @ shapes))
     zeta = None
     if D is not None:
-        zeta = np.einsum("ik,ij,jk->k", shapes, D, shapes) / (
-            2 * reduced * np.einsum("ik,ij,jk->k", shapes, M, shapes)
-        )
+        m, d = (np.einsum("ik,ij,jk->k", shapes, x, shapes) for x in (M, D))
+        zeta = d / (2 * reduced * m)
     size = np.sqrt(np.einsum("ij,ij->j", V, body.M @ V))
     gram, seen = V.T @ (body.M @ V) / size / size[:, None], (V / size).T @ (body.M @ X)
     lacks = 1 - np.einsum("ik,ik->k", seen, la.solve(gram, seen, assume_a="pos"))
@@ -108,3 +110,16 @@ def frequencies_of(body: ElasticBody, V: np.ndarray, W: np.ndarray, D: np.ndarra
     found = np.stack([missing, lacks[missing]], axis=1)
     off = reduced / full[:n] - 1
     return Frequencies(reduced, full[:n], zeta, off, within, energy.argmax(axis=0), found, full[missing])
+
+
+def missed_modes(body: ElasticBody, count: int, P: np.ndarray, squares: np.ndarray) -> list[tuple[int, float, float]]:
+    """Return (number, rad/s, share) of the lowest modes by their share of the strain energy of an error P x.
+
+    P (n_free, m) : vectors beside the modes of the basis. squares (m, m) : sum of x x^T over the run.
+    """
+    modes = body.modes(min(count, body.free.size))
+    seen = modes.shapes.T @ (body.M @ P)
+    energy = modes.omega**2 * np.einsum("ki,ij,kj->k", seen, squares, seen)
+    total = np.einsum("ij,ij->", P.T @ (body.K @ P), squares)
+    order = np.argsort(-energy)
+    return [(int(k), float(modes.omega[k]), float(energy[k] / total)) for k in order if energy[k] > LITTLE * total]

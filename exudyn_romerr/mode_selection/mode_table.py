@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING
+from itertools import chain, zip_longest
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,25 +21,34 @@ from .mode_properties import Coordinates, Frequencies
 if TYPE_CHECKING:
     import os
 
-AXES = "xyz"
 ALONE = "Each coordinate alone, in the order of the body's; effective mass beside those before it"
 HELD = "Frequencies of the body as it is held in its frame; of the full model none is missed (Sylvester's law)"
-WITHOUT = "About what the largest error would grow by without it, to first order"
+WITHOUT = "About what errors of sensors would grow by, at most, without the coordinate, to first order"
 LACKS = "Not there, the lowest of the full body: {}."
+MISSED = "Missed most in the run: {} of the strain energy that is missed; the rest is in others."
 MOST, MUCH = 5, 10.0  # modes that are named; a relative difference of which no percentage is told
-Block = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
+HEAD = '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Modes</title>'
 
 
 @dataclass(frozen=True)
 class InRun:
     """What coordinates do in a run: energy (n,), shares of the strain energy; sensors {name: (unit, (n,))}.
 
-    why_not : why there is no number of sensors.
+    vectors (N, m) beside the modes, and the sum over the run of x x^T (m, m), x what the error has of them.
     """
 
     energy: np.ndarray
     sensors: dict[str, tuple[str, np.ndarray]]
-    why_not: str = ""
+    vectors: np.ndarray
+    squares: np.ndarray
+
+
+class Column(NamedTuple):
+    """Head, a value a line, and how one is printed."""
+
+    head: str
+    values: Sequence
+    said: Callable[[Any], str] = str
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,7 @@ class ModeTable:
     Attributes
     ----------
     name : of the body
-    kinds : (n,) texts, "static, interface 2 ('right', 36 nodes about 0.4, 0, 0), displacement x", "eigenmode 1"
+    kinds : (n,) texts, "static, interface 2 ('right'), displacement x", "eigenmode 1"
     why : why there are so many, and which interface was left out
     coordinates : .omega (n,) rad/s, .zeta (n,), .mass (n, 3), effective, shares of the body's by direction
     frequencies : .reduced, .full (n,) rad/s, .off, .within (n,): relative difference and how far off it may be;
@@ -65,70 +75,41 @@ class ModeTable:
     in_run: InRun | None
     notes: Sequence[str]
 
-    def blocks(self) -> Iterator[Block]:
-        """Yield tables of texts: caption, head, lines."""
-        yield self._of_coordinates()
+    def blocks(self) -> Iterator[tuple[str, list[Column]]]:
+        """Yield tables: caption, columns."""
+        of, run, numbers = self.coordinates, self.in_run, Column("coordinate", range(len(self.kinds)))
+        columns = [numbers, Column("is", self.kinds), Column("alone [Hz]", of.omega / (2 * np.pi), digits_of(4))]
+        columns += [] if of.zeta is None else [Column("damping", of.zeta, _ratio)]
+        for what, x in () if of.mass is None else (("mass", of.mass), ("sum", np.cumsum(of.mass, axis=0))):
+            columns += [Column(f"{what} {axis}", x[:, i], _share) for i, axis in enumerate("xyz")]
+        yield ALONE, columns + ([] if run is None else [Column("strain energy", run.energy, _share)])
         if self.frequencies is not None:
-            yield self._of_frequencies(self.frequencies)
-        if self.in_run is not None and self.in_run.sensors:
-            yield self._of_sensors(self.in_run.sensors)
+            yield HELD, _of_modes(self.frequencies)
+        if run is not None and run.sensors:
+            grown = [Column(name, x, lambda x, unit=unit: _grown(x, unit)) for name, (unit, x) in run.sensors.items()]
+            yield WITHOUT, [numbers, *grown]
 
-    def _of_coordinates(self) -> Block:
-        of, rows = self.coordinates, [[str(j), kind] for j, kind in enumerate(self.kinds)]
-        head = ["coordinate", "is", "alone [Hz]"]
-        _add(rows, (digits(x / (2 * np.pi), 4) for x in of.omega))
-        if of.zeta is not None:
-            head.append("damping")
-            _add(rows, (percent(x) or "over 10" for x in of.zeta))
-        if of.mass is not None:
-            head += [f"mass {axis}" for axis in AXES] + [f"sum {axis}" for axis in AXES]
-            for shares in (of.mass, np.cumsum(of.mass, axis=0)):
-                for axis in range(len(AXES)):
-                    _add(rows, map(_share, shares[:, axis]))
-        if self.in_run is not None:
-            head.append("strain energy")
-            _add(rows, map(_share, self.in_run.energy))
-        return ALONE, tuple(head), [tuple(row) for row in rows]
+    def tables(self) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+        """Return caption, head and lines of all tables, as texts."""
+        return [
+            (title, tuple(c.head for c in of), [*zip(*(map(c.said, c.values) for c in of), strict=True)])
+            for title, of in self.blocks()
+        ]
 
-    def _of_frequencies(self, of: Frequencies) -> Block:
-        head, rows = (
-            ["mode", "reduced [Hz]", "full [Hz]", "off by at most"],
-            [[str(k + 1)] for k in range(len(of.off))],
-        )
-        for x in (of.reduced, of.full):
-            _add(rows, (f"{hertz:.5g}" for hertz in x / (2 * np.pi)))
-        most = np.abs(of.off) + of.within
-        _add(rows, (f"{rounded_up(100 * x, 2)} %" if x < MUCH else "more than 10 times" for x in most))
-        if of.zeta is not None:
-            head.append("damping")
-            _add(rows, (percent(x) or "over 10" for x in of.zeta))
-        _add(rows, map(str, of.mainly))
-        return HELD, (*head, "mainly coordinate"), [tuple(row) for row in rows]
-
-    def _of_sensors(self, sensors: dict[str, tuple[str, np.ndarray]]) -> Block:
-        columns = [[with_unit(digits(x, 2), unit) for x in grows] for unit, grows in sensors.values()]
-        return (
-            WITHOUT,
-            ("coordinate", *sensors),
-            [(str(j), *line) for j, line in enumerate(zip(*columns, strict=True))],
-        )
-
-    def _missing(self) -> list[str]:
-        """A line of the lowest modes of the full body that the basis lacks."""
+    def lines(self) -> list[str]:
+        """Return what stands below: modes that are not there, what is not known."""
         of = self.frequencies
-        if of is None or not len(of.missing):
-            return []
-        lowest = zip(of.missing[:MOST].tolist(), of.missing_omega, strict=False)
-        told = (
-            f"mode {k + 1:g} at {digits(w / (2 * np.pi), 4)} Hz ({percent(share)} of it)" for (k, share), w in lowest
-        )
-        return [LACKS.format(", ".join(told))]
+        if of is None:
+            return [*self.notes]
+        lowest = zip(of.missing, of.missing_omega, strict=True)
+        lacks = [f"{_mode(k, w)} ({percent(x)} of it)" for (k, x), w in lowest]
+        missed = [f"{_mode(k, w)} {percent(x)}" for k, w, x in of.missed]
+        found = [text.format(", ".join(x[:MOST])) for text, x in ((LACKS, lacks), (MISSED, missed)) if x]
+        return [*found, *self.notes]
 
     def __str__(self) -> str:
-        lines = [f"{self.name}: {self.why}."]
-        for caption, head, rows in self.blocks():
-            lines += ["", f"{caption}:", *aligned([head, *rows])]
-        return "\n".join([*lines, "", *self._missing(), *self.notes]).rstrip()
+        tables = (["", f"{title}:", *aligned([head, *rows])] for title, head, rows in self.tables())
+        return "\n".join([f"{self.name}: {self.why}.", *chain(*tables), "", *self.lines()]).rstrip()
 
     def save(self, path: str | os.PathLike) -> None:
         """Write it: .csv with all digits, a line for each coordinate (mode k of the body in line k), or .html.
@@ -140,19 +121,14 @@ class ModeTable:
         """
         write_tables([self], path)
 
-    def columns(self) -> dict[str, Sequence]:
-        """Return the columns of the CSV file: name -> (n,)."""
-        of, modes = self.coordinates, self.frequencies
-        found: dict[str, Sequence] = {"body": [self.name] * len(self.kinds), "coordinate": range(len(self.kinds))}
-        found |= {"kind": self.kinds, "alone [rad/s]": of.omega, "damping ratio": of.zeta}
-        found |= {f"effective mass {axis}": None if of.mass is None else of.mass[:, i] for i, axis in enumerate(AXES)}
-        if modes is not None:
-            found |= {"mode reduced [rad/s]": modes.reduced, "mode full [rad/s]": modes.full}
-            found |= {"mode off": modes.off, "mode off known within": modes.within, "mode damping ratio": modes.zeta}
-        if self.in_run is not None:
-            found["share of strain energy"] = self.in_run.energy
-            found |= {f"{name} without it": grows for name, (_, grows) in self.in_run.sensors.items()}
-        return {name: x for name, x in found.items() if x is not None}
+
+def _of_modes(of: Frequencies) -> list[Column]:
+    hertz = zip(("reduced [Hz]", "full [Hz]"), (of.reduced, of.full), strict=True)
+    columns = [Column("mode", range(1, len(of.off) + 1))]
+    columns += [Column(head, x / (2 * np.pi), digits_of(5)) for head, x in hertz]
+    columns.append(Column("off by at most", np.abs(of.off) + of.within, _off))
+    columns += [] if of.zeta is None else [Column("mode's damping", of.zeta, _ratio)]
+    return [*columns, Column("mainly coordinate", of.mainly)]
 
 
 def write_tables(tables: Sequence[ModeTable], path: str | os.PathLike) -> None:
@@ -162,32 +138,46 @@ def write_tables(tables: Sequence[ModeTable], path: str | os.PathLike) -> None:
 
 
 def _csv(tables: Sequence[ModeTable]) -> str:
-    of = [table.columns() for table in tables]
+    of = [
+        {c.head: np.asarray(c.values).tolist() for _, columns in table.blocks() for c in columns} for table in tables
+    ]
     names, stream = list(dict.fromkeys(name for one in of for name in one)), io.StringIO(newline="")
     writer = csv.writer(stream)
-    writer.writerow(names)
+    writer.writerow(["body", *names])
     for table, one in zip(tables, of, strict=True):
-        none = [""] * len(table.kinds)
-        columns = [np.asarray(one.get(name, none)).tolist() for name in names]
-        writer.writerows(zip(*columns, strict=True))
+        rows = zip_longest(*(one.get(name, []) for name in names), fillvalue="")
+        writer.writerows([table.name, *row] for row in rows)
     return stream.getvalue()
 
 
 def _page(tables: Sequence[ModeTable]) -> str:
-    head = '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Modes</title>'
-    parts = [f"{head}\n<style>{CSS}</style>\n</head>\n<body>"]
-    for table in tables:
-        parts += [f"<h1>Modes of {escape(table.name)}</h1>", _paragraph(f"{table.why}.")]
-        parts += [_table(*block, "numbers") for block in table.blocks()]
-        parts += [_paragraph(line) for line in (*table._missing(), *table.notes)]
+    parts = [f"{HEAD}\n<style>{CSS}</style>\n</head>\n<body>"]
+    for of in tables:
+        parts += [f"<h1>Modes of {escape(of.name)}</h1>", _paragraph(f"{of.why}.")]
+        parts += [*(_table(*table, "numbers") for table in of.tables()), *map(_paragraph, of.lines())]
     return "\n".join([*parts, "</body>\n</html>\n"])
 
 
-def _add(rows: list[list[str]], column: Iterator[str]) -> None:
-    for row, cell in zip(rows, column, strict=True):
-        row.append(cell)
+def digits_of(count: int) -> Callable[[float], str]:
+    """Return what prints a number in so many digits."""
+    return lambda x: digits(x, count)
+
+
+def _ratio(x: float) -> str:
+    return percent(x) or "over 10"
+
+
+def _off(x: float) -> str:
+    return f"{rounded_up(100 * x, 2)} %" if x < MUCH else "more than 10 times"
+
+
+def _grown(x: float, unit: str) -> str:
+    return with_unit(digits(x, 2), unit) if np.isfinite(x) else "more than it shows"
 
 
 def _share(x: float) -> str:
-    """A share in %, in steps of 0.01 %."""
-    return f"{100 * x + 0.0:.2f} %".replace("-0.00", "0.00")
+    return f"{100 * x:.2f} %".replace("-0.00", "0.00")
+
+
+def _mode(k: float, omega: float) -> str:
+    return f"mode {k + 1:g} at {digits(omega / (2 * np.pi), 4)} Hz"

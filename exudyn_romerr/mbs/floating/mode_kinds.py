@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,18 +22,26 @@ STILL = 1e-3  # of the largest displacement of a mode: an interface that moves l
 SIX = len(DIRECTIONS)
 HCB = "HCBmodes"  # fem.modeBasis["type"] of ComputeHurtyCraigBamptonModes
 WHY = (
-    "{0} coordinates: {1}{2}. {3} has no modes: its {4} would move the body as a rigid one, as its frame does with "
-    "coordinates of its own. The frame is fixed to it (excludeRigidBodyMotion=True, Exudyn's default)"
+    "The first interface has none ({}): its 6 would move the body as a rigid one, as the frame does with coordinates "
+    "of its own. The frame is fixed to it (excludeRigidBodyMotion=True, Exudyn's default)"
+)
+NONE_LEFT_OUT = (
+    "No interface was left out, so modes move the body as a rigid one, as its frame does, too: compute them with "
+    "excludeRigidBodyMotion=True"
 )
 
 
 @dataclass(frozen=True)
 class Interface:
-    """Nodes that static modes move one by one: their name, coordinates of the modes and directions (6,), or none."""
+    """Nodes that static modes move in one direction each, {coordinate: direction}; name, nodes in words."""
 
     name: str
-    motion: MeanMotion
+    where: str
     modes: dict[int, str]
+
+    def called(self, number: int) -> str:
+        """How it is called."""
+        return f"interface {number}{self.name and f' ({self.name})'}"
 
 
 def kinds(flex: FloatingBody, V: np.ndarray) -> tuple[list[str], str]:
@@ -43,7 +52,7 @@ def kinds(flex: FloatingBody, V: np.ndarray) -> tuple[list[str], str]:
     first = 2 if held or not _rigid_motions_in(V, flex) else 1
     said, n = {}, V.shape[1]
     for number, one in enumerate(moved, first):
-        said |= {j: f"static, interface {number} ({one.name}), {way}" for j, way in one.modes.items()}
+        said |= {j: f"static, {one.called(number)}, {way}" for j, way in one.modes.items()}
     if not moved and (flex.fem.modeBasis or {}).get("type") == HCB:
         said = _by_place(n - len(flex.fem.eigenValues), first)
     others = [j for j in range(n) if j not in said]
@@ -53,19 +62,16 @@ def kinds(flex: FloatingBody, V: np.ndarray) -> tuple[list[str], str]:
 
 def _why(n: int, eigenmodes: int, first: int, moved: list[Interface], held: list[Interface]) -> str:
     """Why there are so many coordinates."""
-    static = n - eigenmodes
+    static, places = n - eigenmodes, "".join(f". I{x.called(k)[1:]}: {x.where}" for k, x in enumerate(moved, first))
     if not static:
-        return f"{n} coordinates: {n} eigenmodes; their rigid motions are left out, for the frame has these"
+        return f"{n} coordinates: {n} eigenmodes; rigid motions are left out, for the frame has these"
     count = len(moved) or static // SIX
-    parts = f"{static} static modes of {count} interface{'' if count == 1 else 's'}"
-    more = f" and {eigenmodes} eigenmode{'' if eigenmodes == 1 else 's'}"
+    parts = f"{n} coordinates: {static} static modes of {count} interface{'' if count == 1 else 's'}"
+    parts += f" and {eigenmodes} eigenmode{'' if eigenmodes == 1 else 's'}"
     if first == 1:
-        return (
-            f"{n} coordinates: {parts}{more}. No interface was left out, so modes move the body as a rigid one, as "
-            "its frame does, too: compute them with excludeRigidBodyMotion=True"
-        )
-    which = f"Interface 1 ({held[0].name})" if held else "Interface 1, the first that the modes were computed with,"
-    return WHY.format(n, parts, more, which, SIX)
+        return f"{parts}. {NONE_LEFT_OUT}{places}"
+    which = f"{held[0].called(1)}: {held[0].where}" if held else "interface 1, the first of those given"
+    return f"{parts}. {WHY.format(which)}{places}"
 
 
 def _by_place(static: int, first: int) -> dict[int, str]:
@@ -80,8 +86,10 @@ def _interfaces(flex: FloatingBody, V: np.ndarray) -> list[Interface]:
         nodes = tuple(sorted(motion.nodes[motion.weights > 0].tolist()))
         modes = None if nodes in found else _moved(flex, V, motion)
         if modes is not None:
-            where = ", ".join(f"{x:.4g}" for x in motion.weights @ flex.positions[motion.nodes])
-            found[nodes] = Interface(f"{name}{len(motion.nodes)} nodes about {where}", motion, modes)
+            middle = motion.weights @ flex.positions[motion.nodes]
+            digits = 4 - math.floor(math.log10(np.ptp(flex.positions, axis=0).max()))
+            where = ", ".join(f"{round(x, digits) + 0.0:g}" for x in middle)
+            found[nodes] = Interface(name, f"{len(motion.nodes)} nodes about {where}", modes)
     one_by_one = [one for one in found.values() if one.modes]
     return one_by_one + [one for one in found.values() if not one.modes][:1] if one_by_one else []
 
@@ -89,9 +97,9 @@ def _interfaces(flex: FloatingBody, V: np.ndarray) -> list[Interface]:
 def _candidates(flex: FloatingBody, V: np.ndarray) -> list[tuple[str, MeanMotion]]:
     """Node sets of the fem, of markers, and those where exact zeros of modes tell them (RBE2)."""
     sets = getattr(flex.fem, "nodeSets", None) or []
-    given = [(f"{x.get('Name', '')!r}, ", x.get("NodeNumbers", ()), x.get("NodeWeights", ())) for x in sets]
+    given = [(repr(x.get("Name", "")), x.get("NodeNumbers", ()), x.get("NodeWeights", ())) for x in sets]
     given += [(name, nodes, ()) for name, nodes, _ in given]
-    given += [(f"{name}, ", x.nodes, x.weights) for name, x in flex.known.get("interfaces", {}).items()]
+    given += [(name, x.nodes, x.weights) for name, x in flex.known.get("interfaces", {}).items()]
     given += [("", sorted(nodes), ()) for nodes in [*_unmarked(flex, V), _still_nodes(flex, V).tolist()]]
     return [(name, motion) for name, nodes, weights in given if (motion := _motion(flex, nodes, weights)) is not None]
 

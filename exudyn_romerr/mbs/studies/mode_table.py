@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...basis.basis import Basis
 from ...checks import check_type
-from ...errors import AssumptionError, InputError, RomErrError
-from ...mode_selection.mode_properties import coordinates_of, frequencies_of
-from ...mode_selection.mode_table import ModeTable
+from ...errors import InputError, RomErrError
+from ...mode_selection.mode_properties import MORE, Frequencies, coordinates_of, frequencies_of, missed_modes
+from ...mode_selection.mode_table import InRun, ModeTable
 from ...model.body import ElasticBody
 from ..access.reduced_body import ReducedBody
 from ..floating.floating_body import FloatingBody
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
 
 NOT_HELD = "Not compared with the full model: {}."
 NO_DAMPING = "Damping is not known before a solve has begun."
+NO_RUN = (
+    "What modes do in the run is not known: the report was loaded, or is of a body alone in a frame that it does not "
+    "move; romerr modes tells it."
+)
 EIGENMODE = 1e-6  # of K x - omega^2 M x: what solvers leave of an eigenmode is less
 
 
@@ -50,7 +55,7 @@ def mode_table(
     Raises
     ------
     InputError
-        No body; a basis that is missing or does not fit; a fem without modes; a report that has no run of this body.
+        No body; a basis that is missing or does not fit; a fem without modes; a report of other bodies.
 
     Notes
     -----
@@ -90,26 +95,40 @@ def _of_floating(flex: FloatingBody, report: BoundReport | None) -> ModeTable:
     V, D = (_modes(flex.fem), None) if numbers is None else (numbers[0], numbers[-1])
     if V.shape[0] != flex.mass.shape[0]:
         raise InputError(f"modes of fem have {V.shape[0]} rows, its matrices {flex.mass.shape[0]}")
-    notes = [NO_DAMPING] if D is None else []
-    directions = np.tile(np.eye(3), (len(flex.positions), 1))
+    run = None if report is None or report.modes is None else _in_run(flex, report, V)
+    modes, notes = None, [NO_DAMPING] if D is None else []
+    notes += [NO_RUN] if run is None and report is not None else []
     try:
-        modes = _frequencies(flex, V, D, rayleigh)
+        modes = _frequencies(flex, V, D, rayleigh, run)
     except RomErrError as error:
-        modes = None
         notes.append(NOT_HELD.format(str(error).rstrip(".")))
-    named, why = kinds(flex, V)
-    found = coordinates_of(V, flex.mass, flex.stiffness, D, directions)
-    return ModeTable(f"body {flex.number}", named, why, found, modes, None, notes)
+    found = coordinates_of(V, flex.mass, flex.stiffness, D, np.tile(np.eye(3), (len(flex.positions), 1)))
+    return ModeTable(f"body {flex.number}", *kinds(flex, V), found, modes, run, notes)
 
 
-def _frequencies(flex: FloatingBody, V: np.ndarray, D: np.ndarray | None, rayleigh: tuple[float, float]) -> Any:
+def _in_run(flex: FloatingBody, report: BoundReport, V: np.ndarray) -> InRun:
+    """What the modes do in the run of a report, of the sensors that it has."""
+    found = report.modes()
+    own = found.get(flex.number)
+    if own is None or len(own.energy) != V.shape[1]:
+        raise InputError(
+            f"report is of bodies {', '.join(map(str, found))}, not of body {flex.number} with {V.shape[1]} modes"
+        )
+    return replace(own, sensors={name: x for name, x in own.sensors.items() if name in report.outputs})
+
+
+def _frequencies(
+    flex: FloatingBody, V: np.ndarray, D: np.ndarray | None, rayleigh: tuple[float, float], run: InRun | None
+) -> Frequencies:
     """Frequencies of the body as it is held in its frame, by what was found of it in an mbs, if it was read."""
     reference = find_reference(flex, V, flex.known.get("interfaces", {}))
     held = held_body(flex, rayleigh, reference)
     own = held.space.coordinates("V", V if reference.held is None else reference.held)
-    if np.linalg.matrix_rank(own) < V.shape[1]:
-        raise AssumptionError("without their rigid motions the modes are linearly dependent")
-    return frequencies_of(held, own, own, D)
+    found = frequencies_of(held, own, own, D)
+    if run is None or not np.any(run.squares):
+        return found
+    vectors = held.space.coordinates("vectors", run.vectors)
+    return replace(found, missed=missed_modes(held, V.shape[1] + MORE, vectors, run.squares))
 
 
 def _modes(fem: Any) -> np.ndarray:

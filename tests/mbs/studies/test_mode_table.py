@@ -1,6 +1,8 @@
 """mode_table: kinds, frequencies and masses against dense ones of the same bodies; what a run tells of modes."""
 
 import csv
+import os
+import pickle
 
 import exudyn as exu
 import numpy as np
@@ -9,9 +11,11 @@ import scipy.linalg as la
 from exudyn.FEM import HCBstaticModeSelection, ObjectFFRFreducedOrderInterface
 
 import exudyn_romerr as romerr
-from models import floating, linkage, wishbone
+from exudyn_romerr.__main__ import main
+from models import floating, linkage, mechanisms, wishbone
 
 WAYS = ["displacement x", "displacement y", "displacement z", "rotation x", "rotation y", "rotation z"]
+NONE = "The first interface has none (interface 1 "
 EXACT = 1e-8  # relative, of what LAPACK finds of low modes twice
 
 
@@ -49,7 +53,7 @@ def test_coordinates_of_two_interfaces(kind):
     assert ways(table) == [("2", way) for way in WAYS]
     assert all("'right'" in text for text in table.kinds[:6])
     assert list(table.kinds[6:]) == [f"eigenmode {k}" for k in (1, 2, 3, 4)]
-    assert "10 coordinates: 6 static modes of 1 interface and 4 eigenmodes. Interface 1 ('left', " in table.why
+    assert table.why.startswith(f"10 coordinates: 6 static modes of 1 interface and 4 eigenmodes. {NONE}('left'): 6 ")
 
 
 def test_signs_of_rotations_are_told():
@@ -73,13 +77,15 @@ def test_coordinates_of_three_interfaces(kind):
     assert ways(table) == [(i, way) for i in ("2", "3") for way in WAYS]
     assert "'rear'" in table.kinds[0]
     assert "'ball'" in table.kinds[6]
-    assert "14 coordinates: 12 static modes of 2 interfaces and 2 eigenmodes. Interface 1 ('front', " in table.why
+    assert table.why.startswith(
+        f"14 coordinates: 12 static modes of 2 interfaces and 2 eigenmodes. {NONE}('front'): "
+    )
     assert np.all(table.frequencies.off > 0)
 
 
 def test_interfaces_without_names():
     """Zeros of RBE2 modes tell nodes; of RBE3 modes nothing does, but their order."""
-    for kind, said in (("RBE2", "static, interface 2 (6 nodes"), ("RBE3", "(by its place)")):
+    for kind, said in (("RBE2", "static, interface 2, displacement x"), ("RBE3", "(by its place)")):
         fem = bar(kind)
         fem.nodeSets = []
         table = romerr.mode_table(made(fem)[0])
@@ -181,7 +187,7 @@ def test_formats(tmp_path):
     table.save(tmp_path / "modes.csv")
     head, *lines = csv.reader((tmp_path / "modes.csv").read_text(encoding="utf-8").splitlines())
     assert len(lines) == 10
-    assert float(lines[3][head.index("alone [rad/s]")]) == table.coordinates.omega[3]
+    assert float(lines[3][head.index("alone [Hz]")]) == table.coordinates.omega[3] / (2 * np.pi)
     table.save(tmp_path / "modes.html")
     page = (tmp_path / "modes.html").read_text(encoding="utf-8")
     assert table.why.split(".")[0] in page
@@ -201,3 +207,106 @@ def test_formats(tmp_path):
 def test_wrong_input(arguments, said):
     with pytest.raises(romerr.InputError, match=said):
         romerr.mode_table(*arguments)
+
+
+def without(make, mode):
+    """A scene whose bodies lack a mode; None: none."""
+    plain = floating.reduce
+
+    def reduce(fem, n, kind="RBE3"):
+        plain(fem, n, kind)
+        V = fem.modeBasis["matrix"]
+        fem.modeBasis = {**fem.modeBasis, "matrix": V if mode is None else np.delete(V, mode, axis=1)}
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (floating, mechanisms):
+            patch.setattr(module, "reduce", reduce)
+        scene = make()
+    for name, number in scene.sensors.items():
+        scene.mbs.SetSensorParameter(number, "name", name)
+    return scene
+
+
+def stored(scene):
+    return {name: scene.mbs.GetSensorStoredData(number)[:, 1:] for name, number in scene.sensors.items()}
+
+
+# m, times 1e-3: the bearing of the rotor moves by less along its axis, which is of second order in the deformation
+OF_FIRST_ORDER = 1e-9
+SCENES = {
+    "pendulum": lambda: floating.pendulum(2, h=1e-3, t_end=0.04),
+    "crank, RBE2": lambda: mechanisms.slider_crank(1, "RBE2", h=5e-4, t_end=0.03),
+    "sprung": lambda: mechanisms.sprung_body(3, h=1e-3, t_end=0.03),
+    "rotor": lambda: floating.rotor(2, h=5e-4, t_end=0.05),
+}
+
+
+def told(make):
+    """A run, what its sensors have stored, and its table."""
+    scene = without(make, None)
+    items = scene.bodies[0] if hasattr(scene, "bodies") else scene.items
+    flex = romerr.floating_body(scene.fem, items)
+    monitor = romerr.attach(scene.mbs, [flex])
+    scene.solve()
+    return stored(scene), romerr.mode_table(flex, monitor.report()), monitor.report()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_without_a_mode(name):
+    """Told of each mode, against the same scene without it; what a sensor hardly shows is rounding of Newton's."""
+    before, table, _ = told(SCENES[name])
+    looked_at = 0
+    for mode in range(len(table.kinds)):
+        scene = without(SCENES[name], mode)
+        scene.solve()
+        for sensor, values in stored(scene).items():
+            change, (_, grows) = np.abs(values - before[sensor]).max(), table.in_run.sensors[sensor]
+            shown = np.ptp(before[sensor], axis=0).max()
+            if change > 1e-3 * shown > OF_FIRST_ORDER and np.isfinite(grows[mode]):
+                assert grows[mode] == pytest.approx(change, rel=0.1)  # first order, as was asked for
+                looked_at += 1
+    assert looked_at > len(table.kinds) / 2
+
+
+def test_what_modes_do_in_a_run():
+    """Strain energy against the coordinates that Exudyn stored; what is missed most is there with one mode more."""
+    make = SCENES["pendulum"]
+    _, table, report = told(make)
+    assert np.sum(table.in_run.energy) == pytest.approx(1.0)
+    assert int(np.argmax(table.in_run.energy)) == 1  # the force shakes it along y
+    text = str(table)
+    assert "strain energy" in text
+    assert "Missed most in the run: mode" in text
+    shares = [share for _, _, share in table.frequencies.missed]
+    assert shares == sorted(shares, reverse=True)
+    assert 0 < sum(shares) <= 1 + EXACT
+    assert table.coordinates.zeta == pytest.approx(
+        floating.RAYLEIGH[0] / (2 * table.coordinates.omega) + floating.RAYLEIGH[1] * table.coordinates.omega / 2
+    )
+    _, wider, _ = told(lambda: floating.pendulum(6, h=1e-3, t_end=0.04))
+    assert np.trace(wider.in_run.squares) < np.trace(table.in_run.squares)
+    table.save(os.devnull)
+    loaded = pickle.loads(pickle.dumps(report))
+    flex = made(bar(n=2))[0]
+    assert "is not known: the report was loaded" in str(romerr.mode_table(flex, loaded))
+    with pytest.raises(romerr.InputError, match="report is of bodies 0, not of body 0 with 11 modes"):
+        romerr.mode_table(made(bar(n=5))[0], report)
+
+
+def test_command(tmp_path, capfd):
+    """All bodies of a script; a table beside it."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from models import mechanisms\n"
+        "scene = mechanisms.double_pendulum(1, t_end=0.02)\n"
+        "scene.mbs.Assemble()\nscene.mbs.SolveDynamic(scene.settings)\n"
+    )
+    assert main(["modes", "--table", str(tmp_path / "modes.csv"), str(script)]) == 0
+    text = capfd.readouterr().out
+    assert text.count("7 coordinates: 6 static modes of 1 interface and 1 eigenmode.") == 2
+    assert text.count("without the coordinate, to first order") == 2
+    assert len((tmp_path / "modes.csv").read_text().splitlines()) == 1 + 14
+    script.write_text("import exudyn\n")
+    assert main(["modes", str(script)]) == 0
+    assert "nothing to tell" in capfd.readouterr().out
+    assert main(["modes", "--table", "modes.npz", str(script)]) == 2
