@@ -62,16 +62,16 @@ def kinds(flex: FloatingBody, V: np.ndarray) -> tuple[list[str], str]:
 
 def _why(n: int, eigenmodes: int, first: int, moved: list[Interface], held: list[Interface]) -> str:
     """Why there are so many coordinates."""
-    static, places = n - eigenmodes, "".join(f". I{x.called(k)[1:]}: {x.where}" for k, x in enumerate(moved, first))
-    if not static:
-        return f"{n} coordinates: {n} eigenmodes; rigid motions are left out, for the frame has these"
-    count = len(moved) or static // SIX
-    parts = f"{n} coordinates: {static} static modes of {count} interface{'' if count == 1 else 's'}"
-    parts += f" and {eigenmodes} eigenmode{'' if eigenmodes == 1 else 's'}"
-    if first == 1:
-        return f"{parts}. {NONE_LEFT_OUT}{places}"
-    which = f"{held[0].called(1)}: {held[0].where}" if held else "interface 1, the first of those given"
-    return f"{parts}. {WHY.format(which)}{places}"
+    static, count = n - eigenmodes, len(moved) or (n - eigenmodes) // SIX
+    parts = [f"{static} static modes of {count} interface{'' if count == 1 else 's'}"] if static else []
+    parts += [f"{eigenmodes} eigenmode{'' if eigenmodes == 1 else 's'}"] if eigenmodes else []
+    said, which = f"{n} coordinates: {' and '.join(parts)}", "interface 1, the first of those given"
+    if not static and not held:
+        return f"{said}; rigid motions are left out, for the frame has these"
+    if held:
+        which = f"{held[0].called(1)}: {held[0].where}"
+    why = NONE_LEFT_OUT if first == 1 else WHY.format(which)
+    return ". ".join([said, why, *(f"I{x.called(k)[1:]}: {x.where}" for k, x in enumerate(moved, first))])
 
 
 def _by_place(static: int, first: int) -> dict[int, str]:
@@ -90,8 +90,7 @@ def _interfaces(flex: FloatingBody, V: np.ndarray) -> list[Interface]:
             digits = 4 - math.floor(math.log10(np.ptp(flex.positions, axis=0).max()))
             where = ", ".join(f"{round(x, digits) + 0.0:g}" for x in middle)
             found[nodes] = Interface(name, f"{len(motion.nodes)} nodes about {where}", modes)
-    one_by_one = [one for one in found.values() if one.modes]
-    return one_by_one + [one for one in found.values() if not one.modes][:1] if one_by_one else []
+    return [x for x in found.values() if x.modes] + [x for x in found.values() if not x.modes][:1]
 
 
 def _candidates(flex: FloatingBody, V: np.ndarray) -> list[tuple[str, MeanMotion]]:
