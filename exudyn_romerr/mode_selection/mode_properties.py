@@ -15,6 +15,7 @@ MISSING = 0.1  # of a mode's mass: one of which the basis lacks more is told to 
 MORE = 6  # modes of the full body that are looked at beside as many as the basis has
 LITTLE = 0.01  # of the strain energy that is missed: less is not told
 TINY = np.finfo(float).tiny
+Share = tuple[int, float, float]  # number of a mode from 0, rad/s, share
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,8 @@ class Frequencies:
 
     reduced, full (n,) rad/s; zeta (n,) or None. off (n,) : reduced / full - 1; within (n,) : how far off that may be.
     mainly (n,) : the coordinate with the largest share of the mode's strain energy.
-    missing (k, 2) : numbers of modes of the full body that the basis lacks, with the share of their mass; the
-    frequencies of these (k,). missed : (number, rad/s, share of the strain energy missed in a run), largest first.
+    missing : (number, rad/s, share of it) of modes of the full body that the basis lacks, lowest first.
+    missed : (number, rad/s, share of the strain energy missed in a run), largest first.
     """
 
     reduced: np.ndarray
@@ -45,9 +46,8 @@ class Frequencies:
     off: np.ndarray
     within: np.ndarray
     mainly: np.ndarray
-    missing: np.ndarray
-    missing_omega: np.ndarray
-    missed: Sequence[tuple[int, float, float]] = ()
+    missing: Sequence[Share]
+    missed: Sequence[Share] = ()
 
 
 def coordinates_of(
@@ -89,30 +89,35 @@ def frequencies_of(body: ElasticBody, V: np.ndarray, W: np.ndarray, D: np.ndarra
     M, K = W.T @ (body.M @ V), W.T @ (body.K @ V)
     if W is V:
         inverse, shapes = la.eigh(M, K)
+        left = shapes
     else:
-        inverse, shapes = (np.real(x) for x in la.eig(M, K))
+        inverse, left, shapes = (np.real(x) for x in la.eig(M, K, left=True))
     order = np.argsort(-inverse)
-    shapes, reduced = shapes[:, order], 1 / np.sqrt(np.maximum(inverse[order], TINY))
+    left, shapes, reduced = left[:, order], shapes[:, order], 1 / np.sqrt(np.maximum(inverse[order], TINY))
     n = len(reduced)
     modes = body.modes(min(n + MORE, body.free.size))
-    full, X, factor = modes.omega, modes.shapes, body.stiffness_factor
-    left = np.linalg.norm(factor.half_solve(body.K @ X - (body.M @ X) * full**2), axis=0)
-    within = (left / np.linalg.norm(factor.half_multiply(X), axis=0))[:n]
+    full, X = modes.omega, modes.shapes
+    within = residual_share(body, X, full)[:n]
     energy = np.abs(shapes * (K @ shapes))
     zeta = None
     if D is not None:
-        m, d = (np.einsum("ik,ij,jk->k", shapes, x, shapes) for x in (M, D))
+        m, d = (np.einsum("ik,ij,jk->k", left, x, shapes) for x in (M, D))
         zeta = d / (2 * reduced * m)
     size = np.sqrt(np.einsum("ij,ij->j", V, body.M @ V))
     gram, seen = V.T @ (body.M @ V) / size / size[:, None], (V / size).T @ (body.M @ X)
     lacks = 1 - np.einsum("ik,ik->k", seen, la.solve(gram, seen, assume_a="pos"))
-    missing = np.flatnonzero(lacks > MISSING)
-    found = np.stack([missing, lacks[missing]], axis=1)
-    off = reduced / full[:n] - 1
-    return Frequencies(reduced, full[:n], zeta, off, within, energy.argmax(axis=0), found, full[missing])
+    missing = [(int(k), float(full[k]), float(lacks[k])) for k in np.flatnonzero(lacks > MISSING)]
+    return Frequencies(reduced, full[:n], zeta, reduced / full[:n] - 1, within, energy.argmax(axis=0), missing)
 
 
-def missed_modes(body: ElasticBody, count: int, P: np.ndarray, squares: np.ndarray) -> list[tuple[int, float, float]]:
+def residual_share(body: ElasticBody, X: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Return |K x - omega^2 M x|_{K^-1} / |x|_K of columns of X (n_free, k)."""
+    factor = body.stiffness_factor
+    left = factor.half_solve(body.K @ X - (body.M @ X) * omega**2)
+    return np.linalg.norm(left, axis=0) / np.linalg.norm(factor.half_multiply(X), axis=0)
+
+
+def missed_modes(body: ElasticBody, count: int, P: np.ndarray, squares: np.ndarray) -> list[Share]:
     """Return (number, rad/s, share) of the lowest modes by their share of the strain energy of an error P x.
 
     P (n_free, m) : vectors beside the modes of the basis. squares (m, m) : sum of x x^T over the run.

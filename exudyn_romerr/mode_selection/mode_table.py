@@ -62,7 +62,7 @@ class ModeTable:
     why : why there are so many, and which interface was left out
     coordinates : .omega (n,) rad/s, .zeta (n,), .mass (n, 3), effective, shares of the body's by direction
     frequencies : .reduced, .full (n,) rad/s, .off, .within (n,): relative difference and how far off it may be;
-        .missing, .missing_omega: modes of the full body that the basis lacks. None: not known
+        .missing, .missed: (number, rad/s, share) of modes of the full body that are not there. None: not known
     in_run : .energy (n,), .sensors {name: (unit, (n,))}; None: no report was given
     notes : what is not known, and why
     """
@@ -101,8 +101,7 @@ class ModeTable:
         of = self.frequencies
         if of is None:
             return [*self.notes]
-        lowest = zip(of.missing, of.missing_omega, strict=True)
-        lacks = [f"{_mode(k, w)} ({percent(x)} of it)" for (k, x), w in lowest]
+        lacks = [f"{_mode(k, w)} ({percent(x)} of it)" for k, w, x in of.missing]
         missed = [f"{_mode(k, w)} {percent(x)}" for k, w, x in of.missed]
         found = [text.format(", ".join(x[:MOST])) for text, x in ((LACKS, lacks), (MISSED, missed)) if x]
         return [*found, *self.notes]
@@ -179,5 +178,5 @@ def _share(x: float) -> str:
     return f"{100 * x:.2f} %".replace("-0.00", "0.00")
 
 
-def _mode(k: float, omega: float) -> str:
-    return f"mode {k + 1:g} at {digits(omega / (2 * np.pi), 4)} Hz"
+def _mode(k: int, omega: float) -> str:
+    return f"mode {k + 1} at {digits(omega / (2 * np.pi), 4)} Hz"

@@ -8,6 +8,7 @@ that makes it so. With the inverse X of a step's matrix that is one division: d 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ class Shown(NamedTuple):
 
 
 class WithoutModes:
-    """Computed when first called for: {number of the body: InRun}. Holds arrays of the run, nothing of an mbs."""
+    """Tells when it is asked for the first time. Holds arrays of the run, nothing of an mbs."""
 
     def __init__(self, of: Mechanism, sensors: Sequence[Shown], vectors: Sequence[tuple[np.ndarray, np.ndarray]]):
         self._unknowns, self._rows, self._scheme, self._outputs = of.unknowns, of.rows, of.scheme, of.outputs
@@ -45,8 +46,9 @@ class WithoutModes:
         self._independent, self._sign = of.equations.independent, of.sign
         self._own = np.concatenate([body.place.modal for body in of.unknowns.bodies])
 
-    def __call__(self) -> dict[int, InRun]:
-        """March, and look how much each sensor changes."""
+    @cached_property
+    def in_run(self) -> dict[int, InRun]:
+        """What modes do, by number of the body."""
         largest = np.max([np.abs(y).max(axis=0) for y in self._changes()], axis=0)
         grows = {one.name: (one.unit, _known(largest[one.rows], one.extents)) for one in self._sensors}
         found, first = {}, 0

@@ -6,7 +6,7 @@ import platform
 import sys
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -238,7 +238,7 @@ class ReportData:
     on_purpose: bool = False
     origin: str = ""
     uncertified: tuple[Doubt, ...] = ()
-    modes: Callable[[], dict] | None = None
+    modes: Any = None
 
     @property
     def node_bound(self) -> dict[str, np.ndarray]:

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from .floating_body import FloatingBody
 
 DIRECTIONS = ("displacement x", "displacement y", "displacement z", "rotation x", "rotation y", "rotation z")
-# of a mode's motion of an interface: other directions than its own have less. RBE3 modes in N/m have up to 1e-4
-PURE = 1e-2
-STILL = 1e-3  # of the largest displacement of a mode: an interface that moves less rests
+# of a mode's largest displacement: what it moves an interface by beside its own direction. In N/m Exudyn's RBE3 modes
+# of a wishbone have up to 0.0025 of it, their own direction 0.24 and more
+REST = 0.03
 SIX = len(DIRECTIONS)
 HCB = "HCBmodes"  # fem.modeBasis["type"] of ComputeHurtyCraigBamptonModes
 WHY = (
@@ -117,14 +117,9 @@ def _moved(flex: FloatingBody, V: np.ndarray, motion: MeanMotion) -> dict[int, s
     radius = np.sqrt(motion.weights @ np.einsum("ij,ij->i", arms, arms))
     moves = motion.motion_rows(flex.positions) @ V
     moves[3:] *= radius
-    size, found = np.abs(V).max(axis=0), {}
-    for j in np.flatnonzero(np.linalg.norm(moves, axis=0) > STILL * size):
-        way = int(np.argmax(np.abs(moves[:, j])))
-        rest = np.delete(moves[:, j], way)
-        if np.linalg.norm(rest) > PURE * abs(moves[way, j]) or DIRECTIONS[way] in (
-            x.lstrip("-") for x in found.values()
-        ):
-            return None
-        sign = "-" if moves[way, j] < 0 else ""
-        found[int(j)] = f"{sign}{DIRECTIONS[way]}"
-    return found
+    moves /= np.abs(V).max(axis=0)
+    ways, modes = np.nonzero(np.abs(moves) > REST)
+    if len(set(ways)) < len(ways) or len(set(modes)) < len(modes):
+        return None
+    signs = ("-" if move < 0 else "" for move in moves[ways, modes])
+    return {int(j): f"{sign}{DIRECTIONS[way]}" for way, j, sign in zip(ways, modes, signs, strict=True)}

@@ -10,7 +10,14 @@ import numpy as np
 from ...basis.basis import Basis
 from ...checks import check_type
 from ...errors import InputError, RomErrError
-from ...mode_selection.mode_properties import MORE, Frequencies, coordinates_of, frequencies_of, missed_modes
+from ...mode_selection.mode_properties import (
+    MORE,
+    Frequencies,
+    coordinates_of,
+    frequencies_of,
+    missed_modes,
+    residual_share,
+)
 from ...mode_selection.mode_table import InRun, ModeTable
 from ...model.body import ElasticBody
 from ..access.reduced_body import ReducedBody
@@ -22,7 +29,7 @@ if TYPE_CHECKING:
     from ...report.report import BoundReport
 
 NOT_HELD = "Not compared with the full model: {}."
-NO_DAMPING = "Damping is not known before a solve has begun."
+NO_DAMPING = "Damping is not known: the body was not read from its mbs, as a solve does that is watched."
 NO_RUN = (
     "What modes do in the run is not known: the report was loaded, or is of a body alone in a frame that it does not "
     "move; romerr modes tells it."
@@ -76,17 +83,14 @@ def mode_table(
 
 def _of_linear(body: ElasticBody, basis: Basis) -> ModeTable:
     V, W = basis.restricted_to(body)
-    D = np.zeros((basis.n, basis.n)) if body.D is None else W.T @ (body.D @ V)
+    damping = [np.zeros((basis.n, basis.n)) if body.D is None else X.T @ (body.D @ V) for X in (V, W)]
     directions = None
     if body.positions is not None:
         directions = np.tile(np.eye(body.dofs_per_node)[:, :3], (len(body.positions), 1))
-    found, modes = coordinates_of(basis.V, body.mass, body.stiffness, D, directions), frequencies_of(body, V, W, D)
-    factor, omega = body.stiffness_factor, found.omega
-    left = np.linalg.norm(factor.half_solve(body.K @ V - (body.M @ V) * omega**2), axis=0)
-    is_mode = left < EIGENMODE * np.linalg.norm(factor.half_multiply(V), axis=0)
-    named = [
-        f"eigenmode at {x / (2 * np.pi):.4g} Hz" if yes else "vector" for yes, x in zip(is_mode, omega, strict=True)
-    ]
+    found = coordinates_of(basis.V, body.mass, body.stiffness, damping[0], directions)
+    modes, left = frequencies_of(body, V, W, damping[1]), residual_share(body, V, found.omega)
+    named = [f"eigenmode at {x / (2 * np.pi):.4g} Hz" for x in found.omega]
+    named = [name if x < EIGENMODE else "vector" for name, x in zip(named, left, strict=True)]
     return ModeTable("linear body", named, f"{basis.n} coordinates: {basis.note}", found, modes, None, ())
 
 
@@ -108,7 +112,7 @@ def _of_floating(flex: FloatingBody, report: BoundReport | None) -> ModeTable:
 
 def _in_run(flex: FloatingBody, report: BoundReport, V: np.ndarray) -> InRun:
     """What the modes do in the run of a report, of the sensors that it has."""
-    found = report.modes()
+    found = report.modes.in_run
     own = found.get(flex.number)
     if own is None or len(own.energy) != V.shape[1]:
         raise InputError(
