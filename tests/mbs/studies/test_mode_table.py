@@ -288,8 +288,11 @@ def test_without_a_mode(name):
 
 
 def test_without_a_mode_from_an_equilibrium():
-    """A car that stands in the equilibrium of a static solve: without the mode it would stand in another one."""
-    assert compare(lambda: wishbone.quarter_car(1, static=wishbone.INTERFACES[:3], t_end=0.02), (8,)) >= 1
+    """A car that stands in the equilibrium of a static solve: without the mode it would stand in another one.
+
+    Not of mode 8, which carries so much that the wheel moves by 1e-6 m of second order, a third of what it changes.
+    """
+    assert compare(lambda: wishbone.quarter_car(1, static=wishbone.INTERFACES[:3], t_end=0.02), (2,)) >= 2
 
 
 def test_what_modes_do_in_a_run():
