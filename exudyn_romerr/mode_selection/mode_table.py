@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -78,7 +79,11 @@ class ModeTable:
     def blocks(self) -> Iterator[tuple[str, list[Column]]]:
         """Yield tables: caption, columns."""
         of, run, numbers = self.coordinates, self.in_run, Column("coordinate", range(len(self.kinds)))
-        columns = [numbers, Column("is", self.kinds), Column("alone [Hz]", of.omega / (2 * np.pi), digits_of(4))]
+        columns = [
+            numbers,
+            Column("is", self.kinds),
+            Column("alone [Hz]", of.omega / (2 * np.pi), partial(digits, count=4)),
+        ]
         columns += [] if of.zeta is None else [Column("damping", of.zeta, _ratio)]
         for what, x in () if of.mass is None else (("mass", of.mass), ("sum", np.cumsum(of.mass, axis=0))):
             columns += [Column(f"{what} {axis}", x[:, i], _share) for i, axis in enumerate("xyz")]
@@ -124,7 +129,7 @@ class ModeTable:
 def _of_modes(of: Frequencies) -> list[Column]:
     hertz = zip(("reduced [Hz]", "full [Hz]"), (of.reduced, of.full), strict=True)
     columns = [Column("mode", range(1, len(of.off) + 1))]
-    columns += [Column(head, x / (2 * np.pi), digits_of(5)) for head, x in hertz]
+    columns += [Column(head, x / (2 * np.pi), partial(digits, count=5)) for head, x in hertz]
     columns.append(Column("off by at most", np.abs(of.off) + of.within, _off))
     columns += [] if of.zeta is None else [Column("mode's damping", of.zeta, _ratio)]
     return [*columns, Column("mainly coordinate", of.mainly)]
@@ -155,11 +160,6 @@ def _page(tables: Sequence[ModeTable]) -> str:
         parts += [f"<h1>Modes of {escape(of.name)}</h1>", _paragraph(f"{of.why}.")]
         parts += [*(_table(*table, "numbers") for table in of.tables()), *map(_paragraph, of.lines())]
     return "\n".join([*parts, "</body>\n</html>\n"])
-
-
-def digits_of(count: int) -> Callable[[float], str]:
-    """Return what prints a number in so many digits."""
-    return lambda x: digits(x, count)
 
 
 def _ratio(x: float) -> str:

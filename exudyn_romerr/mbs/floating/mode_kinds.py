@@ -19,6 +19,7 @@ DIRECTIONS = ("displacement x", "displacement y", "displacement z", "rotation x"
 # of a mode's largest displacement: what it moves an interface by beside its own direction. In N/m Exudyn's RBE3 modes
 # of a wishbone have up to 0.0025 of it, their own direction 0.24 and more
 REST = 0.03
+STILL = 1e-3  # the same of the interface that holds the frame: Exudyn's RBE3 modes move it by up to 1e-4
 SIX = len(DIRECTIONS)
 HCB = "HCBmodes"  # fem.modeBasis["type"] of ComputeHurtyCraigBamptonModes
 WHY = (
@@ -80,17 +81,25 @@ def _by_place(static: int, first: int) -> dict[int, str]:
 
 
 def _interfaces(flex: FloatingBody, V: np.ndarray) -> list[Interface]:
-    """Node sets that no mode moves, or each mode in one direction at most, or not at all."""
+    """Nodes that modes move in one direction each; of those that none moves, those that move least."""
     found: dict[tuple, Interface] = {}
+    least, digits = STILL, 4 - math.floor(math.log10(np.ptp(flex.positions, axis=0).max()))
     for name, motion in _candidates(flex, V):
-        nodes = tuple(sorted(motion.nodes[motion.weights > 0].tolist()))
-        modes = None if nodes in found else _moved(flex, V, motion)
-        if modes is not None:
-            middle = motion.weights @ flex.positions[motion.nodes]
-            digits = 4 - math.floor(math.log10(np.ptp(flex.positions, axis=0).max()))
-            where = ", ".join(f"{round(x, digits) + 0.0:g}" for x in middle)
-            found[nodes] = Interface(name, f"{len(motion.nodes)} nodes about {where}", modes)
-    return [x for x in found.values() if x.modes] + [x for x in found.values() if not x.modes][:1]
+        moves = _moves(flex, V, motion)
+        ways, modes = np.nonzero(np.abs(moves) > REST)
+        key, largest = tuple(sorted(modes.tolist())), np.abs(moves).max()
+        if (
+            len(set(ways)) < len(ways)
+            or len(set(modes)) < len(modes)
+            or (largest >= least if not key else key in found)
+        ):
+            continue
+        least = least if key else largest
+        where = ", ".join(f"{round(x, digits) + 0.0:g}" for x in motion.weights @ flex.positions[motion.nodes])
+        signs = ("-" if move < 0 else "" for move in moves[ways, modes])
+        named = {int(j): f"{sign}{DIRECTIONS[way]}" for way, j, sign in zip(ways, modes, signs, strict=True)}
+        found[key] = Interface(name, f"{len(motion.nodes)} nodes about {where}", named)
+    return [*found.values()]
 
 
 def _candidates(flex: FloatingBody, V: np.ndarray) -> list[tuple[str, MeanMotion]]:
@@ -111,15 +120,9 @@ def _motion(flex: FloatingBody, nodes: Any, weights: Any) -> MeanMotion | None:
     return found if _holds(found.nodes[found.weights > 0], flex.positions) else None
 
 
-def _moved(flex: FloatingBody, V: np.ndarray, motion: MeanMotion) -> dict[int, str] | None:
-    """Direction of each mode that moves an interface; None: it is none, for some mode moves it in several."""
+def _moves(flex: FloatingBody, V: np.ndarray, motion: MeanMotion) -> np.ndarray:
+    """Mean displacements, and rotations times the radius, of nodes by modes (6, n), over the largest of each mode."""
     arms = flex.positions[motion.nodes] - motion.weights @ flex.positions[motion.nodes]
-    radius = np.sqrt(motion.weights @ np.einsum("ij,ij->i", arms, arms))
     moves = motion.motion_rows(flex.positions) @ V
-    moves[3:] *= radius
-    moves /= np.abs(V).max(axis=0)
-    ways, modes = np.nonzero(np.abs(moves) > REST)
-    if len(set(ways)) < len(ways) or len(set(modes)) < len(modes):
-        return None
-    signs = ("-" if move < 0 else "" for move in moves[ways, modes])
-    return {int(j): f"{sign}{DIRECTIONS[way]}" for way, j, sign in zip(ways, modes, signs, strict=True)}
+    moves[3:] *= np.sqrt(motion.weights @ np.einsum("ij,ij->i", arms, arms))
+    return moves / np.abs(V).max(axis=0)

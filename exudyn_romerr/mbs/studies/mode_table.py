@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -96,9 +96,9 @@ def _of_linear(body: ElasticBody, basis: Basis) -> ModeTable:
 
 def _of_floating(flex: FloatingBody, report: BoundReport | None) -> ModeTable:
     numbers, rayleigh = flex.known.get("reduction", (None, (0.0, 0.0)))
-    V, D = (_modes(flex.fem), None) if numbers is None else (numbers[0], numbers[-1])
-    if V.shape[0] != flex.mass.shape[0]:
-        raise InputError(f"modes of fem have {V.shape[0]} rows, its matrices {flex.mass.shape[0]}")
+    V, D = ((flex.fem.modeBasis or {}).get("matrix"), None) if numbers is None else (numbers[0], numbers[-1])
+    if np.shape(V)[:1] != (flex.mass.shape[0],):
+        raise InputError(f"fem has no modes of its {flex.mass.shape[0]} coordinates; compute them before mode_table")
     run = None if report is None or report.modes is None else _in_run(flex, report, V)
     modes, notes = None, [NO_DAMPING] if D is None else []
     notes += [NO_RUN] if run is None and report is not None else []
@@ -133,10 +133,3 @@ def _frequencies(
         return found
     vectors = held.space.coordinates("vectors", run.vectors)
     return replace(found, missed=missed_modes(held, V.shape[1] + MORE, vectors, run.squares))
-
-
-def _modes(fem: Any) -> np.ndarray:
-    V = (getattr(fem, "modeBasis", None) or {}).get("matrix")
-    if V is None or not np.size(V):
-        raise InputError("fem has no modes; compute them before mode_table")
-    return np.asarray(V, dtype=float)

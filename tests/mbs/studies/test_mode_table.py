@@ -337,3 +337,24 @@ def test_command(tmp_path, capfd):
     assert main(["modes", str(script)]) == 0
     assert "nothing to tell" in capfd.readouterr().out
     assert main(["modes", "--table", "modes.npz", str(script)]) == 2
+
+
+def test_fem_without_modes():
+    flex = made(bar())[0]
+    flex.fem.modeBasis = {}
+    with pytest.raises(romerr.InputError, match="fem has no modes of its 195 coordinates"):
+        romerr.mode_table(flex)
+
+
+def test_other_node_sets_are_no_interfaces():
+    """One in the middle, which modes move in several directions; one of the first interface and its neighbours."""
+    fem = bar("RBE3")
+    X = fem.GetNodePositionsAsArray()
+    middle, near = (np.flatnonzero(np.abs(X[:, 0] - x) < 0.06) for x in (0.2, 0.0))
+    assert min(len(middle), len(near)) > 6
+    others = [{"Name": name, "NodeNumbers": x, "NodeWeights": []} for name, x in (("middle", middle), ("near", near))]
+    fem.nodeSets = [*others, *fem.nodeSets]
+    table = romerr.mode_table(made(fem)[0])
+    assert ways(table) == [("2", way) for way in WAYS]
+    assert f"{NONE}('left')" in table.why
+    assert all("'right'" in text for text in table.kinds[:6])
