@@ -24,11 +24,13 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
         floating_body,
         hold_modes,
         keep_modes,
+        mode_table,
         set_modal_damping,
         two_level,
     )
     from .mbs.studies.parameter_sweep import sweep
     from .mode_selection.mode_choice import ModeChoice
+    from .mode_selection.mode_table import ModeTable
     from .model.admissible_space import MassOrthogonal, MeanMotion, mass_orthogonal, mean_motion
     from .model.body import Constants, ElasticBody
     from .model.outputs import (
@@ -63,6 +65,7 @@ _MODULES = {
     "MassOrthogonal": "model.admissible_space",
     "MeanMotion": "model.admissible_space",
     "ModeChoice": "mode_selection.mode_choice",
+    "ModeTable": "mode_selection.mode_table",
     "Output": "model.outputs",
     "OutputReport": "report.report",
     "RomErrError": "errors",
@@ -90,6 +93,7 @@ _MODULES = {
     "mean_motion": "model.admissible_space",
     "mean_rotation": "model.outputs",
     "modal_basis": "basis.basis",
+    "mode_table": "mbs",
     "node_displacement": "model.outputs",
     "node_rotation": "model.outputs",
     "node_strain": "model.outputs",

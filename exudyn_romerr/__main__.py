@@ -39,6 +39,7 @@ STATUS_OF_RUN = (
     "exit status: that of the script; with --tolerance, where the script ends well: 0 enough, 3 too large, "
     "4 not known; 2 wrong usage, a --tolerance of a sensor that there is not, too"
 )
+STATUS_OF_MODES = "exit status: that of the script; 2 wrong usage"
 STATUS_OF_VERIFY = (
     "exit status: 0; with --tolerance: 0 enough, 3 too large, 4 not known; 2: nothing could be run, or a --tolerance "
     "of a sensor that there is not"
@@ -48,7 +49,7 @@ STATUS_OF_VERIFY = (
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line (default: that of the process) and return its exit status, see STATUS."""
     given = _parser().parse_args(arguments)
-    if given.run in (_run, _verify):
+    if given.run in (_run, _verify, _modes):
         return given.run(given)
     for stream in (sys.stdout, sys.stderr):  # no name of an output breaks a terminal that cannot show it
         if hasattr(stream, "reconfigure"):
@@ -77,6 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="command")
     _add_run(commands)
     _add_verify(commands)
+    _add_modes(commands)
     saved = _add(commands, "show", _show, "print the summary", "romerr show run.npz --tolerance 1%")
     saved.add_argument("--tolerance", action="append", type=_tolerance, metavar="X", help="as of romerr run")
     plot = _add(
@@ -145,6 +147,33 @@ def _add_verify(commands) -> None:
     _add_script(parser, _verify)
 
 
+def _add_modes(commands) -> None:
+    """The command that tells of modes."""
+    about = "run a script and tell which coordinate of its reduced bodies is which"
+    parser = _add_scripted(commands, "modes", about, "romerr modes model.py", STATUS_OF_MODES, is_judged=False)
+    parser.add_argument("--table", metavar="file", help="write the tables: modes.csv or modes.html")
+    _add_script(parser, _modes)
+
+
+def _modes(given: argparse.Namespace) -> int:
+    """Run a script, print and write the tables of its bodies; the exit status is the script's."""
+    try:
+        files = checked_files({"table": given.table})
+        done = run(given.script, given.arguments)
+    except InputError as error:
+        print(f"romerr: {error}", file=sys.stderr)
+        return WRONG_USAGE
+    done.ending.show()
+    from .mode_selection.mode_table import write_tables
+    from .scripts.modes import mode_tables
+
+    tables, lines = mode_tables(done)
+    written = [tried(path, partial(write_tables, tables, path)) for path in files.values()]
+    show("\n".join(["", f"romerr {__version__}: {given.script}", *lines, *written]))
+    done.ending.leave()
+    return done.ending.status
+
+
 def _verify(given: argparse.Namespace) -> int:
     """Measure, print and write the answer."""
     from .scripts.verify import tell_on_stderr, verify
@@ -189,7 +218,9 @@ def _tell_misspelt(lines: Sequence[str]) -> None:
         print(f"romerr: {line}", file=sys.stderr)
 
 
-def _add_scripted(commands, name: str, about: str, example: str, status: str) -> argparse.ArgumentParser:
+def _add_scripted(
+    commands, name: str, about: str, example: str, status: str, is_judged: bool = True
+) -> argparse.ArgumentParser:
     """Add a command about a script; its options come before the script, whose own come after it."""
     parser = commands.add_parser(
         name,
@@ -200,6 +231,8 @@ def _add_scripted(commands, name: str, about: str, example: str, status: str) ->
         usage=f"romerr {name} [options] script.py [its arguments]",
         allow_abbrev=False,
     )
+    if not is_judged:
+        return parser
     parser.add_argument(
         "--tolerance",
         action="append",

@@ -11,6 +11,7 @@ if TYPE_CHECKING:  # editors and type checkers see what __getattr__ loads
     from .monitoring.attach import attach
     from .monitoring.monitor import MechanismMonitor, Monitor
     from .studies.choose_modes import choose_modes
+    from .studies.mode_table import mode_table
     from .studies.solution_file import evaluate_file
     from .studies.two_level import LevelOutput, TwoLevel, two_level
 
@@ -28,6 +29,7 @@ _MODULES = {
     "floating_body": "floating.floating_body",
     "hold_modes": "access.fem_interface",
     "keep_modes": "access.fem_interface",
+    "mode_table": "studies.mode_table",
     "set_modal_damping": "floating.modal_damping",
     "two_level": "studies.two_level",
 }

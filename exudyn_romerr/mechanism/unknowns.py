@@ -88,6 +88,11 @@ class Unknowns:
         self.n = first
         self.turns = np.array([i for node in self.nodes for i in range(node.at + 3, node.at + 6)], int)
 
+    def of_vectors(self) -> list[list[int]]:
+        """Return of each body its unknowns of vectors: kept ones, oscillators."""
+        parts = zip(self.bodies, self.blocks, self.waves, strict=True)
+        return [[*range(at.start + 6 + b.n, at.stop), *range(wave.start, wave.stop)] for b, at, wave in parts]
+
     @property
     def largest_size(self) -> float:
         """Of the largest body, m."""

@@ -27,11 +27,11 @@ def estimates(
     is_static: bool,
     before: EndState | None = None,
     bounds: Callable[[Marched], None] | None = None,
-) -> tuple[dict[str, CauseEstimate], EndState]:
-    """Return the errors by "modes", "interfaces" where these are rigid, and "step", and what the run leaves wrong.
+) -> tuple[dict[str, CauseEstimate], EndState, list[np.ndarray]]:
+    """Return errors by "modes", "interfaces" where these are rigid, and "step", what the run leaves wrong, squares.
 
     is_static : whether rows are load steps, in which nothing moves. before : what the run begins with. bounds : is
-    given every block of the modes' errors.
+    given every block of the modes' errors. squares : see Modes.
     """
     modes, S = Modes(of, before, bounds is not None), len(of.rows)
     steps, linearity = Steps(of, before), Linearity(of)
@@ -54,4 +54,4 @@ def estimates(
     for cause, check in LINEARISED.items():
         if cause in found:
             found[cause].half_widths[check] += linearity.share * np.abs(found[cause].over_time).max(axis=0)
-    return found, EndState(of.unknowns, *modes.end, steps.flow.e)
+    return found, EndState(of.unknowns, *modes.end, steps.flow.e), modes.squares

@@ -44,7 +44,10 @@ class Marched:
 
 
 class Modes:
-    """Marches block after block. now : the last block. missed : what linear equations miss, if that is asked."""
+    """Marches block after block. now : the last block. missed : what linear equations miss, if that is asked.
+
+    squares : of each body, the sum over rows of x x^T (m, m), x what errors have of its vectors.
+    """
 
     def __init__(self, of: Mechanism, before: EndState | None, asks_missed: bool = False):
         self._of, self._before, self._goes_on = of, None, before
@@ -56,6 +59,7 @@ class Modes:
         self._largest, self._kept = Largest(), []
         self.now: Marched | None = None
         self.missed = MissedForces(of) if asks_missed else None
+        self.squares = [0.0] * len(of.unknowns.bodies)
 
     def take(self, block: Block, first: int) -> None:
         """Go on through a block of rows of the run that begins at number `first`."""
@@ -74,6 +78,8 @@ class Modes:
         (d, beside), (dlam, forces_beside) = (np.split(x, [len(self._wanted)], axis=-1) for x in (d, dlam))
         whole, forces = sums[1] + d, sums[2] + dlam
         self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1])
+        for b, own in enumerate(u.of_vectors()):
+            self.squares[b] = self.squares[b] + whole[:, 0, own, -1].T @ whole[:, 0, own, -1]
         of_modes = np.abs(whole[:, 0]).max()
         changed = min(1.0, np.abs(d[:, 0]).max() / of_modes) if of_modes else 0.0
         off, off_lam = self._marched_coarsely(block, first, *(x[..., -1:] for x in sums))
@@ -144,8 +150,7 @@ class Modes:
     def _shared(self, left: np.ndarray) -> np.ndarray:
         """Parts (T, n, PARTS) of the kicks."""
         u, found = self._of.unknowns, np.zeros((*left.shape, len(PARTS)))
-        for projectors, body, at, wave in zip(self._of.projectors, u.bodies, u.blocks, u.waves, strict=True):
-            own = [*range(at.start + 6 + body.n, at.stop), *range(wave.start, wave.stop)]
+        for projectors, own in zip(self._of.projectors, u.of_vectors(), strict=True):
             found[:, own] = np.moveaxis(left[:, own] @ projectors.swapaxes(1, 2), 0, -1)
         return found
 

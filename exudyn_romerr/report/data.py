@@ -6,7 +6,7 @@ import platform
 import sys
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -238,6 +238,7 @@ class ReportData:
     on_purpose: bool = False
     origin: str = ""
     uncertified: tuple[Doubt, ...] = ()
+    modes: Any = None
 
     @property
     def node_bound(self) -> dict[str, np.ndarray]:
@@ -261,8 +262,8 @@ class ReportData:
         return self.nodes
 
     def __getstate__(self) -> dict:
-        """Leave out what would compute node_bound: it holds the whole run, and cannot be pickled."""
-        return {**self.__dict__, "nodes": None if callable(self.nodes) else self.nodes}
+        """Leave out what would compute node_bound, or tell of modes: it holds the whole run, cannot be pickled."""
+        return {**self.__dict__, "nodes": None if callable(self.nodes) else self.nodes, "modes": None}
 
     def output(self, name: str) -> OutputReport:
         """Return the output of that name; InputError lists the known ones."""

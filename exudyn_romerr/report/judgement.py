@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .answers import Answer, worst
 from .data import is_beside
@@ -43,6 +43,7 @@ class Solve:
     chosen : whether outputs were chosen for a scene without sensors. notes : what else is to be said.
     until : of a solve without report that ended early, when and by what.
     seconds, our_seconds : CPU time of the solve with us, and of what we do before and after it.
+    flexes : the bodies that were read.
     """
 
     number: int
@@ -57,6 +58,7 @@ class Solve:
     until: str = ""
     seconds: float = 0.0
     our_seconds: float = 0.0
+    flexes: list[Any] = field(default_factory=list)
 
 
 @dataclass

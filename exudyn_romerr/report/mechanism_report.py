@@ -114,6 +114,7 @@ def joined(
         remainder={e: max(b.remainder.get(e, 0.0) for b in bodies) for b in bodies for e in b.remainder},
         bodies=tuple(bodies),
         uncertified=doubts,
+        modes=bodies[0].modes,
     )
 
 
@@ -190,6 +191,7 @@ def joined_in_time(reports: Sequence[BoundReport]) -> BoundReport:
         messages=list(dict.fromkeys(message for report in reports for message in report.messages)),
         uncertified=_doubts(reports),
         nodes=None,
+        modes=None,
         **mechanism,
     )
 

@@ -40,7 +40,7 @@ class BoundReport(ReportData):
     not known; ended_by, on_purpose : by what, in words, and whether that
     was meant. origin : the file it was saved to, or read from, last. uncertified : why no bound
     of it is certified, a message each, with .cause and .cure in few words; empty: nothing speaks against them but
-    their scope.
+    their scope. modes : what mode_table asks; None: a mechanism has not told it, or it was not saved.
     """
 
     outputs: dict[str, OutputReport]

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..report.judgement import Judgement
 
 ENDINGS = {"save": (".npz",), "html": (".html", ".htm"), "plot": (".png", ".svg", ".pdf"), "json": (".json",)}
+ENDINGS["table"] = (".csv", *ENDINGS["html"])
 
 
 def checked_files(given: dict[str, str | None]) -> dict[str, str]:

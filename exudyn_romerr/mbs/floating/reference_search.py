@@ -68,7 +68,8 @@ def seen_body(mbs: Any, flex: FloatingBody, load_factor: Callable[[float], float
     """Read a body; load_factor : what a static solver scales constant loads with."""
     items, model = Items(mbs), read_object(mbs, flex)
     actions = read_actions(items, flex, model, load_factor)
-    reference = find_reference(flex, model.V, actions.interfaces())
+    flex.known["interfaces"] = interfaces = actions.interfaces()
+    reference = find_reference(flex, model.V, interfaces)
     body = held_body(flex, model.rayleigh, reference)
     return SeenBody(items, reference.of(model), actions, reference, body)
 

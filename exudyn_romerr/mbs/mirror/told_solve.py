@@ -22,6 +22,7 @@ from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
+from ...mode_selection.without_modes import Shown, WithoutModes
 from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
@@ -95,6 +96,7 @@ class Told(NamedTuple):
 
     t : (T,) s. sensors, of_bodies : all sensors that were asked for, outputs of each body. left_out : (what, why).
     doubts : why nothing is certified. planned_end : s, where it was to go to, if it ended before; None: it did not.
+    modes : tells of each mode, if asked.
     """
 
     t: np.ndarray
@@ -104,6 +106,7 @@ class Told(NamedTuple):
     doubts: Sequence[Doubt]
     is_static: bool
     planned_end: float | None
+    modes: WithoutModes
 
     def report(
         self, outputs: Sequence[OutputReport], plan: Plan | None = None, messages: Sequence[str] = ()
@@ -125,6 +128,7 @@ class Told(NamedTuple):
             made=made_here(),
             planned_end=self.planned_end,
             uncertified=tuple(self.doubts),
+            modes=self.modes,
         )
 
 
@@ -176,19 +180,21 @@ def told_solve(
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
         bounds, why_not = _bounds(of, sensors, bodies, _why_unbounded(asked, goes_on=errors is not None or doubts))
-        by_cause, end = estimates(of, asked.is_static, errors, bounds and bounds.take)
+        by_cause, end, squares = estimates(of, asked.is_static, errors, bounds and bounds.take)
         bound = None
         if bounds:
             bound, why_not = _bounded(bounds, by_cause)
         at_once = () if asked.is_static else max((_beside_steps(one, rows) for one in bodies), key=len)
         outputs = [replace(out, beside_steps=at_once) for out in _outputs(sensors, shown, by_cause, bound, doubts)]
+        vectors = [one.shapes[:, one.body.n :] for one in bodies]
+        modes = WithoutModes(of, [*map(_shown, sensors.shown, outputs)], [*zip(vectors, squares, strict=True)])
         owners = [one.body for one in sensors.shown]
         of_mbs, *of_bodies = (
             [out for out, b in zip(outputs, owners, strict=True) if b == which]
             for which in (None, *range(len(bodies)))
         )
         left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
-        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end)
+        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, modes)
         return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
 
 
@@ -277,6 +283,10 @@ def _outputs(
     values = sensors.values(rows)
     bound = np.full(values.shape, np.inf) if bound is None else bound
     return [_output(one, values, by_cause, bound, doubts) for one in sensors.shown]
+
+
+def _shown(sensor: ShownSensor, out: OutputReport) -> Shown:
+    return Shown(sensor.name, sensor.unit, sensor.rows.start + sensor.shows, out.extents)
 
 
 def _output(

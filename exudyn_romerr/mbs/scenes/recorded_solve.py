@@ -87,6 +87,7 @@ class RecordedSolve:
             last = runs[-1].t[-1]
             solve.until = until_load(last, ending.why) if is_static else until(last, end, ending.why)
         flexes, solve.refused = _readable(self._mbs, self._bodies)
+        solve.flexes = flexes
         if solve.refused:
             raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
         chosen = [chosen_outputs(self._mbs, flex) if solve.chosen else () for flex in flexes]

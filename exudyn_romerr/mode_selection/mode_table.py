@@ -1,0 +1,182 @@
+"""ModeTable: which coordinate of a reduced body is which, and what it does; as text, CSV and HTML."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from itertools import chain, zip_longest
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..report.formats.atomic_write import write_whole
+from ..report.formats.html_page import CSS, _paragraph, _table
+from ..report.table import aligned
+from ..report.wording import digits, percent, rounded_up, with_unit
+from .mode_properties import Coordinates, Frequencies
+
+if TYPE_CHECKING:
+    import os
+
+ALONE = "Each coordinate alone, in the order of the body's; effective mass beside those before it"
+HELD = "Frequencies of the body as it is held in its frame; of the full model none is missed (Sylvester's law)"
+WITHOUT = "About what errors of sensors would grow by, at most, without the coordinate, to first order"
+LACKS = "Not there, the lowest of the full body: {}."
+MISSED = "Missed most in the run: {} of the strain energy that is missed; the rest is in others."
+MOST, MUCH = 5, 10.0  # modes that are named; a relative difference of which no percentage is told
+HEAD = '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>Modes</title>'
+
+
+@dataclass(frozen=True)
+class InRun:
+    """What coordinates do in a run: energy (n,), shares of the strain energy; sensors {name: (unit, (n,))}.
+
+    vectors (N, m) beside the modes, and the sum over the run of x x^T (m, m), x what the error has of them.
+    """
+
+    energy: np.ndarray
+    sensors: dict[str, tuple[str, np.ndarray]]
+    vectors: np.ndarray
+    squares: np.ndarray
+
+
+class Column(NamedTuple):
+    """Head, a value a line, and how one is printed."""
+
+    head: str
+    values: Sequence
+    said: Callable[[Any], str] = str
+
+
+@dataclass(frozen=True)
+class ModeTable:
+    """What is known of the n coordinates of a reduced body; print() it.
+
+    Attributes
+    ----------
+    name : of the body
+    kinds : (n,) texts, "static, interface 2 ('right'), displacement x", "eigenmode 1"
+    why : why there are so many, and which interface was left out
+    coordinates : .omega (n,) rad/s, .zeta (n,), .mass (n, 3), effective, shares of the body's by direction
+    frequencies : .reduced, .full (n,) rad/s, .off, .within (n,): relative difference and how far off it may be;
+        .missing, .missed: (number, rad/s, share) of modes of the full body that are not there. None: not known
+    in_run : .energy (n,), .sensors {name: (unit, (n,))}; None: no report was given
+    notes : what is not known, and why
+    """
+
+    name: str
+    kinds: Sequence[str]
+    why: str
+    coordinates: Coordinates
+    frequencies: Frequencies | None
+    in_run: InRun | None
+    notes: Sequence[str]
+
+    def blocks(self) -> Iterator[tuple[str, list[Column]]]:
+        """Yield tables: caption, columns."""
+        of, run, numbers = self.coordinates, self.in_run, Column("coordinate", range(len(self.kinds)))
+        columns = [
+            numbers,
+            Column("is", self.kinds),
+            Column("alone [Hz]", of.omega / (2 * np.pi), partial(digits, count=4)),
+        ]
+        columns += [] if of.zeta is None else [Column("damping", of.zeta, _ratio)]
+        for what, x in () if of.mass is None else (("mass", of.mass), ("sum", np.cumsum(of.mass, axis=0))):
+            columns += [Column(f"{what} {axis}", x[:, i], _share) for i, axis in enumerate("xyz")]
+        yield ALONE, columns + ([] if run is None else [Column("strain energy", run.energy, _share)])
+        if self.frequencies is not None:
+            yield HELD, _of_modes(self.frequencies)
+        if run is not None and run.sensors:
+            grown = [Column(name, x, lambda x, unit=unit: _grown(x, unit)) for name, (unit, x) in run.sensors.items()]
+            yield WITHOUT, [numbers, *grown]
+
+    def tables(self) -> list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]]:
+        """Return caption, head and lines of all tables, as texts."""
+        return [
+            (title, tuple(c.head for c in of), [*zip(*(map(c.said, c.values) for c in of), strict=True)])
+            for title, of in self.blocks()
+        ]
+
+    def lines(self) -> list[str]:
+        """Return what stands below: modes that are not there, what is not known."""
+        of = self.frequencies
+        if of is None:
+            return [*self.notes]
+        lacks = [f"{_mode(k, w)} ({percent(x)} of it)" for k, w, x in of.missing]
+        missed = [f"{_mode(k, w)} {percent(x)}" for k, w, x in of.missed]
+        found = [text.format(", ".join(x[:MOST])) for text, x in ((LACKS, lacks), (MISSED, missed)) if x]
+        return [*found, *self.notes]
+
+    def __str__(self) -> str:
+        tables = (["", f"{title}:", *aligned([head, *rows])] for title, head, rows in self.tables())
+        return "\n".join([f"{self.name}: {self.why}.", *chain(*tables), "", *self.lines()]).rstrip()
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write it: .csv with all digits, a line for each coordinate (mode k of the body in line k), or .html.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        write_tables([self], path)
+
+
+def _of_modes(of: Frequencies) -> list[Column]:
+    hertz = zip(("reduced [Hz]", "full [Hz]"), (of.reduced, of.full), strict=True)
+    columns = [Column("mode", range(1, len(of.off) + 1))]
+    columns += [Column(head, x / (2 * np.pi), partial(digits, count=5)) for head, x in hertz]
+    columns.append(Column("off by at most", np.abs(of.off) + of.within, _off))
+    columns += [] if of.zeta is None else [Column("mode's damping", of.zeta, _ratio)]
+    return [*columns, Column("mainly coordinate", of.mainly)]
+
+
+def write_tables(tables: Sequence[ModeTable], path: str | os.PathLike) -> None:
+    """Write tables of bodies into one file: .csv, or else HTML; InputError if it cannot be written."""
+    text = _csv(tables) if str(path).lower().endswith(".csv") else _page(tables)
+    write_whole(path, lambda stream: stream.write(text.encode("utf-8")))
+
+
+def _csv(tables: Sequence[ModeTable]) -> str:
+    of = [
+        {c.head: np.asarray(c.values).tolist() for _, columns in table.blocks() for c in columns} for table in tables
+    ]
+    names, stream = list(dict.fromkeys(name for one in of for name in one)), io.StringIO(newline="")
+    writer = csv.writer(stream)
+    writer.writerow(["body", *names])
+    for table, one in zip(tables, of, strict=True):
+        rows = zip_longest(*(one.get(name, []) for name in names), fillvalue="")
+        writer.writerows([table.name, *row] for row in rows)
+    return stream.getvalue()
+
+
+def _page(tables: Sequence[ModeTable]) -> str:
+    parts = [f"{HEAD}\n<style>{CSS}</style>\n</head>\n<body>"]
+    for of in tables:
+        parts += [f"<h1>Modes of {escape(of.name)}</h1>", _paragraph(f"{of.why}.")]
+        parts += [*(_table(*table, "numbers") for table in of.tables()), *map(_paragraph, of.lines())]
+    return "\n".join([*parts, "</body>\n</html>\n"])
+
+
+def _ratio(x: float) -> str:
+    return percent(x) or "over 10"
+
+
+def _off(x: float) -> str:
+    return f"{rounded_up(100 * x, 2)} %" if x < MUCH else "more than 10 times"
+
+
+def _grown(x: float, unit: str) -> str:
+    return with_unit(digits(x, 2), unit) if np.isfinite(x) else "more than it shows"
+
+
+def _share(x: float) -> str:
+    return f"{100 * x:.2f} %".replace("-0.00", "0.00")
+
+
+def _mode(k: int, omega: float) -> str:
+    return f"mode {k + 1} at {digits(omega / (2 * np.pi), 4)} Hz"
