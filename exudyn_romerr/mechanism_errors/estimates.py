@@ -49,7 +49,7 @@ def estimates(
         if not is_static:
             of_steps, forces = steps.take(wide, inner, a)
             e, lam = e - of_steps, lam - forces[:, of.equations.independent]
-        linearity.take(wide[inner], a, e[..., : of.unknowns.n_a], lam)
+        linearity.take(wide[inner].as_if_at_once(), a, e[..., : of.unknowns.n_a], lam)
     found = modes.estimates() | ({} if is_static else {"step": steps.estimate()})
     for cause, check in LINEARISED.items():
         if cause in found:

@@ -70,8 +70,12 @@ class Flow:
             self.e[:] = e[:1]
         self._off = self._rate = self.fastest = 0.0
 
-    def __call__(self, rows: Rows, system: ReducedSystem, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(
+        self, rows: Rows, system: ReducedSystem, first: int, count: int, delay: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return errors at rows first .. first + count - 1 of these, which have neighbours around if there are any.
+
+        delay (T, n_q) : forces that exact equations have at rows beside those of the run; None: the same.
 
         Returns
         -------
@@ -81,6 +85,8 @@ class Flow:
         inverses = saddle_inverses(system.M, system.G, system.C)
         v, a = consistent_rates(rows.t, rows.q, rows.v, rows.a, system.C, inverses[:, :n, n:])
         a = a + times(inverses[:, :n, :n], times(system.D, rows.v - v))  # dampers feel other rates
+        if delay is not None:
+            a = a + times(inverses[:, :n, :n], delay)
         found, lam = np.zeros((count, 3, n, self.columns)), np.zeros((count, self._count, self.columns))
         if first == 0:
             found[0, :2] = self.e.T.reshape(2, n, self.columns)
@@ -102,6 +108,9 @@ class Flow:
         lam[:, self._constraints] += self._of_multipliers(
             system[own], inverses[own], rows.v[own] - v[own], rows.a[own] - a[own]
         )
+        if delay is not None:
+            of_delay = times(inverses[own, n : n + len(self._constraints), :n], delay[own])
+            lam[:, self._constraints] -= of_delay[..., None]
         found[:, 1] += (rows.v - v)[own, :, None]
         found[:, 2] += (rows.a - a)[own, :, None]
         masses = np.einsum("tii->ti", system.M)

@@ -53,6 +53,7 @@ class Modes:
         self._wanted = [OF_MODES, self._parts] if self.is_rigid else [OF_MODES]  # parts whose sums are corrected
         self._first, self._second, self._coarse = (March(of.unknowns, of.scheme) for _ in range(3))
         self._before_coarse: float | None = None
+        self._last: np.ndarray | None = None  # sums of parts in the row before, (3, n, wanted)
         self._largest, self._kept = Largest(), []
         self.now: Marched | None = None
         self.missed = MissedForces(of) if asks_missed else None
@@ -67,7 +68,8 @@ class Modes:
         before = (None, None) if self._goes_on is None else (self._goes_on.parts, self._goes_on.corrections)
         e, lam = _marched(self._first, block, factors, f, before[0])
         sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
-        left = [unbalanced(block, u, *(x[..., k] for x in sums))[0] for k in range(len(self._wanted))]
+        felt = self._without_sampled(block, sums[0], sums[1])
+        left = [unbalanced(block, u, *(x[..., k] for x in (felt, *sums[1:])))[0] for k in range(len(self._wanted))]
         if self.missed:
             left.append(self.missed.take(block, first, *(x[..., -1] for x in sums[1:])))
         d, dlam = _marched(self._second, block, factors, np.stack(left, -1), before[1])
@@ -86,6 +88,18 @@ class Modes:
             missed=(beside, forces_beside),
         )
         self._keep(shown, changed)
+
+    def _without_sampled(self, block: Block, f: np.ndarray, e: np.ndarray) -> np.ndarray:
+        """Return kicks f (T, n, columns) less what is sampled of e (T, 3, n, columns) at the begins of steps."""
+        if not block.sampled:
+            return f
+        if self._last is None:  # nothing was sampled yet, or by the run before in much the same state
+            self._last = e[0] * (self._goes_on is not None)
+        before, left, n_a = np.concatenate([self._last[None], e[:-1]]), f.copy(), self._of.unknowns.n_a
+        for order, S in enumerate(block.sampled):
+            left[:, :n_a] -= S @ before[:, order, :n_a]
+        self._last = e[-1]
+        return left
 
     def _shown(self, first: int, **errors: tuple[np.ndarray, np.ndarray]) -> dict[str, np.ndarray]:
         """What sensors show (T, R, columns) of errors by name, each (e, lam) of some columns: all at once."""

@@ -44,8 +44,11 @@ class Steps:
         -------
         e (T, 3, n), multipliers (T, all) : what the steps make wrong
         """
-        of = self._of
-        e, lam = self.flow(wide.rows, ReducedSystem.of(wide, of.unknowns), inner.start, inner.stop - inner.start)
+        of, delay = self._of, None
+        if wide.sampled:
+            delay, wide = of.equations.delay(wide.rows), wide.as_if_at_once()
+        system = ReducedSystem.of(wide, of.unknowns)
+        e, lam = self.flow(wide.rows, system, inner.start, inner.stop - inner.start, delay)
         e = in_unknowns(wide[inner], of.unknowns, e)
         y = of.outputs(first, -e, -lam)
         self._largest.add(step=y[..., 0], loads=y[..., 0] - y[..., 1], jumps=y[..., 0] - y[..., -1])
