@@ -14,6 +14,7 @@ import exudyn as exu
 import numpy as np
 import scipy.linalg as la
 
+from ...errors import AssumptionError
 from ...mechanism.reading import Reading
 from ...mechanism.rotations import times_transposed
 from ...mechanism.samples import Rows

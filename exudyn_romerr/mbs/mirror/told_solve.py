@@ -26,7 +26,6 @@ from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ..access.detached import Detached
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
 from ..floating.moving_subject import VECTORS
