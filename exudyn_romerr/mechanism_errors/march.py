@@ -50,6 +50,23 @@ class March:
         self._unknowns, self._scheme = unknowns, scheme
         self.state: State | None = None
 
+    def through(
+        self, block: Block, factors: Factors, f: np.ndarray, before: State | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """March a block; its very first row begins the march, or goes on from a state before.
+
+        Returns
+        -------
+        e (T, 3, n, columns), lam (T, c, columns)
+        """
+        if self.state is not None:
+            return self(block, factors, f)
+        if before is None:
+            begun = self.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
+        else:
+            begun = self.go_on(block, f[0], before)
+        return tuple(map(np.concatenate, zip(begun, self(block[1:], factors[1:], f[1:]), strict=True)))
+
     def go_on(self, block: Block, f: np.ndarray, before: State) -> tuple[np.ndarray, np.ndarray]:
         """First row under f (n, columns) of a run that begins where another has ended: accelerations anew.
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..linear.estimators.causes import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
 from ..mechanism.tangents import Block
-from .factors import Factors, factors_of
+from .factors import factors_of
 from .half_widths import CauseEstimate, Largest, tail, unchecked
-from .march import March, State, is_at_rest
+from .march import March, State
 from .missed import MissedForces
 from .unbalanced import unbalanced
 
@@ -66,13 +66,13 @@ class Modes:
         self._before = t[-1]
         factors = factors_of(block, h, u, self._of.scheme)
         before = (None, None) if self._goes_on is None else (self._goes_on.parts, self._goes_on.corrections)
-        e, lam = _marched(self._first, block, factors, f, before[0])
+        e, lam = self._first.through(block, factors, f, before[0])
         sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
         felt = self._without_sampled(block, sums[0], sums[1])
         left = [unbalanced(block, u, *(x[..., k] for x in (felt, *sums[1:])))[0] for k in range(len(self._wanted))]
         if self.missed:
             left.append(self.missed.take(block, first, *(x[..., -1] for x in sums[1:])))
-        d, dlam = _marched(self._second, block, factors, np.stack(left, -1), before[1])
+        d, dlam = self._second.through(block, factors, np.stack(left, -1), before[1])
         (d, beside), (dlam, forces_beside) = (np.split(x, [len(self._wanted)], axis=-1) for x in (d, dlam))
         whole, forces = sums[1] + d, sums[2] + dlam
         self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1])
@@ -135,7 +135,7 @@ class Modes:
             whole = (
                 None if before is None else State(before.x.sum(-1, keepdims=True), before.p.sum(-1, keepdims=True))
             )
-            there, forces = _marched(self._coarse, part, factors, f[even], whole)
+            there, forces = self._coarse.through(part, factors, f[even], whole)
             off[even], off_lam[even] = there - e[even], forces - lam[even]
         return off, off_lam
 
@@ -177,17 +177,3 @@ class Modes:
             checks[LINEAR_INTERFACES] = most["change"] + unchecked(most["interfaces"], self._of.sensors)
             found["interfaces"] = CauseEstimate(over_time[..., 1], checks)
         return found
-
-
-def _marched(
-    march: March, block: Block, factors: Factors, f: np.ndarray, before: State | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """March a block; its very first row begins the march, or goes on from a state before."""
-    if march.state is not None:
-        return march(block, factors, f)
-    if before is None:
-        begun = march.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
-    else:
-        begun = march.go_on(block, f[0], before)
-    marched = march(block[1:], factors[1:], f[1:])
-    return tuple(np.concatenate(pair) for pair in zip(begun, marched, strict=True))

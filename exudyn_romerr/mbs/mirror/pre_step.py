@@ -19,6 +19,7 @@ from ..access.mbs_items import FFRF, Items
 
 SETS = {f"Set{kind}Parameter": kind for kind in ("Load", "Object", "Marker", "Node")}
 ACTS_OUTSIDE = {"open", "input", "sleep"}  # names of what no function is called away from the run with
+VARIABLES, NUMERIC = ("variables", 0), (bool, int, float, np.ndarray)
 FAILS = "the PreStep function cannot be called away from the run: {}"
 Parameters = dict[tuple[str, int], dict[str, Any]]  # of items, by their kind and number
 
@@ -35,7 +36,8 @@ def parameters(mbs: Any) -> Parameters:
     if pre_step_function(mbs) is None:
         return {}
     of = Items(mbs)
-    found = {("Load", i): item for i, item in enumerate(of.loads)}
+    variables = {key: np.copy(x) for key, x in mbs.variables.items() if isinstance(x, NUMERIC)}
+    found = {VARIABLES: variables} | {("Load", i): item for i, item in enumerate(of.loads)}
     return found | {("Object", i): item for i, item in enumerate(of.objects) if item["objectType"] != FFRF}
 
 
@@ -86,6 +88,8 @@ class PreStep:
         for kind, number, name in self._noted:
             if name in self._begun.get((kind, number), {}):
                 getattr(copy, f"Set{kind}Parameter")(number, name, self._begun[kind, number][name])
+        for name, value in self._begun.get(VARIABLES, {}).items():
+            copy.variables[name] = value[()]
 
 
 def detached_with(
