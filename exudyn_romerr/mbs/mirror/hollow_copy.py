@@ -133,14 +133,18 @@ class HollowCopy:
         J = self.jacobians(q, v, a)[0]
         return times_transposed(J, R), J.swapaxes(1, 2) @ G.swapaxes(1, 2), g
 
-    def begin_step(self, t: float) -> None:
-        """Let the PreStep function set what holds at t along the run: by the state at the begin of that step."""
+    def begin_step(self, t: float, moved: float = 0.0) -> None:
+        """Let the PreStep function set what holds at t along the run: by the state at the begin of that step.
+
+        moved : of that state, times its largest coordinate and rate.
+        """
         if self._pre_step is None:
             return
         if (row := self._pre_step.before(t)) is None:
             self._pre_step.set_back(self.mbs)
         else:
-            self._act(t, [self.wide(x) for x in row[1:4]], row[4])
+            state = (x * (1 + moved) + moved * np.abs(x).max(initial=0.0) for x in row[1:4])
+            self._act(t, [*map(self.wide, state)], row[4])
 
     def _act(self, t: float, state: Sequence[np.ndarray], multipliers: np.ndarray) -> None:
         """Let the PreStep function set what holds in a step to t that begins in a state."""

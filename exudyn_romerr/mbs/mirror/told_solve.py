@@ -165,7 +165,7 @@ def told_solve(
             for flex, w in zip(flexes, _speeds(mbs, flexes, rows), strict=True)
         ]
         unknowns = unknowns_of(mbs, [one.body for one in bodies])
-        sensors = Sensors(mbs, bodies, unknowns, detached, asked.outputs, asked.sensors)
+        sensors = Sensors(mbs, bodies, unknowns, detached, asked.outputs, asked.sensors, pre_step)
         copy = HollowCopy(mbs, bodies, unknowns, detached, pre_step=pre_step)
         if pre_step is not None and _remembers(copy, rows):
             raise AssumptionError(PRE_STEP_REMEMBERS)
