@@ -58,5 +58,5 @@ def estimates(
         if cause in found:
             found[cause].half_widths[check] += linearity.share * np.abs(found[cause].over_time).max(axis=0)
     if wide.sampled:
-        found["step"].half_widths[FEEDBACK] = feedback.largest["feedback"]
+        found["step"].half_widths[FEEDBACK] += feedback.largest["feedback"]
     return found, EndState(of.unknowns, *modes.end, steps.flow.e)

@@ -92,7 +92,9 @@ class Flow:
             found[0, :2] = self.e.T.reshape(2, n, self.columns)
         steps = np.arange(max(first - 1, 0), first + count - 1)
         if len(steps):
-            frozen = FrozenSteps.of(system, inverses, rows.t, steps)
+            beyond = np.arange(steps[0], min(steps[-1] + 2, len(h)))
+            around = FrozenSteps.of(system, inverses, rows.t, beyond)
+            frozen = around[: len(steps)]
             values = frozen.eigenvalues(h[steps])
             pace = float(np.abs(values).max())
             self.fastest = max(self.fastest, pace)
@@ -101,8 +103,9 @@ class Flow:
             ends = self._ends(rows, v, frozen, loads, steps, h, Series.of(values))
             x, w, where = ends[..., :n].swapaxes(1, 2), ends[..., n:].swapaxes(1, 2), steps + 1 - first
             found[where, 0], found[where, 1] = x, w
-            found[where, 2] = frozen.a21 @ x + frozen.a22 @ w
-            forces = (frozen.b21 @ x + frozen.b22 @ w)[:, : len(self._constraints)]
+            at_ends = around.between(len(steps))
+            found[where, 2] = at_ends.a21 @ x + at_ends.a22 @ w
+            forces = (at_ends.b21 @ x + at_ends.b22 @ w)[:, : len(self._constraints)]
             lam[where[:, None], self._constraints] = forces
         own = slice(first, first + count)
         lam[:, self._constraints] += self._of_multipliers(
