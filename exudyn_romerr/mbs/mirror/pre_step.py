@@ -81,7 +81,7 @@ class PreStep:
             with redirect_stdout(StringIO()):
                 self._function(_Sets(copy, self._noted), t)
         except Exception as error:  # whatever a script may do
-            raise AssumptionError(FAILS.format(error)) from error
+            raise AssumptionError(FAILS.format(f"{type(error).__name__} {error}")) from error
 
     def set_back(self, copy: Any) -> None:
         """Give parameters of a copy that it has set the values which they had before its first call."""
