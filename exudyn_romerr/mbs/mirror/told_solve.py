@@ -182,9 +182,9 @@ def told_solve(
             sensors=[one.rows for one in sensors.shown],
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
-        bounds, why_not = _bounds(
-            of, sensors, bodies, _why_unbounded(asked, errors is not None or doubts, pre_step is not None)
-        )
+        is_sampled = bool(readings.splined.sampled(rows[:1]))
+        why_not = _why_unbounded(asked, errors is not None or doubts, is_sampled)
+        bounds, why_not = _bounds(of, sensors, bodies, why_not)
         by_cause, end = estimates(of, asked.is_static, errors, bounds and bounds.take)
         bound = None
         if bounds:
