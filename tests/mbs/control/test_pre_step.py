@@ -217,7 +217,7 @@ def test_one_that_only_records_costs_nothing():
     for key in found[0].outputs:
         one, other = (report.output(key) for report in found)
         np.testing.assert_allclose(other.estimate, one.estimate, rtol=0, atol=SAME * np.abs(one.estimate).max())
-        np.testing.assert_allclose(other.bound["best"], one.bound["best"], rtol=SAME)
+        np.testing.assert_allclose(other.bound["best"], one.bound["best"], rtol=1e-3)  # of what vectors leave
 
 
 def test_nothing_of_the_run_changes():
