@@ -18,6 +18,7 @@ from ..access.detached import Detached, OnlyReads
 from ..access.mbs_items import FFRF, Items
 
 SETS = {f"Set{kind}Parameter": kind for kind in ("Load", "Object", "Marker", "Node")}
+NUMBER = {name: f"{kind.lower()}Number" for name, kind in SETS.items()}  # as Exudyn calls that parameter
 ACTS_OUTSIDE = {"open", "input", "sleep"}  # names of what no function is called away from the run with
 VARIABLES, NUMERIC = ("variables", 0), (bool, int, float, np.ndarray)
 FAILS = "the PreStep function cannot be called away from the run: {}"
@@ -53,9 +54,10 @@ class _Sets(OnlyReads):
         if name not in SETS:
             return super().__getattr__(name)
 
-        def set_parameter(number: int, parameter: str, value: Any) -> Any:
-            self._noted.add((SETS[name], int(number), parameter))
-            return getattr(self._of, name)(number, parameter, value)
+        def set_parameter(*given: Any, **named: Any) -> Any:
+            number, parameter, *_ = (*given, *named.values())
+            self._noted.add((SETS[name], int(named.get(NUMBER[name], number)), named.get("parameterName", parameter)))
+            return getattr(self._of, name)(*given, **named)
 
         return set_parameter
 

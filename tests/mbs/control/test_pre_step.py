@@ -69,7 +69,7 @@ def by_gain(scene):
     def act(mbs, t):
         angle, _ = motion(mbs)
         mbs.SetObjectParameter(motor, "stiffness", P * (1.0 + 5.0 * angle**2))
-        mbs.SetObjectParameter(motor, "offset", set_point(t)[0])
+        mbs.SetObjectParameter(objectNumber=motor, parameterName="offset", value=set_point(t)[0])
         return True
 
     scene.mbs.SetPreStepUserFunction(act)
