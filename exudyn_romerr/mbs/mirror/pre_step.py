@@ -68,8 +68,8 @@ class PreStep:
     begun : parameters before its first call.
     """
 
-    def __init__(self, function: Callable, rows: Rows, begun: Parameters):
-        self._function, self._rows, self._begun = function, rows, begun
+    def __init__(self, mbs: Any, function: Callable, rows: Rows, begun: Parameters):
+        self._mbs, self._function, self._rows, self._begun = mbs, function, rows, begun
         self._noted: set[tuple[str, int, str]] = set()
 
     def before(self, t: float) -> tuple | None:
@@ -78,10 +78,15 @@ class PreStep:
         return self._rows.row(i - 1) if i else None
 
     def __call__(self, copy: Any, t: float) -> None:
-        """Let it set parameters of a copy, in the copy's state, for a step that ends at t."""
+        """Let it set parameters of a copy, in the copy's state, for a step that ends at t.
+
+        Where it looks at the main system that a global or a closure has, it sees the copy.
+        """
+        seen = _Sets(copy, self._noted)
+        OnlyReads.instead[id(self._mbs)] = seen
         try:
             with redirect_stdout(StringIO()):
-                self._function(_Sets(copy, self._noted), t)
+                self._function(seen, t)
         except Exception as error:  # whatever a script may do
             raise AssumptionError(FAILS.format(f"{type(error).__name__} {error}")) from error
 
@@ -107,5 +112,5 @@ def detached_with(
         found = Detached(mbs, [*functions, function])
         acts = functions or found.names & SETS.keys()
         if acts and not found.lost and not found.names & ACTS_OUTSIDE:
-            return found, PreStep(found.of(function), rows, begun)
+            return found, PreStep(mbs, found.of(function), rows, begun)
     return Detached(mbs, functions), None

@@ -89,6 +89,18 @@ def by_joint(scene, of_time=True):
     scene.mbs.SetPreStepUserFunction(act)
 
 
+def by_global(scene):
+    """See and set the mbs that is not given but known, as helpers of Exudyn's robots do."""
+    motion, place, own = seen(scene), {"markerNumber": scene.markers["left 1"]}, scene.mbs
+    load = own.AddLoad(itemInterface.LoadTorqueVector(**place))
+
+    def act(mbs, t):
+        own.SetLoadParameter(load, "loadVector", [0.0, -pd(P, D)(t, *motion(own)), 0.0])
+        return True
+
+    own.SetPreStepUserFunction(act)
+
+
 def logging(scene):
     """Act as a PD controller, and keep what was done, which nobody reads."""
     log = []
@@ -110,6 +122,7 @@ WAYS = {
     "gain of a spring": by_gain,
     "joint by time": by_joint,
     "logs": logging,
+    "global": by_global,
 }
 
 
@@ -142,7 +155,7 @@ def test_modes_are_told(way):
         assert np.abs(of_modes(report.output(key))[: TRUE + 1] - error).max() <= 1e-3 * np.abs(error).max()
 
 
-@pytest.mark.parametrize("way", ["variables", "logs"])
+@pytest.mark.parametrize("way", ["variables", "logs", "global"])
 def test_other_ways_to_set_the_same_torque_have_the_same_answer(way):
     (_, report), (_, other) = told("load"), told(way)
     assert set(other.scope.values()) == {COUPLED}
@@ -299,8 +312,15 @@ def by_accelerations(scene):
 
 
 def by_another_mbs(scene):
-    motion, own = seen(scene), scene.mbs
-    by_load(scene, lambda mbs, t, *of: pd(P, D)(t, *motion(own)))
+    """As if it were coupled to another simulation, whose state goes on."""
+    motion, other = seen(scene), arm(0, steps=20)
+    other.mbs.Assemble()
+
+    def torque(mbs, t, *of):
+        other.mbs.systemData.SetTime(t)
+        return pd(P, D)(other.mbs.systemData.GetTime(), *motion(mbs))
+
+    by_load(scene, torque)
 
 
 def failing_elsewhere(scene):
@@ -318,7 +338,7 @@ REFUSED = {
     noisy: "keeps something from call to call",
     held: "at stored instants the equations are off",
     by_accelerations: "the PreStep function reads accelerations or forces",
-    by_another_mbs: "at stored instants the equations are off",
+    by_another_mbs: "cannot be called away from the run: AssumptionError a user function calls SetTime",
     failing_elsewhere: "the PreStep function cannot be called away from the run: KeyError",
     moving_a_joint: "the PreStep function moves joints by what it sees",
 }
