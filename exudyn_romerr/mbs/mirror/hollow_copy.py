@@ -43,8 +43,8 @@ class HollowCopy:
     Attributes
     ----------
     independent (c,) : numbers of constraints that no others imply. felt, seen : unknowns that forces act on, and that
-    forces know. scales (n_a,) : finite motions that are alike; inertia : of the lightest body moved so. frames :
-    nodes in whose axes readings are.
+    forces know, sampled : that a PreStep function knows. scales (n_a,) : finite motions that are alike; inertia : of
+    the lightest body moved so. frames : nodes in whose axes readings are.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class HollowCopy:
         self._unknowns, self._shows, self._pre_step = unknowns, shows, pre_step
         self.independent: np.ndarray | None = None
         self.frames = [node for node in unknowns.nodes if node.is_frame]
-        self.seen = self.felt = np.arange(unknowns.n_a)
+        self.seen = self.felt = self.sampled = np.arange(unknowns.n_a)
         self.scales = unknowns.steps(STEP)[: unknowns.n_a]
         self.inertia = min(one.body.mass for one in enriched) * (STEP * unknowns.largest_size) ** 2
         self._acting = np.zeros(unknowns.n_a)  # largest forces on unknowns that were met
@@ -257,7 +257,7 @@ class HollowCopy:
             moved = effect(*(x @ weights for x in moves))
             if np.any(moved[u.n_a :] != here[u.n_a :]):
                 raise AssumptionError(MOVES_JOINTS)
-            for j in range(u.n_a) if np.any(moved != here) else ():
+            for j in self.sampled if np.any(moved != here) else ():
                 two = (effect(*(sign * x[:, j] for x in moves))[: u.n_a] for sign in (1, -1))
                 S[order][:, j] = np.subtract(*two) / (2 * h[j])
         return tuple(S)
@@ -278,6 +278,8 @@ class HollowCopy:
         acting = self._acting * self.scales
         rows = np.maximum(rows, acting / acting.max() if acting.any() else 0.0)
         self.felt, self.seen = (np.flatnonzero(x > UNSEEN) for x in (rows, columns))
+        if any(np.any(one.sampled) for one in readings):
+            self.sampled = np.flatnonzero(np.any([one.sampled for one in readings], axis=(0, 1, 2)))
 
     def _damping(self, t: float, state: list[np.ndarray], J: np.ndarray) -> np.ndarray:
         """Derivative by rates; zero where forces do not know them, which is tried along one of them all."""
