@@ -186,12 +186,12 @@ class Sensors:
             part = rows[first : first + TOGETHER]
             wide = (self._copy.wide(x) for x in (part.q, part.v, part.a))
             for i, state in enumerate(zip(part.t, *wide, part.multipliers, strict=True)):
+                self._copy.begin_step(state[0])
                 found[first + i] += self.shown_by(*state)
         return found
 
     def shown_by(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> np.ndarray:
         """Return what sensors without closed form show in a state of the copy, (R,), zero of all others."""
-        self._copy.begin_step(t)
         self._copy.set(t, q, v, a, lam)
         return self._read()
 
@@ -222,7 +222,9 @@ class _Differences:
         return [True, *found[1:]]
 
     def _state(self, i: int) -> tuple:
+        """Row i; parameters of the copy are what they are there."""
         t, q, v, a, lam = self._rows.row(i)
+        self._copy.begin_step(t)
         return t, *(self._copy.wide(x) for x in (q, v, a)), lam
 
     def _jacobians(self, i: int) -> np.ndarray:
