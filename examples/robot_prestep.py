@@ -1,9 +1,9 @@
 """A robot arm whose controller is a PreStep function: a plain Exudyn script, without a line of exudyn_romerr.
 
 A hub turns about z; a flexible link is welded to it, a payload to the link's end. A PD controller with feed forward
-sets the torque of the motor at the begin of every step, as in most of Exudyn's robots. No linear equation tells what
-it does with other steps, so the error is measured:
+sets the torque of the motor at the begin of every step, as in most of Exudyn's robots. Estimated, and measured:
 
+    romerr run examples/robot_prestep.py
     romerr verify examples/robot_prestep.py
 """
 

@@ -16,11 +16,11 @@ WIDE static Size invert_bordered_wide(const Bordered *all) { return invert_borde
 WIDE static void make_matrices_wide(const StepMatrices *all) { make_matrices(all); }
 #endif
 
-#define MARCH_ARRAYS 10
+#define MARCH_ARRAYS 11
 #define BODY_ARRAYS 10
 #define MECHANISM                                                                                                      \
-    "march_mechanism((T, n, n_a, c, columns), scheme, starts, bodies, arrays, (x, p, e, l))\n\nMarch.__call__ of "      \
-    "mechanism/march.py: write e (T, 3, n, columns) and l (T, c, columns), go on with x (4, n, columns) and p (4, "    \
+    "march_mechanism((T, n, n_a, c, columns, orders), scheme, starts, bodies, arrays, (x, p, e, l))\n\nMarch.__call__ "   \
+    "of mechanism/march.py: write e (T, 3, n, columns) and l (T, c, columns), go on with x (4, n, columns) and p (4, "    \
     "nodes, 4, columns)."
 
 static int body_of(PyObject *given, const Mechanism *all, Oscillating *body, Held *held)
@@ -64,12 +64,14 @@ static int mechanism_of(PyObject *scheme, PyObject *starts, PyObject *bodies, Py
                         PyObject *const *written, Mechanism *all, Oscillating *body, Held *held)
 {
     const Size T = all->T, n_a = all->n_a, k = all->k, w = n_a + k, c = all->c, square = T * n_a * n_a;
-    const Size many[MARCH_ARRAYS] = {T, T, T, square, square, square, T * k * n_a, T * w * w, T * all->nodes * 70,
-                                     T * all->n * c};
-    const double **into[MARCH_ARRAYS - 2] = {&all->h, &all->c1, &all->c2, &all->M, &all->D, &all->K, &all->C, &all->inverse};
+    const Size many[MARCH_ARRAYS] = {T, T, T, square, square, square, T * k * n_a, T * w * w, all->orders * square,
+                                     T * all->nodes * 70, T * all->n * c};
+    const double **into[MARCH_ARRAYS - 2] = {&all->h, &all->c1, &all->c2,     &all->M,      &all->D,
+                                             &all->K, &all->C,  &all->inverse, &all->sampled};
     for (int i = 0; i < MARCH_ARRAYS - 2; i++)
         if (!(*into[i] = numbers(given[i], held, many[i], 'd', 0))) return -1;
-    if (!(all->turns = numbers(given[8], held, many[8], 'd', 0)) || !(all->f = numbers(given[9], held, many[9], 'd', 0)) ||
+    if (!(all->turns = numbers(given[9], held, many[9], 'd', 0)) ||
+        !(all->f = numbers(given[10], held, many[10], 'd', 0)) ||
         !(all->scheme = numbers(scheme, held, 4, 'd', 0)) ||
         !(all->x = numbers(written[0], held, 4 * all->n * c, 'd', PyBUF_WRITABLE)) ||
         !(all->y = numbers(written[1], held, 16 * all->nodes * c, 'd', PyBUF_WRITABLE)) ||
@@ -83,13 +85,14 @@ static PyObject *mechanism_marched(PyObject *self, PyObject *arguments)
 {
     Mechanism all = {0};
     PyObject *scheme, *starts, *bodies, *given[MARCH_ARRAYS], *written[4], *result = NULL;
-    if (!PyArg_ParseTuple(arguments, "(nnnnn)OOO!(OOOOOOOOOO)(OOOO)", &all.T, &all.n, &all.n_a, &all.k, &all.c, &scheme,
-                          &starts, &PyList_Type, &bodies, given, given + 1, given + 2, given + 3, given + 4, given + 5,
-                          given + 6, given + 7, given + 8, given + 9, written, written + 1, written + 2, written + 3))
+    if (!PyArg_ParseTuple(arguments, "(nnnnnn)OOO!(OOOOOOOOOOO)(OOOO)", &all.T, &all.n, &all.n_a, &all.k, &all.c, &all.orders,
+                          &scheme, &starts, &PyList_Type, &bodies, given, given + 1, given + 2, given + 3, given + 4,
+                          given + 5, given + 6, given + 7, given + 8, given + 9, given + 10, written, written + 1,
+                          written + 2, written + 3))
         return NULL;
     const Size nodes = PyObject_Length(starts);
     if (nodes < 0 || !are_sizes(5, all.T, all.n + all.k, all.n_a + all.k, all.c + 1, 70 * (nodes + 1)) ||
-        !are_sizes(3, all.n, all.n_a, all.k) || all.n_a > all.n)
+        !are_sizes(3, all.n, all.n_a, all.k) || all.n_a > all.n || all.orders < 0 || all.orders > 2)
         return PyErr_Occurred() ? NULL : PyErr_Format(PyExc_ValueError, "more unknowns than there are");
     all.nodes = nodes, all.bodies = PyList_GET_SIZE(bodies);
     Held held = {PyMem_Calloc(MARCH_ARRAYS + 6 + BODY_ARRAYS * all.bodies, sizeof(Py_buffer)), 0};

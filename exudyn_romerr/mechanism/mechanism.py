@@ -35,6 +35,9 @@ class OtherEquations(Protocol):
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
 
+    def delay(self, rows: Rows) -> np.ndarray:
+        """Return forces (T, n_q) that a feedback of the same instant has beside one of the step's begin."""
+
 
 @dataclass
 class Mechanism:

@@ -22,6 +22,7 @@ CONSTANT = 1e-11  # of the largest of alike entries: one that varies by less doe
 STEADIER = 0.1  # times what rows vary in other axes: those in which they vary less are taken
 PARTS = ("M", "D", "K", "G", "C")
 OF_CONSTRAINTS = ("G", "C")
+SAMPLED = ("by coordinates", "by rates")  # parts of Reading.sampled
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,11 @@ class Splined:
         for of in turning:
             H[..., of.all] = H[..., of.all] @ of.axes(rows)[:, None]
             forces[of.all] = forces[of.all].max()
-        for name in PARTS:
-            values = np.array([getattr(one, name) for one in readings])
+        parts = {name: [getattr(one, name) for one in readings] for name in PARTS}
+        if any(np.any(one.sampled) for one in readings):
+            parts |= zip(SAMPLED, zip(*(one.sampled for one in readings), strict=True), strict=True)
+        for name, of_readings in parts.items():
+            values = np.array(of_readings)
             for of in turning if name in OF_CONSTRAINTS else ():
                 values[:, of.own] = of.axes(rows).swapaxes(1, 2) @ values[:, of.own]
             alike, axes = (scales, (0, 2)) if name in OF_CONSTRAINTS else (both, None)
@@ -105,7 +109,7 @@ class Splined:
         self._by_multiplier = _sparse(H, t, both[..., None] * forces)
 
     def __call__(self, name: str, rows: Rows) -> np.ndarray:
-        """Return a part of PARTS at rows of the run, (T, ...)."""
+        """Return a part of PARTS, or of SAMPLED, at rows of the run, (T, ...)."""
         fixed, (moves, spline) = self._fixed[name], self._varying[name]
         found = np.tile(fixed.ravel(), (len(rows), 1))
         if spline is not None:
@@ -114,6 +118,10 @@ class Splined:
         for of in self._turning if name in OF_CONSTRAINTS else ():
             found[:, of.own] = of.axes(rows) @ found[:, of.own]
         return found
+
+    def sampled(self, rows: Rows) -> list[np.ndarray]:
+        """Return what Reading.sampled is at rows, (T, n_a, n_a) twice; empty: nothing is fed back so."""
+        return [self(name, rows) for name in SAMPLED if name in self._fixed]
 
     def stiffness(self, rows: Rows) -> np.ndarray:
         """Return K (T, n_a, n_a) with what multipliers make of turning constraints."""

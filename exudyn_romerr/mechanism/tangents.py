@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ class Block(Samples):
     """T rows: M, D, K (T, n_a, n_a), G, C (T, c, n_a), in global axes; couplings and motions by body.
 
     rest : M, D, K of all but bodies, as they are in the sums. forces (T, n) : M a - f + G^T lam of the bodies alone.
+    sampled : empty, or S by coordinates and by rates (T, n_a, n_a): forces by the errors at the begin of a step.
     """
 
     rows: Rows
@@ -31,18 +32,27 @@ class Block(Samples):
     motions: list[Motion]
     rest: list[np.ndarray]
     forces: np.ndarray
+    sampled: list[np.ndarray] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def as_if_at_once(self) -> Block:
+        """Return the tangents of a mechanism where what is sampled once a step acts at every instant."""
+        if not self.sampled:
+            return self
+        S, S1 = self.sampled
+        M, D, K = self.rest
+        return replace(self, D=self.D + S1, K=self.K + S, rest=[M, D + S1, K + S], sampled=[])
 
 
 def block_of(rows: Rows, unknowns: Unknowns, rest: Splined) -> Block:
     """Return the tangents of these rows."""
     own = [rest("M", rows), rest("D", rows), rest.stiffness(rows)]
-    constraints = [rest("G", rows), rest("C", rows)]
+    constraints, sampled = [rest("G", rows), rest("C", rows)], rest.sampled(rows)
     motions = [body.motion(rows) for body in unknowns.bodies]
     for node, motion in zip(unknowns.nodes, motions, strict=False):  # frames of bodies are the first nodes
-        for X in own:
+        for X in (*own, *sampled):
             _turn(X, motion.A, node.at, node.at)
         for X in constraints:
             _turn(X, motion.A, None, node.at)
@@ -61,7 +71,7 @@ def block_of(rows: Rows, unknowns: Unknowns, rest: Splined) -> Block:
         for part in (slice(0, 3), slice(3, 6)):
             F[:, part] = times(motion.A, F[:, part])
         forces[:, at], forces[:, wave] = np.split(F, [6 + body.na], axis=1)
-    return Block(rows, *whole, *constraints, couplings, motions, own, forces)
+    return Block(rows, *whole, *constraints, couplings, motions, own, forces, sampled)
 
 
 def _turn(X: np.ndarray, A: np.ndarray, row: int | None, column: int | None) -> None:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linear.estimators.causes import LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
+from ..linear.estimators.causes import FEEDBACK, LINEAR_INTERFACES, LINEAR_MODES, LINEAR_STEPS
 from ..mechanism.tangents import block_of
 from .end_state import EndState
 from .linearity import Linearity
+from .missed import MissedFeedback
 from .modes import Marched, Modes
 from .steps import Steps
 
@@ -34,7 +35,7 @@ def estimates(
     given every block of the modes' errors. squares : see Modes.
     """
     modes, S = Modes(of, before, bounds is not None), len(of.rows)
-    steps, linearity = Steps(of, before), Linearity(of)
+    steps, linearity, feedback = Steps(of, before), Linearity(of), MissedFeedback(of)
     for a in range(0, S, BLOCK):
         own = slice(a, min(a + BLOCK, S))
         near = slice(max(a - NEIGHBOURS, 0), min(a + BLOCK + NEIGHBOURS, S))
@@ -49,9 +50,13 @@ def estimates(
         if not is_static:
             of_steps, forces = steps.take(wide, inner, a)
             e, lam = e - of_steps, lam - forces[:, of.equations.independent]
-        linearity.take(wide[inner], a, e[..., : of.unknowns.n_a], lam)
+        linearity.take(wide[inner].as_if_at_once(), a, e[..., : of.unknowns.n_a], lam)
+        if wide.sampled:
+            feedback.take(wide[inner], a, e[..., : of.unknowns.n_a], lam)
     found = modes.estimates() | ({} if is_static else {"step": steps.estimate()})
     for cause, check in LINEARISED.items():
         if cause in found:
             found[cause].half_widths[check] += linearity.share * np.abs(found[cause].over_time).max(axis=0)
+    if wide.sampled:
+        found["step"].half_widths[FEEDBACK] += feedback.largest["feedback"]
     return found, EndState(of.unknowns, *modes.end, steps.flow.e), modes.squares

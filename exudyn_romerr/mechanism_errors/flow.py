@@ -70,8 +70,12 @@ class Flow:
             self.e[:] = e[:1]
         self._off = self._rate = self.fastest = 0.0
 
-    def __call__(self, rows: Rows, system: ReducedSystem, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(
+        self, rows: Rows, system: ReducedSystem, first: int, count: int, delay: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return errors at rows first .. first + count - 1 of these, which have neighbours around if there are any.
+
+        delay (T, n_q) : forces that exact equations have at rows beside those of the run; None: the same.
 
         Returns
         -------
@@ -81,12 +85,16 @@ class Flow:
         inverses = saddle_inverses(system.M, system.G, system.C)
         v, a = consistent_rates(rows.t, rows.q, rows.v, rows.a, system.C, inverses[:, :n, n:])
         a = a + times(inverses[:, :n, :n], times(system.D, rows.v - v))  # dampers feel other rates
+        if delay is not None:
+            a = a + times(inverses[:, :n, :n], delay)
         found, lam = np.zeros((count, 3, n, self.columns)), np.zeros((count, self._count, self.columns))
         if first == 0:
             found[0, :2] = self.e.T.reshape(2, n, self.columns)
         steps = np.arange(max(first - 1, 0), first + count - 1)
         if len(steps):
-            frozen = FrozenSteps.of(system, inverses, rows.t, steps)
+            beyond = np.arange(steps[0], min(steps[-1] + 2, len(h)))
+            around = FrozenSteps.of(system, inverses, rows.t, beyond)
+            frozen = around[: len(steps)]
             values = frozen.eigenvalues(h[steps])
             pace = float(np.abs(values).max())
             self.fastest = max(self.fastest, pace)
@@ -95,13 +103,17 @@ class Flow:
             ends = self._ends(rows, v, frozen, loads, steps, h, Series.of(values))
             x, w, where = ends[..., :n].swapaxes(1, 2), ends[..., n:].swapaxes(1, 2), steps + 1 - first
             found[where, 0], found[where, 1] = x, w
-            found[where, 2] = frozen.a21 @ x + frozen.a22 @ w
-            forces = (frozen.b21 @ x + frozen.b22 @ w)[:, : len(self._constraints)]
+            at_ends = around.between(len(steps))
+            found[where, 2] = at_ends.a21 @ x + at_ends.a22 @ w
+            forces = (at_ends.b21 @ x + at_ends.b22 @ w)[:, : len(self._constraints)]
             lam[where[:, None], self._constraints] = forces
         own = slice(first, first + count)
         lam[:, self._constraints] += self._of_multipliers(
             system[own], inverses[own], rows.v[own] - v[own], rows.a[own] - a[own]
         )
+        if delay is not None:
+            of_delay = times(inverses[own, n : n + len(self._constraints), :n], delay[own])
+            lam[:, self._constraints] -= of_delay[..., None]
         found[:, 1] += (rows.v - v)[own, :, None]
         found[:, 2] += (rows.a - a)[own, :, None]
         masses = np.einsum("tii->ti", system.M)

@@ -1,6 +1,7 @@
 """The march: e = y_full - y_reduced of the linearised mechanism under kicks, by the run's own generalised-alpha.
 
-M e'' + D e' + K e + G^T lam = f, C e = 0, once for many right-hand sides. Oscillators are vectors, all else is a
+M e'' + D e' + K e + G^T lam = f, C e = 0, once for many right-hand sides; with S e + S' e' of the row before on the
+left where forces are sampled at the begins of steps. Oscillators are vectors, all else is a
 small system: frames, modes, kept vectors, other bodies, constraints. In coordinates of the mbs: Newmark's formulas
 hold for Euler parameters, not for rotations z in global axes: with states dp beside z, H = 4 E^T(p), J = E(p),
 z = H dp, a step from predictions P, P' has, with zeta the increment of z,
@@ -49,6 +50,23 @@ class March:
         self._unknowns, self._scheme = unknowns, scheme
         self.state: State | None = None
 
+    def through(
+        self, block: Block, factors: Factors, f: np.ndarray, before: State | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """March a block; its very first row begins the march, or goes on from a state before.
+
+        Returns
+        -------
+        e (T, 3, n, columns), lam (T, c, columns)
+        """
+        if self.state is not None:
+            return self(block, factors, f)
+        if before is None:
+            begun = self.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
+        else:
+            begun = self.go_on(block, f[0], before)
+        return tuple(map(np.concatenate, zip(begun, self(block[1:], factors[1:], f[1:]), strict=True)))
+
     def go_on(self, block: Block, f: np.ndarray, before: State) -> tuple[np.ndarray, np.ndarray]:
         """First row under f (n, columns) of a run that begins where another has ended: accelerations anew.
 
@@ -60,6 +78,8 @@ class March:
         (q, v, *_), (p, p1, *_) = before.x, before.p
         left = f.copy()
         left[:n_a] -= block.K[0] @ q[:n_a] + block.D[0] @ v[:n_a]
+        for S, x in zip(block.sampled, (q, v), strict=False):
+            left[:n_a] -= S[0] @ x[:n_a]
         for body, at, own, wave in zip(u.bodies, u.blocks, u.waves, block.couplings, strict=True):
             left[at] -= wave.K[0] @ q[own] + wave.D[0] @ v[own]
             left[own] -= body.springs[:, None] * q[own] + body.dampers[:, None] * v[own]
@@ -127,6 +147,8 @@ class March:
         a0 = (2 * turns.H1 @ (P1 + c2 * nu) + turns.H2 @ (P + nu)).reshape(flat)
         r = np.concatenate([f[:n_a] - block.K[i] @ q[:n_a] - block.D[i] @ v[:n_a], -block.C[i] @ q[:n_a]])
         r[:n_a] -= block.M[i][:, u.turns] @ a0
+        for S, x in zip(block.sampled, self.state.x, strict=False):
+            r[:n_a] -= S[i] @ x[:n_a]
         pushed = []
         for b, (body, at, own, wave) in enumerate(zip(u.bodies, u.blocks, u.waves, block.couplings, strict=True)):
             W = f[own] - body.springs[:, None] * q[own] - body.dampers[:, None] * v[own]
@@ -153,11 +175,11 @@ class March:
         x, p = self.state.x.copy(), self.state.p.copy()
         arrays = (
             *(factors.h, factors.c1, factors.c2, block.M, block.D, block.K, block.C),
-            *(factors.inverse, factors.turns.packed(), f),
+            *(factors.inverse, np.array(block.sampled), factors.turns.packed(), f),
         )
         T, n, columns = f.shape
         loops.march_mechanism(
-            (T, n, u.n_a, block.C.shape[1], columns),
+            (T, n, u.n_a, block.C.shape[1], columns, len(block.sampled)),
             np.array([s.alpha_m, s.alpha_f, s.beta, s.gamma]),
             starts_of_turns(u),
             bodies_given(block, u, factors.up, factors.down, factors.soft),

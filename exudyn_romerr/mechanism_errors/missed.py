@@ -13,7 +13,10 @@ import numpy as np
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.rotations import times
 from ..mechanism.tangents import Block
+from .factors import factors_of
+from .half_widths import Largest
 from .linearity import PART, in_motion, nonlinear_forces
+from .march import March
 
 MOST = 32  # rows of a block that are looked at
 
@@ -52,3 +55,24 @@ class MissedForces:
         between = [i for i in between if 0 <= i < T]
         largest = {a + int(np.argmax(squares[a : a + PART])) for a in range(0, T, PART)}
         return sorted({*between[:: 1 + len(between) // MOST], *largest})
+
+
+class MissedFeedback:
+    """What comes of forces of a sampled feedback that are not linear in the error, where it saturates: marched.
+
+    Their errors are of first order in the step, and no few rows tell where a controller that saturates begins to.
+    largest : over time, "feedback" of what sensors show.
+    """
+
+    def __init__(self, of: Mechanism):
+        self._of, self._march, self._before, self.largest = of, March(of.unknowns, of.scheme), 0.0, Largest()
+
+    def take(self, block: Block, first: int, e: np.ndarray, lam: np.ndarray) -> None:
+        """Go on through a block that begins with row `first`, under errors e (T, 3, n_a), lam (T, c)."""
+        of, block, kicks = self._of, block.as_if_at_once(), np.zeros((len(block), self._of.unknowns.n, 1))
+        for i in range(first == 0, len(block)):
+            kicks[i, : of.unknowns.n_a, 0] = -nonlinear_forces(of, block, i, e[i], lam[i])[0]
+        h = np.diff(block.rows.t, prepend=self._before if first else block.rows.t[0] - 1.0)
+        self._before = block.rows.t[-1]
+        d, forces = self._march.through(block, factors_of(block, h, of.unknowns, of.scheme), kicks)
+        self.largest.add(feedback=of.outputs(first, d, of.all_multipliers(forces))[..., 0])

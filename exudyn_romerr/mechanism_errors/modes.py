@@ -9,9 +9,9 @@ import numpy as np
 
 from ..linear.estimators.causes import FURTHER, FURTHER_INTERFACES, LINEAR_INTERFACES, LINEAR_MODES, STEPS_OF_MODES
 from ..mechanism.tangents import Block
-from .factors import Factors, factors_of
+from .factors import factors_of
 from .half_widths import CauseEstimate, Largest, tail, unchecked
-from .march import March, State, is_at_rest
+from .march import March, State
 from .missed import MissedForces
 from .unbalanced import unbalanced
 
@@ -56,6 +56,7 @@ class Modes:
         self._wanted = [OF_MODES, self._parts] if self.is_rigid else [OF_MODES]  # parts whose sums are corrected
         self._first, self._second, self._coarse = (March(of.unknowns, of.scheme) for _ in range(3))
         self._before_coarse: float | None = None
+        self._last: np.ndarray | None = None  # sums of parts in the row before, (3, n, wanted)
         self._largest, self._kept = Largest(), []
         self.now: Marched | None = None
         self.missed = MissedForces(of) if asks_missed else None
@@ -69,12 +70,13 @@ class Modes:
         self._before = t[-1]
         factors = factors_of(block, h, u, self._of.scheme)
         before = (None, None) if self._goes_on is None else (self._goes_on.parts, self._goes_on.corrections)
-        e, lam = _marched(self._first, block, factors, f, before[0])
+        e, lam = self._first.through(block, factors, f, before[0])
         sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
-        left = [unbalanced(block, u, *(x[..., k] for x in sums))[0] for k in range(len(self._wanted))]
+        felt = self._without_sampled(block, sums[0], sums[1])
+        left = [unbalanced(block, u, *(x[..., k] for x in (felt, *sums[1:])))[0] for k in range(len(self._wanted))]
         if self.missed:
             left.append(self.missed.take(block, first, *(x[..., -1] for x in sums[1:])))
-        d, dlam = _marched(self._second, block, factors, np.stack(left, -1), before[1])
+        d, dlam = self._second.through(block, factors, np.stack(left, -1), before[1])
         (d, beside), (dlam, forces_beside) = (np.split(x, [len(self._wanted)], axis=-1) for x in (d, dlam))
         whole, forces = sums[1] + d, sums[2] + dlam
         self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1])
@@ -92,6 +94,18 @@ class Modes:
             missed=(beside, forces_beside),
         )
         self._keep(shown, changed)
+
+    def _without_sampled(self, block: Block, f: np.ndarray, e: np.ndarray) -> np.ndarray:
+        """Return kicks f (T, n, columns) less what is sampled of e (T, 3, n, columns) at the begins of steps."""
+        if not block.sampled:
+            return f
+        if self._last is None:  # nothing was sampled yet, or by the run before in much the same state
+            self._last = e[0] * (self._goes_on is not None)
+        before, left, n_a = np.concatenate([self._last[None], e[:-1]]), f.copy(), self._of.unknowns.n_a
+        for order, S in enumerate(block.sampled):
+            left[:, :n_a] -= S @ before[:, order, :n_a]
+        self._last = e[-1]
+        return left
 
     def _shown(self, first: int, **errors: tuple[np.ndarray, np.ndarray]) -> dict[str, np.ndarray]:
         """What sensors show (T, R, columns) of errors by name, each (e, lam) of some columns: all at once."""
@@ -127,7 +141,7 @@ class Modes:
             whole = (
                 None if before is None else State(before.x.sum(-1, keepdims=True), before.p.sum(-1, keepdims=True))
             )
-            there, forces = _marched(self._coarse, part, factors, f[even], whole)
+            there, forces = self._coarse.through(part, factors, f[even], whole)
             off[even], off_lam[even] = there - e[even], forces - lam[even]
         return off, off_lam
 
@@ -168,17 +182,3 @@ class Modes:
             checks[LINEAR_INTERFACES] = most["change"] + unchecked(most["interfaces"], self._of.sensors)
             found["interfaces"] = CauseEstimate(over_time[..., 1], checks)
         return found
-
-
-def _marched(
-    march: March, block: Block, factors: Factors, f: np.ndarray, before: State | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """March a block; its very first row begins the march, or goes on from a state before."""
-    if march.state is not None:
-        return march(block, factors, f)
-    if before is None:
-        begun = march.begin(block, f[0], is_at_rest(block.rows) and bool(f[0].any()))
-    else:
-        begun = march.go_on(block, f[0], before)
-    marched = march(block[1:], factors[1:], f[1:])
-    return tuple(np.concatenate(pair) for pair in zip(begun, marched, strict=True))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linear.estimators.causes import LINEAR_STEPS
+from ..linear.estimators.causes import FEEDBACK, LINEAR_STEPS
 from .flow import Flow, in_unknowns
 from .half_widths import CauseEstimate, Largest, unchecked
 from .inner_loads import TrueLoads
@@ -35,7 +35,7 @@ class Steps:
             inner,
             None if before is None else before.steps,
         )
-        self._largest, self._kept = Largest(), []
+        self._largest, self._kept, self._is_sampled = Largest(), [], False
 
     def take(self, wide: Block, inner: slice, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Go on through rows `inner` of a block with neighbours; number `first` of the run is the first of these.
@@ -44,11 +44,19 @@ class Steps:
         -------
         e (T, 3, n), multipliers (T, all) : what the steps make wrong
         """
-        of = self._of
-        e, lam = self.flow(wide.rows, ReducedSystem.of(wide, of.unknowns), inner.start, inner.stop - inner.start)
+        of, delay = self._of, None
+        if wide.sampled:
+            delay, wide, self._is_sampled = of.equations.delay(wide.rows), wide.as_if_at_once(), True
+        system = ReducedSystem.of(wide, of.unknowns)
+        e, lam = self.flow(wide.rows, system, inner.start, inner.stop - inner.start, delay)
         e = in_unknowns(wide[inner], of.unknowns, e)
         y = of.outputs(first, -e, -lam)
         self._largest.add(step=y[..., 0], loads=y[..., 0] - y[..., 1], jumps=y[..., 0] - y[..., -1])
+        if self._is_sampled and len(e) > 1:
+            # what a delayed force makes of accelerations, and what deflections take back, is far larger than the rest
+            other = e[..., :1].copy()
+            other[:, 2] = np.gradient(other[:, 1], wide.rows.t[inner], axis=0)
+            self._largest.add(delayed=y[..., 0] - of.outputs(first, -other, -lam[..., :1])[..., 0])
         self._kept.append(y[..., 0])
         return e[..., 0], lam[..., 0]
 
@@ -60,4 +68,6 @@ class Steps:
             "loads": most["loads"] / ORDER_4 + (most["jumps"] if self.flow.columns > 2 else 0.0),
             LINEAR_STEPS: unchecked(most["step"], self._of.sensors) + drift * most["step"],
         }
+        if self._is_sampled:
+            checks[FEEDBACK] = most["delayed"]
         return CauseEstimate(np.concatenate(self._kept), checks)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..linear.estimators.causes import LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
+from ..linear.estimators.causes import FEEDBACK, LINEAR, LINEAR_MODES, LINEAR_STEPS, RESOLVED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ NOT_LINEAR = "for the error is too large to be linear"
 AGAIN = "then ask again"  # where an error, or its half width, is too large to tell how far to go
 MOST_TIMES = 20  # times shorter steps: what is told at once; farther away nothing says that it gets there
 SECOND_ORDER = 2.0  # of Exudyn's implicit solvers, where none was measured
-LOWEST_ORDER = 1.0  # in which errors of steps are taken to fall where a lower order was measured
+LOWEST_ORDER = 1.0  # in which errors of steps are taken to fall where a lower order was measured; of PreStep
 FAR = 3.0  # times the estimate of what it bounds: from there on a bound says that it is far off, not the error
 SHARPER = "the bound is {} times the estimate: auxiliary_modes=60, or 130, make it sharper"
 OF_CHECKS = {"vectors": MORE_VECTORS, "loads": "smoother loads"}
@@ -64,7 +64,7 @@ def cure_of(
     if beside_steps:
         return beside_steps[0]
     check = max(halves, key=halves.get)
-    if check in (LINEAR, LINEAR_MODES, LINEAR_STEPS):
+    if check in (LINEAR, LINEAR_MODES, LINEAR_STEPS, FEEDBACK):
         return f"{shorter_steps(size + half, limit, steps) if cause == 'step' else OF_CAUSES[cause]}, {NOT_LINEAR}"
     if check == "steps":
         return shorter_steps(size + half, limit, steps, is_resolved=False)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..linear.estimators.causes import (
+    FEEDBACK,
     FURTHER,
     FURTHER_INTERFACES,
     LINEAR,
@@ -16,7 +17,7 @@ from ..linear.estimators.causes import (
     LINEAR_STEPS,
 )
 from .answers import SHARE, Answer, Tolerance
-from .cures import OF_CAUSES, Steps, cure_of, cure_of_bound
+from .cures import LOWEST_ORDER, OF_CAUSES, SECOND_ORDER, Steps, cure_of, cure_of_bound
 from .data import is_beside, is_rate
 from .scope import ATTACH_ALL, COMPLETE, FROZEN, UNATTACHED, Reason, causes_of, cures_of
 from .verdicts import (
@@ -56,7 +57,10 @@ if TYPE_CHECKING:
     from .scope import Doubt
 
 PARTS = {"modes": ("basis",), "interfaces": ("interfaces",), "step": ("time step",), "start": ("initial", "jumps")}
-OF_MODES, OF_STEPS = ("vectors", LINEAR, FURTHER, LINEAR_MODES, "proved"), ("steps", LINEAR_STEPS, "loads", "proved")
+OF_MODES, OF_STEPS = (
+    ("vectors", LINEAR, FURTHER, LINEAR_MODES, "proved"),
+    ("steps", LINEAR_STEPS, "loads", FEEDBACK, "proved"),
+)
 OF_INTERFACES = (FURTHER_INTERFACES, LINEAR_INTERFACES)  # in place of a share of those of modes, where they are known
 CHECKS = {"modes": OF_MODES, "interfaces": OF_MODES, "step": OF_STEPS, "start": OF_MODES}
 NO_STEPS = "the error of the time steps is in none of its numbers"
@@ -166,7 +170,8 @@ def steps_of(report: ReportData) -> Steps:
     if report.time == "static" or len(h) == 0 or np.ptp(h) > SAME * np.max(h):
         return Steps(None)
     end = report.t[-1] if report.planned_end is None else report.planned_end
-    return Steps(round(float((end - report.t[0]) / np.mean(h))))
+    is_sampled = any(FEEDBACK in out.uncertainty_parts for out in report.outputs.values())
+    return Steps(round(float((end - report.t[0]) / np.mean(h))), LOWEST_ORDER if is_sampled else SECOND_ORDER)
 
 
 def _when(t: np.ndarray, error: np.ndarray) -> float:

@@ -115,13 +115,12 @@ def test_a_robots_step_is_wrong_and_not_its_modes(robot):
     ]
 
 
-def test_no_estimate_of_a_robot_is_called_its_error():
-    """What its controller does with other steps is in no estimate."""
-    run = romerr.run(ROBOT, tolerance="1")
-    assert {row["sum"]["how"] for row in run.rows} == {"not covered"}
-    assert run.status == 4
-    text = str(run)
-    assert "Not covered by any estimate" in text.split("\n")[0]
-    assert "PreStep" in text
-    assert "romerr verify" in text
-    assert run.reports == []
+def test_the_estimate_of_a_robot_is_what_is_measured():
+    """By the page on verify; its controller acts at the begin of each step, with the delay in the step's part."""
+    page = (ROOT / "docs" / "verify.md").read_text(encoding="utf-8")
+    measured = float(re.search(r"payload y .*?%\)  (\S+) \+- ", page)[1])
+    run = romerr.run(ROBOT, tolerance="1%")
+    assert {row["sum"]["how"] for row in run.rows} == {"estimated"}
+    row = max((row for row in run.rows if row["name"] == "payload"), key=lambda row: row["step"]["size"])
+    assert row["step"]["size"] == pytest.approx(measured, rel=0.02)  # two digits
+    assert str(run).startswith("Too large, by step: rate, bending.")

@@ -46,13 +46,17 @@ def left(mechanism, f, e, lam):
     for X, back, order in ((w.M, w.M, 2), (w.D, w.D_back, 1), (w.K, w.K_back, 0)):
         r[:, at] -= X @ e[:, order, own]
         r[:, own] -= back.swapaxes(1, 2) @ e[:, order, at]
+    for S, order in zip(block.sampled, (0, 1), strict=False):
+        r[1:, :n] -= S[1:] @ e[:-1, order, :n]
     r[:, own] -= e[:, 2, own] + body.dampers[:, None] * e[:, 1, own] + body.springs[:, None] * e[:, 0, own]
     return r, block.C @ e[:, 0, :n]
 
 
+@pytest.mark.parametrize("samples", [False, True])
 @pytest.mark.parametrize("turns", [False, True])
-def test_every_row_obeys_the_equations(turns):
-    mechanism = SmallMechanism(turns=turns)
+def test_every_row_obeys_the_equations(turns, samples):
+    mechanism = SmallMechanism(turns=turns, samples=samples)
+    assert len(mechanism.rest.sampled(mechanism.rows)) == 2 * samples
     f = kicks(mechanism, 2)
     e, lam = marched(mechanism, f)
     r, g = left(mechanism, f, e, lam)
@@ -93,10 +97,10 @@ def test_blocks_do_not_matter(cuts):
 
 
 @pytest.mark.skipif(loops is None, reason="no compiler")
-@pytest.mark.parametrize("columns", [1, 2, 3, 5])
-def test_compiled_and_numpy_are_one(columns, monkeypatch):
+@pytest.mark.parametrize(("columns", "samples"), [(1, False), (2, False), (3, False), (5, False), (3, True)])
+def test_compiled_and_numpy_are_one(columns, samples, monkeypatch):
     """Also of numbers that are almost zero: nothing turns them off."""
-    mechanism = SmallMechanism()
+    mechanism = SmallMechanism(samples=samples)
     f = kicks(mechanism, columns)
     f[:, :, 0] *= 1e-305
     fast = marched(mechanism, f)
@@ -134,7 +138,7 @@ def test_wrong_sizes_are_refused():
     mechanism = SmallMechanism()
     with pytest.raises((ValueError, TypeError)):
         loops.march_mechanism(
-            (1, 2, 3, 4, 5), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 10, (np.zeros(1),) * 4
+            (1, 2, 3, 4, 5, 0), np.zeros(4), np.zeros(1, np.int64), [], (np.zeros(1),) * 11, (np.zeros(1),) * 4
         )
     with pytest.raises((ValueError, TypeError)):
         loops.flow((1, 2, 0, 1, 9, 40), (0.0, 1.0, 0.0), (np.zeros(1),) * 10, np.zeros(4), np.zeros(4))

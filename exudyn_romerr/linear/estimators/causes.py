@@ -20,7 +20,8 @@ FURTHER, LINEAR_MODES = "further vectors", "linearisation of modes"
 FURTHER_INTERFACES, LINEAR_INTERFACES = "further vectors of interfaces", "linearisation of interfaces"
 # what steps make wrong of what modes leave out: of the whole error, of neither cause alone
 STEPS_OF_MODES = "steps of what modes leave out"
-BY_STEPS = ("time step", "steps", LINEAR_STEPS, "loads")
+FEEDBACK = "sampled feedback"  # what is not linear of a PreStep function: where there is one steps are of first order
+BY_STEPS = ("time step", "steps", LINEAR_STEPS, "loads", FEEDBACK)
 
 
 class Estimate(NamedTuple):

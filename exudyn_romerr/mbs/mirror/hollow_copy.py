@@ -14,6 +14,7 @@ import exudyn as exu
 import numpy as np
 import scipy.linalg as la
 
+from ...errors import AssumptionError
 from ...mechanism.reading import Reading
 from ...mechanism.rotations import times_transposed
 from ...mechanism.samples import Rows
@@ -22,6 +23,7 @@ from ..access.copied_mbs import copy_items, object_terms
 from ..access.detached import READS_SENSORS, Detached
 from ..access.equations import Equations
 from ..access.state_guard import set_state, state_in_place
+from .pre_step import PreStep
 from .vectors import Enriched
 
 UNSEEN = 1e-8  # of the largest: what differences leave of an unknown that nothing knows
@@ -31,6 +33,8 @@ DEPENDENT = 1e-8  # of the largest: what is below is a constraint that others im
 ROUNDED = 1e2 * np.finfo(float).eps  # of the sizes of coordinates that constraints know: rounding of differences
 # of what its row of G could come to: less is the length of Euler parameters, which unknowns keep
 NO_CONSTRAINT = 1e-8
+READS_FORCES = "the PreStep function reads accelerations or forces"
+MOVES_JOINTS = "the PreStep function moves joints by what it sees of the motion"
 
 
 class HollowCopy:
@@ -39,8 +43,8 @@ class HollowCopy:
     Attributes
     ----------
     independent (c,) : numbers of constraints that no others imply. felt, seen : unknowns that forces act on, and that
-    forces know. scales (n_a,) : finite motions that are alike; inertia : of the lightest body moved so. frames :
-    nodes in whose axes readings are.
+    forces know, sampled : that a PreStep function knows. scales (n_a,) : finite motions that are alike; inertia : of
+    the lightest body moved so. frames : nodes in whose axes readings are.
     """
 
     def __init__(
@@ -50,12 +54,16 @@ class HollowCopy:
         unknowns: Unknowns,
         detached: Detached,
         shows: bool = False,
+        pre_step: PreStep | None = None,
     ):
-        """Copy, with copies of user functions; shows: whether with all vectors, and the sensors."""
-        self._unknowns, self._shows = unknowns, shows
+        """Copy, with copies of user functions; shows: whether with all vectors, and the sensors.
+
+        pre_step : acts before each step; None: nothing does.
+        """
+        self._unknowns, self._shows, self._pre_step = unknowns, shows, pre_step
         self.independent: np.ndarray | None = None
         self.frames = [node for node in unknowns.nodes if node.is_frame]
-        self.seen = self.felt = np.arange(unknowns.n_a)
+        self.seen = self.felt = self.sampled = np.arange(unknowns.n_a)
         self.scales = unknowns.steps(STEP)[: unknowns.n_a]
         self.inertia = min(one.body.mass for one in enriched) * (STEP * unknowns.largest_size) ** 2
         self._acting = np.zeros(unknowns.n_a)  # largest forces on unknowns that were met
@@ -125,19 +133,47 @@ class HollowCopy:
         J = self.jacobians(q, v, a)[0]
         return times_transposed(J, R), J.swapaxes(1, 2) @ G.swapaxes(1, 2), g
 
+    def begin_step(self, t: float, moved: float = 0.0) -> None:
+        """Let the PreStep function set what holds at t along the run: by the state at the begin of that step.
+
+        moved : of that state, times its largest coordinate and rate.
+        """
+        if self._pre_step is None:
+            return
+        if (row := self._pre_step.before(t)) is None:
+            self._pre_step.set_back(self.mbs)
+        else:
+            state = (x * (1 + moved) + moved * np.abs(x).max(initial=0.0) for x in row[1:4])
+            self._act(t, [*map(self.wide, state)], row[4])
+
+    def _act(self, t: float, state: Sequence[np.ndarray], multipliers: np.ndarray) -> None:
+        """Let the PreStep function set what holds in a step to t that begins in a state."""
+        if self._pre_step is not None:
+            self.set(t, *state, multipliers)
+            self._pre_step(self.mbs, t)
+
+    def _balance(self, t: float, state: Sequence[np.ndarray], multipliers: np.ndarray) -> np.ndarray:
+        """Return -(M a - f + G^T lam) (size,), then g (all,), in a state, with parameters as they are."""
+        self.set(t, *state, -multipliers)
+        found = self._equations.static_balance(self.mbs)
+        if not self._is_massless:
+            found[: self.size] -= self._equations.mass(self.mbs) @ state[2]
+        return found
+
     def _unbalanced(
-        self, t: np.ndarray, states: Sequence[np.ndarray], multipliers: np.ndarray
+        self, t: np.ndarray, states: Sequence[np.ndarray], multipliers: np.ndarray, at_once: bool = False
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return M a - f + G^T lam (T, size) and g (T, all) in states (T, size)."""
-        system, places, found = self.mbs.systemData, state_in_place(self.mbs.systemData), []
-        for now, *state in zip(t, *states, -multipliers, strict=True):
-            system.SetTime(now)
-            for place, x in zip(places, state, strict=True):
-                place[:] = x
-            one = self._equations.static_balance(self.mbs)
-            if not self._is_massless:
-                one[: self.size] -= self._equations.mass(self.mbs) @ state[2]
-            found.append(one)
+        """Return M a - f + G^T lam (T, size) and g (T, all) in states (T, size).
+
+        at_once : whether the PreStep function sees these states, and not those at the begins of steps.
+        """
+        found = []
+        for now, *state, lam in zip(t, *states, multipliers, strict=True):
+            if at_once:
+                self._act(now, state, lam)
+            else:
+                self.begin_step(now)
+            found.append(self._balance(now, state, lam))
         forces, g = np.split(np.array(found), [self.size], axis=1)
         return -forces, g
 
@@ -152,18 +188,27 @@ class HollowCopy:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (n_a,) in axes of bodies, g (all,); kept (3, kept) : vectors beside q, v, a."""
         states = [self.wide(x, y)[None] for x, y in zip(state, kept, strict=True)]
-        forces, g = self._unbalanced(np.array([t]), states, lam[None])
+        forces, g = self._unbalanced(np.array([t]), states, lam[None], at_once=True)
         return self.jacobians(*states)[0, 0].T @ forces[0], g[0]
 
     def along(self, states: Rows) -> tuple[np.ndarray, np.ndarray]:
         """Return M a - f + G^T lam (T, n_q) and g (T, all) in states of the run, in coordinates of the mbs."""
         wide = [self.wide(x) for x in (states.q, states.v, states.a)]
-        forces, g = self._unbalanced(states.t, wide, states.multipliers)
+        forces, g = self._unbalanced(states.t, wide, states.multipliers, at_once=True)
         return forces[:, self.own], g
+
+    def delay(self, rows: Rows) -> np.ndarray:
+        """Return forces (T, n_q) that a feedback of the same instant has beside that of the step's begin."""
+        if self._pre_step is None:
+            return np.zeros(rows.q.shape)
+        given = rows.t, [self.wide(x) for x in (rows.q, rows.v, rows.a)], rows.multipliers
+        late, at_once = (self._unbalanced(*given, at_once=now)[0][:, self.own] for now in (False, True))
+        return late - at_once
 
     def read(self, t: float, q: np.ndarray, v: np.ndarray, a: np.ndarray, lam: np.ndarray) -> Reading:
         """Return the tangent at a row of the run by central differences along unknowns that forces know."""
         state = [self.wide(x) for x in (q, v, a)]
+        self.begin_step(t)
         J, n, use = self.jacobians(*(x[None] for x in state))[:, 0], self._unknowns.n_a, self.seen
         h = np.concatenate([self.scales[use], -self.scales[use]])
         states = [x + h[:, None] * part[:, [*use, *use]].T for x, part in zip(state, J, strict=True)]
@@ -180,7 +225,42 @@ class HollowCopy:
         whole = self._equations.constraints(self.mbs)
         if self.independent is None:
             self.independent = self._independent(C.T, whole, J[0])
-        return Reading(M, D, K.T, whole[self.independent] @ J[0], C.T[self.independent], H.transpose(1, 0, 2))
+        late = () if self._pre_step is None else self._feedback(t, state, lam, J[0])
+        of_constraints = whole[self.independent] @ J[0], C.T[self.independent]
+        return Reading(M, D, K.T, *of_constraints, H.transpose(1, 0, 2), late)
+
+    def _feedback(
+        self, t: float, state: Sequence[np.ndarray], lam: np.ndarray, J_end: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives (n_a, n_a) of forces in a state by coordinates and rates at the begin of its step.
+
+        In axes of bodies at the end of the step, both. Zero where the PreStep function does not know them.
+        """
+        u, S = self._unknowns, np.zeros((2, self._unknowns.n_a, self._unknowns.n_a))
+        begin = self._pre_step.before(t)
+        *start, forces = [*state, lam] if begin is None else [*map(self.wide, begin[1:4]), begin[4]]
+        axes = u.in_body_axes(u.in_global_axes(np.eye(u.n_a), state[0][self.own]), start[0][self.own])
+        J, J1 = self.jacobians(*(x[None] for x in start))[:2, 0] @ axes.T
+        rate, weights = np.abs(start[1]).max() + self.scales.max(), np.random.default_rng(2).uniform(0.5, 1.0, u.n_a)
+
+        def effect(dq: Any = 0.0, dv: Any = 0.0, da: Any = 0.0, more: float = 0.0) -> np.ndarray:
+            """Forces (n_a,), and constraints (all,)."""
+            self._act(t, [x + dx for x, dx in zip(start, (dq, dv, da), strict=True)], forces + more)
+            found = self._balance(t, state, lam)
+            return np.concatenate([-J_end.T @ found[: self.size], found[self.size :]])
+
+        here, by_rates = effect(), self.scales * rate / self.scales.max()
+        if np.any(effect(da=rate * (J @ weights), more=1.0) != here):
+            raise AssumptionError(READS_FORCES)
+        along = (J * self.scales, J1 * self.scales), (0.0 * J, J * by_rates)
+        for order, (moves, h) in enumerate(zip(along, (self.scales, by_rates), strict=True)):
+            moved = effect(*(x @ weights for x in moves))
+            if np.any(moved[u.n_a :] != here[u.n_a :]):
+                raise AssumptionError(MOVES_JOINTS)
+            for j in self.sampled if np.any(moved != here) else ():
+                two = (effect(*(sign * x[:, j] for x in moves))[: u.n_a] for sign in (1, -1))
+                S[order][:, j] = np.subtract(*two) / (2 * h[j])
+        return tuple(S)
 
     def note_dependence(self, readings: Sequence[Reading]) -> None:
         """Note which unknowns forces act on (felt), and which they know (seen); others are not moved any more."""
@@ -198,6 +278,8 @@ class HollowCopy:
         acting = self._acting * self.scales
         rows = np.maximum(rows, acting / acting.max() if acting.any() else 0.0)
         self.felt, self.seen = (np.flatnonzero(x > UNSEEN) for x in (rows, columns))
+        if any(np.any(one.sampled) for one in readings):
+            self.sampled = np.flatnonzero(np.any([one.sampled for one in readings], axis=(0, 1, 2)))
 
     def _damping(self, t: float, state: list[np.ndarray], J: np.ndarray) -> np.ndarray:
         """Derivative by rates; zero where forces do not know them, which is tried along one of them all."""

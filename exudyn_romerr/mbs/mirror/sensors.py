@@ -20,6 +20,7 @@ from ..access.detached import Detached
 from ..access.mbs_items import sensor_name
 from ..floating.sensor_outputs import NO_STATE, measured_of
 from .hollow_copy import STEP, HollowCopy
+from .pre_step import PreStep
 from .vectors import Enriched
 
 KINDS = {  # closed form of what a mesh node shows in global axes, by quantity
@@ -32,6 +33,7 @@ TURNED = ("Displacement", "Position", "Velocity", "Acceleration", "AngularVeloci
 TOGETHER = 1024  # rows whose states are made at once
 FASTER = 1e3  # times steps of coordinates: of rates and accelerations, to differentiate by
 STILL = "it does not depend on the motion"
+IS_SET = "it shows what the PreStep function sets by what it sees"
 NOT_FINITE = "it is not finite"
 SEVERAL = "in global axes one place is told, a node or the mean of several with weights of sum 1"
 NO_FUNCTION = "its object has a user function, which is not called away from the run"
@@ -70,12 +72,13 @@ class Sensors:
         detached: Detached,
         outputs: Sequence[Sequence[Output]] = (),
         numbers: Iterable[int] | None = None,
+        pre_step: PreStep | None = None,
     ):
         """Find out what can be told.
 
         Parameters
         ----------
-        detached : copies of user functions
+        detached, pre_step : copies of user functions
         outputs : of each body, beside sensors
         numbers : of sensors; None: all of the mbs
         """
@@ -92,7 +95,7 @@ class Sensors:
             for out in of_body:
                 self._add_output(b, out)
         self._asked = [one for one in self.shown if one.rows.start not in {node.first for node in self.nodes}]
-        self._copy = HollowCopy(mbs, enriched, unknowns, detached, shows=True) if self._asked else None
+        self._copy = HollowCopy(mbs, enriched, unknowns, detached, True, pre_step) if self._asked else None
 
     def _add(self, number: int) -> None:
         item, name = self._mbs.GetSensor(number), sensor_name(self._mbs, number)
@@ -156,8 +159,23 @@ class Sensors:
     def outputs(self, rows: Rows) -> Outputs:
         """Return the gradients along a run."""
         source = None if self._copy is None else _Differences(self, rows)
+        self._leave_out_what_is_set(rows)
         asked = [one.rows for one in self._asked]
         return Outputs(self._unknowns, rows, np.array(self._axes, int), self.nodes, asked, source)
+
+    def _leave_out_what_is_set(self, rows: Rows) -> None:
+        """Leave out sensors of what a PreStep function sets by what it sees: they are off at once, too."""
+        if self._copy is None:
+            return
+        t, q, v, a, lam = rows.row(-1)
+        shown = []
+        for moved in (0.0, STEP):
+            self._copy.begin_step(t, moved)
+            self._copy.set(t, *map(self._copy.wide, (q, v, a)), lam)
+            shown.append(self._read())
+        changed = shown[0] != shown[1]
+        self.left_out += [(one.name, IS_SET) for one in self.shown if changed[one.rows].any()]
+        self.shown = [one for one in self.shown if not changed[one.rows].any()]
 
     def values(self, rows: Rows) -> np.ndarray:
         """Return what they show in rows of the run, (T, R)."""
@@ -168,6 +186,7 @@ class Sensors:
             part = rows[first : first + TOGETHER]
             wide = (self._copy.wide(x) for x in (part.q, part.v, part.a))
             for i, state in enumerate(zip(part.t, *wide, part.multipliers, strict=True)):
+                self._copy.begin_step(state[0])
                 found[first + i] += self.shown_by(*state)
         return found
 
@@ -203,7 +222,9 @@ class _Differences:
         return [True, *found[1:]]
 
     def _state(self, i: int) -> tuple:
+        """Row i; parameters of the copy are what they are there."""
         t, q, v, a, lam = self._rows.row(i)
+        self._copy.begin_step(t)
         return t, *(self._copy.wide(x) for x in (q, v, a)), lam
 
     def _jacobians(self, i: int) -> np.ndarray:

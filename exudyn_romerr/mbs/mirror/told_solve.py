@@ -27,12 +27,12 @@ from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
 from ...report.scope import COUPLED, Doubt, Reason
-from ..access.detached import Detached
 from ..access.load_functions import user_functions
 from ..access.state_guard import state_set
 from ..floating.moving_subject import VECTORS
 from .hollow_copy import HollowCopy
 from .layout import require_covered, unknowns_of
+from .pre_step import Parameters, detached_with
 from .sensors import Sensors, ShownSensor
 from .vectors import Enriched, enriched, in_shapes_of
 
@@ -53,6 +53,12 @@ UNKNOWN_ACTS = (
     "of time and state (a controller in PreStep, parameters that the script changes)"
 )
 REMEMBERS = "a user function keeps something from call to call"
+PRE_STEP_REMEMBERS = (
+    "the PreStep function keeps something from call to call (an integrator, a filter, a sampling of its own, noise): "
+    "called again in the same states it acts otherwise"
+)
+SAMPLED = "a PreStep function, which acts by the begin of each step"
+TRIED, CONSECUTIVE = 64, 8  # rows in which it is called twice, and how many of them are the first of the run
 HOLDS = "a user function keeps what cannot be copied, so it is not called away from the run: {}"
 BOUNDS = "bounds of what sensors show in frames of bodies"
 GOES_ON = "a static solve, or a run that goes on from another that moves"
@@ -79,6 +85,7 @@ class Asked(NamedTuple):
     sensors: Sequence[int] | None = None
     vectors: int = VECTORS
     holds_rates: bool = False
+    begun: Parameters | None = None
 
 
 class Ended(NamedTuple):
@@ -155,7 +162,7 @@ def told_solve(
     shown = rows[-1:] if asked.is_static else rows
     rows = _as_equations_have_it(shown, asked.is_static)
     functions = user_functions(mbs)
-    detached = Detached(mbs, functions)
+    detached, pre_step = detached_with(mbs, functions, rows, asked.begun or {})
     if detached.lost:
         raise AssumptionError(HOLDS.format(detached.lost))
     with detached.in_use(mbs), _in_last_state(mbs, shown):
@@ -164,8 +171,10 @@ def told_solve(
             for flex, w in zip(flexes, _speeds(mbs, flexes, rows), strict=True)
         ]
         unknowns = unknowns_of(mbs, [one.body for one in bodies])
-        sensors = Sensors(mbs, bodies, unknowns, detached, asked.outputs, asked.sensors)
-        copy = HollowCopy(mbs, bodies, unknowns, detached)
+        sensors = Sensors(mbs, bodies, unknowns, detached, asked.outputs, asked.sensors, pre_step)
+        copy = HollowCopy(mbs, bodies, unknowns, detached, pre_step=pre_step)
+        if pre_step is not None and _remembers(copy, rows):
+            raise AssumptionError(PRE_STEP_REMEMBERS)
         readings = Readings(copy, rows)
         share = unbalanced_share(unknowns, rows, copy, readings)
         if not share < SAME:
@@ -174,12 +183,14 @@ def told_solve(
             *(unknowns, rows, asked.scheme, copy, readings, sensors.outputs(shown)),
             projectors=[one.projectors for one in bodies],
             is_rigid=is_rigid(bodies),
-            has_user_functions=bool(functions),
+            has_user_functions=bool(functions) or pre_step is not None,
             sign=-1.0 if asked.is_static else 1.0,
             sensors=[one.rows for one in sensors.shown],
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
-        bounds, why_not = _bounds(of, sensors, bodies, _why_unbounded(asked, goes_on=errors is not None or doubts))
+        is_sampled = bool(readings.splined.sampled(rows[:1]))
+        why_not = _why_unbounded(asked, errors is not None or doubts, is_sampled)
+        bounds, why_not = _bounds(of, sensors, bodies, why_not)
         by_cause, end, squares = estimates(of, asked.is_static, errors, bounds and bounds.take)
         bound = None
         if bounds:
@@ -198,8 +209,17 @@ def told_solve(
         return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
 
 
-def _why_unbounded(asked: Asked, goes_on: Any) -> str:
+def _remembers(copy: HollowCopy, rows: Rows) -> bool:
+    """Whether a PreStep function does something else when it is called backwards through rows than forwards."""
+    at = np.unique([*range(min(len(rows), CONSECUTIVE)), *np.linspace(0, len(rows) - 1, TRIED).astype(int)])
+    back, forth = (copy.unbalanced(rows[order]) for order in (at[::-1], at))
+    return not np.array_equal(forth, back[::-1])
+
+
+def _why_unbounded(asked: Asked, goes_on: Any, is_sampled: bool) -> str:
     """Why a run as a whole has no bounds; empty: nothing speaks against them."""
+    if is_sampled:
+        return SAMPLED
     if asked.is_static or goes_on:
         return GOES_ON
     if any(flex.modal_damping is not None for flex in asked.flexes):

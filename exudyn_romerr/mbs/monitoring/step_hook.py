@@ -19,6 +19,7 @@ from ..access.solvers import holds_rates, just_begun, running_static_solver, sch
 from ..floating.moving_subject import MovingSubject
 from ..floating.sensor_outputs import other_sensors
 from ..mirror.layout import require_covered
+from ..mirror.pre_step import parameters
 from ..mirror.told_solve import Asked, Ended
 from .live_output import live_line
 from .mechanism_run import BodyRun, MechanismRun
@@ -106,7 +107,7 @@ class StepHook:
         sensors = other_sensors(mbs, flexes, self.sensors)
         vectors = max(one.vectors for one in subjects)
         rates = holds_rates(mbs.sys.get("simulationSettings"))
-        asked = Asked(flexes, outputs, scheme_from(solver), is_static, sensors, vectors, rates)
+        asked = Asked(flexes, outputs, scheme_from(solver), is_static, sensors, vectors, rates, parameters(mbs))
         self.run = MechanismRun(asked, float(solver.it.endTime), self._ended)
         for i, watch in enumerate(floating):
             if watch.is_told:

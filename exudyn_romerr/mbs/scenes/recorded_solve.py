@@ -13,6 +13,7 @@ from ..access.endings import SAME_TIME
 from ..access.mbs_items import sensor_names
 from ..access.solvers import holds_rates, scheme_from
 from ..floating.floating_body import floating_body
+from ..mirror.pre_step import parameters
 from ..mirror.recorder import Recorder
 from ..mirror.told_solve import Asked, Ended, told_solve
 from ..monitoring.monitor import MechanismMonitor, Monitor
@@ -58,7 +59,7 @@ class RecordedSolve:
         self._mbs, self._bodies, self._solve = mbs, bodies, solve
         self._ended, self._holds_rates = ended, holds_rates(settings)
         solve.sensors, solve.chosen = sensor_names(mbs), not shows_motion(mbs)
-        self._recorder = Recorder(mbs, slot_function(mbs))
+        self._recorder, self._begun = Recorder(mbs, slot_function(mbs)), parameters(mbs)
         mbs.SetPostStepUserFunction(self._recorder)
 
     def close(self) -> None:
@@ -91,7 +92,8 @@ class RecordedSolve:
         if solve.refused:
             raise AssumptionError("; ".join(f"{which}: {why}" for which, why in solve.refused))
         chosen = [chosen_outputs(self._mbs, flex) if solve.chosen else () for flex in flexes]
-        asked = Asked(flexes, chosen, scheme_from(solver), is_static, holds_rates=self._holds_rates)
+        of_solver = scheme_from(solver), is_static
+        asked = Asked(flexes, chosen, *of_solver, holds_rates=self._holds_rates, begun=self._begun)
         found = []
         for i, rows in enumerate(runs):
             told, before = told_solve(self._mbs, asked, rows, before, end if i == len(runs) - 1 else None)

@@ -213,3 +213,34 @@ def test_springs_by_functions_are_told_as_springs(kind):
         one, other = (report.output("probe") for report in pair)
         for x, y in ((one.estimate, other.estimate), (one.bound["best"], other.bound["best"])):
             np.testing.assert_allclose(y, x, rtol=0, atol=1e-6 * np.abs(x).max())
+
+
+# --- torsional springs that count whole turns ---------------------------------------
+
+
+def turned(by, counts):
+    """Report of an arm that a spring turns by an angle in rad; counts : whether a node counts its whole turns."""
+    scene = arm(0, steps=40)
+    motor, mbs = add_spring(scene, pd(0.0, 0.0)), scene.mbs
+    for name, value in {"springTorqueUserFunction": 0, "stiffness": 1e3, "damping": 5.0, "offset": by}.items():
+        mbs.SetObjectParameter(motor, name, value)
+    if counts:
+        node = itemInterface.NodeGenericData(numberOfDataCoordinates=1, initialCoordinates=[0.0])
+        mbs.SetObjectParameter(motor, "nodeNumber", mbs.AddNode(node))
+    return watched(scene)
+
+
+def test_a_node_that_counts_turns_changes_nothing_within_half_a_turn():
+    """As Exudyn's own CreateTorsionalSpringDamper adds it."""
+    one, other = (turned(1.0, counts) for counts in (False, True))
+    assert set(other.scope.values()) == {COUPLED}
+    for key, out in one.outputs.items():
+        size = np.abs(out.estimate).max()
+        np.testing.assert_allclose(other.output(key).estimate, out.estimate, rtol=0, atol=1e-6 * size)
+
+
+def test_beyond_half_a_turn_such_a_spring_is_not_covered():
+    """The arm comes to 5 rad; a copy that does not count would pull it back."""
+    report = turned(5.0, True)
+    assert set(report.scope.values()) == {FROZEN}
+    assert "the equations are off by" in report.scope_reason

@@ -1,4 +1,4 @@
-"""A robot whose controller is a PreStep function: no number under this run's forces is called its error."""
+"""A robot whose PreStep function integrates: no number under this run's forces is called its error."""
 
 import re
 
@@ -8,15 +8,32 @@ import pytest
 import exudyn_romerr as romerr
 from exudyn_romerr.report.formats import html_page
 from exudyn_romerr.report.wording import AS_IN_THIS_RUN, FROZEN_FIRST
-from models.robot_arm import robot_arm
+from models.robot_arm import robot_arm, set_point
 
 STEP, END = 1e-3, 0.25  # s: the arm is at its fastest at 0.2 s
 TOLD = re.compile(r"error (is |about |at most )")
 
 
+def robot(n=8, h=STEP):
+    """The arm, whose controller integrates, too."""
+    scene, kept = robot_arm(n, h=h, t_end=END), {"integral": 0.0}
+    controller, mbs = scene.mbs.GetPreStepUserFunction()["function"], scene.mbs
+    motor = next(i for i in range(mbs.systemData.NumberOfLoads()) if mbs.GetLoad(i)["name"] == "motor")
+
+    def integrating(mbs, t):
+        controller(mbs, t)
+        kept["integral"] += h * (set_point(t)[0] - mbs.GetSensorValues(scene.sensors["angle"])[2])
+        torque = mbs.GetLoadParameter(motor, "loadVector")[2] + 1e3 * kept["integral"]
+        mbs.SetLoadParameter(motor, "loadVector", [0.0, 0.0, torque])
+        return True
+
+    mbs.SetPreStepUserFunction(integrating)
+    return scene
+
+
 def tip(n=8, parts=1):
     """Position of the tip (T, 3) at every millisecond; its controller acts `parts` times in each."""
-    scene = robot_arm(n, h=STEP / parts, t_end=END)
+    scene = robot(n, STEP / parts)
     scene.solve()
     return scene.mbs.GetSensorStoredData(scene.sensors["tip"])[::parts, 1:]
 
@@ -37,7 +54,7 @@ def step_error():
 
 @pytest.fixture(scope="module")
 def report():
-    scene = robot_arm(h=STEP, t_end=END)
+    scene = robot()
     monitor = romerr.attach(scene.mbs, [romerr.floating_body(scene.fem, scene.bodies[0])])
     scene.solve()
     return monitor.report()
@@ -58,6 +75,7 @@ def test_what_is_told_is_below_the_error_and_said_with_its_condition(report, ste
         str(report).splitlines()[2]
         == "Not covered by any estimate: tip, tip in the link (1 % assumed; report.assess)."
     )
+    assert "the PreStep function keeps something from call to call" in report.scope_reason
     told = [line for line in f"{report}\n{report.details}".splitlines() if TOLD.search(line)]
     assert len(told) >= 2  # both outputs, in details
     for line in told:
