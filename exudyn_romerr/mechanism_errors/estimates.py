@@ -27,11 +27,12 @@ def estimates(
     is_static: bool,
     before: EndState | None = None,
     bounds: Callable[[Marched], None] | None = None,
+    content: Callable[[Marched, int], None] | None = None,
 ) -> tuple[dict[str, CauseEstimate], EndState]:
     """Return the errors by "modes", "interfaces" where these are rigid, and "step", and what the run leaves wrong.
 
     is_static : whether rows are load steps, in which nothing moves. before : what the run begins with. bounds : is
-    given every block of the modes' errors.
+    given every block of the modes' errors; content : these and the number of their first row.
     """
     modes, S = Modes(of, before, bounds is not None), len(of.rows)
     steps, linearity = Steps(of, before), Linearity(of)
@@ -45,6 +46,8 @@ def estimates(
         modes.take(wide[inner], a)
         if bounds is not None:
             bounds(modes.now)
+        if content is not None:
+            content(modes.now, a)
         e, lam = modes.now.e, modes.now.lam
         if not is_static:
             of_steps, forces = steps.take(wide, inner, a)

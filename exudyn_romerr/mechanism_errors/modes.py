@@ -31,6 +31,7 @@ TWICE_THE_STEP = 1.5
 class Marched:
     """A block that was marched: kicks f (T, n), errors e (T, 3, n), lam (T, c) of all parts, corrected.
 
+    of_modes (T, n) : f without what deforms rigid interfaces. factors : of the march.
     missed (T, R) : what comes of forces that linear equations miss, in outputs; None: that was not asked.
     of_constraints : see MissedForces.
     """
@@ -39,6 +40,8 @@ class Marched:
     f: np.ndarray
     e: np.ndarray
     lam: np.ndarray
+    of_modes: np.ndarray
+    factors: Factors
     missed: np.ndarray | None = None
     of_constraints: float = 0.0
 
@@ -65,15 +68,15 @@ class Modes:
         self._before = t[-1]
         factors = factors_of(block, h, u, self._of.scheme)
         before = (None, None) if self._goes_on is None else (self._goes_on.parts, self._goes_on.corrections)
-        e, lam = _marched(self._first, block, factors, f, before[0])
+        e, lam = marched_on(self._first, block, factors, f, before[0])
         sums = [np.stack([x[..., :w].sum(-1) for w in self._wanted], -1) for x in (f, e, lam)]
         left = [unbalanced(block, u, *(x[..., k] for x in sums))[0] for k in range(len(self._wanted))]
         if self.missed:
             left.append(self.missed.take(block, first, *(x[..., -1] for x in sums[1:])))
-        d, dlam = _marched(self._second, block, factors, np.stack(left, -1), before[1])
+        d, dlam = marched_on(self._second, block, factors, np.stack(left, -1), before[1])
         (d, beside), (dlam, forces_beside) = (np.split(x, [len(self._wanted)], axis=-1) for x in (d, dlam))
         whole, forces = sums[1] + d, sums[2] + dlam
-        self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1])
+        self.now = Marched(block, sums[0][..., -1], whole[..., -1], forces[..., -1], sums[0][..., 0], factors)
         of_modes = np.abs(whole[:, 0]).max()
         changed = min(1.0, np.abs(d[:, 0]).max() / of_modes) if of_modes else 0.0
         off, off_lam = self._marched_coarsely(block, first, *(x[..., -1:] for x in sums))
@@ -121,7 +124,7 @@ class Modes:
             whole = (
                 None if before is None else State(before.x.sum(-1, keepdims=True), before.p.sum(-1, keepdims=True))
             )
-            there, forces = _marched(self._coarse, part, factors, f[even], whole)
+            there, forces = marched_on(self._coarse, part, factors, f[even], whole)
             off[even], off_lam[even] = there - e[even], forces - lam[even]
         return off, off_lam
 
@@ -165,8 +168,8 @@ class Modes:
         return found
 
 
-def _marched(
-    march: March, block: Block, factors: Factors, f: np.ndarray, before: State | None
+def marched_on(
+    march: March, block: Block, factors: Factors, f: np.ndarray, before: State | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """March a block; its very first row begins the march, or goes on from a state before."""
     if march.state is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .answers import Answer, worst
 from .data import is_beside
@@ -42,6 +42,7 @@ class Solve:
     why then. refused : (body, why) of bodies that are not watched. sensors : names of all sensors of the mbs.
     chosen : whether outputs were chosen for a scene without sensors. notes : what else is to be said.
     until : of a solve without report that ended early, when and by what.
+    content : of each sensor, what further modes would take from its error, where that was asked.
     seconds, our_seconds : CPU time of the solve with us, and of what we do before and after it.
     """
 
@@ -57,6 +58,7 @@ class Solve:
     until: str = ""
     seconds: float = 0.0
     our_seconds: float = 0.0
+    content: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass

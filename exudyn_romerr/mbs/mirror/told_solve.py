@@ -22,6 +22,7 @@ from ...mechanism_errors.end_state import EndState
 from ...mechanism_errors.estimates import estimates
 from ...mechanism_errors.march import is_at_rest
 from ...mechanism_errors.modes import OF_MODES, PARTS
+from ...mode_selection.modal_content import Content, FurtherModes, ModalContent, Shares
 from ...report.data import Plan, extents, line_of, made_here
 from ...report.mechanism_report import MechanismReport, OfBodies
 from ...report.report import OutputReport
@@ -66,7 +67,7 @@ class Asked(NamedTuple):
     flexes : all reduced bodies of the mbs. outputs : of each, beside sensors. scheme : of the solver. is_static :
     whether rows are load steps, of which the last counts. sensors : their numbers; None: all. vectors : number of
     static ones of a body, beside those that deform rigid interfaces. holds_rates : whether the solver holds rates of
-    constraints in place of what they keep (index 2).
+    constraints in place of what they keep (index 2). further : of each body, modes that it might have; (): not asked.
     """
 
     flexes: Sequence[FloatingBody]
@@ -76,6 +77,7 @@ class Asked(NamedTuple):
     sensors: Sequence[int] | None = None
     vectors: int = VECTORS
     holds_rates: bool = False
+    further: Sequence[FurtherModes | None] = ()
 
 
 class Ended(NamedTuple):
@@ -93,6 +95,7 @@ class Told(NamedTuple):
 
     t : (T,) s. sensors, of_bodies : all sensors that were asked for, outputs of each body. left_out : (what, why).
     doubts : why nothing is certified. planned_end : s, where it was to go to, if it ended before; None: it did not.
+    content : of each sensor, by name, if further modes are asked for.
     """
 
     t: np.ndarray
@@ -102,6 +105,7 @@ class Told(NamedTuple):
     doubts: Sequence[Doubt]
     is_static: bool
     planned_end: float | None
+    content: dict[str, Content]
 
     def report(
         self, outputs: Sequence[OutputReport], plan: Plan | None = None, messages: Sequence[str] = ()
@@ -174,7 +178,8 @@ def told_solve(
         )
         errors, doubts = _begun_with(None if asked.is_static else before, rows, bodies, unknowns)
         bounds, why_not = _bounds(of, sensors, bodies, _why_unbounded(asked, goes_on=errors is not None or doubts))
-        by_cause, end = estimates(of, asked.is_static, errors, bounds and bounds.take)
+        content = ModalContent(of, _shares(asked.further, bodies)) if any(asked.further) else None
+        by_cause, end = estimates(of, asked.is_static, errors, bounds and bounds.take, content and content.take)
         bound = None
         if bounds:
             bound, why_not = _bounded(bounds, by_cause)
@@ -186,8 +191,24 @@ def told_solve(
             for which in (None, *range(len(bodies)))
         )
         left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
-        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end)
+        of_modes = content.content(by_cause["modes"].over_time) if content else None
+        contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one) for one in sensors.shown}
+        told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, contents)
         return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
+
+
+def _shares(further: Sequence[FurtherModes | None], bodies: Sequence[Enriched]) -> list[Shares | None]:
+    """What of the forces on each body modes that may vary answer."""
+    return [
+        None if more is None else Shares(more, one.shapes, one.body.n, one.known.flex.stiffness, one.projectors)
+        for more, one in zip(further, bodies, strict=True)
+    ]
+
+
+def _shown_of(of: Content, sensor: ShownSensor) -> Content:
+    """What a sensor shows of it."""
+    own = sensor.rows.start + sensor.shows
+    return of._replace(known=of.known[:, own], parts={call: x[..., own] for call, x in of.parts.items()})
 
 
 def _why_unbounded(asked: Asked, goes_on: Any) -> str:
