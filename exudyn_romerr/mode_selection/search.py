@@ -42,13 +42,21 @@ def search(
             yield one
 
     for one in watch(following()):
-        try:
-            tried.append(run(one))
-        except Exception as error:
-            if cheapest(tried) is None:
-                raise
-            return tried, (one, error)
+        failed = _added(tried, run, one)
+        if failed is not None:
+            return tried, (one, failed)
     return tried, None
+
+
+def _added(tried: list[Run], run: Callable[[Choice], Run], one: Choice) -> Exception | None:
+    """Add a run to those tried, or return its error where one before it was enough."""
+    try:
+        tried.append(run(one))
+    except Exception as error:
+        if cheapest(tried) is None:
+            raise
+        return error
+    return None
 
 
 def cheapest(runs: Iterable[Run]) -> Run | None:

@@ -75,7 +75,7 @@ class FoundBodies(StandIn):
     def __init__(self) -> None:
         super().__init__()
         self._bodies: WeakKeyDictionary[Any, list[FoundBody]] = WeakKeyDictionary()
-        self.count = 0
+        self.count, self.modes = 0, []  # of all mbs, in their order
         self.further: WeakKeyDictionary[Any, FurtherModes] = WeakKeyDictionary()  # of each fem, where that is asked
 
     def of(self, mbs: Any) -> list[FoundBody]:
@@ -95,6 +95,7 @@ class FoundBodies(StandIn):
             modes, fem = dict(item)["modeBasis"], fem_of(item)
             further = self.further.get(fem) if fem is not None and _has_modes(fem, modes) else None
             bodies.append(FoundBody(self.count, int(number), fem, np.shape(modes)[1], further))
+            self.modes.append(np.shape(modes)[1])
             self.count += 1
         return number
 
