@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SPARE = 0.95  # of a tolerance: what forecasts may use, for a run has to confirm them
 COARSER = 6.0  # times the step of a run: as far as its estimates are believed
-CHEAPER = 0.9  # of the time of what was found: only then one more run is worth it
+CHEAPER = 0.8  # of the time of what was found: only then one more run is worth it
 RESOLVED_STEP = 1e-2  # of a tolerance: smaller errors of steps tell no order
 HIGHEST_ORDER = 4.0  # in which errors of steps are taken to fall where runs show a higher one
 LESS = 0.9  # of the error: what more modes have to bring it below to be worth a run that is not enough yet
@@ -47,7 +47,7 @@ class PairRun:
     """A run that was made with a pair.
 
     rows : as --json has them, of those sensors that have a tolerance. contents : of (solve, sensor). seconds : CPU
-    time of its solves. least : fewest modes that each call can make.
+    time of its solves; all_seconds : of the whole run, watched. least : fewest modes that each call can make.
     """
 
     pair: Pair
@@ -55,6 +55,7 @@ class PairRun:
     contents: dict[tuple[int, str], Content]
     seconds: float
     least: tuple[int, ...]
+    all_seconds: float = 0.0
 
     @property
     def answer(self) -> Answer:
@@ -168,15 +169,17 @@ class PairSearch:
             return None
         limit = math.inf if best is None else CHEAPER * best.seconds
         found = [
-            pair for pair in self.front(tried) if self._is_new(pair, tried) and self.seconds(pair, tried) < limit
+            pair
+            for pair in self.front(tried, base)
+            if self._is_new(pair, tried) and self.seconds(pair, tried) < limit
         ]
         if found or best is not None:
             return min(found, key=lambda pair: self.seconds(pair, tried), default=None)
         return self._nearest(tried)
 
-    def front(self, tried: Sequence[PairRun], times: float = 1.0) -> list[Pair]:
-        """Return of all numbers of modes that can be enough for `times` the tolerances with the steps that are."""
-        base, found = tried[-1], []
+    def front(self, tried: Sequence[PairRun], base: PairRun, times: float = 1.0) -> list[Pair]:
+        """Return all numbers of modes, with steps, that base forecasts to be enough for `times` the tolerances."""
+        found = []
         for numbers in base.fewest_first() if self._varies_modes else [base.pair.numbers]:
             steps = base.steps_for(numbers, order_of(tried), times)
             if not self._varies_steps:

@@ -167,7 +167,6 @@ class _Child:
             "contents": contents,
             "calls": [] if self.variation is None else self.variation.calls,
             "our_seconds": sum(solve.our_seconds for solve in self.watched.solves) if self.watched else 0.0,
-            "dbg": [(solve.seconds, solve.our_seconds) for solve in self.watched.solves] if self.watched else 0.0,
             "status": ending.status,
             "error": "" if ending.error is None else _in_a_line(ending.error),
             "seconds": seconds,

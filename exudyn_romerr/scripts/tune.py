@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -76,6 +76,11 @@ class Tuning:
         return self.closest.answer
 
     @property
+    def all_seconds(self) -> float:
+        """CPU time of all runs, and of what was told of them."""
+        return sum(run.all_seconds for run in self.runs)
+
+    @property
     def status(self) -> int:
         """Exit status: 0 enough, 3 too large, 4 not known; 2: a tolerance of a sensor that there is not."""
         return WRONG_USAGE if self.misspelt else STATUS[self.answer]
@@ -85,16 +90,21 @@ class Tuning:
         """A dict for each run, and each forecast of what other tolerances need, the fastest first."""
         found = [self._line(run.pair, run.worst, run.seconds, run.answer) for run in self.runs if run.rows]
         found += [
-            self._line(pair, self.runs[-1].expected(pair, order_of(self.runs)), self.logic.seconds(pair, self.runs))
+            self._line(pair, self._base.expected(pair, order_of(self.runs)), self.logic.seconds(pair, self.runs))
             for pair in self._forecasts()
         ]
         return sorted(found, key=lambda line: line["cpu_s"])
 
+    @property
+    def _base(self) -> PairRun:
+        """The run that forecasts others: that with what was found, else the last."""
+        return self.found or self.runs[-1]
+
     def _forecasts(self) -> list[Pair]:
-        """The cheapest pair for each of several tolerances that was not run, by the last run."""
-        if not self.runs[-1].is_covered:
+        """The cheapest pair for each of several tolerances that was not run."""
+        if not self._base.is_covered:
             return []
-        fronts = [self.logic.front(self.runs, times) for times in TIMES]
+        fronts = [self.logic.front(self.runs, self._base, times) for times in TIMES]
         pairs = [min(x, key=lambda pair: self.logic.seconds(pair, self.runs)) for x in fronts if x]
         return [pair for pair in dict.fromkeys(pairs) if all(pair != run.pair for run in self.runs)]
 
@@ -116,7 +126,12 @@ class Tuning:
         """Return what --json writes: sizes with half widths, in the sensors' units; ratio : to the tolerance."""
         found = self.found and {"numbers": [*self.found.pair.numbers], "steps": self.found.pair.steps}
         known = {"answer": self.answer.value, "found": found, "table": self.table, "calls": self.calls}
-        said = {"misspelt": self.misspelt, "notes": self.notes, "failed": self.failed or None}
+        said = {
+            "misspelt": self.misspelt,
+            "notes": self.notes,
+            "failed": self.failed or None,
+            "cpu_s": self.all_seconds,
+        }
         return {"script": self.script, **known, **said, "version": __version__}
 
     def save(self, path: str | os.PathLike) -> None:
@@ -164,8 +179,12 @@ class Tuning:
         )
 
     def _named(self, run: PairRun) -> str:
-        modes = f"{_counts(run.pair.numbers)} modes and " if run.pair.numbers else ""
-        return f"{modes}{run.pair.steps} steps"
+        numbers = self._counts(run.pair.numbers)
+        return f"{numbers and f'{numbers} modes and '}{run.pair.steps} steps"
+
+    def _counts(self, numbers: Sequence[int]) -> str:
+        """Numbers of those calls whose modes a body has that is known."""
+        return _counts(numbers, self.runs[0].most)
 
     def _to_write(self) -> list[str]:
         """Lines for the script."""
@@ -192,12 +211,12 @@ class Tuning:
         ratio = "not known" if line["ratio"] is None else f"{digits(100 * line['ratio'], 2)} %"
         at = f"{line['name']} {line['axis'] or ''}".rstrip()
         how = f"run: {line['answer']}" if line["answer"] else "forecast"
-        first = (_counts(line["numbers"]) or "-", str(line["steps"]), digits(line["cpu_s"], 2))
+        first = (self._counts(line["numbers"]) or "-", str(line["steps"]), digits(line["cpu_s"], 2))
         return (*first, *sizes, ratio, at, how + (", found" if line["is_found"] and line["answer"] else ""))
 
 
-def _counts(numbers: Sequence[int]) -> str:
-    return ", ".join(map(str, numbers))
+def _counts(numbers: Sequence[int], calls: Iterable[int]) -> str:
+    return ", ".join(str(numbers[call]) for call in sorted(calls))
 
 
 def _finite(x: float | None) -> float | None:
@@ -288,8 +307,7 @@ class _Runs:
 
     def made(self, pair: Pair) -> PairRun:
         """Run it with a pair."""
-        name = f"{_counts(pair.numbers)} modes, {pair.steps} steps"
-        result = run_child(replace(self._plain, name=name, numbers=pair.numbers, steps=pair.steps / self.steps))
+        result = run_child(replace(self._plain, numbers=pair.numbers, steps=pair.steps / self.steps))
         if result.failure or result.facts["status"] != self.own.facts["status"]:
             raise RunError(result.failure or result.facts["error"] or f"it ended with {result.facts['status']}")
         return self._read(result, pair)
@@ -302,11 +320,10 @@ class _Runs:
         ]
         rows = [row | {"tolerance": row["tolerance"] or 1.0} for row in rows]  # where nothing was read there is none
         least = tuple(int(not call["call"].startswith(FROM_NONE)) for call in facts["calls"])
-        found = PairRun(pair, rows, result.contents, seconds, least)
+        found = PairRun(pair, rows, result.contents, seconds, least, result.seconds)
         said = found.answer.value if rows else "nothing to judge"
-        self._tell(
-            f"{_counts(pair.numbers)} modes, {pair.steps} steps: {said}, {seconds:.2g} s of CPU time in solves"
-        )
+        modes = _counts(pair.numbers, found.most) or "own"
+        self._tell(f"{modes} modes, {pair.steps} steps: {said}, {seconds:.2g} s of CPU time in solves")
         return found
 
     @property

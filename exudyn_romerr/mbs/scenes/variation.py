@@ -103,6 +103,7 @@ class Variation(StandIn):
         self.has_controllers = False
         self._numbers, self._further = numbers, further
         self.calls: list[dict[str, Any]] = []
+        self._makes_modes = False
         self._kinds: list[str] = []  # of the calls that made modes
         self._open: dict[int, ExitStack] = {}  # solves made step by step, by the solver's identity
         self._coarse: tuple[float, float] | None = None  # start and step of the unchanged run
@@ -140,7 +141,7 @@ class Variation(StandIn):
         self._kinds.append(str(given.arguments.get("computationMode", "")))
         if self._factor > 1 and argument in given.arguments:
             given.arguments[argument] = self._factor * given.arguments[argument]
-        if argument in given.arguments:
+        if argument in given.arguments and not self._makes_modes:
             return self._noted_call(call, given, argument)
         return call(*given.args, **given.kwargs)
 
@@ -151,6 +152,7 @@ class Variation(StandIn):
         self.calls.append(noted | {"file": os.path.basename(line.f_code.co_filename), "line": line.f_lineno})
         if which < len(self._numbers):
             given.arguments[argument] = self._numbers[which]
+        self._makes_modes = True  # by calls of its own, which are not the script's
         number, fem, more = given.arguments[argument], given.arguments["self"], None
         if self._further:
             with suppress(Exception):  # there may be no more of them
@@ -158,7 +160,10 @@ class Variation(StandIn):
                 call(*given.args, **given.kwargs)
                 more = np.array(fem.modeBasis["matrix"])
         given.arguments[argument] = number
-        found = call(*given.args, **given.kwargs)
+        try:
+            found = call(*given.args, **given.kwargs)
+        finally:
+            self._makes_modes = False
         own = fem.modeBasis["matrix"].shape[1]
         if more is not None and more.shape[1] == own + self._further:
             self._bodies.further[fem] = FurtherModes(which, number, more[:, own:])

@@ -137,12 +137,12 @@ def draw_pairs(ax: Any, table: Sequence[dict[str, Any]], title: str) -> None:
     ax.axhline(100, color="#555555", linestyle="--", linewidth=WIDE, label="tolerance")
     for k, line in enumerate(known):
         offset, side = LABELS[k % 2]
-        text = f"{', '.join(map(str, line['numbers'])) or '-'} modes, {line['steps']} steps"
+        text = f"{', '.join(map(str, line['numbers'])) or '-'} | {line['steps']}"
         style = {"textcoords": "offset points", "fontsize": "x-small", "ha": side}
         ax.annotate(text, (line["cpu_s"], 100 * line["ratio"]), offset, **style)
     ax.set(xscale="log", yscale="log", xlabel="CPU time of the solves / s", ylabel="largest error / tolerance in %")
     ax.margins(0.2)
-    finish(ax, title)
+    finish(ax, title, ["beside the points: modes | steps"])
 
 
 def plot_convergence(rows: Sequence[tuple], name: str, unit: str, path: str | os.PathLike | None = None) -> Any:
