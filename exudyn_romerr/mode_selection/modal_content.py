@@ -3,7 +3,8 @@
 The error of a run is the march under what forces its modes leave unanswered. A further mode v answers its share of
 them, M v (v^T r) / (v^T M v); a mode of the run answers m a + d v + k q of its own coordinate. Each share is marched
 by itself, with the factors that the error itself has: exact where modes are orthogonal in M and K to each other and
-to all vectors, as free eigenmodes are, and those with fixed interfaces beside vectors that move none of these.
+to all vectors, as free eigenmodes are, and those with fixed interfaces beside vectors that move none of these. For modes
+that go it leaves out how all others answer that: their error is told to a factor of about two.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class Content(NamedTuple):
 
 
 class ModalContent:
-    """Takes blocks of errors as they are marched; bodies : _Shares of each, or None, see shares_of."""
+    """Takes blocks of errors as they are marched; bodies : of each, None: its modes do not vary."""
 
     def __init__(self, of: Mechanism, bodies: Sequence[Shares | None]):
         self._of, self._bodies = of, bodies

@@ -14,7 +14,7 @@ from ..checks import check_choice
 from ..errors import RunError
 from ..mode_selection.pairs import Expected, Pair, PairRun, PairSearch, order_of
 from ..mode_selection.search import cheapest, search
-from ..report.answers import STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of
+from ..report.answers import SHARE, STATUS, WRONG_USAGE, Answer, Tolerances, tolerances_of
 from ..report.formats.atomic_write import write_whole
 from ..report.table import aligned
 from ..report.verdicts import CAUSES
@@ -82,7 +82,9 @@ class Tuning:
 
     @property
     def status(self) -> int:
-        """Exit status: 0 enough, 3 too large, 4 not known; 2: a tolerance of a sensor that there is not."""
+        """Exit status: 0, or with a tolerance that of the answer; 2: one of a sensor that there is not."""
+        if not self.tolerances.is_given:
+            return 0
         return WRONG_USAGE if self.misspelt else STATUS[self.answer]
 
     @cached_property
@@ -148,20 +150,21 @@ class Tuning:
     def __str__(self) -> str:
         lines = [*self.misspelt, self._said(), *self._to_write(), *self.notes]
         lines += [f"not tried further, for a run failed: {self.failed}"] if self.failed else []
-        return "\n".join([*lines, "", *self._printed_table()])
+        assumed = [] if self.tolerances.is_given else [f"{100 * SHARE:g} % assumed; --tolerance X"]
+        return "\n".join([*lines, *assumed, "", *self._printed_table()])
 
     def _said(self) -> str:
         own, best = self.runs[0], self.found
         if best is None:
             return self._why_none()
         if best is own:
-            return f"Enough, by a run: {self._named(own)}, as the script has it; nothing was found that is cheaper."
+            return f"Enough: {self._named(own)}, as the script has it; no pair that is cheaper is expected to be."
         share = (
             f"{100 * best.seconds / own.seconds:.0f} % of the CPU time" if own.seconds else "no CPU time to compare"
         )
         return (
-            f"Enough, by a run: {self._named(best)}; the script has {self._named(own)}, {own.answer.value}. "
-            f"Its solves take {share}."
+            f"Enough, by its run: {self._named(best)}; the script has {self._named(own)}: {own.answer.value}. "
+            f"Solves take {share}."
         )
 
     def _why_none(self) -> str:
