@@ -3,8 +3,8 @@
 The error of a run is the march under what forces its modes leave unanswered. A further mode v answers its share of
 them, M v (v^T r) / (v^T M v); a mode of the run answers m a + d v + k q of its own coordinate. Each share is marched
 by itself, with the factors that the error itself has: exact where modes are orthogonal in M and K to each other and
-to all vectors, as free eigenmodes are, and those with fixed interfaces beside vectors that move none of these. For modes
-that go it leaves out how all others answer that: their error is told to a factor of about two.
+to all vectors, as free eigenmodes are, and those with fixed interfaces beside vectors that move none of these. For
+modes that go it leaves out how all others answer that: their error is told to a factor of about two.
 """
 
 from __future__ import annotations

@@ -156,11 +156,12 @@ class PairSearch:
     """Which pair is worth the next run.
 
     varies_modes, varies_steps : whether they may be others than the script's. static : modes that each call makes
-    beside those that vary, whose number a step's time depends on, too.
+    beside those that vary, whose number a step's time depends on, too. fewest : steps that there have to be.
     """
 
-    def __init__(self, varies_modes: bool = True, varies_steps: bool = True, static: int = 0):
+    def __init__(self, varies_modes: bool = True, varies_steps: bool = True, static: int = 0, fewest: float = 1.0):
         self._varies_modes, self._varies_steps, self._static = varies_modes, varies_steps, static
+        self._fewest = fewest
 
     def wanted(self, tried: Sequence[PairRun]) -> Pair | None:
         """Return the cheapest pair expected to be enough, if cheaper than what was found; None: there is none."""
@@ -185,7 +186,7 @@ class PairSearch:
             if not self._varies_steps:
                 steps = math.inf if steps > base.pair.steps else base.pair.steps
             if math.isfinite(steps):
-                found.append(Pair(numbers, _rounded_up(steps)))
+                found.append(Pair(numbers, _rounded_up(max(steps, self._fewest))))
         return found
 
     def _is_new(self, pair: Pair, tried: Sequence[PairRun]) -> bool:

@@ -9,6 +9,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from scipy.interpolate import CubicSpline
+
 from .._version import __version__
 from ..checks import check_choice
 from ..errors import RunError
@@ -25,6 +28,7 @@ from .execute import check_script
 RUNS = 6  # at most, the script's own one with them
 FURTHER = 8  # modes beyond those of a run, of which it forecasts errors
 ONLY = ("modes", "step")
+STRIDES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 TIMES = (1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8)  # the tolerance: what else a run time buys
 FROM_NONE = "ComputeHurtyCraigBamptonModes"  # has static modes beside those that vary, which may be none
 NO_CALL = "no call of the script's that makes modes of its bodies has a number to vary: the step alone is looked at"
@@ -239,7 +243,8 @@ def tune(
 
     Each run, in a process of its own, is watched as by romerr.run. What its modes leave is shared among further
     modes, or fewer, and errors of steps fall with their order: both forecast other pairs. A pair counts once its own
-    run, watched, says that it is enough.
+    run, watched, says that it is enough. Steps stay so short that a cubic curve through what sensors show at them is
+    within the tolerance of what the script's own run shows between them.
 
     Parameters
     ----------
@@ -284,11 +289,35 @@ def tune(
     still = dict.fromkeys(row["name"] for row in runs.own.facts["rows"] if row["extent"] == 0)
     notes += [STILL.format(", ".join(still))] if still else []
     static = sum(runs.own.facts["modes"]) - sum(first.pair.numbers)
-    logic = PairSearch(varies_modes, varies_steps, max(static, 1))
+    logic = PairSearch(
+        varies_modes, varies_steps, max(static, 1), first.pair.steps / _most_apart(runs.own, first.rows)
+    )
     tried, failed = search(lambda pair: first if pair is None else runs.made(pair), [None], logic.wanted, RUNS)
     said = f"{failed[0].numbers} modes, {failed[0].steps} steps: {failed[1]}" if failed else ""
     calls = runs.own.facts["calls"]
     return Tuning(os.fspath(script), tolerances, tried, calls, logic, said, tolerances.misspelt(names), notes)
+
+
+def _most_apart(own: Result, rows: Sequence[dict[str, Any]]) -> int:
+    """How many times the step may be, if a curve through values at steps is to show those between them."""
+    limits = {(row["solve"], row["name"]): row["tolerance"] for row in rows if row["tolerance"]}
+    most = STRIDES[-1]
+    for (i, name), limit in limits.items():
+        solve = own.solves[i]
+        if solve["kind"] == "dynamic" and name in solve["names"]:
+            data = solve["data"][solve["names"].index(name)]
+            most = min(most, _strides_shown(data[:, 0], data[:, 1:], limit))
+    return most
+
+
+def _strides_shown(t: np.ndarray, y: np.ndarray, limit: float) -> int:
+    shown = 1
+    for stride in STRIDES:
+        at = [*range(0, len(t) - 1, stride), len(t) - 1]
+        if len(at) < 4 or np.abs(CubicSpline(t[at], y[at])(t) - y).max() > limit:
+            return shown
+        shown = stride
+    return shown
 
 
 class _Runs:

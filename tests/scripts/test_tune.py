@@ -96,7 +96,7 @@ def verdict(size, limit=100.0):
     return {"size": size, "half_width": 0.02 * size, "how": "estimated", "answer": answer, "reason": ""}
 
 
-def stand_in(rigid=1.0, step=30.0, covered=True, order=2, failing=()):
+def stand_in(rigid=1.0, step=30.0, covered=True, order=2, failing=(), wave=1.0):
     """Stands for run_child: errors in % of the tolerance: by modes TAKEN, by steps of a given order."""
 
     def run(request):
@@ -117,7 +117,9 @@ def stand_in(rigid=1.0, step=30.0, covered=True, order=2, failing=()):
         call = {"file": "a.py", "line": 3, "call": "ComputeHurtyCraigBamptonModes", "argument": "nEigenModes"}
         facts = {"rows": [row], "calls": [call | {"number": N}], "modes": [6 + n], "status": 0, "our_seconds": 1.0}
         facts |= {"solve_seconds": 1.0 + COUNT * times * (6 + n) / 1000, "seconds": 3.0}
-        solve = {"kind": "dynamic", "count": COUNT, "fixed": True, "names": ["tip"]}
+        t = np.linspace(0, 1, COUNT + 1)
+        data = np.stack([t, 1e4 * np.cos(wave * t)], axis=1)  # what is shown between steps, too
+        solve = {"kind": "dynamic", "count": COUNT, "fixed": True, "names": ["tip"], "data": [data]}
         return Result("a run", solves=[solve], facts=facts, contents=contents)
 
     return run
@@ -161,6 +163,14 @@ def test_finds_the_cheapest_of_all_pairs(fake, step, order):
     assert f"numberOfSteps = {count}  # 240" in said
     assert {line["how"] for line in tuned.table} == {"run", "forecast"}
     assert [line["cpu_s"] for line in tuned.table] == sorted(line["cpu_s"] for line in tuned.table)
+
+
+def test_steps_show_what_is_between_them(fake):
+    """A cosine of 40 rad/s between samples h apart: (40 h)^4 / 384 of it is what a cubic spline is off inside."""
+    tuned = fake(step=0.1, wave=40.0)
+    steps = tuned.found.pair.steps
+    assert 25 <= steps <= 60  # 1 %: (40 / 28.6)^4 / 384; ends are further off, strides are whole numbers
+    assert fake(step=0.1).found.pair.steps < 25
 
 
 def test_one_of_both_may_be_kept(fake):
