@@ -1,7 +1,7 @@
 """ModalContent: what each further mode of a body would take from the errors of a mechanism's sensors, or fewer add.
 
 The error of a run is the march under what forces its modes leave unanswered. A further mode v answers its share of
-them, M v (v^T r) / (v^T M v); a mode of the run answers m a + d v + k q of its own coordinate. Each share is marched
+them, K v (v^T r) / (v^T K v); a mode of the run answers m a + d v + k q of its own coordinate. Each share is marched
 by itself, with the factors that the error itself has: exact where modes are orthogonal in M and K to each other and
 to all vectors, as free eigenmodes are, and those with fixed interfaces beside vectors that move none of these. For
 modes that go it leaves out how all others answer that: their error is told to a factor of about two.
@@ -88,7 +88,9 @@ class ModalContent:
 class Shares:
     """Forces on modes of a body that may vary: its own, then further ones. count : of both."""
 
-    def __init__(self, further: FurtherModes, shapes: np.ndarray, n: int, mass: sp.spmatrix, projectors: np.ndarray):
+    def __init__(
+        self, further: FurtherModes, shapes: np.ndarray, n: int, stiffness: sp.spmatrix, projectors: np.ndarray
+    ):
         """Project.
 
         Parameters
@@ -98,15 +100,13 @@ class Shares:
         """
         self.call, self.count = further.call, further.number + further.modes.shape[1]
         self._own = np.arange(n - further.number, n)
-        of = mass @ further.modes
+        of = stiffness @ further.modes
         size = np.einsum("ij,ij->j", further.modes, of)
-        M, keeping = (
-            shapes.T @ (mass @ shapes),
-            la.orth(projectors[:OF_MODES].sum(0).T),
-        )  # not what deforms interfaces
+        K = shapes.T @ (stiffness @ shapes)
+        keeping = la.orth(projectors[:OF_MODES].sum(0).T)  # not what deforms interfaces
         wide = la.block_diag(np.eye(n), keeping)
-        known = keeping @ np.linalg.solve(wide.T @ M @ wide, wide.T @ (shapes.T @ of))[n:]  # of each, in vectors
-        self._share = np.einsum("aj,bj->jab", M[n:, n:] @ known / size, known)
+        known = keeping @ la.lstsq(wide.T @ K @ wide, wide.T @ (shapes.T @ of))[0][n:]  # of each, in vectors
+        self._share = np.einsum("aj,bj->jab", K[n:, n:] @ known / size, known)
 
     def forces(self, body: Body, rows: Rows, left: np.ndarray) -> np.ndarray:
         """Return forces (T, k, count) on shapes of the body; left (T, k) : those that its modes do not answer."""

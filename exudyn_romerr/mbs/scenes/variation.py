@@ -147,9 +147,12 @@ class Variation(StandIn):
 
     def _noted_call(self, call: Any, given: inspect.BoundArguments, argument: str) -> Any:
         """Make modes, as many as `numbers` says, and first more of them for bodies that tell what these would do."""
-        which, line = len(self.calls), sys._getframe(3)
+        line = sys._getframe(3)
         noted = {"call": call.__name__, "argument": argument, "number": int(given.arguments[argument])}
-        self.calls.append(noted | {"file": os.path.basename(line.f_code.co_filename), "line": line.f_lineno})
+        noted |= {"file": os.path.basename(line.f_code.co_filename), "line": line.f_lineno}
+        if noted not in self.calls:  # one line of the script may make modes of several bodies
+            self.calls.append(noted)
+        which = self.calls.index(noted)
         if which < len(self._numbers):
             given.arguments[argument] = self._numbers[which]
         self._makes_modes = True  # by calls of its own, which are not the script's
