@@ -126,6 +126,8 @@ def draw_pairs(ax: Any, table: Sequence[dict[str, Any]], title: str) -> None:
     table : Tuning.table, of runs and forecasts
     title : above it
     """
+    from matplotlib.ticker import LogLocator, NullLocator
+
     known = [line for line in table if line["ratio"]]
     for how, style in (("run", {"marker": "o"}), ("forecast", {"marker": "o", "markerfacecolor": "none"})):
         its = [line for line in known if line["how"] == how]
@@ -141,6 +143,8 @@ def draw_pairs(ax: Any, table: Sequence[dict[str, Any]], title: str) -> None:
         style = {"textcoords": "offset points", "fontsize": "x-small", "ha": side}
         ax.annotate(text, (line["cpu_s"], 100 * line["ratio"]), offset, **style)
     ax.set(xscale="log", yscale="log", xlabel="CPU time of the solves / s", ylabel="largest error / tolerance in %")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set(major_locator=LogLocator(subs=(1, 2, 5)), major_formatter="{x:g}", minor_locator=NullLocator())
     ax.margins(0.2)
     finish(ax, title, ["beside the points: modes | steps"])
 
