@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ..mechanism.body import Body
     from ..mechanism.mechanism import Mechanism
     from ..mechanism.samples import Rows
+    from ..mechanism_errors.half_widths import CauseEstimate
     from ..mechanism_errors.modes import Marched
 
 KEPT = 500  # instants, about: peaks of errors last longer than one of so many
@@ -39,18 +40,23 @@ class FurtherModes(NamedTuple):
 
 
 class Content(NamedTuple):
-    """Of some instants (T,): known (T, R), the error by modes, parts : call -> (m, T, R) of each of its modes."""
+    """Of some instants (T,): known (T, R), the error by modes, parts : call -> (m, T, R) of each of its modes.
+
+    step, rest (T, R) : errors by the step, and by all else.
+    """
 
     known: np.ndarray
     parts: dict[int, np.ndarray]
+    step: np.ndarray
+    rest: np.ndarray
 
-    def size(self, component: int, numbers: Sequence[int], own: Sequence[int]) -> float:
-        """Return the largest error of a component there would be with `numbers` of modes by call, in place of own."""
+    def by_modes(self, component: int, numbers: Sequence[int], own: Sequence[int]) -> np.ndarray:
+        """Return the error (T,) of a component there would be with `numbers` of modes by call, in place of own."""
         y = self.known[:, component].copy()
         for call, x in self.parts.items():
             n, now = numbers[call], own[call]
             y += x[n:now, :, component].sum(0) - x[now:n, :, component].sum(0)
-        return float(np.abs(y).max(initial=0.0))
+        return y
 
 
 class ModalContent:
@@ -75,14 +81,17 @@ class ModalContent:
         keep = np.arange(-first % self._step, len(rows), self._step)
         self._kept.append((keep + first, self._of.outputs(first, e, self._of.all_multipliers(lam))[keep]))
 
-    def content(self, known: np.ndarray) -> Content:
-        """Return what was taken; known (S, R) : the error by modes at all rows."""
+    def content(self, by_cause: dict[str, CauseEstimate]) -> Content:
+        """Return what was taken; by_cause : errors at all rows."""
         at, y = (np.concatenate(x) for x in zip(*self._kept, strict=True))
         parts: dict[int, np.ndarray] = {}
         for one in filter(None, self._bodies):
             own, y = np.moveaxis(y[..., : one.count], -1, 0), y[..., one.count :]
             parts[one.call] = parts.get(one.call, 0.0) + own
-        return Content(known[at], parts)
+        known = {cause: one.over_time[at] for cause, one in by_cause.items()}
+        modes = known.pop("modes")
+        none = np.zeros_like(modes)
+        return Content(modes, parts, known.pop("step", none), sum(known.values(), none))
 
 
 class Shares:

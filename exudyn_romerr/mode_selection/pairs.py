@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from ..report.answers import Answer, worst
 from ..report.cures import LOWEST_ORDER, MOST_TIMES, SECOND_ORDER
@@ -21,6 +23,8 @@ COARSER = 6.0  # times the step of a run: as far as its estimates are believed
 CHEAPER = 0.8  # of the time of what was found: only then one more run is worth it
 RESOLVED_STEP = 1e-2  # of a tolerance: smaller errors of steps tell no order
 HIGHEST_ORDER = 4.0  # in which errors of steps are taken to fall where runs show a higher one
+ALIKE = 1.1  # times the least time: what times of runs do not tell apart; fewer modes are taken then
+WITHIN = 0.01  # of itself: how far a number of times need be known
 LESS = 0.9  # of the error: what more modes have to bring it below to be worth a run that is not enough yet
 
 
@@ -93,26 +97,21 @@ class PairRun:
 
     def expected(self, pair: Pair, order: float) -> Expected:
         """Return what is expected of the worst row with another pair."""
-        found = []
+        found, times = [], (self.pair.steps / pair.steps) ** order
         for row in self.rows:
             of = self._causes(row, pair.numbers)
             if "step" in of:
-                of["step"] *= (self.pair.steps / pair.steps) ** order
-            of["sum"] = self._together(row) * sum(of.values())
+                of["step"] *= times
+            of["sum"] = self._whole(row, pair.numbers)(times)
             found.append(Expected(of["sum"] / row["tolerance"], row, of))
         return max(found, key=lambda one: one.ratio)
 
     def steps_for(self, numbers: tuple[int, ...], order: float, times: float = 1.0) -> float:
         """Return how few steps are expected to keep `times` the tolerances; inf: no number of them does."""
-        coarser = 1 / COARSER
+        most, least = COARSER**order, MOST_TIMES**-order  # times the error of the run's own steps
         for row in self.rows:
-            of, together = self._causes(row, numbers), self._together(row)
-            step = of.pop("step", 0.0)
-            left = SPARE * times * row["tolerance"] - together * sum(of.values())
-            if not left > 0 or not math.isfinite(step):
-                return math.inf
-            coarser = max(coarser, (together * step / left) ** (1 / order))
-        return self.pair.steps * coarser if coarser <= MOST_TIMES else math.inf
+            most = _largest_below(self._whole(row, numbers), SPARE * times * row["tolerance"], least, most)
+        return self.pair.steps * most ** (-1 / order) if most > 0 else math.inf
 
     def fewest_first(self) -> Iterator[tuple[int, ...]]:
         """Yield numbers of modes, the fewest first, then one more of that call which takes most off."""
@@ -130,21 +129,46 @@ class PairRun:
     def _by_modes(self, numbers: tuple[int, ...]) -> float:
         return max(self._causes(row, numbers)["modes"] / row["tolerance"] for row in self.rows if row["modes"])
 
-    def _together(self, row: dict[str, Any]) -> float:
-        """What all causes come to, over their sum: they are largest at different times."""
-        alone, whole = sum(_most(row[cause]) for cause in CAUSES if row[cause]), _most(row["sum"])
-        return min(whole / alone, 1.0) if 0 < alone < math.inf and math.isfinite(whole) else 1.0
+    def _whole(self, row: dict[str, Any], numbers: tuple[int, ...]) -> Callable[[float], float]:
+        """The whole error with its half width as a function of how many times the error by steps is that of the run.
+
+        Over time where that is known, for causes are largest at different times, and may cancel each other.
+        """
+        of, content = self._causes(row, numbers), self._content(row)
+        step = of.pop("step", 0.0)
+        if content is None or not math.isfinite(step + sum(of.values())):
+            return lambda times: sum(of.values()) + step * times
+        modes = content.by_modes(row["component"], numbers, self.pair.numbers)
+        y, steps = modes + content.rest[:, row["component"]], content.step[:, row["component"]]
+        halves = {cause: row[cause]["half_width"] for cause in CAUSES if row[cause]}
+        of_step, alone = halves.pop("step", 0.0), sum(row[c]["half_width"] for c in CAUSES if row[c])
+        others = sum(halves.values()) + of["modes"] - np.abs(modes).max() - halves["modes"]
+        together = min((row["sum"]["half_width"] or 0.0) / alone, 1.0) if alone else 1.0
+        return lambda times: float(np.abs(y + times * steps).max()) + together * (others + of_step * times)
 
     def _causes(self, row: dict[str, Any], numbers: tuple[int, ...]) -> dict[str, float]:
         """Size and half width by cause with other numbers of modes, and the steps of the run."""
         of, content = {cause: _most(row[cause]) for cause in CAUSES if row[cause]}, self._content(row)
         if content is not None and numbers != self.pair.numbers and math.isfinite(of.get("modes", math.inf)):
-            size, now = content.size(row["component"], numbers, self.pair.numbers), row["modes"]["size"]
+            size = np.abs(content.by_modes(row["component"], numbers, self.pair.numbers)).max()
+            now = row["modes"]["size"]
             of["modes"] = size + row["modes"]["half_width"] * (size / now if now else 1.0)
         return of
 
     def _content(self, row: dict[str, Any]) -> Content | None:
         return self.contents.get((row["solve"], row["name"]))
+
+
+def _largest_below(f: Callable[[float], float], limit: float, least: float, most: float) -> float:
+    """The largest x, least to most, of a convex f with f(x) <= limit, if f(least) is; else 0."""
+    if most < least or not f(least) <= limit:
+        return 0.0
+    if f(most) <= limit:
+        return most
+    while most > least * (1 + WITHIN):
+        middle = math.sqrt(least * most)
+        least, most = (middle, most) if f(middle) <= limit else (least, middle)
+    return least
 
 
 def _most(verdict: dict[str, Any]) -> float:
@@ -175,8 +199,13 @@ class PairSearch:
             if self._is_new(pair, tried) and self.seconds(pair, tried) < limit
         ]
         if found or best is not None:
-            return min(found, key=lambda pair: self.seconds(pair, tried), default=None)
+            return self.cheapest(found, tried)
         return self._nearest(tried)
+
+    def cheapest(self, pairs: Sequence[Pair], tried: Sequence[PairRun]) -> Pair | None:
+        """Return the first pair that is as cheap as the cheapest, as far as times are known; None: there is none."""
+        limit = ALIKE * min((self.seconds(pair, tried) for pair in pairs), default=0.0)
+        return next((pair for pair in pairs if self.seconds(pair, tried) <= limit), None)
 
     def front(self, tried: Sequence[PairRun], base: PairRun, times: float = 1.0) -> list[Pair]:
         """Return all numbers of modes, with steps, that base forecasts to be enough for `times` the tolerances."""

@@ -203,7 +203,7 @@ class _Child:
         found = []
         for solve in () if self.watched is None else self.watched.solves:
             for name, one in solve.content.items():
-                arrays[f"known {len(found)}"] = one.known
+                arrays |= {f"{what} {len(found)}": getattr(one, what) for what in ("known", "step", "rest")}
                 arrays |= {f"parts {len(found)} {call}": x for call, x in one.parts.items()}
                 found.append({"solve": solve.number, "name": name, "calls": [*one.parts]})
         return found

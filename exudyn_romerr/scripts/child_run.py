@@ -192,7 +192,8 @@ def _contents(of: list[dict[str, Any]], arrays: dict[str, np.ndarray]) -> dict[t
     found = {}
     for i, one in enumerate(of):
         parts = {call: arrays[f"parts {i} {call}"] for call in one["calls"]}
-        found[one["solve"], one["name"]] = Content(arrays[f"known {i}"], parts)
+        known, *others = (arrays[f"{what} {i}"] for what in ("known", "step", "rest"))
+        found[one["solve"], one["name"]] = Content(known, parts, *others)
     return found
 
 

@@ -111,7 +111,7 @@ class Tuning:
         if not self._base.is_covered:
             return []
         fronts = [self.logic.front(self.runs, self._base, times) for times in TIMES]
-        pairs = [min(x, key=lambda pair: self.logic.seconds(pair, self.runs)) for x in fronts if x]
+        pairs = [self.logic.cheapest(x, self.runs) for x in fronts if x]
         return [pair for pair in dict.fromkeys(pairs) if all(pair != run.pair for run in self.runs)]
 
     def _line(self, pair: Pair, of: Expected, seconds: float, answer: Answer | None = None) -> dict[str, Any]:

@@ -113,7 +113,11 @@ def stand_in(rigid=1.0, step=30.0, covered=True, order=2, failing=(), wave=1.0):
             row |= dict.fromkeys(causes, nothing | {"reason": "it has a controller"})
         count = n + request.further
         parts = np.array(TAKEN[:count]).reshape(-1, 1, 1)
-        contents = {(0, "tip"): Content(np.array([[modes]]), {0: parts})} if request.further and covered else {}
+        contents = (
+            {(0, "tip"): Content(np.array([[modes]]), {0: parts}, np.array([[of_steps]]), np.array([[rigid]]))}
+            if request.further and covered
+            else {}
+        )
         call = {"file": "a.py", "line": 3, "call": "ComputeHurtyCraigBamptonModes", "argument": "nEigenModes"}
         facts = {"rows": [row], "calls": [call | {"number": N}], "modes": [6 + n], "status": 0, "our_seconds": 1.0}
         facts |= {"solve_seconds": 1.0 + COUNT * times * (6 + n) / 1000, "seconds": 3.0}

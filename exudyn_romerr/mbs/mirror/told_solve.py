@@ -191,7 +191,7 @@ def told_solve(
             for which in (None, *range(len(bodies)))
         )
         left_out = [*sensors.left_out, *([(BOUNDS, why_not)] if why_not else [])]
-        of_modes = content.content(by_cause["modes"].over_time) if content else None
+        of_modes = content.content(by_cause) if content else None
         contents = {} if of_modes is None else {one.name: _shown_of(of_modes, one) for one in sensors.shown}
         told = Told(shown.t, of_mbs, of_bodies, left_out, doubts, asked.is_static, planned_end, contents)
         return told, Ended(rows.q[-1], rows.v[-1], bodies, end, asked.is_static)
@@ -208,7 +208,7 @@ def _shares(further: Sequence[FurtherModes | None], bodies: Sequence[Enriched]) 
 def _shown_of(of: Content, sensor: ShownSensor) -> Content:
     """What a sensor shows of it."""
     own = sensor.rows.start + sensor.shows
-    return of._replace(known=of.known[:, own], parts={call: x[..., own] for call, x in of.parts.items()})
+    return Content(of.known[:, own], {c: x[..., own] for c, x in of.parts.items()}, of.step[:, own], of.rest[:, own])
 
 
 def _why_unbounded(asked: Asked, goes_on: Any) -> str:
