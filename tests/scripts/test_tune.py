@@ -153,12 +153,12 @@ def fake(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize(("step", "order"), [(30.0, 2), (1.0, 2), (800.0, 2), (300.0, 1)])
 def test_finds_the_cheapest_of_all_pairs(fake, step, order):
-    """As many modes or one more, steps within 1.5 times; no pair cheaper by half."""
+    """As many modes or one more or, where that takes alike, one fewer; no pair cheaper by half, steps within 1.5."""
     tuned = fake(step=step, order=order)
     seconds, n, steps = best_of_all(1.0, step, order)
     (found,), count = tuned.found.pair
     assert tuned.answer.value == "enough"
-    assert n <= found <= n + 1
+    assert n - 1 <= found <= n + 1
     assert steps <= count <= 1.5 * steps
     assert tuned.found.seconds <= 1.5 * seconds / 1000
     assert len(tuned.runs) <= tune_module.RUNS
