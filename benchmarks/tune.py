@@ -104,7 +104,7 @@ def main(arguments=None) -> list[tuple]:
         path = str(ROOT / script)
         tuned = romerr.tune(path, own, tolerance=tolerance)
         truth = Truth(Request("scan", path, os.getcwd(), own), most, tolerance)
-        modes, times = (range(1, 3), (1 / 2, 1)) if given.short else (range(most + 1), given.steps)
+        modes, times = (range(1, 3), (1 / 2, 1)) if given.short else (range(1, most + 1), given.steps)
         runs = [truth.run(n, round(x * truth.count)) for n in modes for x in times]
         best, pair = cheapest(runs), tuned.closest.pair
         of_scan = "none" if best is None else f"{best.modes}, {best.steps}"

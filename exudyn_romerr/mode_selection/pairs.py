@@ -23,6 +23,7 @@ COARSER = 6.0  # times the step of a run: as far as its estimates are believed
 CHEAPER = 0.8  # of the time of what was found: only then one more run is worth it
 RESOLVED_STEP = 1e-2  # of a tolerance: smaller errors of steps tell no order
 HIGHEST_ORDER = 4.0  # in which errors of steps are taken to fall where runs show a higher one
+FEWEST = 1  # modes of a call: of none many scripts print or draw something
 ALIKE = 1.1  # times the least time: what times of runs do not tell apart; fewer modes are taken then
 WITHIN = 0.01  # of itself: how far a number of times need be known
 LESS = 0.9  # of the error: what more modes have to bring it below to be worth a run that is not enough yet
@@ -51,14 +52,13 @@ class PairRun:
     """A run that was made with a pair.
 
     rows : as --json has them, of those sensors that have a tolerance. contents : of (solve, sensor). seconds : CPU
-    time of its solves; all_seconds : of the whole run, watched. least : fewest modes that each call can make.
+    time of its solves; all_seconds : of the whole run, watched.
     """
 
     pair: Pair
     rows: Sequence[dict[str, Any]]
     contents: dict[tuple[int, str], Content]
     seconds: float
-    least: tuple[int, ...]
     all_seconds: float = 0.0
 
     @property
@@ -115,16 +115,12 @@ class PairRun:
 
     def fewest_first(self) -> Iterator[tuple[int, ...]]:
         """Yield numbers of modes, the fewest first, then one more of that call which takes most off."""
-        numbers = [least if call in self.most else n for call, (n, least) in enumerate(self._pairs)]
+        numbers = [min(n, FEWEST) if call in self.most else n for call, n in enumerate(self.pair.numbers)]
         yield tuple(numbers)
         while open_calls := [call for call, most in self.most.items() if numbers[call] < most]:
             more = [tuple(n + (i == call) for i, n in enumerate(numbers)) for call in open_calls]
             numbers = [*min(more, key=self._by_modes)]
             yield tuple(numbers)
-
-    @property
-    def _pairs(self) -> Iterator[tuple[int, int]]:
-        return zip(self.pair.numbers, self.least, strict=True)
 
     def _by_modes(self, numbers: tuple[int, ...]) -> float:
         return max(self._causes(row, numbers)["modes"] / row["tolerance"] for row in self.rows if row["modes"])

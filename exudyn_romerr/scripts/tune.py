@@ -30,11 +30,9 @@ FURTHER = 8  # modes beyond those of a run, of which it forecasts errors
 ONLY = ("modes", "step")
 STRIDES = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 TIMES = (1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8)  # the tolerance: what else a run time buys
-FROM_NONE = "ComputeHurtyCraigBamptonModes"  # has static modes beside those that vary, which may be none
 NO_CALL = "no call of the script's that makes modes of its bodies has a number to vary: the step alone is looked at"
 NO_STEP = "no dynamic solve with fixed steps: modes alone are looked at"
 STILL = "not looked at, for they show 0 throughout: {}"
-HEAD = ("modes", "steps", "CPU s", *CAUSES, "whole", "of its tolerance", "at", "how")
 TITLE = {"interfaces": "rigid interfaces"}
 CURES = {
     "modes": "too few modes, or too few kinds of them",
@@ -209,7 +207,16 @@ class Tuning:
 
     def _printed_table(self) -> list[str]:
         causes = [cause for cause in CAUSES if any(line[cause] is not None for line in self.table)]
-        head = ("modes", "steps", "CPU s", *(f"{TITLE.get(c, c)} about" for c in causes), "whole about", *HEAD[-3:])
+        head = (
+            "modes",
+            "steps",
+            "CPU s",
+            *(f"{TITLE.get(c, c)} about" for c in causes),
+            "whole about",
+            "of its tolerance",
+            "at",
+            "how",
+        )
         lines = [head, *(self._cells(line, causes) for line in self.table)]
         return aligned(lines) if self.table else []
 
@@ -351,8 +358,7 @@ class _Runs:
             row for row in facts["rows"] if row["sum"]["answer"] != Answer.NO_TOLERANCE.value and row["extent"] != 0
         ]
         rows = [row | {"tolerance": row["tolerance"] or 1.0} for row in rows]  # where nothing was read there is none
-        least = tuple(int(not call["call"].startswith(FROM_NONE)) for call in facts["calls"])
-        found = PairRun(pair, rows, result.contents, seconds, least, result.seconds)
+        found = PairRun(pair, rows, result.contents, seconds, result.seconds)
         said = found.answer.value if rows else "nothing to judge"
         modes = _counts(pair.numbers, found.most) or "own"
         self._tell(f"{modes} modes, {pair.steps} steps: {said}, {seconds:.2g} s of CPU time in solves")

@@ -132,7 +132,7 @@ def stand_in(rigid=1.0, step=30.0, covered=True, order=2, failing=(), wave=1.0):
 def best_of_all(rigid, step, order=2):
     """The cheapest pair of all, time (6 + n) steps."""
     found = []
-    for n in range(20):
+    for n in range(1, 20):
         left = 100 / 1.02 - rigid - sum(TAKEN[n:])
         if left > 0:
             found.append(((6 + n) * COUNT * (step / left) ** (1 / order), n, COUNT * (step / left) ** (1 / order)))
