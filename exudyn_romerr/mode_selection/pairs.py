@@ -24,6 +24,7 @@ CHEAPER = 0.8  # of the time of what was found: only then one more run is worth 
 RESOLVED_STEP = 1e-2  # of a tolerance: smaller errors of steps tell no order
 HIGHEST_ORDER = 4.0  # in which errors of steps are taken to fall where runs show a higher one
 FEWEST = 1  # modes of a call: of none many scripts print or draw something
+APART = 1.3  # times as many modes: of fewer times are not known well enough to tell how they grow
 ALIKE = 1.1  # times the least time: what times of runs do not tell apart; fewer modes are taken then
 WITHIN = 0.01  # of itself: how far a number of times need be known
 LESS = 0.9  # of the error: what more modes have to bring it below to be worth a run that is not enough yet
@@ -235,10 +236,10 @@ class PairSearch:
         return near.seconds * pair.steps / near.pair.steps * (size[0] / size[1]) ** self._power(tried)
 
     def _power(self, tried: Sequence[PairRun]) -> float:
-        """In which power of the number of modes a step's time grows: 1 until two runs tell."""
+        """In which power of the number of modes a step's time grows: 1 until two runs tell that are far apart."""
         of = [(self._static + sum(run.pair.numbers), run.seconds / run.pair.steps) for run in tried]
         (n, t), (more, longer) = min(of), max(of)
-        return min(max(math.log(longer / t) / math.log(more / n), 0.0), 3.0) if more > n and t and longer else 1.0
+        return min(max(math.log(longer / t) / math.log(more / n), 0.0), 3.0) if more > APART * n and t else 1.0
 
 
 def order_of(tried: Sequence[PairRun]) -> float:
